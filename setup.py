@@ -1,0 +1,60 @@
+"""Build the ament_python package."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = 'slip_detector'
+
+
+def ros_wheels(distribution: str) -> list[str]:
+    """List the wheels that stand in for a ROS 2 installation on a bare machine."""
+    packages = ('rclpy', 'rmw-fastrtps-cpp', 'std-msgs', 'sensor-msgs')
+    return [f'ros-{distribution}-{package}' for package in packages]
+
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/launch', glob('launch/*.launch.py')),
+        (f'share/{NAME}/config', glob('config/*.yaml')),
+        (f'share/{NAME}/config/scenes', glob('config/scenes/*.yaml')),
+    ],
+    python_requires='>=3.10',
+    install_requires=['setuptools', 'numpy>=1.26', 'scipy>=1.11', 'pyyaml', 'matplotlib'],
+    extras_require={
+        # A robot may lack Numba: the chain then runs interpreted.
+        'numba': ['numba>=0.57'],
+        'ros': ros_wheels('jazzy'),
+        'ros-kilted': ros_wheels('kilted'),
+        'test': [
+            'colcon-common-extensions',
+            'hypothesis',
+            'mypy',
+            'psutil',
+            'pytest>=7.4',
+            'pytest-timeout',
+            'ruff',
+            'types-PyYAML',
+        ],
+    },
+    zip_safe=True,
+    author='The slip_detector maintainers',
+    maintainer='The slip_detector maintainers',
+    maintainer_email='maintainers@slip-detector.invalid',
+    description='ON/OFF slip from the raw voltages of tactile fingertips',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            f'slip_driver = {NAME}.nodes.driver:main',
+            f'slip_detector = {NAME}.nodes.detector:main',
+            f'slip_demo = {NAME}.nodes.demo:main',
+            f'slip_evaluate = {NAME}.evaluation:main',
+            f'slip_benchmark = {NAME}.benchmark:main',
+        ],
+    },
+)

@@ -1,0 +1,591 @@
+"""Parameters: one field of a frozen dataclass is one ROS parameter.
+
+The field holds its default, unit, range and meaning; the node, the command lines, the YAML files
+and the core all use its name. Checks that need more than one parameter stand in
+``__post_init__``; whatever is wrong is a ``ValueError`` of one line that names the parameter, its
+value and what is allowed.
+"""
+
+import contextlib
+import dataclasses
+import difflib
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from slip_detector import fingertip
+
+#: Below this share of the sample rate a band edge is lost to round-off in float64 sections.
+LOWEST_EDGE = 1e-5
+
+NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+
+ConfigType = TypeVar('ConfigType', bound='ParameterSet')
+ChainType = TypeVar('ChainType', bound='ChainConfig')
+
+
+def parameter(
+    default: Any,
+    meaning: str,
+    *,
+    unit: str = '',
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Make a dataclass field that describes one parameter.
+
+    Parameters
+    ----------
+    default
+        Its type is the parameter's type; a tuple is a list of any length, a tuple of pairs is
+        written as a flat list.
+    meaning
+        One sentence; ends up in the parameter's ROS descriptor and in the README.
+    unit
+        SI unit.
+    low, high
+        Inclusive bounds of a number, or of each number of a list.
+    choices
+        What a text parameter may say.
+    """
+    metadata = {'meaning': meaning, 'unit': unit, 'low': low, 'high': high, 'choices': choices}
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def default_of(field: 'dataclasses.Field[Any]') -> Any:
+    """Return the default of a dataclass field, whichever way it is given."""
+    if field.default is not dataclasses.MISSING:
+        return field.default
+    assert field.default_factory is not dataclasses.MISSING
+    return field.default_factory()
+
+
+def allowed(field: 'dataclasses.Field[Any]') -> str:
+    """Say in words which values a parameter takes."""
+    metadata = field.metadata
+    if metadata['choices']:
+        return ', '.join(metadata['choices'])
+    unit = f' {metadata["unit"]}' if metadata['unit'] else ''
+    low, high = metadata['low'], metadata['high']
+    if low is not None and high is not None:
+        return f'{low:g} to {high:g}{unit}'
+    if low is not None:
+        return f'at least {low:g}{unit}'
+    return ''
+
+
+def _number(value: Any, kind: type, where: str) -> Any:
+    """Convert to int or float without losing anything, or say what is wrong."""
+    if isinstance(value, str) and kind is float:
+        # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number.
+        with contextlib.suppress(ValueError):
+            value = float(value)
+    wanted = 'a whole number' if kind is int else 'a number'
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError(f'{where} is {value!r}, allowed: {wanted}')
+    if kind is int and value != int(value):
+        raise ValueError(f'{where} is {value!r}, allowed: {wanted}')
+    if math.isnan(value):
+        raise ValueError(f'{where} is not a number, allowed: {wanted}')
+    return kind(value)
+
+
+def _in_range(value: float, field: 'dataclasses.Field[Any]', where: str) -> None:
+    low, high = field.metadata['low'], field.metadata['high']
+    if (low is not None and value < low) or (high is not None and value > high):
+        unit = f' {field.metadata["unit"]}' if field.metadata['unit'] else ''
+        raise ValueError(f'{where} is {value:g}{unit}, allowed: {allowed(field)}')
+
+
+def _converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
+    """Bring a value from YAML, ROS or Python to the field's type and check it on its own."""
+    default = default_of(field)
+    if field.name == 'vote':
+        return _vote(value, where)
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise ValueError(f'{where} is {value!r}, allowed: true, false')
+        return value
+    if isinstance(default, (int, float)):
+        value = _number(value, type(default), where)
+        _in_range(value, field, where)
+        return value
+    if isinstance(default, str):
+        choices = field.metadata['choices']
+        if not isinstance(value, str) or (choices and value not in choices):
+            raise ValueError(f'{where} is {value!r}, allowed: {allowed(field) or "text"}')
+        return value
+    if isinstance(default, dict):
+        return _groups(value, where)
+    if isinstance(value, str) or not hasattr(value, '__iter__'):
+        raise ValueError(f'{where} is {value!r}, allowed: a list')
+    if field.name == 'channel_names':
+        return _names(value, where)
+    return _numbers(list(value), default, field, where)
+
+
+def _numbers(
+    items: list[Any], default: tuple[Any, ...], field: 'dataclasses.Field[Any]', where: str
+) -> tuple[Any, ...]:
+    """Convert a list of numbers, or of pairs given flat or nested."""
+    pairs = bool(default) and isinstance(default[0], tuple)
+    flat: list[Any] = []
+    for item in items:
+        if pairs and not isinstance(item, str) and hasattr(item, '__iter__'):
+            flat.extend(item)
+        else:
+            flat.append(item)
+    kind = int if field.name == 'disabled_channels' else float
+    numbers = [_number(item, kind, where) for item in flat]
+    for number in numbers:
+        _in_range(number, field, where)
+    if pairs:
+        if len(numbers) % 2:
+            raise ValueError(f'{where} has {len(numbers)} numbers, allowed: pairs [low, high]')
+        return tuple(zip(numbers[::2], numbers[1::2], strict=True))
+    if len(default) and len(numbers) != len(default):
+        raise ValueError(f'{where} has {len(numbers)} numbers, allowed: {len(default)}')
+    return tuple(numbers)
+
+
+def _vote(value: Any, where: str) -> str | int:
+    if value in ('all', 'mean'):
+        return str(value)
+    text = str(value)
+    if not isinstance(value, bool) and text.isdigit() and int(text) >= 1:
+        return int(text)
+    raise ValueError(f'{where} is {value!r}, allowed: all, mean, or a whole number from 1')
+
+
+def _names(value: Any, where: str) -> tuple[str, ...]:
+    names = tuple(value)
+    for name in names:
+        if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
+            raise ValueError(
+                f'{where} has {name!r}, allowed: letters, digits and _, a letter first'
+            )
+    doubled = sorted({name for name in names if names.count(name) > 1})
+    if doubled:
+        raise ValueError(f'{where} has {doubled[0]!r} twice, allowed: each name once')
+    return names
+
+
+def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
+    if not isinstance(value, Mapping):
+        raise ValueError(f'{where} is {value!r}, allowed: a list of channel numbers per name')
+    _names(list(value), where)
+    groups = {}
+    for name, members in value.items():
+        inner = f'{where}.{name}'
+        if isinstance(members, str) or not hasattr(members, '__iter__'):
+            raise ValueError(f'{inner} is {members!r}, allowed: a list of channel numbers')
+        groups[name] = tuple(_number(member, int, inner) for member in members)
+    return groups
+
+
+@dataclasses.dataclass(frozen=True)
+class ParameterSet:
+    """What all sets of parameters share: conversion, checks and YAML."""
+
+    #: The node whose section of a parameter file holds this set.
+    NODE = ''
+
+    def __post_init__(self) -> None:
+        """Convert and check every field on its own."""
+        for field in dataclasses.fields(self):
+            value = _converted(getattr(self, field.name), field, f'parameter {field.name}')
+            object.__setattr__(self, field.name, value)
+
+    @classmethod
+    def from_parameters(
+        cls: type[ConfigType], parameters: Mapping[str, Any], where: str = ''
+    ) -> ConfigType:
+        """Build from names and values as ROS has them (``groups.TP`` for a nested name).
+
+        Raises
+        ------
+        ValueError
+            For an unknown name or a value that is not allowed; ``where`` leads the message.
+        """
+        lead = f'{where}: ' if where else ''
+        known = {field.name for field in dataclasses.fields(cls)}
+        values: dict[str, Any] = {}
+        for name, value in parameters.items():
+            head, _, tail = name.partition('.')
+            if head not in known or (tail and head != 'groups'):
+                near = difflib.get_close_matches(name, known, 1)
+                hint = (
+                    f'did you mean {near[0]}?' if near else f'allowed: {", ".join(sorted(known))}'
+                )
+                raise ValueError(f'{lead}unknown parameter {name} = {value!r}; {hint}')
+            if tail:
+                values.setdefault(head, {})[tail] = value
+            else:
+                values[name] = value
+        try:
+            return cls(**values)
+        except ValueError as error:
+            raise ValueError(f'{lead}{error}') from None
+
+    @classmethod
+    def from_yaml(cls: type[ConfigType], path: str | Path) -> ConfigType:
+        """Read the node's section of a ROS parameter file.
+
+        Raises
+        ------
+        ValueError
+            When the file cannot be read or holds a value that is not allowed; names the file.
+        """
+        return cls.from_parameters(read_parameter_file(path, cls.NODE), str(path))
+
+    def to_parameters(self) -> dict[str, Any]:
+        """Return names and values as ROS has them: flat lists, ``groups.TP`` for nested names."""
+        values: dict[str, Any] = {}
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, dict):
+                values.update({f'{field.name}.{key}': list(item) for key, item in value.items()})
+            elif isinstance(value, tuple) and value and isinstance(value[0], tuple):
+                values[field.name] = [edge for pair in value for edge in pair]
+            elif isinstance(value, tuple):
+                values[field.name] = list(value)
+            else:
+                values[field.name] = value
+        return values
+
+    def to_yaml(self) -> str:
+        """Write the set as a ROS parameter file that :meth:`from_yaml` and the node read."""
+        nested: dict[str, Any] = {}
+        for name, value in self.to_parameters().items():
+            head, _, tail = name.partition('.')
+            if tail:
+                nested.setdefault(head, {})[tail] = value
+            else:
+                nested[head] = value
+        document = {f'/**/{self.NODE}': {'ros__parameters': nested}}
+        return yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+
+
+def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
+    """Read the parameters that a ROS parameter file has for a node, in any namespace.
+
+    Parameters
+    ----------
+    path
+        The YAML file.
+    node
+        Name of the node; sections named ``/**`` count too.
+
+    Returns
+    -------
+    dict
+        Flat names (``groups.TP``) and values; empty when the file has no section for the node.
+
+    Raises
+    ------
+    ValueError
+        When the file is missing or is not a ROS parameter file.
+    """
+    try:
+        document = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
+    except UnicodeDecodeError:
+        raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        line = f' line {mark.line + 1}' if mark else ''
+        problem = getattr(error, 'problem', None) or 'cannot be parsed'
+        raise ValueError(f'{path}:{line} is not YAML ({problem})') from None
+    if not isinstance(document, dict):
+        raise ValueError(f'{path}: is not a ROS parameter file (node: ros__parameters: ...)')
+    merged: dict[str, Any] = {}
+    for section, content in document.items():
+        if not isinstance(content, dict) or not isinstance(content.get('ros__parameters'), dict):
+            raise ValueError(f'{path}: section {section} has no ros__parameters')
+        if str(section) == '/**' or str(section).rsplit('/', 1)[-1] == node:
+            merged.update(_flattened(content['ros__parameters']))
+    return merged
+
+
+def _flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        name = f'{prefix}{key}'
+        if isinstance(value, Mapping):
+            flat.update(_flattened(value, f'{name}.'))
+        else:
+            flat[name] = value
+    return flat
+
+
+@dataclasses.dataclass(frozen=True)
+class ChainConfig(ParameterSet):
+    """Parameters of the slip chain; the defaults are the paper's."""
+
+    NODE = 'slip_detector'
+
+    sample_rate_hz: float = parameter(
+        380.0, 'Rate at which samples are taken.', unit='Hz', low=1.0, high=1e6
+    )
+    channels: int = parameter(16, 'Number of channels in a sample.', low=1, high=1_000_000)
+    channel_names: tuple[str, ...] = parameter(
+        (), 'Names the input must carry; empty: ch1, ch2, ... and any names are taken.'
+    )
+    disabled_channels: tuple[int, ...] = parameter(
+        (), 'Channels (counted from 1) that are neither computed nor asked to vote.'
+    )
+    valid_range_v: tuple[float, float] = parameter(
+        (-1e9, 1e9),
+        'Lowest and highest value a working channel can give; beyond it a sample is bad.',
+        unit='V',
+        low=-1e12,
+        high=1e12,
+    )
+    flat_after_s: float = parameter(
+        1.0,
+        'A channel that repeats one value this long leaves the vote; 0: no such check.',
+        unit='s',
+        low=0.0,
+        high=3600.0,
+    )
+    common_mode: str = parameter(
+        'none',
+        'What all channels share and is taken off each row: none, median or mean.',
+        choices=('none', 'median', 'mean'),
+    )
+    passband_hz: tuple[float, float] = parameter(
+        (7.0, 50.0), 'Edges of the band-pass; a high edge of 0 makes it a high-pass.', unit='Hz'
+    )
+    passband_degree: int = parameter(
+        4, 'Degree of the band-pass polynomials (Eq. 1).', low=1, high=20
+    )
+    gain: float = parameter(100.0, 'Factor on the filtered signal.', low=1e-6, high=1e6)
+    stopbands_hz: tuple[tuple[float, float], ...] = parameter(
+        ((0.5, 7.0), (50.0, 180.0)), 'Edges low, high of each stop-band (Eq. 4).', unit='Hz'
+    )
+    stopband_degree: int = parameter(
+        4, 'Degree of the stop-band polynomials, an even number.', low=2, high=20
+    )
+    stopband_ripple_db: float = parameter(
+        0.01, 'Ripple outside the stop-bands.', unit='dB', low=1e-4, high=3.0
+    )
+    stopband_attenuation_db: float = parameter(
+        40.0, 'Attenuation inside the stop-bands.', unit='dB', low=6.0, high=120.0
+    )
+    rectify: str = parameter(
+        'full', 'Rectifier: full wave or half wave (Eq. 3).', choices=('full', 'half')
+    )
+    exponent: int = parameter(3, 'Power of the rectified signal (Eq. 3-5).', low=1, high=6)
+    envelope_window_s: float = parameter(
+        0.04, 'Window of the RMS envelope (Eq. 6-8).', unit='s', low=0.0, high=60.0
+    )
+    decision_window_s: float = parameter(
+        0.04, 'Window of the mean held against the threshold.', unit='s', low=0.0, high=60.0
+    )
+    threshold: float = parameter(0.5, 'Level above which a channel is ON.', low=1e-30, high=1e30)
+    vote: str | int = parameter(
+        'all',
+        'When a group is ON: all its channels, a whole number k of them, or mean '
+        '(the geometric mean of level / threshold exceeds 1).',
+    )
+    groups: dict[str, tuple[int, ...]] = parameter(
+        {},
+        'Channels (counted from 1) of each group; none given: Table 1 for 16 channels, '
+        'else one group named all.',
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields against each other and fill in the groups."""
+        super().__post_init__()
+        self._check_channels()
+        if not self.groups:
+            object.__setattr__(self, 'groups', self._default_groups())
+        self._check_groups()
+        self._check_filters()
+        for name in ('envelope_window_s', 'decision_window_s'):
+            seconds = getattr(self, name)
+            if seconds * self.sample_rate_hz < 1 - 1e-6:
+                raise ValueError(
+                    f'parameter {name} is {seconds:g} s, allowed: at least one sample '
+                    f'({1 / self.sample_rate_hz:.6g} s at {self.sample_rate_hz:g} Hz)'
+                )
+        low, high = self.valid_range_v
+        if low >= high:
+            raise ValueError(
+                f'parameter valid_range_v is [{low:g}, {high:g}] V, allowed: low below high'
+            )
+
+    @classmethod
+    def from_yaml(cls: type[ChainType], path: str | Path) -> ChainType:
+        """Read the detector's section of a ROS parameter file.
+
+        The whole section is checked, also where only the chain's part of it is asked for.
+
+        Raises
+        ------
+        ValueError
+            When the file cannot be read or holds a value that is not allowed; names the file.
+        """
+        whole = DetectorConfig.from_parameters(read_parameter_file(path, cls.NODE), str(path))
+        return cls(**{field.name: getattr(whole, field.name) for field in dataclasses.fields(cls)})
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the channels: those configured, else ch1, ch2, ..."""
+        return self.channel_names or tuple(f'ch{i + 1}' for i in range(self.channels))
+
+    def samples(self, seconds: float) -> int:
+        """Return how many samples a time is, at least one."""
+        return max(1, round(seconds * self.sample_rate_hz))
+
+    def _default_groups(self) -> dict[str, tuple[int, ...]]:
+        disabled = set(self.disabled_channels)
+        groups = {'all': tuple(range(1, self.channels + 1))}
+        if self.channels == fingertip.N_CHANNELS:
+            groups = dict(fingertip.GROUPS)
+        left = {n: tuple(c for c in members if c not in disabled) for n, members in groups.items()}
+        return {name: members for name, members in left.items() if members}
+
+    def _check_channels(self) -> None:
+        if self.channel_names and len(self.channel_names) != self.channels:
+            raise ValueError(
+                f'parameter channel_names has {len(self.channel_names)} names, '
+                f'allowed: {self.channels}, the number of channels'
+            )
+        for channel in self.disabled_channels:
+            if not 1 <= channel <= self.channels:
+                raise ValueError(
+                    f'parameter disabled_channels has {channel}, allowed: 1 to {self.channels}'
+                )
+        if len(set(self.disabled_channels)) == self.channels:
+            raise ValueError(
+                'parameter disabled_channels names every channel, allowed: all but one'
+            )
+
+    def _check_groups(self) -> None:
+        group_of: dict[int, str] = {}
+        disabled = set(self.disabled_channels)
+        for name, members in self.groups.items():
+            where = f'parameter groups.{name}'
+            if not members:
+                raise ValueError(f'{where} is empty, allowed: at least one channel')
+            for channel in members:
+                if not 1 <= channel <= self.channels:
+                    raise ValueError(
+                        f'{where} has channel {channel}, allowed: 1 to {self.channels}'
+                    )
+                if channel in group_of:
+                    raise ValueError(
+                        f'{where} has channel {channel}, which is in {group_of[channel]} already, '
+                        'allowed: one group for a channel'
+                    )
+                group_of[channel] = name
+            if isinstance(self.vote, int) and self.vote > len(members):
+                raise ValueError(
+                    f'parameter vote is {self.vote}, allowed: at most {len(members)}, '
+                    f'the channels of group {name}'
+                )
+        for channel in range(1, self.channels + 1):
+            if channel not in group_of and channel not in disabled:
+                raise ValueError(
+                    f'parameter groups leaves out channel {channel}, allowed: every channel in '
+                    'one group or in disabled_channels'
+                )
+
+    def _check_filters(self) -> None:
+        low, high = self.passband_hz
+        self._check_edge('passband_hz', low)
+        if high != 0.0:
+            self._check_edge('passband_hz', high)
+            self._check_order('passband_hz', low, high)
+            if self.passband_degree % 2:
+                raise ValueError(
+                    f'parameter passband_degree is {self.passband_degree}, allowed: an even '
+                    'number (a band-pass has two edges of equal degree)'
+                )
+        for pair in self.stopbands_hz:
+            for edge in pair:
+                self._check_edge('stopbands_hz', edge)
+            self._check_order('stopbands_hz', *pair)
+        if self.stopband_degree % 2:
+            raise ValueError(
+                f'parameter stopband_degree is {self.stopband_degree}, allowed: an even number'
+            )
+
+    def _check_edge(self, name: str, edge_hz: float) -> None:
+        lowest, nyquist = LOWEST_EDGE * self.sample_rate_hz, self.sample_rate_hz / 2
+        if not lowest <= edge_hz < nyquist:
+            raise ValueError(
+                f'parameter {name} has the edge {edge_hz:g} Hz, allowed: {lowest:g} Hz to below '
+                f'{nyquist:g} Hz (half the sample rate)'
+            )
+
+    @staticmethod
+    def _check_order(name: str, low_hz: float, high_hz: float) -> None:
+        if low_hz >= high_hz:
+            raise ValueError(
+                f'parameter {name} has the edges {low_hz:g} and {high_hz:g} Hz, allowed: the '
+                'low edge first'
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class DetectorConfig(ChainConfig):
+    """Parameters of the detector node: the chain's and those of its input and topics."""
+
+    max_gap_s: float = parameter(
+        0.1,
+        'A shorter gap in the input is bridged with the last row, a longer one resets the chain.',
+        unit='s',
+        low=0.0,
+        high=60.0,
+    )
+    input_timeout_s: float = parameter(
+        0.5, 'slip_valid falls when no sample came for this long.', unit='s', low=0.01, high=3600.0
+    )
+    heartbeat_hz: float = parameter(
+        10.0, 'Rate at which slip and slip_valid repeat.', unit='Hz', low=0.1, high=1000.0
+    )
+    publish_groups: bool = parameter(True, 'Whether slip/group/<name> is published.')
+    publish_channels: bool = parameter(True, 'Whether slip/channel/<name> is published.')
+
+
+@dataclasses.dataclass(frozen=True)
+class DriverConfig(ParameterSet):
+    """Parameters of the driver node."""
+
+    NODE = 'slip_driver'
+
+    source: str = parameter(
+        'scene', 'Where the samples come from.', choices=('scene', 'recording')
+    )
+    scene: str = parameter('plate_400um', 'A scene that comes with the package, or a path.')
+    seed: int = parameter(0, 'Seed of the noise; one seed is one trial.', low=0, high=2**31 - 1)
+    recording: str = parameter('', 'Path of the recording to play (npz or csv).')
+    recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
+    recording_rate_key: str = parameter(
+        'sample_rate_hz', 'Name of the number in an npz recording that is its rate.'
+    )
+    recording_truth_key: str = parameter(
+        'slip', 'Name of the column or array of true slip; absent: no truth is published.'
+    )
+    recording_motion_key: str = parameter(
+        '', 'Name of the array of speeds in an npz recording; rows above motion_above are moving.'
+    )
+    rate: float = parameter(1.0, 'How many times real time to play.', low=0.001, high=1000.0)
+    loop: bool = parameter(False, 'Whether to start again at the end; else the driver ends.')
+    frame_id: str = parameter('fingertip', 'frame_id of the samples.')
+
+    def __post_init__(self) -> None:
+        """Check the fields against each other."""
+        super().__post_init__()
+        if self.source == 'recording' and not self.recording:
+            raise ValueError("parameter recording is '', allowed: a path, as source is recording")

@@ -1,0 +1,520 @@
+"""A slow, plainly written reference of the slip-detection chain.
+
+After Romeo et al., 'Slippage Detection with Piezoresistive Tactile Sensors',
+Sensors 17 (2017) 1844: band-pass, two stop-bands, rectify, raise to a power,
+RMS envelope, windowed mean, threshold, vote.
+
+Every rule is written out on its own, in the order it is stated, and for a whole
+recording at once; nothing is shared with the fast kernel it is compared with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy import signal
+
+
+def reference(
+    volts: np.ndarray,
+    *,
+    sample_rate_hz: float,
+    passband_hz: tuple[float, float] = (7, 50),
+    passband_degree: int = 4,
+    gain: float = 100.0,
+    stopbands_hz: Sequence[tuple[float, float]] = ((0.5, 7), (50, 180)),
+    stopband_degree: int = 4,
+    stopband_ripple_db: float = 0.01,
+    stopband_attenuation_db: float = 40.0,
+    rectify: str = 'full',
+    exponent: int = 3,
+    envelope_window_s: float = 0.04,
+    decision_window_s: float = 0.04,
+    threshold: float = 0.5,
+    common_mode: str = 'none',
+    valid_range_v: tuple[float, float] = (-1e9, 1e9),
+    flat_after_s: float = 1.0,
+    disabled_channels: Sequence[int] = (),
+    groups: Mapping[str, Sequence[int]] | None = None,
+    vote: str | int = 'all',
+) -> SimpleNamespace:
+    """Run the slip-detection chain over a recording.
+
+    Parameters
+    ----------
+    volts : numpy.ndarray
+        Samples, shape (n, c), oldest row first.
+    sample_rate_hz : float
+        Rows per second.
+    passband_hz : tuple of float
+        Edges of the Butterworth band-pass; an upper edge of 0 makes it a high-pass.
+    passband_degree : int
+        Degree of the finished pass-band filter.
+    gain : float
+        Factor on the output of the filters.
+    stopbands_hz : sequence of tuple of float
+        Edges of each elliptic band-stop, applied in this order.
+    stopband_degree : int
+        Degree of each finished band-stop.
+    stopband_ripple_db, stopband_attenuation_db : float
+        Pass-band ripple and stop-band attenuation of each band-stop.
+    rectify : {'full', 'half'}
+        Full-wave |y| or half-wave max(y, 0).
+    exponent : int
+        Power the rectified signal is raised to, at least 1.
+    envelope_window_s, decision_window_s : float
+        Lengths of the RMS window and of the mean window after it.
+    threshold : float
+        A channel is ON while its level is above this.
+    common_mode : {'none', 'mean', 'median'}
+        What is taken off every channel's deviation before the filters.
+    valid_range_v : tuple of float
+        Lowest and highest credible value, both included.
+    flat_after_s : float
+        How long a value may stand still before the channel stops being valid; 0 = for ever.
+    disabled_channels : sequence of int
+        Channels that take no part, counted from 1.
+    groups : mapping of str to sequence of int, optional
+        Channels of each voting group, counted from 1; one group of all channels if None.
+    vote : {'all', 'mean'} or int
+        Rule by which a group's valid channels decide.
+
+    Returns
+    -------
+    types.SimpleNamespace
+        slip (n,) bool, groups (n, g) bool, can_vote (n, g) bool, channels (n, c) bool,
+        valid (n, c) bool, envelope (n, c) float, level (n, c) float.
+
+    Raises
+    ------
+    ValueError
+        If an option is outside of what is described above.
+    """
+    volts = np.asarray(volts, dtype=np.float64)
+    if volts.ndim != 2:
+        raise ValueError('volts must have the shape (rows, channels)')
+    n_channels = volts.shape[1]
+    # Written so that a threshold of NaN is refused as well.
+    if not threshold >= 0:
+        raise ValueError('threshold must not be negative')
+    if groups is None:
+        groups = {'all': range(1, n_channels + 1)}
+
+    enabled = np.ones(n_channels, dtype=bool)
+    enabled[_columns(disabled_channels, n_channels)] = False
+
+    low, high = valid_range_v
+    ok = np.isfinite(volts) & (volts >= low) & (volts <= high)
+    flat = _flat(volts, ok, flat_after_s, sample_rate_hz)
+    valid = ok & ~flat & enabled
+
+    x = _filter_input(volts, ok, valid, common_mode)
+    sections = _sections(
+        sample_rate_hz,
+        passband_hz,
+        passband_degree,
+        stopbands_hz,
+        stopband_degree,
+        stopband_ripple_db,
+        stopband_attenuation_db,
+    )
+    y = gain * _filter(x, ok, sections)
+    powered = _powered(y, rectify, exponent)
+
+    envelope_rows = _window_rows(envelope_window_s, sample_rate_hz)
+    decision_rows = _window_rows(decision_window_s, sample_rate_hz)
+    envelope = np.sqrt(_trailing_mean(powered**2, envelope_rows))
+    # Cleared here, so that level follows; a disabled channel never shows a number.
+    envelope[:, ~enabled] = 0.0
+    level = _trailing_mean(envelope, decision_rows)
+
+    # Validity is not asked here: a bad sample holds the filter's input, it doesn't
+    # switch the channel off. It only bars the channel from the vote.
+    channels = (level > threshold) & enabled
+
+    in_groups, can_vote = _vote(level, channels, valid, threshold, groups, vote)
+    return SimpleNamespace(
+        slip=in_groups.any(axis=1),
+        groups=in_groups,
+        can_vote=can_vote,
+        channels=channels,
+        valid=valid,
+        envelope=envelope,
+        level=level,
+    )
+
+
+def _columns(channel_numbers: Sequence[int], n_channels: int) -> list[int]:
+    """Turn channel numbers counted from 1 into column indices.
+
+    Parameters
+    ----------
+    channel_numbers : sequence of int
+        Channel numbers counted from 1.
+    n_channels : int
+        How many channels there are.
+
+    Returns
+    -------
+    list of int
+        Column indices counted from 0.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range (0 would silently mean the last column) or twice there.
+    """
+    numbers = [int(number) for number in channel_numbers]
+    if any(not 1 <= number <= n_channels for number in numbers):
+        raise ValueError(f'channel numbers must be in 1..{n_channels}: {numbers}')
+    if len(set(numbers)) != len(numbers):
+        raise ValueError(f'a channel number occurs twice: {numbers}')
+    return [number - 1 for number in numbers]
+
+
+def _window_rows(seconds: float, sample_rate_hz: float) -> int:
+    """Return the length of a window in rows, at least 1.
+
+    Parameters
+    ----------
+    seconds : float
+        Length of the window.
+    sample_rate_hz : float
+        Rows per second.
+
+    Returns
+    -------
+    int
+        Rows; exact halves go to the even number, as Python's round does.
+    """
+    return max(1, round(float(seconds) * float(sample_rate_hz)))
+
+
+def _flat(
+    volts: np.ndarray, ok: np.ndarray, flat_after_s: float, sample_rate_hz: float
+) -> np.ndarray:
+    """Mark the samples at which a channel has stood still for too long.
+
+    Parameters
+    ----------
+    volts : numpy.ndarray
+        Samples, shape (n, c).
+    ok : numpy.ndarray
+        Which samples are credible, shape (n, c).
+    flat_after_s : float
+        How long a value may stand still; 0 = for ever.
+    sample_rate_hz : float
+        Rows per second.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, c), bool.
+    """
+    flat = np.zeros(volts.shape, dtype=bool)
+    if flat_after_s == 0:
+        return flat
+
+    flat_rows = _window_rows(flat_after_s, sample_rate_hz)
+    for column in range(volts.shape[1]):
+        repeats = 0
+        previous_good = None
+        for row in range(volts.shape[0]):
+            # A bad sample says nothing about whether the sensor moves, so it is passed over.
+            if ok[row, column]:
+                value = volts[row, column]
+                if previous_good is not None and value == previous_good:
+                    repeats += 1
+                else:
+                    repeats = 0
+                previous_good = value
+            flat[row, column] = repeats >= flat_rows
+    return flat
+
+
+def _filter_input(
+    volts: np.ndarray, ok: np.ndarray, valid: np.ndarray, common_mode: str
+) -> np.ndarray:
+    """Form what goes into the filters.
+
+    Parameters
+    ----------
+    volts : numpy.ndarray
+        Samples, shape (n, c).
+    ok : numpy.ndarray
+        Which samples are credible, shape (n, c).
+    valid : numpy.ndarray
+        Which samples take part in the common mode, shape (n, c).
+    common_mode : {'none', 'mean', 'median'}
+        What is taken off every channel's deviation.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, c); NaN before a channel's first good sample, where nothing is filtered.
+
+    Raises
+    ------
+    ValueError
+        If `common_mode` is none of the three.
+    """
+    averages = {'none': None, 'mean': np.mean, 'median': np.median}
+    if common_mode not in averages:
+        raise ValueError(f'common_mode must be one of {list(averages)}: {common_mode!r}')
+    average = averages[common_mode]
+
+    n_rows, n_channels = volts.shape
+    x = np.full(volts.shape, np.nan)
+    first_good = np.full(n_channels, np.nan)
+    held = np.full(n_channels, np.nan)
+    common = 0.0
+    for row in range(n_rows):
+        starting = ok[row] & np.isnan(first_good)
+        first_good[starting] = volts[row, starting]
+
+        if average is None:
+            good_input = volts[row]
+        else:
+            # Deviations, not volts: the channels rest at different voltages, so a channel
+            # dropping out of the average of volts would look like a step to all others.
+            voters = valid[row]
+            if voters.any():
+                common = average(volts[row, voters] - first_good[voters])
+            # Only ok samples may be touched; infinities elsewhere would raise warnings.
+            good_input = np.full(n_channels, np.nan)
+            good_input[ok[row]] = volts[row, ok[row]] - first_good[ok[row]] - common
+
+        # What is held is the filter's input, not the voltage: the common mode of the
+        # other channels doesn't leak into a channel that has nothing to say.
+        held = np.where(ok[row], good_input, held)
+        x[row] = held
+    return x
+
+
+def _sections(
+    sample_rate_hz: float,
+    passband_hz: tuple[float, float],
+    passband_degree: int,
+    stopbands_hz: Sequence[tuple[float, float]],
+    stopband_degree: int,
+    stopband_ripple_db: float,
+    stopband_attenuation_db: float,
+) -> np.ndarray:
+    """Design the filters as one cascade of second-order sections.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Rows per second.
+    passband_hz : tuple of float
+        Edges of the band-pass; an upper edge of 0 makes it a high-pass.
+    passband_degree : int
+        Degree of the finished pass-band filter.
+    stopbands_hz : sequence of tuple of float
+        Edges of each band-stop.
+    stopband_degree : int
+        Degree of each finished band-stop.
+    stopband_ripple_db, stopband_attenuation_db : float
+        Pass-band ripple and stop-band attenuation of each band-stop.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (sections, 6).
+    """
+    low, high = passband_hz
+    # A band filter has twice the degree of the prototype SciPy asks for; a high-pass hasn't.
+    if high == 0:
+        passband = signal.butter(passband_degree, low, 'highpass', output='sos', fs=sample_rate_hz)
+    else:
+        passband = signal.butter(
+            passband_degree // 2, [low, high], 'bandpass', output='sos', fs=sample_rate_hz
+        )
+    stopbands = [
+        signal.ellip(
+            stopband_degree // 2,
+            stopband_ripple_db,
+            stopband_attenuation_db,
+            list(edges),
+            'bandstop',
+            output='sos',
+            fs=sample_rate_hz,
+        )
+        for edges in stopbands_hz
+    ]
+    return np.concatenate([passband, *stopbands])
+
+
+def _filter(x: np.ndarray, ok: np.ndarray, sections: np.ndarray) -> np.ndarray:
+    """Filter every channel from its first good sample on.
+
+    Parameters
+    ----------
+    x : numpy.ndarray
+        Input of the filters, shape (n, c).
+    ok : numpy.ndarray
+        Which samples are credible, shape (n, c).
+    sections : numpy.ndarray
+        Second-order sections, shape (s, 6).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, c); 0 before a channel's first good sample.
+    """
+    # State of a cascade that has seen a constant 1 for ever. Scaled by the first input, it
+    # spares the channel the burst that its resting voltage would cause as a step.
+    at_rest = signal.sosfilt_zi(sections)
+    y = np.zeros(x.shape)
+    for column in range(x.shape[1]):
+        good_rows = np.flatnonzero(ok[:, column])
+        if good_rows.size > 0:
+            inputs = x[good_rows[0] :, column]
+            outputs, _ = signal.sosfilt(sections, inputs, zi=at_rest * inputs[0])
+            y[good_rows[0] :, column] = outputs
+    return y
+
+
+def _powered(y: np.ndarray, rectify: str, exponent: int) -> np.ndarray:
+    """Rectify and raise to a power.
+
+    Parameters
+    ----------
+    y : numpy.ndarray
+        Amplified output of the filters, shape (n, c).
+    rectify : {'full', 'half'}
+        Full-wave |y| or half-wave max(y, 0).
+    exponent : int
+        The power, at least 1.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, c), not negative.
+
+    Raises
+    ------
+    ValueError
+        If `rectify` is neither of the two or `exponent` no whole number from 1 on.
+    """
+    if int(exponent) != exponent or exponent < 1:
+        raise ValueError(f'exponent must be a whole number, at least 1: {exponent}')
+    if rectify == 'full':
+        rectified = np.abs(y)
+    elif rectify == 'half':
+        rectified = np.maximum(y, 0.0)
+    else:
+        raise ValueError(f"rectify must be 'full' or 'half': {rectify!r}")
+    return rectified ** int(exponent)
+
+
+def _trailing_mean(values: np.ndarray, n_rows: int) -> np.ndarray:
+    """Average each column over the last rows, with zeros before the first.
+
+    Parameters
+    ----------
+    values : numpy.ndarray
+        Shape (n, c).
+    n_rows : int
+        Length of the window, the current row included.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, c).
+    """
+    if values.shape[0] == 0:
+        return values.copy()
+    # Every window is summed afresh. A running sum would be faster, but after a large value
+    # has left it, what remains is that value's rounding error.
+    padded = np.concatenate([np.zeros((n_rows - 1, values.shape[1])), values])
+    return sliding_window_view(padded, n_rows, axis=0).sum(axis=-1) / n_rows
+
+
+def _vote(
+    level: np.ndarray,
+    channels: np.ndarray,
+    valid: np.ndarray,
+    threshold: float,
+    groups: Mapping[str, Sequence[int]],
+    vote: str | int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Let the valid channels of each group decide.
+
+    Parameters
+    ----------
+    level : numpy.ndarray
+        Shape (n, c).
+    channels : numpy.ndarray
+        Which channels are ON, shape (n, c).
+    valid : numpy.ndarray
+        Which channels may vote, shape (n, c).
+    threshold : float
+        Threshold of the level, for the 'mean' vote.
+    groups : mapping of str to sequence of int
+        Channels of each group, counted from 1.
+    vote : {'all', 'mean'} or int
+        Rule of the vote.
+
+    Returns
+    -------
+    decided : numpy.ndarray
+        Which groups are ON, shape (n, g).
+    can_vote : numpy.ndarray
+        Which groups have enough valid channels, shape (n, g).
+
+    Raises
+    ------
+    ValueError
+        If `vote` is none of the rules.
+    """
+    # bool is an int, yet vote=True is more likely a mistake than a vote of one channel.
+    is_count = isinstance(vote, (int, np.integer)) and not isinstance(vote, bool)
+    if not (is_count and vote >= 1) and not (isinstance(vote, str) and vote in ('all', 'mean')):
+        raise ValueError(f"vote must be 'all', 'mean' or a whole number from 1 on: {vote!r}")
+    needed = int(vote) if is_count else 1
+
+    n_rows = level.shape[0]
+    decided = np.zeros((n_rows, len(groups)), dtype=bool)
+    can_vote = np.zeros((n_rows, len(groups)), dtype=bool)
+    for index, members in enumerate(groups.values()):
+        columns = np.array(_columns(members, level.shape[1]), dtype=int)
+        for row in range(n_rows):
+            voters = columns[valid[row, columns]]
+            can_vote[row, index] = voters.size >= needed
+            if not can_vote[row, index]:
+                continue
+            if vote == 'all':
+                decided[row, index] = channels[row, voters].all()
+            elif vote == 'mean':
+                decided[row, index] = _geometric_mean_above(level[row, voters], threshold)
+            else:
+                decided[row, index] = np.count_nonzero(channels[row, voters]) >= needed
+    return decided, can_vote
+
+
+def _geometric_mean_above(levels: np.ndarray, threshold: float) -> bool:
+    """Tell whether the geometric mean of level/threshold is above 1.
+
+    Parameters
+    ----------
+    levels : numpy.ndarray
+        Levels of the voters, at least one.
+    threshold : float
+        Threshold of the level; at 0, any levels above 0 are above it.
+
+    Returns
+    -------
+    bool
+        False if any level is 0.
+    """
+    if (levels == 0).any():
+        return False
+    if threshold == 0:
+        return True
+    # In logarithms, because a product of many small or large ratios leaves the range of a
+    # float; as a difference, because even one ratio may.
+    return bool(np.mean(np.log(levels) - np.log(threshold)) > 0)
