@@ -50,8 +50,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            f'slip_driver = {NAME}.nodes.driver:main',
-            f'slip_detector = {NAME}.nodes.detector:main',
+            f'slip_driver = {NAME}.nodes.run:driver',
+            f'slip_detector = {NAME}.nodes.run:detector',
             f'slip_demo = {NAME}.nodes.demo:main',
             f'slip_evaluate = {NAME}.evaluation:main',
             f'slip_benchmark = {NAME}.benchmark:main',

@@ -128,6 +128,8 @@ def _converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
         raise ValueError(f'{where} is {value!r}, allowed: a list')
     if field.name == 'channel_names':
         return _names(value, where)
+    if field.name == 'motion_columns':
+        return _texts(value, where)
     return _numbers(list(value), default, field, where)
 
 
@@ -175,6 +177,13 @@ def _names(value: Any, where: str) -> tuple[str, ...]:
     if doubled:
         raise ValueError(f'{where} has {doubled[0]!r} twice, allowed: each name once')
     return names
+
+
+def _texts(value: Any, where: str) -> tuple[str, ...]:
+    for text in value:
+        if not isinstance(text, str) or not text:
+            raise ValueError(f'{where} has {text!r}, allowed: a list of names')
+    return tuple(value)
 
 
 def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
@@ -273,6 +282,30 @@ class ParameterSet:
         return yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
 
 
+def read_yaml(path: str | Path) -> dict[str, Any]:
+    """Read a YAML file of names and values.
+
+    Raises
+    ------
+    ValueError
+        When the file is missing, is not YAML or holds something else; names file and line.
+    """
+    try:
+        document = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
+    except UnicodeDecodeError:
+        raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        line = f' line {mark.line + 1}' if mark else ''
+        problem = getattr(error, 'problem', None) or 'cannot be parsed'
+        raise ValueError(f'{path}:{line} is not YAML ({problem})') from None
+    if not isinstance(document, dict):
+        raise ValueError(f'{path}: is not a YAML file of names and values')
+    return {str(name): value for name, value in document.items()}
+
+
 def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
     """Read the parameters that a ROS parameter file has for a node, in any namespace.
 
@@ -293,19 +326,7 @@ def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
     ValueError
         When the file is missing or is not a ROS parameter file.
     """
-    try:
-        document = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except OSError as error:
-        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
-    except UnicodeDecodeError:
-        raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        line = f' line {mark.line + 1}' if mark else ''
-        problem = getattr(error, 'problem', None) or 'cannot be parsed'
-        raise ValueError(f'{path}:{line} is not YAML ({problem})') from None
-    if not isinstance(document, dict):
-        raise ValueError(f'{path}: is not a ROS parameter file (node: ros__parameters: ...)')
+    document = read_yaml(path)
     merged: dict[str, Any] = {}
     for section, content in document.items():
         if not isinstance(content, dict) or not isinstance(content.get('ros__parameters'), dict):
@@ -577,11 +598,11 @@ class DriverConfig(ParameterSet):
     recording_truth_key: str = parameter(
         'slip', 'Name of the column or array of true slip; absent: no truth is published.'
     )
-    recording_motion_key: str = parameter(
-        '', 'Name of the array of speeds in an npz recording; rows above motion_above are moving.'
-    )
     rate: float = parameter(1.0, 'How many times real time to play.', low=0.001, high=1000.0)
     loop: bool = parameter(False, 'Whether to start again at the end; else the driver ends.')
+    wait_for_subscribers: int = parameter(
+        0, 'Begin when so many subscribe to voltages, lest they miss the first.', low=0, high=1000
+    )
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
 
     def __post_init__(self) -> None:
@@ -589,3 +610,33 @@ class DriverConfig(ParameterSet):
         super().__post_init__()
         if self.source == 'recording' and not self.recording:
             raise ValueError("parameter recording is '', allowed: a path, as source is recording")
+
+
+@dataclasses.dataclass(frozen=True)
+class EvaluationConfig(ParameterSet):
+    """Parameters of the evaluation: which rows of a recording are rows of motion."""
+
+    NODE = 'slip_evaluate'
+
+    motion_key: str = parameter(
+        '', 'Name of the array of velocities in a recording; empty: it has none.'
+    )
+    motion_columns: tuple[str, ...] = parameter(
+        (), 'Which of its columns, by their names in the array <motion_key>_names; empty: all.'
+    )
+    moving_above: float = parameter(
+        0.01,
+        'A row is one of motion when the norm of these velocities exceeds this.',
+        unit='m/s',
+        low=0.0,
+        high=1e6,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields against each other."""
+        super().__post_init__()
+        if self.motion_columns and not self.motion_key:
+            raise ValueError(
+                "parameter motion_key is '', allowed: the name of an array, as motion_columns "
+                'names columns of it'
+            )

@@ -268,24 +268,26 @@ def _filter_input(
 
     n_rows, n_channels = volts.shape
     x = np.full(volts.shape, np.nan)
-    first_good = np.full(n_channels, np.nan)
+    origin = np.full(n_channels, np.nan)
     held = np.full(n_channels, np.nan)
     common = 0.0
     for row in range(n_rows):
-        starting = ok[row] & np.isnan(first_good)
-        first_good[starting] = volts[row, starting]
-
         if average is None:
             good_input = volts[row]
         else:
             # Deviations, not volts: the channels rest at different voltages, so a channel
             # dropping out of the average of volts would look like a step to all others.
-            voters = valid[row]
+            started = ~np.isnan(origin)
+            voters = valid[row] & started
             if voters.any():
-                common = average(volts[row, voters] - first_good[voters])
+                common = average(volts[row, voters] - origin[voters])
+            # A channel that starts late is taken to have followed the others until now. Its
+            # own deviation says nothing yet, so the average hears it from the next row on.
+            starting = ok[row] & ~started
+            origin[starting] = volts[row, starting] - common
             # Only ok samples may be touched; infinities elsewhere would raise warnings.
             good_input = np.full(n_channels, np.nan)
-            good_input[ok[row]] = volts[row, ok[row]] - first_good[ok[row]] - common
+            good_input[ok[row]] = volts[row, ok[row]] - origin[ok[row]] - common
 
         # What is held is the filter's input, not the voltage: the common mode of the
         # other channels doesn't leak into a channel that has nothing to say.

@@ -1,0 +1,90 @@
+# Needs Python 3.10 or newer with venv, and a package index; no ROS.
+#
+#   make demo               install into .venv, run driver and detector, show the figures
+#   make test               all checks
+#   make test ROS=kilted    the same on the wheels of another distribution, in .venv-kilted
+#
+# Each step leaves a stamp and is done again only when something it depends on has changed.
+
+PYTHON ?= python3
+ROS ?= jazzy
+
+VENV := .venv$(if $(filter-out jazzy,$(ROS)),-$(ROS))
+EXTRA := ros$(if $(filter-out jazzy,$(ROS)),-$(ROS))
+BIN := $(VENV)/bin
+# Ubuntu 24.04's NumPy and SciPy, for the chain's tests.
+OLDER := .venv-numpy1
+CHECKS := build/checks-$(ROS)
+COLCON := build/colcon-$(ROS)
+
+SOURCES := $(shell find slip_detector launch config resource -type f -not -path '*/__pycache__/*')
+PACKAGE := $(SOURCES) setup.py setup.cfg pyproject.toml package.xml
+TESTS := $(shell find test -name '*.py') README.md
+CHAIN_TESTS := test/test_chain.py test/test_config.py test/test_filters.py test/test_fingertip.py
+
+# The checks' nodes talk among themselves only.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+
+.PHONY: demo test clean
+.DELETE_ON_ERROR:
+
+demo: out/demo.json
+	@cat out/demo.txt
+
+out/demo.json: $(VENV)/installed $(PACKAGE)
+	mkdir -p out
+	$(BIN)/slip_demo --out out > out/demo.txt
+
+test: $(addprefix $(CHECKS)/,lint types pytest numpy1 interpreted colcon)
+	@echo 'All checks passed on ROS 2 $(ROS).'
+
+$(VENV)/installed: setup.py
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[numba,$(EXTRA),test]'
+	touch $@
+
+$(OLDER)/installed: setup.py
+	$(PYTHON) -m venv $(OLDER)
+	$(OLDER)/bin/python -m pip install --quiet 'numpy==1.26.*' 'scipy==1.11.*' numba pyyaml \
+		hypothesis pytest pytest-timeout
+	touch $@
+
+$(CHECKS):
+	mkdir -p $@
+
+$(CHECKS)/lint: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	touch $@
+
+$(CHECKS)/types: $(VENV)/installed $(PACKAGE) | $(CHECKS)
+	$(BIN)/mypy
+	touch $@
+
+$(CHECKS)/pytest: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
+	$(BIN)/python -m pytest
+	touch $@
+
+# Wheels of NumPy 1.26 end with Python 3.12.
+$(CHECKS)/numpy1: $(PACKAGE) $(TESTS) | $(CHECKS)
+	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
+		$(MAKE) --no-print-directory $(OLDER)/installed && \
+		echo 'The chain with NumPy 1.26 and SciPy 1.11:' && \
+		PYTHONPATH=. $(OLDER)/bin/python -m pytest $(CHAIN_TESTS); \
+	else echo 'The chain with NumPy 1.26 is left out: it needs Python 3.12 or older.'; fi
+	touch $@
+
+$(CHECKS)/interpreted: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
+	@echo 'The chain without Numba:'
+	$(BIN)/python -c "import sys; sys.modules['numba'] = None; import pytest; \
+		sys.exit(pytest.main(sys.argv[1:]))" $(CHAIN_TESTS)
+	touch $@
+
+# As on a robot: build, test what was built, run the executables from where they were installed.
+$(CHECKS)/colcon: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
+	rm -rf $(COLCON)
+	PATH="$(CURDIR)/$(BIN):$$PATH" .ci/colcon $(COLCON)
+	touch $@
+
+clean:
+	rm -rf build out .venv .venv-* slip_detector.egg-info

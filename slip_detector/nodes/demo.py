@@ -1,0 +1,246 @@
+"""The demonstration: driver and detector as two processes, and what a grasp controller sees."""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.config import DetectorConfig
+from slip_detector.evaluation import false_positive_percent, first_on_delay_s, mean_delay
+from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
+from slip_detector.sources import shared_folder
+
+#: The demonstration must not mix with the topics of a robot that runs beside it.
+NAMESPACE = 'slip_demo'
+
+DISCOVERY_TIMEOUT_S = 60.0
+SCENE_TIMEOUT_S = 120.0
+DRAIN_S = 0.5
+
+
+class Witness(Node):
+    """Subscribes to all topics and notes what arrives, and when."""
+
+    def __init__(self, config: DetectorConfig) -> None:
+        super().__init__('witness', namespace=NAMESPACE)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self)
+        self.stamps_s: list[float] = []
+        self.rows: list[Any] = []
+        self.position_stamps_s: list[float] = []
+        self.positions_m: list[float] = []
+        self.latencies_s: list[float] = []
+        # Topic -> (time of receipt, state) of each change.
+        self.changes: dict[str, list[tuple[float, bool]]] = defaultdict(list)
+        self.create_subscription(JointState, 'voltages', self._on_voltages, sensor_qos())
+        self.create_subscription(JointState, 'platform_position', self._on_position, sensor_qos())
+        self.create_subscription(
+            JointState, 'slip_detector/envelope', self._on_envelope, sensor_qos()
+        )
+        self.topics = ['slip']
+        self.topics += [f'slip/group/{name}' for name in config.groups]
+        self.topics += [f'slip/channel/{name}' for name in config.names]
+        for topic in self.topics:
+            self.create_subscription(Bool, topic, self._noter(topic), state_qos())
+
+    def hears_all(self) -> bool:
+        """Return whether each decision has been received: the detector is up and connected."""
+        return len(self.changes) == len(self.topics)
+
+    def _on_voltages(self, message: JointState) -> None:
+        self.stamps_s.append(stamp_ns(message.header.stamp) * 1e-9)
+        self.rows.append(message.position)
+
+    def _on_position(self, message: JointState) -> None:
+        self.position_stamps_s.append(stamp_ns(message.header.stamp) * 1e-9)
+        self.positions_m.append(message.position[0])
+
+    def _on_envelope(self, message: JointState) -> None:
+        self.latencies_s.append((time.time_ns() - stamp_ns(message.header.stamp)) * 1e-9)
+
+    def _noter(self, topic: str) -> Any:
+        changes = self.changes[topic] = []
+
+        def note(message: Bool) -> None:
+            if not changes or changes[-1][1] != message.data:
+                changes.append((time.time_ns() * 1e-9, message.data))
+
+        return note
+
+
+def play(arguments: argparse.Namespace, parameter_file: Path) -> tuple[Witness, DetectorConfig]:
+    """Run both nodes on a scene until it ends, with a witness beside them."""
+    config = DetectorConfig.from_yaml(parameter_file)
+    rclpy.init()
+    witness = Witness(config)
+    ros = ['--ros-args', '-r', f'__ns:=/{NAMESPACE}']
+    detector_words = ['--params-file', str(parameter_file)]
+    driver_words = ['-p', 'wait_for_subscribers:=2', '-p', f'seed:={arguments.seed}']
+    driver_words += ['-p', f'scene:={arguments.scene}']
+    processes = []
+    try:
+        for name, words in (('slip_detector', detector_words), ('slip_driver', driver_words)):
+            command = [sys.executable, '-m', 'slip_detector.nodes.run', name]
+            processes.append(subprocess.Popen([*command, *ros, *words]))
+            deadline_s = time.monotonic() + DISCOVERY_TIMEOUT_S
+            while name == 'slip_detector' and not witness.hears_all():
+                _spin(witness, processes, deadline_s, 'the detector to be heard')
+        deadline_s = time.monotonic() + SCENE_TIMEOUT_S
+        driver = processes[1]
+        while driver.poll() is None:
+            _spin(witness, processes[:1], deadline_s, 'the scene to end')
+        if driver.returncode:
+            raise RuntimeError(f'slip_driver ended with the exit code {driver.returncode}')
+        deadline_s = time.monotonic() + DRAIN_S
+        while time.monotonic() < deadline_s:
+            witness.executor.spin_once(timeout_sec=0.05)
+    finally:
+        for process in processes:
+            if process.poll() is None:
+                process.terminate()
+        for process in processes:
+            process.wait(timeout=10)
+    return witness, config
+
+
+def _spin(
+    witness: Witness, processes: list['subprocess.Popen[bytes]'], deadline_s: float, what: str
+) -> None:
+    """Take what came; raise if a process has died or the deadline has passed."""
+    for process in processes:
+        if process.poll() is not None:
+            raise RuntimeError(f'a node ended with the exit code {process.returncode}')
+    if time.monotonic() > deadline_s:
+        raise RuntimeError(f'waited in vain for {what}')
+    witness.executor.spin_once(timeout_sec=0.05)
+
+
+def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
+    """Compute the paper's figures of merit from what the witness received.
+
+    Delays are from the stamp of the last sample at which the plate still stood (Eq. 9) to the
+    receipt of the first ON after it, as a grasp controller has them.
+    """
+    start_s, end_s = motion(witness)
+
+    def delay_ms(topic: str) -> float | None:
+        changes = witness.changes[topic]
+        times = np.array([at_s for at_s, _ in changes])
+        delay_s = first_on_delay_s(np.array([on for _, on in changes]), times, start_s)
+        return None if delay_s is None else delay_s * 1e3
+
+    times_s = np.array(witness.stamps_s)
+    slip = state_at(witness.changes['slip'], times_s)
+    truth = (times_s >= start_s) & (times_s <= end_s)
+    channels = {name: delay_ms(f'slip/channel/{name}') for name in config.names}
+    mean, sd = mean_delay(list(channels.values()))
+    return {
+        'channel_delay_ms': channels,
+        'mean_delay_ms': mean,
+        'sd_delay_ms': sd,
+        'group_delay_ms': {name: delay_ms(f'slip/group/{name}') for name in config.groups},
+        'global_delay_ms': delay_ms('slip'),
+        'false_positive_percent': false_positive_percent(slip, truth),
+        'latency_ms': {
+            'median': float(np.median(witness.latencies_s)) * 1e3,
+            'p99': float(np.percentile(witness.latencies_s, 99)) * 1e3,
+        },
+    }
+
+
+def motion(witness: Witness) -> tuple[float, float]:
+    """Return when the plate started and when it stopped, by its position (Eq. 9)."""
+    moved = np.flatnonzero(np.diff(witness.positions_m))
+    if not moved.size:
+        raise RuntimeError('the plate of this scene does not move: there is no delay to measure')
+    stamps_s = witness.position_stamps_s
+    return stamps_s[moved[0]], stamps_s[moved[-1] + 1]
+
+
+def state_at(changes: list[tuple[float, bool]], times_s: Any) -> Any:
+    """Return the state that a topic's last change before each time left."""
+    last = np.searchsorted([at_s for at_s, _ in changes], times_s, side='right') - 1
+    return np.array([on for _, on in changes])[np.maximum(last, 0)] & (last >= 0)
+
+
+def table(result: dict[str, Any]) -> str:
+    """Lay the figures out as text."""
+
+    def ms(value: float | None) -> str:
+        return 'none' if value is None else f'{value:.1f} ms'
+
+    lines = ['Delay from the start of the plate to the receipt of the first ON']
+    names = list(result['channel_delay_ms'])
+    for first in range(0, len(names), 4):
+        row = names[first : first + 4]
+        lines.append('  ' + '   '.join(
+            f'{name:>5} {ms(result["channel_delay_ms"][name]):>9}' for name in row
+        ))  # fmt: skip
+    mean, sd = ms(result['mean_delay_ms']), ms(result['sd_delay_ms'])
+    lines.append(f'  mean over the channels  {mean}, standard deviation {sd}')
+    lines.append('  groups  ' + '   '.join(
+        f'{name} {ms(delay)}' for name, delay in result['group_delay_ms'].items()
+    ))  # fmt: skip
+    lines.append(f'  slip    {ms(result["global_delay_ms"])}')
+    lines.append(f'False positives  {result["false_positive_percent"]:.2f} % of the time at rest')
+    latency = result['latency_ms']
+    lines.append(
+        f'Latency from sample to decision received  median {latency["median"]:.2f} ms, '
+        f'p99 {latency["p99"]:.2f} ms'
+    )
+    return '\n'.join(lines)
+
+
+def main() -> None:
+    """Entry point of ``slip_demo``."""
+    parser = argparse.ArgumentParser(prog='slip_demo', description=__doc__)
+    parser.add_argument('--scene', default='plate_400um', help='name or path of the scene')
+    parser.add_argument('--seed', type=int, default=0, help='seed of its noise')
+    parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
+    arguments = parser.parse_args()
+    # Two processes on one machine need no network.
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    try:
+        parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
+        witness, config = play(arguments, parameter_file)
+        result = figures(witness, config)
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        (arguments.out / 'demo.json').write_text(json.dumps(result, indent=2) + '\n')
+        _draw(witness, config, arguments.out / 'demo.png')
+        print(table(result))
+        print(f'Written: {arguments.out / "demo.json"}, {arguments.out / "demo.png"}')
+    except (KeyboardInterrupt, ExternalShutdownException):
+        sys.exit(130)
+    except (ValueError, RuntimeError, OSError) as error:
+        print(f'slip_demo: {error}', file=sys.stderr)
+        sys.exit(1)
+    finally:
+        rclpy.try_shutdown()
+
+
+def _draw(witness: Witness, config: DetectorConfig, path: Path) -> None:
+    """Draw what was received, as the paper's Figs. 5 and 6."""
+    from slip_detector.plots import draw_trial
+
+    times_s = np.array(witness.stamps_s)
+    draw_trial(
+        path,
+        times_s - times_s[0],
+        np.array(witness.rows),
+        config,
+        {name: state_at(witness.changes[f'slip/group/{name}'], times_s) for name in config.groups},
+        state_at(witness.changes['slip'], times_s),
+        tuple(at_s - times_s[0] for at_s in motion(witness)),
+    )

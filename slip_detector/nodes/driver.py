@@ -1,0 +1,109 @@
+"""The driver node: plays a source at its own pace."""
+
+import threading
+import time
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Header
+
+from slip_detector.config import DriverConfig
+from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
+from slip_detector.nodes.parameters import declare
+from slip_detector.sources import Samples, Source, open_source
+
+#: Samples read from the source at a time.
+READ_ROWS = 32
+
+#: Being late is said when it exceeds this, once a second.
+LATE_S = 0.05
+
+#: How often the driver looks for those it waits for.
+POLL_S = 0.02
+
+
+class Driver(Node):
+    """Publishes sample k at start + k / rate, whatever became of the samples before."""
+
+    def __init__(self) -> None:
+        super().__init__('slip_driver')
+        self.config = config = declare(self, DriverConfig)
+        source = open_source(config)
+        self._voltages = self.create_publisher(JointState, 'voltages', sensor_qos())
+        self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
+        self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
+        self._last_truth: bool | None = None
+        self._logged_s = -1.0
+        self._stop = threading.Event()
+        what = config.recording if config.source == 'recording' else f'scene {config.scene}'
+        self.get_logger().info(
+            f'playing {what}: {len(source.channel_names)} channels at '
+            f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
+        )
+        self._thread = threading.Thread(target=self._play, args=(source,), daemon=True)
+        self._thread.start()
+
+    def destroy_node(self) -> None:
+        """Stop playing, then take the node down."""
+        self._stop.set()
+        self._thread.join()
+        super().destroy_node()
+
+    def _play(self, source: Source) -> None:
+        """Play the source, again and again if asked to, then end the process."""
+        while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
+            if self._stop.wait(POLL_S):
+                return
+        # Stamps are the samples' own times, counted from here on the node's clock.
+        first_stamp_ns = self.get_clock().now().nanoseconds
+        start_s = time.monotonic()
+        played = 0
+        repetition = 0
+        while not self._stop.is_set():
+            samples = source.read(READ_ROWS)
+            if len(samples.volts):
+                played = self._publish(source, samples, played, start_s, first_stamp_ns)
+            elif not self.config.loop:
+                break
+            else:
+                repetition += 1
+                source = open_source(self.config, repetition)
+        if not self._stop.is_set():
+            self.get_logger().info(f'played all {played} samples')
+            self.context.try_shutdown()
+
+    def _publish(
+        self, source: Source, samples: Samples, played: int, start_s: float, first_stamp_ns: int
+    ) -> int:
+        """Publish each sample when it is due; returns how many have been played by then."""
+        rate_hz = source.sample_rate_hz
+        names = list(source.channel_names)
+        for i, volts in enumerate(samples.volts):
+            due_s = start_s + played / (rate_hz * self.config.rate)
+            ahead_s = due_s - time.monotonic()
+            if ahead_s > 0.0:
+                if self._stop.wait(ahead_s):
+                    break
+            elif -ahead_s > LATE_S:
+                self._say_late(-ahead_s)
+            header = Header(
+                stamp=time_message(first_stamp_ns + round(played * 1e9 / rate_hz)),
+                frame_id=self.config.frame_id,
+            )
+            self._voltages.publish(JointState(header=header, name=names, position=volts))
+            if samples.position_m is not None:
+                position = [float(samples.position_m[i])]
+                self._position.publish(
+                    JointState(header=header, name=['platform'], position=position)
+                )
+            if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
+                self._last_truth = bool(samples.truth[i])
+                self._truth.publish(Bool(data=self._last_truth))
+            played += 1
+        return played
+
+    def _say_late(self, late_s: float) -> None:
+        now_s = time.monotonic()
+        if now_s - self._logged_s >= 1.0:
+            self._logged_s = now_s
+            self.get_logger().warning(f'{late_s * 1e3:.0f} ms late: the pace cannot be kept')

@@ -1,0 +1,53 @@
+"""What the nodes' topics share: quality of service and stamps."""
+
+from builtin_interfaces.msg import Time
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+
+def stamp_ns(stamp: Time) -> int:
+    """Return a stamp in nanoseconds."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def time_message(nanoseconds: int) -> Time:
+    """Return nanoseconds as a stamp."""
+    seconds, rest = divmod(nanoseconds, 1_000_000_000)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def sensor_qos() -> QoSProfile:
+    """Return the profile of samples: best effort, with room for a stall of the reader."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=100,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
+
+def event_qos() -> QoSProfile:
+    """Return the profile of events: each arrives, none is kept for those who come later."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=10,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
+
+def state_qos(deadline_s: float | None = None) -> QoSProfile:
+    """Return the profile of states: who subscribes later gets the last one at once.
+
+    Parameters
+    ----------
+    deadline_s
+        Longest time from message to message that the publisher promises.
+    """
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        deadline=Duration() if deadline_s is None else Duration(seconds=deadline_s),
+    )

@@ -1,0 +1,92 @@
+"""Run a node as a process: quiet on signals, one line and an exit code on errors."""
+
+import signal
+import sys
+from types import FrameType
+from typing import Any
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    """Leave at once: before rclpy is up there is nothing to clean up."""
+    sys.exit(0)
+
+
+def run(executable: str) -> int:
+    """Spin the node of an executable until it ends or a signal comes.
+
+    Heavy imports wait until the signals are in hand, else a signal during start-up would end in
+    a traceback.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 1 after an error, which is one line on stderr.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _leave)
+    import rclpy
+    from rclpy.executors import ExternalShutdownException
+
+    node: Any = None
+    initialised = False
+    try:
+        _check_files(sys.argv)
+        make = _node_class(executable)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        rclpy.init()
+        initialised = True
+        node = make()
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except ValueError as error:
+        print(f'{executable}: {error}', file=sys.stderr)
+        return 1
+    except Exception as error:
+        if not initialised:  # rcl cannot read a parameter file or an argument.
+            print(f'{executable}: {" ".join(str(error).split())}', file=sys.stderr)
+            return 1
+        if rclpy.ok():
+            raise
+        # A signal took the context away in the midst of a call: that is an end as any other.
+    finally:
+        # A second signal (ros2 launch sends two) must not break into the cleaning up.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _check_files(words: list[str]) -> None:
+    """Read the parameter files once before rcl does, whose messages are for its developers."""
+    from slip_detector.config import read_yaml
+
+    for option, path in zip(words, words[1:], strict=False):
+        if option == '--params-file':
+            read_yaml(path)
+
+
+def _node_class(executable: str) -> Any:
+    if executable == 'slip_driver':
+        from slip_detector.nodes.driver import Driver
+
+        return Driver
+    from slip_detector.nodes.detector import Detector
+
+    return Detector
+
+
+def driver() -> None:
+    """Entry point of ``slip_driver``."""
+    sys.exit(run('slip_driver'))
+
+
+def detector() -> None:
+    """Entry point of ``slip_detector``."""
+    sys.exit(run('slip_detector'))
+
+
+if __name__ == '__main__':
+    sys.exit(run(sys.argv[1]))

@@ -1,0 +1,1 @@
+"""The simulated fingertip: one file for each part of a scene."""

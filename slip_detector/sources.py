@@ -1,0 +1,112 @@
+"""Where samples come from: one small interface, and what opens each kind of source."""
+
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.config import DriverConfig
+from slip_detector.recordings import Recording, read_recording
+
+SCENES = Path('config') / 'scenes'
+
+
+class Samples(NamedTuple):
+    """Consecutive samples, oldest first.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, c)
+    truth : ndarray of bool, shape (n,), or None
+        Whether there is slip, where the source knows.
+    position_m : ndarray, shape (n,), or None
+        Position of the platform, where there is one.
+    """
+
+    volts: NDArray[np.float64]
+    truth: NDArray[np.bool_] | None = None
+    position_m: NDArray[np.float64] | None = None
+
+
+class Source(Protocol):
+    """What the driver plays."""
+
+    sample_rate_hz: float
+    channel_names: tuple[str, ...]
+
+    def read(self, n: int) -> Samples:
+        """Return the next ``n`` samples; fewer than asked for at the end."""
+
+
+class RecordingSource:
+    """A recording as a :class:`Source`."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording, self._next = recording, 0
+        self.sample_rate_hz = recording.sample_rate_hz
+        self.channel_names = recording.channel_names
+
+    def read(self, n: int) -> Samples:
+        """Return the next ``n`` samples; fewer than asked for at the end."""
+        rows = slice(self._next, self._next + n)
+        samples = self._recording.volts[rows]
+        self._next += len(samples)
+        truth = self._recording.truth
+        return Samples(samples, None if truth is None else truth[rows])
+
+
+def find_scene(name: str) -> Path:
+    """Return the path of a scene given by its name or its path.
+
+    Raises
+    ------
+    ValueError
+        When there is none; lists the names there are.
+    """
+    path = Path(name)
+    if path.suffix in ('.yaml', '.yml'):
+        return path
+    folder = shared_folder() / 'config' / 'scenes'
+    known = sorted(file.stem for file in folder.glob('*.yaml'))
+    if name not in known:
+        raise ValueError(f'no scene {name!r}, allowed: {", ".join(known)}, or a path to a .yaml')
+    return folder / f'{name}.yaml'
+
+
+def shared_folder() -> Path:
+    """Return the folder that holds ``config``: the source tree's or the installed package's.
+
+    Raises
+    ------
+    ValueError
+        When the package was installed without it.
+    """
+    for parent in Path(__file__).resolve().parents:
+        for folder in (parent, parent / 'share' / 'slip_detector'):
+            if (folder / 'config' / 'scenes').is_dir() and (folder / 'package.xml').is_file():
+                return folder
+    raise ValueError('the package was installed without its config folder: install it anew')
+
+
+def open_source(config: DriverConfig, repetition: int = 0) -> Source:
+    """Open what the driver's parameters name, from its beginning.
+
+    Parameters
+    ----------
+    config
+        The driver's parameters.
+    repetition
+        How often it was played before: a scene gets other noise each time.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be opened; names it.
+    """
+    if config.source == 'recording':
+        return RecordingSource(read_recording(config.recording, config))
+    # A driver that plays a recording need not load the simulation.
+    from slip_detector.scenes.scene import load_scene
+
+    return load_scene(find_scene(config.scene), np.random.default_rng(config.seed + repetition))
