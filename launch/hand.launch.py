@@ -3,12 +3,11 @@
 ros2 launch slip_detector hand.launch.py fingers:=thumb,index,middle
 """
 
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
-
-from launch import LaunchDescription
 
 PASSED_ON = ('config', 'source', 'recording')
 

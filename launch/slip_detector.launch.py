@@ -3,13 +3,21 @@
 ros2 launch slip_detector slip_detector.launch.py namespace:=index config:=my.yaml source:=none
 """
 
-from launch.actions import DeclareLaunchArgument
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from launch import LaunchDescription
+
+def check_config(context):
+    """Refuse a file that is not there: the nodes would run on their defaults, unasked."""
+    config = LaunchConfiguration('config').perform(context)
+    if not Path(config).is_file():
+        raise FileNotFoundError(f'config is {config!r}, allowed: the path of a parameter file')
 
 
 def generate_launch_description():
@@ -37,11 +45,16 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'
             ),
+            OpaqueFunction(function=check_config),
             Node(
                 package='slip_detector',
                 executable='slip_driver',
                 namespace=namespace,
-                parameters=[config, {'source': source, 'recording': recording}],
+                parameters=[
+                    config,
+                    # The detector misses nothing while it starts.
+                    {'source': source, 'recording': recording, 'wait_for_subscribers': 1},
+                ],
                 condition=IfCondition(PythonExpression(["'", source, "' != 'none'"])),
             ),
             Node(

@@ -36,6 +36,7 @@ def parameter(
     low: float | None = None,
     high: float | None = None,
     choices: tuple[str, ...] = (),
+    allows: str = '',
 ) -> Any:
     """Make a dataclass field that describes one parameter.
 
@@ -52,8 +53,17 @@ def parameter(
         Inclusive bounds of a number, or of each number of a list.
     choices
         What a text parameter may say.
+    allows
+        What is allowed, in words, where bounds and choices do not tell.
     """
-    metadata = {'meaning': meaning, 'unit': unit, 'low': low, 'high': high, 'choices': choices}
+    metadata = {
+        'meaning': meaning,
+        'unit': unit,
+        'low': low,
+        'high': high,
+        'choices': choices,
+        'allows': allows,
+    }
     if isinstance(default, dict):
         return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -70,6 +80,8 @@ def default_of(field: 'dataclasses.Field[Any]') -> Any:
 def allowed(field: 'dataclasses.Field[Any]') -> str:
     """Say in words which values a parameter takes."""
     metadata = field.metadata
+    if metadata['allows']:
+        return str(metadata['allows'])
     if metadata['choices']:
         return ', '.join(metadata['choices'])
     unit = f' {metadata["unit"]}' if metadata['unit'] else ''
@@ -78,7 +90,7 @@ def allowed(field: 'dataclasses.Field[Any]') -> str:
         return f'{low:g} to {high:g}{unit}'
     if low is not None:
         return f'at least {low:g}{unit}'
-    return ''
+    return 'true, false' if isinstance(default_of(field), bool) else ''
 
 
 def _number(value: Any, kind: type, where: str) -> Any:
@@ -90,10 +102,14 @@ def _number(value: Any, kind: type, where: str) -> Any:
     wanted = 'a whole number' if kind is int else 'a number'
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ValueError(f'{where} is {value!r}, allowed: {wanted}')
-    if kind is int and value != int(value):
-        raise ValueError(f'{where} is {value!r}, allowed: {wanted}')
-    if math.isnan(value):
+    try:
+        number = float(value)
+    except OverflowError:
+        raise ValueError(f'{where} has too many digits, allowed: {wanted} below 1e308') from None
+    if math.isnan(number):
         raise ValueError(f'{where} is not a number, allowed: {wanted}')
+    if kind is int and not number.is_integer():
+        raise ValueError(f'{where} is {value!r}, allowed: {wanted}')
     return kind(value)
 
 
@@ -161,7 +177,7 @@ def _vote(value: Any, where: str) -> str | int:
     if value in ('all', 'mean'):
         return str(value)
     text = str(value)
-    if not isinstance(value, bool) and text.isdigit() and int(text) >= 1:
+    if not isinstance(value, bool) and text.isdecimal() and int(text) >= 1:
         return int(text)
     raise ValueError(f'{where} is {value!r}, allowed: all, mean, or a whole number from 1')
 
@@ -358,10 +374,14 @@ class ChainConfig(ParameterSet):
     )
     channels: int = parameter(16, 'Number of channels in a sample.', low=1, high=1_000_000)
     channel_names: tuple[str, ...] = parameter(
-        (), 'Names the input must carry; empty: ch1, ch2, ... and any names are taken.'
+        (),
+        'Names the input must carry; empty: ch1, ch2, ... and any names are taken.',
+        allows='letters, digits, _',
     )
     disabled_channels: tuple[int, ...] = parameter(
-        (), 'Channels (counted from 1) that are neither computed nor asked to vote.'
+        (),
+        'Channels (counted from 1) that are neither computed nor asked to vote.',
+        allows='1 to the number of channels',
     )
     valid_range_v: tuple[float, float] = parameter(
         (-1e9, 1e9),
@@ -383,17 +403,27 @@ class ChainConfig(ParameterSet):
         choices=('none', 'median', 'mean'),
     )
     passband_hz: tuple[float, float] = parameter(
-        (7.0, 50.0), 'Edges of the band-pass; a high edge of 0 makes it a high-pass.', unit='Hz'
+        (7.0, 50.0),
+        'Edges of the band-pass; a high edge of 0 makes it a high-pass.',
+        unit='Hz',
+        allows='1e-5 of the sample rate to below half of it',
     )
     passband_degree: int = parameter(
-        4, 'Degree of the band-pass polynomials (Eq. 1).', low=1, high=20
+        4,
+        'Degree of the band-pass polynomials (Eq. 1).',
+        low=1,
+        high=20,
+        allows='even, 2 to 20; 1 to 20 for a high-pass',
     )
     gain: float = parameter(100.0, 'Factor on the filtered signal.', low=1e-6, high=1e6)
     stopbands_hz: tuple[tuple[float, float], ...] = parameter(
-        ((0.5, 7.0), (50.0, 180.0)), 'Edges low, high of each stop-band (Eq. 4).', unit='Hz'
+        ((0.5, 7.0), (50.0, 180.0)),
+        'Edges low, high of each stop-band (Eq. 4); [] for none.',
+        unit='Hz',
+        allows='as passband_hz',
     )
     stopband_degree: int = parameter(
-        4, 'Degree of the stop-band polynomials, an even number.', low=2, high=20
+        4, 'Degree of the stop-band polynomials.', low=2, high=20, allows='even, 2 to 20'
     )
     stopband_ripple_db: float = parameter(
         0.01, 'Ripple outside the stop-bands.', unit='dB', low=1e-4, high=3.0
@@ -406,21 +436,33 @@ class ChainConfig(ParameterSet):
     )
     exponent: int = parameter(3, 'Power of the rectified signal (Eq. 3-5).', low=1, high=6)
     envelope_window_s: float = parameter(
-        0.04, 'Window of the RMS envelope (Eq. 6-8).', unit='s', low=0.0, high=60.0
+        0.04,
+        'Window of the RMS envelope (Eq. 6-8).',
+        unit='s',
+        low=0.0,
+        high=60.0,
+        allows='one sample to 60 s',
     )
     decision_window_s: float = parameter(
-        0.04, 'Window of the mean held against the threshold.', unit='s', low=0.0, high=60.0
+        0.04,
+        'Window of the mean held against the threshold.',
+        unit='s',
+        low=0.0,
+        high=60.0,
+        allows='one sample to 60 s',
     )
     threshold: float = parameter(0.5, 'Level above which a channel is ON.', low=1e-30, high=1e30)
     vote: str | int = parameter(
         'all',
         'When a group is ON: all its channels, a whole number k of them, or mean '
         '(the geometric mean of level / threshold exceeds 1).',
+        allows='all, mean, or 1 to the size of the smallest group',
     )
     groups: dict[str, tuple[int, ...]] = parameter(
         {},
         'Channels (counted from 1) of each group; none given: Table 1 for 16 channels, '
         'else one group named all.',
+        allows='each enabled channel in one group',
     )
 
     def __post_init__(self) -> None:
@@ -575,8 +617,8 @@ class DetectorConfig(ChainConfig):
     heartbeat_hz: float = parameter(
         10.0, 'Rate at which slip and slip_valid repeat.', unit='Hz', low=0.1, high=1000.0
     )
-    publish_groups: bool = parameter(True, 'Whether slip/group/<name> is published.')
-    publish_channels: bool = parameter(True, 'Whether slip/channel/<name> is published.')
+    publish_groups: bool = parameter(True, 'Whether slip/group/... is published.')
+    publish_channels: bool = parameter(True, 'Whether slip/channel/... is published.')
 
 
 @dataclasses.dataclass(frozen=True)

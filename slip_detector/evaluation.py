@@ -331,7 +331,7 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
         for file in files:
             mine = by_folder.setdefault(file.parent.resolve(), [])
             if file.name in [other.name for other in mine]:
-                raise ValueError(f'{file}: is given twice, allowed: each recording once')
+                raise ValueError(f'{file}: is given twice, allowed: each once')
             mine.append(file)
     names = [folder.name for folder in by_folder]
     return {

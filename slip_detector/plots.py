@@ -9,6 +9,7 @@ matplotlib.use('Agg')  # files only: a robot has no screen
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from slip_detector.config import ChainConfig
@@ -58,7 +59,7 @@ def draw_trial(
         for channel in config.groups[name]:
             raw.plot(time_s, volts[:, channel - 1], linewidth=0.7, label=f'{channel}')
         raw.set_ylabel(f'{name} [V]')
-        raw.legend(title='channel', loc='upper right', ncols=2, fontsize=7, title_fontsize=7)
+        raw.legend(title='channel', loc='center left', bbox_to_anchor=(1.0, 0.5), fontsize=8)
         _draw_decision(decision, time_s, on, 'C0')
         decision.set_ylabel(name)
     _draw_decision(axes[-1], time_s, slip, 'C3')
@@ -90,7 +91,7 @@ def draw_trial(
     plt.close(figure)
 
 
-def _draw_decision(axis: 'plt.Axes', time_s: Floats, on: Bools, color: str) -> None:
+def _draw_decision(axis: Axes, time_s: Floats, on: Bools, color: str) -> None:
     axis.fill_between(time_s, on.astype(float), step='post', color=color, alpha=0.6, linewidth=0)
     axis.set_ylim(-0.1, 1.2)
     axis.set_yticks([0, 1], ['OFF', 'ON'])

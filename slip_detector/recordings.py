@@ -131,6 +131,8 @@ def _read_csv(path: Path, config: DriverConfig) -> Recording:
             raise ValueError(f'{path}: line 1 has no column time_s, there are: {", ".join(names)}')
         rows = []
         for line in lines:
+            if not line:  # an empty line, as many programs leave at the end
+                continue
             try:
                 rows.append([float(cell) for cell in line])
             except ValueError as error:

@@ -26,9 +26,9 @@ from slip_detector.filters import design, largest_pole_radius
 PACKAGE_ROOT = Path(chain_module.__file__).parents[1]
 
 # The interpreted kernel is some 500 times slower.
-EXAMPLES = 300 if COMPILED else 60
+EXAMPLES = 300 if COMPILED else 100
 FEW_EXAMPLES = 60 if COMPILED else 15
-MOST_ROWS = 200 if COMPILED else 80
+MOST_ROWS = 200 if COMPILED else 120
 
 VOTES = ('all', 1, 2, 'mean')
 COMMON_MODES = ('none', 'mean', 'median')
@@ -70,7 +70,8 @@ def noise(seed, *shape):
 def configs(draw, **fixed):
     """Draw a configuration over all that the chain can do, of filters that are well in reach."""
     rate = draw(st.sampled_from([100.0, 380.0, 1000.0, 2012.5]), label='rate')
-    channels = draw(st.integers(1, 40), label='channels')
+    # Half of the time more than one tile.
+    channels = draw(st.one_of(st.integers(1, 40), st.integers(TILE_LANES + 1, 40)))
     order = draw(st.permutations(range(1, channels + 1)), label='order')
     enabled = order[: draw(st.integers(1, channels), label='enabled')]
     disabled = order[len(enabled) :]
@@ -844,6 +845,28 @@ def test_a_group_over_two_tiles_votes_as_one():
         True,
         False,
     ]
+
+
+@pytest.mark.parametrize('vote', VOTES)
+def test_a_bad_channel_of_any_tile_leaves_its_group_vote(vote):
+    groups = {'odd': range(1, 71, 2), 'even': range(2, 71, 2)}
+    config = ChainConfig(
+        **FAST | {'channels': 70, 'threshold': 0.1, 'groups': groups, 'vote': vote}
+    )
+    for seat in (0, TILE_LANES, 69):
+        levels = np.full(70, 1 / 1024)
+        levels[seat] = 1024.0
+        alone = levels.copy()
+        # Its group is ON only by the one channel, and only while that is valid.
+        alone[seat % 2 :: 2] = np.nan
+        alone[seat] = 1024.0
+        dead = levels.copy()
+        dead[seat] = np.nan
+        group = seat % 2
+        result = SlipChain(config).update(volts_of_levels(alone))
+        assert result.groups[-1, group] == (vote != 2), seat
+        assert not result.groups[-1, 1 - group], seat
+        assert not SlipChain(config).update(volts_of_levels(dead)).groups.any(), seat
 
 
 # --- input and output ----------------------------------------------------------------------

@@ -16,12 +16,13 @@ from slip_detector.config import (
     ChainConfig,
     DetectorConfig,
     DriverConfig,
+    EvaluationConfig,
     allowed,
     default_of,
     read_parameter_file,
 )
 
-SETS = (ChainConfig, DetectorConfig, DriverConfig)
+SETS = (ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig)
 
 NAN, INF = math.nan, math.inf
 
@@ -202,8 +203,8 @@ REFUSED = [
     ('stopband_attenuation_db', {}, 200, '200 dB', '6 to 120 dB'),
     ('exponent', {}, 7, '7', '1 to 6'),
     ('exponent', {}, 0, '0', '1 to 6'),
-    ('envelope_window_s', {}, 61, '61 s', '0 to 60 s'),
-    ('decision_window_s', {}, -1, '-1 s', '0 to 60 s'),
+    ('envelope_window_s', {}, 61, '61 s', 'to 60 s'),
+    ('decision_window_s', {}, -1, '-1 s', 'to 60 s'),
     ('threshold', {}, 0, '0', '1e-30 to 1e+30'),
     ('threshold', {}, -0.5, '-0.5', '1e-30 to 1e+30'),
     ('valid_range_v', {}, (-1e13, 5), '-1e+13 V', '-1e+12 to 1e+12 V'),

@@ -20,7 +20,7 @@ from std_msgs.msg import Bool
 from slip_detector.config import DetectorConfig
 from slip_detector.evaluation import false_positive_percent, first_on_delay_s, mean_delay
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.sources import shared_folder
+from slip_detector.sources import find_scene, shared_folder
 
 #: The demonstration must not mix with the topics of a robot that runs beside it.
 NAMESPACE = 'slip_demo'
@@ -35,8 +35,8 @@ class Witness(Node):
 
     def __init__(self, config: DetectorConfig) -> None:
         super().__init__('witness', namespace=NAMESPACE)
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self)
+        self.ears = SingleThreadedExecutor()
+        self.ears.add_node(self)
         self.stamps_s: list[float] = []
         self.rows: list[Any] = []
         self.position_stamps_s: list[float] = []
@@ -105,7 +105,7 @@ def play(arguments: argparse.Namespace, parameter_file: Path) -> tuple[Witness, 
             raise RuntimeError(f'slip_driver ended with the exit code {driver.returncode}')
         deadline_s = time.monotonic() + DRAIN_S
         while time.monotonic() < deadline_s:
-            witness.executor.spin_once(timeout_sec=0.05)
+            witness.ears.spin_once(timeout_sec=0.05)
     finally:
         for process in processes:
             if process.poll() is None:
@@ -124,7 +124,7 @@ def _spin(
             raise RuntimeError(f'a node ended with the exit code {process.returncode}')
     if time.monotonic() > deadline_s:
         raise RuntimeError(f'waited in vain for {what}')
-    witness.executor.spin_once(timeout_sec=0.05)
+    witness.ears.spin_once(timeout_sec=0.05)
 
 
 def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
@@ -175,6 +175,13 @@ def state_at(changes: list[tuple[float, bool]], times_s: Any) -> Any:
     return np.array([on for _, on in changes])[np.maximum(last, 0)] & (last >= 0)
 
 
+def rounded(value: Any) -> Any:
+    """Round all figures to what a clock of a shared machine can tell."""
+    if isinstance(value, dict):
+        return {name: rounded(item) for name, item in value.items()}
+    return value if value is None else round(float(value), 3)
+
+
 def table(result: dict[str, Any]) -> str:
     """Lay the figures out as text."""
 
@@ -213,11 +220,12 @@ def main() -> None:
     # Two processes on one machine need no network.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     try:
+        find_scene(arguments.scene)  # before anything is started
         parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
         witness, config = play(arguments, parameter_file)
         result = figures(witness, config)
         arguments.out.mkdir(parents=True, exist_ok=True)
-        (arguments.out / 'demo.json').write_text(json.dumps(result, indent=2) + '\n')
+        (arguments.out / 'demo.json').write_text(json.dumps(rounded(result), indent=2) + '\n')
         _draw(witness, config, arguments.out / 'demo.png')
         print(table(result))
         print(f'Written: {arguments.out / "demo.json"}, {arguments.out / "demo.png"}')
@@ -244,3 +252,7 @@ def _draw(witness: Witness, config: DetectorConfig, path: Path) -> None:
         state_at(witness.changes['slip'], times_s),
         tuple(at_s - times_s[0] for at_s in motion(witness)),
     )
+
+
+if __name__ == '__main__':
+    main()

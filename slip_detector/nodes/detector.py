@@ -45,6 +45,7 @@ class Detector(Node):
         self._timeline = Timeline(1 / config.sample_rate_hz, config.max_gap_s)
         self._period_ns = 1e9 / config.sample_rate_hz
         self._names: list[str] | None = list(config.channel_names) or None
+        self._frame_id = ''
         self._last_row: NDArray[np.float64] | None = None
         self._heard = False
         self._looks_in_vain = 0
@@ -106,6 +107,7 @@ class Detector(Node):
         listened = self._envelope.get_subscription_count() > 0
         result = self._chain.update(row, envelope=False, level=listened)
         self._last_row = row[-1:]
+        self._frame_id = message.header.frame_id
         first_ns = at_ns - round((len(row) - 1) * self._period_ns)
         for i in range(len(row)):
             self._announce(result.flags[i], first_ns + round(i * self._period_ns))
@@ -133,7 +135,6 @@ class Detector(Node):
     def _announce(self, flags: NDArray[np.bool_], at_ns: int) -> None:
         """Publish each decision that differs from the last."""
         flags_bytes = flags.tobytes()
-        valid = self._valid
         if flags_bytes != self._flags_bytes:
             before, self._flags, self._flags_bytes = self._flags, flags, flags_bytes
             for column in np.flatnonzero(flags != before).tolist():
@@ -141,8 +142,7 @@ class Detector(Node):
                 if publisher is not None:
                     publisher.publish(self._messages[bool(flags[column])])
             if flags[0] and not before[0]:
-                header = Header(stamp=time_message(at_ns), frame_id='slip')
-                self._onset.publish(header)
+                self._onset.publish(Header(stamp=time_message(at_ns), frame_id=self._frame_id))
         valid = bool(self._flags[self._can_vote].any())
         if valid != self._valid:
             self._valid = valid
@@ -168,7 +168,7 @@ class Detector(Node):
             self._heard, self._looks_in_vain = False, 0
             return
         self._looks_in_vain += 1
-        if self._looks_in_vain == LOOKS_IN_VAIN and self._valid:
+        if self._looks_in_vain == LOOKS_IN_VAIN and self._last_row is not None:
             self._log('silent', f'no input for {self.config.input_timeout_s:g} s')
             self._announce(self._all_off, 0)
 

@@ -40,7 +40,7 @@ class Driver(Node):
             f'playing {what}: {len(source.channel_names)} channels at '
             f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
         )
-        self._thread = threading.Thread(target=self._play, args=(source,), daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(source,), daemon=True)
         self._thread.start()
 
     def destroy_node(self) -> None:
@@ -49,8 +49,19 @@ class Driver(Node):
         self._thread.join()
         super().destroy_node()
 
+    def _run(self, source: Source) -> None:
+        """Play, then end the process."""
+        try:
+            self._play(source)
+        except Exception:
+            # A signal may take the context away in the midst of a call; that is an end too.
+            if self.context.ok():
+                raise
+        finally:
+            self.context.try_shutdown()
+
     def _play(self, source: Source) -> None:
-        """Play the source, again and again if asked to, then end the process."""
+        """Play the source, again and again if asked to."""
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
             if self._stop.wait(POLL_S):
                 return
@@ -70,7 +81,6 @@ class Driver(Node):
                 source = open_source(self.config, repetition)
         if not self._stop.is_set():
             self.get_logger().info(f'played all {played} samples')
-            self.context.try_shutdown()
 
     def _publish(
         self, source: Source, samples: Samples, played: int, start_s: float, first_stamp_ns: int

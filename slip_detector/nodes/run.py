@@ -1,38 +1,46 @@
 """Run a node as a process: quiet on signals, one line and an exit code on errors."""
 
+import os
 import signal
 import sys
-from types import FrameType
+from itertools import pairwise
 from typing import Any
-
-
-def _leave(number: int, frame: FrameType | None) -> None:
-    """Leave at once: before rclpy is up there is nothing to clean up."""
-    sys.exit(0)
 
 
 def run(executable: str) -> int:
     """Spin the node of an executable until it ends or a signal comes.
 
-    Heavy imports wait until the signals are in hand, else a signal during start-up would end in
-    a traceback.
+    Heavy imports wait until the signals are in hand, else one that comes during start-up would
+    end in a traceback.
 
     Returns
     -------
     int
         Exit code: 0, or 1 after an error, which is one line on stderr.
     """
+    initialised = False
+
+    def on_signal(*_: Any) -> None:
+        # Before rclpy is up there is nothing to clean up, and an exception would break into the
+        # loading of a module. Later rclpy has a handler before this one, which ends the spinning.
+        if not initialised:
+            os._exit(0)
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _leave)
+        signal.signal(number, on_signal)
     import rclpy
     from rclpy.executors import ExternalShutdownException
 
+    def on_unraisable(problem: Any) -> None:
+        # What rclpy leaves half-made when a signal takes the context away is nobody's concern.
+        if not initialised or rclpy.ok():
+            sys.__unraisablehook__(problem)
+
+    sys.unraisablehook = on_unraisable
     node: Any = None
-    initialised = False
     try:
         _check_files(sys.argv)
         make = _node_class(executable)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
         rclpy.init()
         initialised = True
         node = make()
@@ -63,7 +71,7 @@ def _check_files(words: list[str]) -> None:
     """Read the parameter files once before rcl does, whose messages are for its developers."""
     from slip_detector.config import read_yaml
 
-    for option, path in zip(words, words[1:], strict=False):
+    for option, path in pairwise(words):
         if option == '--params-file':
             read_yaml(path)
 

@@ -34,7 +34,11 @@ class Motion(ParameterSet):
         0.5, 'Acceleration between two velocities.', unit='m/s2', low=1e-3, high=1e6
     )
     ringing_hz: float = parameter(
-        18.0, 'Natural frequency of the fingertip against the platform.', unit='Hz', low=0.1
+        18.0,
+        'Natural frequency of the fingertip against the platform.',
+        unit='Hz',
+        low=0.1,
+        high=1e6,
     )
     ringing_damping: float = parameter(0.3, 'Its damping ratio.', low=0.01, high=10.0)
 
@@ -55,24 +59,25 @@ class Platform:
     def __init__(self, motion: Motion, steps: list[Step], sample_rate_hz: float) -> None:
         times, forces = [0.0], [0.0]
         corner_times, velocities = [0.0], [0.0]
-        for step in steps:
+        for number, step in enumerate(steps, start=1):
             if step.velocity_m_s != velocities[-1]:
                 change = abs(step.velocity_m_s - velocities[-1]) / motion.acceleration_m_s2
                 if change > step.duration_s:
                     raise ValueError(
-                        f'steps: duration_s {step.duration_s:g} s is too short to reach '
-                        f'{step.velocity_m_s:g} m/s, allowed: at least {change:g} s at '
+                        f'steps: step {number}: duration_s {step.duration_s:g} s is too short to '
+                        f'reach {step.velocity_m_s:g} m/s, allowed: at least {change:g} s at '
                         f'{motion.acceleration_m_s2:g} m/s2'
                     )
                 if times[-1] > corner_times[-1]:
                     corner_times.append(times[-1])
                     velocities.append(velocities[-1])
-                corner_times.append(times[-1] + change)
+                # A change too small for the clock's last digit is one at once.
+                corner_times.append(max(times[-1] + change, np.nextafter(times[-1], np.inf)))
                 velocities.append(step.velocity_m_s)
             times.append(times[-1] + step.duration_s)
             forces.append(forces[-1] if step.force_n < 0.0 else step.force_n)
         self.duration_s = times[-1]
-        # The plate coasts to rest after the last step if nothing stopped it before.
+        # What it does last it goes on doing, for samples that round to just after the end.
         corner_times.append(max(self.duration_s, corner_times[-1]) + 1.0)
         velocities.append(velocities[-1])
         self._times, self._forces = np.array(times), np.array(forces)
@@ -91,6 +96,8 @@ class Platform:
 
         Never negative: a fingertip does not stick to the plate.
         """
+        if not len(time_s):  # of which lfilter makes an undefined state
+            return np.empty(0)
         command = np.interp(time_s, self._times, self._forces)
         force, self._ringing_state = signal.lfilter(
             *self._ringing, command, zi=self._ringing_state

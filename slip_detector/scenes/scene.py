@@ -75,6 +75,11 @@ class Scene:
         self._plate_m = 0.0
         self._next = 0
         self.length = round(self._platform.duration_s * self.sample_rate_hz)
+        if not self.length:
+            raise ValueError(
+                f'steps: all take {self._platform.duration_s:g} s, allowed: at least one sample '
+                f'at {self.sample_rate_hz:g} Hz'
+            )
 
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples, fewer at the end of the scene."""

@@ -1,0 +1,51 @@
+"""Write the parameter tables of the README: python test/readme_tables.py."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+from slip_detector.config import DetectorConfig, DriverConfig, allowed, default_of
+
+README = Path(__file__).resolve().parents[1] / 'README.md'
+
+
+def table(config_class):
+    """Lay out the fields of a configuration as a Markdown table."""
+    lines = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
+    for field in dataclasses.fields(config_class):
+        default = shown(default_of(field))
+        unit = field.metadata['unit']
+        limits = allowed(field).removesuffix(f' {unit}')
+        meaning = field.metadata['meaning']
+        lines.append(f'| `{field.name}` | {default} | {unit} | {limits} | {meaning} |')
+    return '\n'.join(lines)
+
+
+def shown(value):
+    """Write a default as YAML has it."""
+    if isinstance(value, bool):
+        return f'`{str(value).lower()}`'
+    if isinstance(value, tuple):
+        flat = [n for item in value for n in (item if isinstance(item, tuple) else (item,))]
+        return f'`[{", ".join(f"{n:g}" for n in flat)}]`'
+    if isinstance(value, dict):
+        return ''
+    if isinstance(value, str):
+        return f'`{value}`' if value else "`''`"
+    return f'`{value:g}`'
+
+
+def with_tables(text):
+    """Return the README's text with the tables as they should be."""
+    for config_class in (DetectorConfig, DriverConfig):
+        name = config_class.__name__
+        pattern = rf'(<!-- {name} -->\n).*?(<!-- end -->)'
+        text, found = re.subn(
+            pattern, lambda m, c=config_class: f'{m[1]}{table(c)}\n{m[2]}', text, flags=re.S
+        )
+        assert found == 1, f'README.md has no place for {name}'
+    return text
+
+
+if __name__ == '__main__':
+    README.write_text(with_tables(README.read_text()))

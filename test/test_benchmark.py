@@ -1,0 +1,325 @@
+"""The benchmark: what it prints, that its rivals decide alike, and how its parts judge."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slip_detector import benchmark
+from slip_detector.benchmark import (
+    QUICK_INTERPRETED,
+    WANTED,
+    Bound,
+    NumpyChain,
+    least_times_s,
+    match,
+    volts,
+    why_not_ros,
+)
+from slip_detector.chain import COMPILED, SlipChain
+from slip_detector.config import ChainConfig
+
+ROOT = Path(benchmark.__file__).parents[1]
+
+# No figure is judged by its size: machines are noisy. These only end a run that hangs.
+PATIENCE_S = 240.0
+END_PATIENCE_S = 60.0
+
+COUNTS = ['16', '64', '1024', '10000']
+
+
+@pytest.fixture(scope='module')
+def result():
+    return benchmark.measure(quick=True, with_ros=False)
+
+
+def start(*words, domain=57):
+    environment = os.environ | {
+        'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
+        'ROS_DOMAIN_ID': os.environ.get('ROS_DOMAIN_ID', str(domain)),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+    }
+    return subprocess.Popen(
+        [sys.executable, '-m', 'slip_detector.benchmark', *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
+
+
+def run(*words):
+    process = start(*words)
+    try:
+        output, errors = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()
+        process.wait()
+    return process.returncode, output, errors
+
+
+def test_every_section_has_its_figures(result):
+    assert set(result) == {
+        'machine', 'quick', 'blocks', 'one_row', 'channels', 'end_to_end', 'end_to_end_left_out',
+        'wanted',
+    }  # fmt: skip
+    assert set(result['machine']) == {
+        'cores', 'system', 'processor', 'python', 'numpy', 'scipy', 'numba', 'compiled',
+    }  # fmt: skip
+    assert set(result['blocks']) == {
+        'rows', 'channels', 'rows_per_call', 'rounds', 'chain_ns_per_row', 'numpy_ns_per_row',
+        'speedup', 'agreement', 'slip_share',
+    }  # fmt: skip
+    assert set(result['one_row']) == {
+        'channels', 'calls', 'rounds', 'chain_us_per_call', 'sosfilt_us_per_call', 'speedup',
+        'kept_bytes_per_call', 'peak_bytes_per_call', 'temporary_bytes_per_channel',
+    }  # fmt: skip
+    assert set(result['channels']) == {
+        'channel_samples', 'rounds', 'ns_per_channel_sample', 'ratio', 'worst_ratio',
+    }  # fmt: skip
+    assert result['quick'] is True
+    assert result['end_to_end'] is None
+    assert result['machine']['compiled'] is COMPILED
+    assert (result['machine']['numba'] is None) is not COMPILED
+
+
+def test_every_key_is_documented(result):
+    names = {key for section in result.values() if isinstance(section, dict) for key in section}
+    for name in (names | set(result)) - set(WANTED):
+        assert f'``{name}``' in benchmark.__doc__
+
+
+def test_the_figures_agree_with_each_other(result):
+    blocks, row, channels = result['blocks'], result['one_row'], result['channels']
+    assert blocks['chain_ns_per_row'] > 0
+    assert blocks['speedup'] == pytest.approx(
+        blocks['numpy_ns_per_row'] / blocks['chain_ns_per_row']
+    )
+    assert row['chain_us_per_call'] > 0
+    assert row['speedup'] == pytest.approx(row['sosfilt_us_per_call'] / row['chain_us_per_call'])
+    assert row['kept_bytes_per_call'] < 1
+    assert row['temporary_bytes_per_channel'] < 1
+    assert all(0 < peak < 10_000 for peak in row['peak_bytes_per_call'].values())
+    per_sample = channels['ns_per_channel_sample']
+    assert list(per_sample) == list(channels['ratio']) == COUNTS
+    assert all(ns > 0 for ns in per_sample.values())
+    for n in COUNTS:
+        assert channels['ratio'][n] == pytest.approx(per_sample[n] / per_sample['16'])
+    assert channels['worst_ratio'] == max(channels['ratio'].values())
+
+
+def test_the_rivals_decide_alike_on_data_with_both_decisions(result):
+    assert min(result['blocks']['agreement'].values()) >= benchmark.LEAST_AGREEMENT
+    assert 0.1 < result['blocks']['slip_share'] < 0.9
+
+
+def test_each_claim_stands_beside_what_is_wanted(result):
+    assert set(result['wanted']) == set(WANTED)
+    for name, entry in result['wanted'].items():
+        section, figure = name.split('.')
+        if result[section] is None:
+            assert entry['value'] is None
+            assert entry['met'] is None
+        else:
+            assert entry['value'] == result[section][figure]
+            assert entry['met'] is WANTED[name].met(entry['value'])
+        assert entry['bound'] == str(WANTED[name])
+
+
+def test_the_table_names_each_figure_with_its_bound(result):
+    text = benchmark.table(result)
+    for label, bound in (
+        ('SciPy and NumPy', ''),
+        ('one bare sosfilt', ''),
+        ('speed-up', '>= 10'),
+        ('speed-up', '>= 8'),
+        ('kept', '< 1'),
+        ('temporary arrays', '< 1'),
+        ('worst ratio', '<= 1.5'),
+        ('latency_ratio', '<= 1.5'),
+        ('cpu_ratio', '<= 1.5'),
+        ('equal decisions', ''),
+        ('left out: --without-ros was given', ''),
+    ):
+        assert any(label in line and bound in line for line in text.splitlines()), label
+    for fact in ('cores', 'Python', 'NumPy', 'SciPy', 'Numba'):
+        assert fact in text
+    assert max(len(line) for line in text.splitlines()) <= 120
+
+
+def test_the_table_says_honestly_what_is_not_met(result):
+    claims = {name: entry | {'met': False} for name, entry in result['wanted'].items()}
+    assert benchmark.table(result | {'wanted': claims}).count('NOT met') == 5
+    claims = {name: entry | {'met': True} for name, entry in result['wanted'].items()}
+    assert 'NOT met' not in benchmark.table(result | {'wanted': claims})
+
+
+@pytest.mark.parametrize(
+    ('bound', 'met', 'not_met'),
+    [(Bound('>=', 8), [8, 9], [7.9]), (Bound('<=', 8), [8, 7], [8.1]), (Bound('<', 1), [0], [1])],
+)
+def test_bounds(bound, met, not_met):
+    assert all(bound.met(figure) for figure in met)
+    assert not any(bound.met(figure) for figure in not_met)
+
+
+def test_a_chain_that_decides_otherwise_is_not_timed(monkeypatch):
+    class Deaf(NumpyChain):
+        def update(self, rows):
+            return tuple(np.zeros_like(part) for part in super().update(rows))
+
+    monkeypatch.setattr(benchmark, 'NumpyChain', Deaf)
+    with pytest.raises(RuntimeError, match='decide differently'):
+        benchmark.blocks(QUICK_INTERPRETED)
+
+
+def test_the_numpy_rival_carries_its_state_from_block_to_block():
+    rows = volts(600, 16)
+    whole = NumpyChain(ChainConfig(), rows[0]).update(rows)
+    rival = NumpyChain(ChainConfig(), rows[0])
+    parts = [rival.update(piece) for piece in np.split(rows, [1, 3, 10, 200])]
+    wanted = SlipChain(ChainConfig()).update(rows)
+    for i, name in enumerate(('slip', 'groups', 'channels')):
+        assert np.array_equal(np.concatenate([part[i] for part in parts]), whole[i])
+        assert np.array_equal(whole[i], getattr(wanted, name))
+
+
+def test_the_sides_take_turns():
+    order = []
+    times_s = least_times_s([lambda: order.append('a'), lambda: order.append('b')], 3)
+    assert order == ['a', 'b'] * 4
+    assert len(times_s) == 2
+    assert all(0 <= time_s < 1 for time_s in times_s)
+
+
+STAMPS = np.array([0, 100, 200, 300], dtype=np.int64)
+STATES = np.array([True, False, True, False])
+
+
+@pytest.mark.parametrize(
+    ('received', 'wanted'),
+    [
+        ([(5, True), (106, False), (207, True), (308, False)], [5, 6, 7, 8]),
+        # A stall: all arrive, the first ones after the next ones were sent.
+        ([(290, True), (291, False), (292, True), (308, False)], [290, 191, 92, 8]),
+        # Lost changes go in pairs: the one back is no change to who missed the one there.
+        ([(207, True), (308, False)], [None, None, 7, 8]),
+        ([(5, True), (308, False)], [5, None, None, 8]),
+        ([(5, True), (106, False)], [5, 6, None, None]),
+        ([], [None, None, None, None]),
+    ],
+)
+def test_each_receipt_is_matched_to_its_sample(received, wanted):
+    assert match(STAMPS, STATES, received) == wanted
+
+
+def test_json_is_one_object_on_stdout():
+    code, output, errors = run('chain', '--quick', '--without-ros', '--json')
+    assert code == 0, errors
+    parsed = json.loads(output)
+    assert parsed['end_to_end'] is None
+    assert parsed['end_to_end_left_out'] == '--without-ros was given'
+
+
+@pytest.mark.parametrize('words', [['--help'], ['chain', '--help']])
+def test_help(words):
+    code, output, _ = run(*words)
+    assert code == 0
+    assert 'chain' in output
+
+
+def test_the_benchmark_itself_imports_no_ros():
+    code = 'import sys, slip_detector.benchmark; print("rclpy" in sys.modules)'
+    output = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, cwd=ROOT, check=True
+    ).stdout
+    assert output.strip() == 'False'
+
+
+def test_without_rclpy_the_reason_is_said(tmp_path):
+    # A package that cannot be imported, found before any that can.
+    (tmp_path / 'rclpy.py').write_text('raise ImportError("no such thing here")\n')
+    code = 'from slip_detector.benchmark import why_not_ros; print(why_not_ros())'
+    environment = os.environ | {'PYTHONPATH': os.pathsep.join([str(tmp_path), str(ROOT)])}
+    output = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, env=environment, check=True
+    ).stdout
+    assert 'rclpy cannot be imported' in output
+    assert 'no such thing here' in output
+
+
+@pytest.fixture(scope='module')
+def ros():
+    reason = why_not_ros()
+    if reason:
+        pytest.skip(reason)
+
+
+@pytest.mark.usefixtures('ros')
+def test_end_to_end():
+    code, output, errors = run('chain', '--quick', '--json')
+    assert code == 0, errors
+    result = json.loads(output)
+    part = result['end_to_end']
+    assert set(part) == {
+        'rate_hz', 'samples', 'changes', 'detector', 'relay', 'latency_ratio', 'cpu_ratio',
+    }  # fmt: skip
+    assert part['samples'] == 4 * 380
+    # The tone toggles slip four times a period.
+    assert part['changes'] == pytest.approx(4 * 12 * 4, rel=0.1)
+    for name in ('detector', 'relay'):
+        node = part[name]
+        assert set(node) == {'median_ms', 'p99_ms', 'cpu_percent', 'lost'}
+        assert 0 < node['median_ms'] <= node['p99_ms']
+        assert node['cpu_percent'] > 0
+        assert node['lost'] < part['changes'] / 2
+    assert part['latency_ratio'] == pytest.approx(
+        part['detector']['median_ms'] / part['relay']['median_ms']
+    )
+    assert result['end_to_end_left_out'] == ''
+    assert result['wanted']['end_to_end.cpu_ratio']['value'] == part['cpu_ratio']
+    text = benchmark.table(result)
+    assert 'left out' not in text
+    for label in ('ratio of the medians', 'ratio of processor times'):
+        assert any(label in line and '<= 1.5' in line for line in text.splitlines())
+
+
+def processes_marked(mark):
+    """Return the processes that have inherited the environment of a run."""
+    found = []
+    for folder in Path('/proc').iterdir():
+        with contextlib.suppress(OSError):  # Another user's, or gone meanwhile.
+            words = (folder / 'cmdline').read_bytes()
+            if b'slip_detector.nodes' in words and mark in (folder / 'environ').read_bytes():
+                found.append(words)
+    return found
+
+
+@pytest.mark.usefixtures('ros')
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_leaves_no_process(number, monkeypatch):
+    mark = f'SLIP_BENCHMARK_TEST={os.getpid()}-{number}'
+    monkeypatch.setenv(*mark.split('='))
+    process = start('chain', '--quick')
+    try:
+        deadline_s = time.monotonic() + PATIENCE_S
+        while len(processes_marked(mark.encode())) < 3:  # Meter, detector and relay.
+            assert process.poll() is None
+            assert time.monotonic() < deadline_s
+            time.sleep(0.1)
+        process.send_signal(number)
+        output, errors = process.communicate(timeout=END_PATIENCE_S)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[number]
+    assert 'Traceback' not in errors
+    assert output == ''
+    assert processes_marked(mark.encode()) == []

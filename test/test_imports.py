@@ -1,0 +1,51 @@
+"""What may import what."""
+
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import slip_detector
+
+CORE = sorted(
+    module.name
+    for module in pkgutil.walk_packages(slip_detector.__path__, 'slip_detector.')
+    if not module.name.startswith('slip_detector.nodes')
+)
+NODES = ['slip_detector.nodes.detector', 'slip_detector.nodes.driver', 'slip_detector.nodes.run']
+
+WITHOUT = """
+import importlib, sys
+for name in {absent!r}:
+    sys.modules[name] = None
+for name in {modules!r}:
+    importlib.import_module(name)
+print(*sorted(sys.modules))
+"""
+
+
+def loaded_by(modules, absent=()):
+    """Import the modules in a new interpreter and return all that came with them."""
+    code = WITHOUT.format(modules=modules, absent=absent)
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_only_nodes_import_rclpy_and_messages():
+    ros = ['rclpy', 'std_msgs', 'sensor_msgs', 'rcl_interfaces', 'builtin_interfaces']
+    assert len(CORE) >= 10
+    loaded_by(CORE, absent=ros)
+
+
+def test_the_nodes_do_without_plotting():
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    assert 'matplotlib' not in loaded_by(NODES)
+
+
+def test_only_plots_imports_a_plotting_library():
+    others = [name for name in CORE if name != 'slip_detector.plots']
+    loaded_by(others, absent=['matplotlib'])

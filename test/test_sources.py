@@ -1,0 +1,110 @@
+"""Sources: every cut of a recording gives the same rows; what is named is found."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector import sources
+from slip_detector.config import DriverConfig
+from slip_detector.recordings import Recording
+from slip_detector.sources import RecordingSource, find_scene, open_source, shared_folder
+
+N_ROWS = 50
+
+
+def recording(truth=True):
+    rng = np.random.default_rng(0)
+    label = rng.random(N_ROWS) > 0.5 if truth else None
+    return Recording(rng.normal(size=(N_ROWS, 3)), 60.0, ('a', 'b', 'c'), label, {})
+
+
+@given(st.lists(st.integers(0, N_ROWS + 5), max_size=20))
+def test_a_recording_is_read_to_its_end_in_any_cut(cuts):
+    whole = recording()
+    source = RecordingSource(whole)
+    pieces = [source.read(n) for n in [*cuts, N_ROWS, 1]]
+    np.testing.assert_array_equal(np.concatenate([p.volts for p in pieces]), whole.volts)
+    np.testing.assert_array_equal(np.concatenate([p.truth for p in pieces]), whole.truth)
+    assert all(len(p.volts) == len(p.truth) for p in pieces)
+    assert all(len(p.volts) <= n for p, n in zip(pieces, [*cuts, N_ROWS, 1], strict=True))
+    assert len(pieces[-1].volts) == 0
+
+
+def test_a_recording_without_label_plays_without_truth_and_without_platform():
+    samples = RecordingSource(recording(truth=False)).read(5)
+    assert samples.truth is None
+    assert samples.position_m is None
+
+
+def test_a_recording_plays_under_its_own_rate_and_names(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('time_s,left,slip,right\n0,1,0,2\n0.5,3,1,4\n')
+    source = open_source(DriverConfig(source='recording', recording=str(path)))
+    assert source.sample_rate_hz == 2.0
+    assert source.channel_names == ('left', 'right')
+    samples = source.read(10)
+    np.testing.assert_array_equal(samples.volts, [[1, 2], [3, 4]])
+    np.testing.assert_array_equal(samples.truth, [False, True])
+
+
+def test_a_recording_is_opened_with_the_configured_keys(tmp_path):
+    path = tmp_path / 'a.npz'
+    np.savez(path, tactile=[[1.0], [2.0]], fs=60.0)
+    config = DriverConfig(
+        source='recording',
+        recording=str(path),
+        recording_volts_key='tactile',
+        recording_rate_key='fs',
+    )
+    np.testing.assert_array_equal(open_source(config).read(9).volts, [[1.0], [2.0]])
+
+
+def test_a_recording_repeats_to_the_bit(tmp_path):
+    path = tmp_path / 'a.npz'
+    np.savez(path, volts=np.random.default_rng(0).normal(size=(9, 2)), sample_rate_hz=60.0)
+    config = DriverConfig(source='recording', recording=str(path))
+    first, again = (open_source(config, repetition).read(9).volts for repetition in (0, 1))
+    assert first.tobytes() == again.tobytes()
+
+
+def test_a_missing_recording_is_named(tmp_path):
+    path = tmp_path / 'no.npz'
+    with pytest.raises(ValueError, match=re.escape(f'{path}: cannot be read')):
+        open_source(DriverConfig(source='recording', recording=str(path)))
+
+
+def test_a_scene_is_one_trial_per_seed_and_another_with_each_repetition():
+    def volts(seed, repetition):
+        return open_source(DriverConfig(seed=seed), repetition).read(50).volts.tobytes()
+
+    assert volts(3, 0) == volts(3, 0)
+    assert volts(3, 0) != volts(3, 1)
+    assert volts(3, 0) != volts(4, 0)
+
+
+def test_a_scene_is_found_by_name_or_taken_by_path():
+    assert find_scene('plate_400um') == shared_folder() / 'config' / 'scenes' / 'plate_400um.yaml'
+    assert find_scene('plate_400um').is_file()
+    assert str(find_scene('elsewhere/my.yaml')) == 'elsewhere/my.yaml'
+
+
+def test_every_scene_of_the_package_opens_and_gives_samples():
+    scenes = sorted((shared_folder() / 'config' / 'scenes').glob('*.yaml'))
+    assert scenes
+    for scene in scenes:
+        source = open_source(DriverConfig(scene=scene.stem))
+        assert source.read(10).volts.shape == (10, len(source.channel_names))
+
+
+def test_an_unknown_scene_lists_those_there_are():
+    with pytest.raises(ValueError, match=r"no scene 'plate'.*plate_400um.*path to a \.yaml"):
+        find_scene('plate')
+
+
+def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
+    monkeypatch.setattr(sources, '__file__', str(tmp_path / 'sources.py'))
+    with pytest.raises(ValueError, match='without its config folder'):
+        shared_folder()
