@@ -126,9 +126,9 @@ class Sizes(NamedTuple):
 
 FULL = Sizes(200_000, 3_200_000, 500, 20, 60, 25.0)
 QUICK = Sizes(20_000, 320_000, 200, 3, 10, 4.0)
-#: Without Numba the chain takes about a millisecond for what else takes one microsecond.
-FULL_INTERPRETED = Sizes(2_000, 20_000, 20, 3, 10, 25.0)
-QUICK_INTERPRETED = Sizes(400, 10_000, 5, 2, 2, 4.0)
+#: Without Numba the chain takes some 500 times as long.
+FULL_INTERPRETED = Sizes(10_000, 20_000, 100, 3, 10, 25.0)
+QUICK_INTERPRETED = Sizes(2_000, 10_000, 20, 2, 2, 4.0)
 
 #: Both sides are fastest with about so many rows a call: all that a call touches stays in the
 #: second-level cache, and what a call costs by itself does not show.
@@ -292,8 +292,8 @@ def one_row(sizes: Sizes) -> dict[str, Any]:
 
     chain_s, sosfilt_s = least_times_s([chain_calls, sosfilt_calls], sizes.one_row_rounds)
     few, many = config.channels, 64 * config.channels
-    kept, few_peak = memory_of_a_call(few)
-    _, many_peak = memory_of_a_call(many)
+    kept, few_peak = memory_of_a_call(few, 1000)
+    _, many_peak = memory_of_a_call(many, 1)
     return {
         'channels': config.channels,
         'calls': sizes.calls,
@@ -307,8 +307,15 @@ def one_row(sizes: Sizes) -> dict[str, Any]:
     }
 
 
-def memory_of_a_call(n_channels: int, calls: int = 100) -> tuple[float, int]:
+def memory_of_a_call(n_channels: int, calls: int) -> tuple[float, int]:
     """Measure the memory of one-row calls beyond the arrays of their result.
+
+    Parameters
+    ----------
+    n_channels
+        Of a row.
+    calls
+        Over which what is kept is averaged.
 
     Returns
     -------

@@ -475,6 +475,8 @@ class SlipChain:
             When the shape is not (n, c).
         """
         rows = np.ascontiguousarray(volts, dtype=np.float64)
+        if not rows.flags.writeable:  # another type to Numba, which would compile once more
+            rows = rows.copy()
         config = self.config
         if rows.ndim != 2 or rows.shape[1] != config.channels:
             raise ValueError(

@@ -22,6 +22,12 @@ from slip_detector import fingertip
 #: Below this share of the sample rate a band edge is lost to round-off in float64 sections.
 LOWEST_EDGE = 1e-5
 
+#: Parameters that rclpy itself declares and reads, on every node.
+OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
+
+#: What has a section in a parameter file.
+NODES = ('slip_driver', 'slip_detector', 'slip_evaluate')
+
 NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 
 ConfigType = TypeVar('ConfigType', bound='ParameterSet')
@@ -312,6 +318,8 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
         raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
     except UnicodeDecodeError:
         raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
+    except ValueError as error:  # a date that is none, for one
+        raise ValueError(f'{path}: is not YAML ({error})') from None
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
         line = f' line {mark.line + 1}' if mark else ''
@@ -323,33 +331,60 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
 
 
 def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
-    """Read the parameters that a ROS parameter file has for a node, in any namespace.
+    """Read the parameters that a ROS parameter file has for a node.
+
+    Sections for any namespace (``/**``, ``/**/node``) and one for a certain namespace apply.
 
     Parameters
     ----------
     path
         The YAML file.
     node
-        Name of the node; sections named ``/**`` count too.
+        Name of the node, without namespace.
 
     Returns
     -------
     dict
-        Flat names (``groups.TP``) and values; empty when the file has no section for the node.
+        Flat names (``groups.TP``) and values, without those that rclpy reads itself; empty when
+        the file has no section for the node.
 
     Raises
     ------
     ValueError
-        When the file is missing or is not a ROS parameter file.
+        When the file is missing, is not a ROS parameter file, or has the node in several
+        namespaces, of which only a running node knows its own.
     """
-    document = read_yaml(path)
     merged: dict[str, Any] = {}
-    for section, content in document.items():
-        if not isinstance(content, dict) or not isinstance(content.get('ros__parameters'), dict):
+    of_namespaces: list[str] = []
+    ours = False
+    for section, parameters in _sections(read_yaml(path), str(path)):
+        last = section.rsplit('/', 1)[-1]
+        ours = ours or last in (*NODES, '**')
+        if last == node and '*' not in section:
+            of_namespaces.append(section)
+        if last in (node, '**'):
+            merged.update(_flattened(parameters))
+    if not ours:
+        raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(NODES)}')
+    if len(of_namespaces) > 1:
+        raise ValueError(
+            f'{path}: has sections for {", ".join(of_namespaces)}, allowed: one namespace'
+        )
+    return {name: value for name, value in merged.items() if name.split('.')[0] not in OF_RCLPY}
+
+
+def _sections(document: Mapping[str, Any], path: str, namespace: str = '') -> Any:
+    """Yield the full name and the parameters of each node section, nested as ROS allows."""
+    for name, content in document.items():
+        section = f'{namespace}/{name}' if namespace else str(name)
+        if not isinstance(content, Mapping) or not content:
             raise ValueError(f'{path}: section {section} has no ros__parameters')
-        if str(section) == '/**' or str(section).rsplit('/', 1)[-1] == node:
-            merged.update(_flattened(content['ros__parameters']))
-    return merged
+        if 'ros__parameters' not in content:
+            yield from _sections(content, path, section)
+        elif isinstance(content['ros__parameters'], Mapping):
+            yield section, content['ros__parameters']
+        else:
+            raise ValueError(f'{path}: section {section} has no names under ros__parameters')
 
 
 def _flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
@@ -418,7 +453,7 @@ class ChainConfig(ParameterSet):
     gain: float = parameter(100.0, 'Factor on the filtered signal.', low=1e-6, high=1e6)
     stopbands_hz: tuple[tuple[float, float], ...] = parameter(
         ((0.5, 7.0), (50.0, 180.0)),
-        'Edges low, high of each stop-band (Eq. 4); [] for none.',
+        'Edges low, high of each stop-band (Eq. 4), where the ripple ends; [] for none.',
         unit='Hz',
         allows='as passband_hz',
     )
@@ -429,7 +464,7 @@ class ChainConfig(ParameterSet):
         0.01, 'Ripple outside the stop-bands.', unit='dB', low=1e-4, high=3.0
     )
     stopband_attenuation_db: float = parameter(
-        40.0, 'Attenuation inside the stop-bands.', unit='dB', low=6.0, high=120.0
+        40.0, 'Attenuation in the middle of the stop-bands.', unit='dB', low=6.0, high=120.0
     )
     rectify: str = parameter(
         'full', 'Rectifier: full wave or half wave (Eq. 3).', choices=('full', 'half')

@@ -40,10 +40,9 @@ def result():
     return benchmark.measure(quick=True, with_ros=False)
 
 
-def start(*words, domain=57):
+def start(*words):
     environment = os.environ | {
         'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
-        'ROS_DOMAIN_ID': os.environ.get('ROS_DOMAIN_ID', str(domain)),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
     return subprocess.Popen(

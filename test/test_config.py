@@ -660,9 +660,9 @@ def test_a_bad_value_in_a_file_is_an_error_that_names_the_file(write, kind, line
         (b'', 'is not a'),
         (b'- 1\n- 2\n', 'is not a'),
         (b'just text\n', 'is not a'),
-        (b'slip_detector:\n  threshold: 0.7\n', 'slip_detector has no ros__parameters'),
-        (b'slip_detector:\n  ros__parameters:\n', 'slip_detector has no ros__parameters'),
-        (b'slip_detector:\n  ros__parameters: [1]\n', 'slip_detector has no ros__parameters'),
+        (b'slip_detector:\n  threshold: 0.7\n', 'slip_detector/threshold has no ros__parameters'),
+        (b'slip_detector:\n  ros__parameters:\n', 'slip_detector has no names under ros__'),
+        (b'slip_detector:\n  ros__parameters: [1]\n', 'slip_detector has no names under ros__'),
         (b'slip_detector:\n', 'slip_detector has no ros__parameters'),
         (b'threshold: 0.7\n', 'threshold has no ros__parameters'),
     ],
@@ -727,3 +727,38 @@ def test_a_driver_of_a_recording_needs_its_path():
 def test_a_driver_does_not_take_the_chains_parameters():
     message = message_of(DriverConfig.from_parameters, {'threshold': 0.5})
     assert message.startswith('unknown parameter threshold = 0.5; ')
+
+
+def test_what_rclpy_reads_itself_may_stand_in_the_file(tmp_path):
+    path = tmp_path / 'finger.yaml'
+    path.write_text(
+        '/**:\n  ros__parameters: {use_sim_time: true}\n'
+        '/**/slip_detector:\n'
+        '  ros__parameters:\n'
+        '    qos_overrides: {/slip: {publisher: {depth: 3}}}\n'
+        '    gain: 3.0\n'
+    )
+    assert ChainConfig.from_yaml(path) == ChainConfig(gain=3.0)
+
+
+def test_a_node_may_stand_nested_in_its_namespace(tmp_path):
+    path = tmp_path / 'finger.yaml'
+    path.write_text('left:\n  index:\n    slip_detector:\n      ros__parameters: {gain: 3.0}\n')
+    assert ChainConfig.from_yaml(path) == ChainConfig(gain=3.0)
+
+
+def test_a_node_in_several_namespaces_is_not_guessed(tmp_path):
+    path = tmp_path / 'hand.yaml'
+    path.write_text(
+        '/left/slip_detector:\n  ros__parameters: {gain: 3.0}\n'
+        '/right/slip_detector:\n  ros__parameters: {gain: 4.0}\n'
+    )
+    message = message_of(ChainConfig.from_yaml, path)
+    assert '/left/slip_detector, /right/slip_detector' in message
+
+
+def test_a_file_for_other_packages_is_refused(tmp_path):
+    path = tmp_path / 'camera.yaml'
+    path.write_text('/camera:\n  ros__parameters: {gain: 3.0}\n')
+    message = message_of(ChainConfig.from_yaml, path)
+    assert message.startswith(f'{path}: has no section of this package')

@@ -18,7 +18,7 @@ def test_the_parameter_tables_are_those_of_the_dataclasses():
 def test_every_picture_and_file_it_names_is_there():
     text = README.read_text()
     named = re.findall(r'\]\(([^)#:]+)\)', text)
-    named += re.findall(r'`((?:config|slip_detector|test|docs)/[\w/.]+)`', text)
+    named += re.findall(r'`((?:config|slip_detector|test|docs)/[\w/]+\.\w+)`', text)
     assert named
     for path in named:
         assert (ROOT / path).is_file(), path

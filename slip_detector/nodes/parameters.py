@@ -8,10 +8,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from slip_detector.config import ConfigType, allowed, default_of
-
-#: Parameters that rclpy itself declares and reads.
-OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
+from slip_detector.config import OF_RCLPY, ConfigType, allowed, default_of
 
 
 def declare(node: Node, config_class: type[ConfigType]) -> ConfigType:
