@@ -36,6 +36,15 @@ Floats = NDArray[np.float64]
 # Slots of a tile's state before those of the sections and windows, one value a lane each.
 LAST, COUNT, FIRST, HELD, ENVELOPE_HEAD, LEVEL_HEAD, FIXED_SLOTS = range(7)
 
+BOOL = np.dtype(np.bool_)  # as an object: looking the type up costs more than the array
+
+# Numbers of a configuration that the kernel needs, by their place in one array.
+(LOW, HIGH, FLAT_ROWS, THRESHOLD, COMMON_MODE, FULL_WAVE, EXPONENT, VOTE, ENVELOPE_ROWS,
+ LEVEL_ROWS) = range(10)  # fmt: skip
+
+# Numbers that a chain remembers, beside those of its channels.
+ENVELOPE_ROW, LEVEL_ROW, COMMON_V = range(3)
+
 COMMON_MODES = ('none', 'mean', 'median')
 NO_COMMON_MODE, MEAN, MEDIAN = range(3)
 VOTE_ALL, VOTE_MEAN = 0, -1
@@ -66,7 +75,7 @@ def _check_samples(volts, start, rows, a, b, low, high, flat_rows, tile, flags, 
 
 @_kernel
 def _common_mode(
-    volts, start, rows, low, high, kind, tiles, flags, valid, last, deviations, shared
+    volts, start, rows, low, high, kind, tiles, flags, valid, counters, deviations, shared
 ):
     """Write each row's mean or median deviation of the valid channels to ``shared``.
 
@@ -87,15 +96,16 @@ def _common_mode(
             total = 0.0
             for i in range(n):
                 total += deviations[i]
-            last[0] = total / n
+            counters[COMMON_V] = total / n
         elif n:
             deviations[:n].sort()
-            last[0] = 0.5 * (deviations[(n - 1) // 2] + deviations[n // 2])
-        shared[k] = last[0]
+            middle = 0.5 * (deviations[(n - 1) // 2] + deviations[n // 2])
+            counters[COMMON_V] = middle
+        shared[k] = counters[COMMON_V]
         for i in range(row.size):
             first = tiles[i // lanes, FIRST, i % lanes]
             if np.isnan(first) and row[i] >= low and row[i] <= high:
-                tiles[i // lanes, FIRST, i % lanes] = row[i] - last[0]
+                tiles[i // lanes, FIRST, i % lanes] = row[i] - shared[k]
 
 
 @_kernel
@@ -123,24 +133,44 @@ def _load(volts, start, rows, a, b, low, high, shared, tile, block):
 
 @_kernel
 def _filter(block, rows, sections, delays):
-    """Run a block through the sections (transposed direct form II), in place."""
-    for s in range(sections.shape[0]):
+    """Run a block through the sections (transposed direct form II), two at a time, in place.
+
+    What a section keeps for the next row must be stored before that row can start; a second
+    section in the same pass works while the first one waits.
+    """
+    for s in range(0, sections.shape[0], 2):
         b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
         a1, a2 = sections[s, 4], sections[s, 5]
+        d0, d1, d2 = sections[s + 1, 0], sections[s + 1, 1], sections[s + 1, 2]
+        c1, c2 = sections[s + 1, 4], sections[s + 1, 5]
         z0, z1 = delays[2 * s], delays[2 * s + 1]
+        w0, w1 = delays[2 * s + 2], delays[2 * s + 3]
         for k in range(rows):
             x = block[k]
             for i in range(x.size):
                 u = x[i]
-                y = b0 * u + z0[i]
-                z0[i] = b1 * u - a1 * y + z1[i]
-                z1[i] = b2 * u - a2 * y
+                v = b0 * u + z0[i]
+                z0[i] = (b1 * u + z1[i]) - a1 * v
+                z1[i] = b2 * u - a2 * v
+                y = d0 * v + w0[i]
+                w0[i] = (d1 * v + w1[i]) - c1 * y
+                w1[i] = d2 * v - c2 * y
                 x[i] = y
 
 
 @_kernel
 def _rectified_power(block, power, rows, full_wave, exponent):
     """Rectify (Eq. 3) and raise to the exponent (Eq. 5), then square for the RMS (Eq. 6)."""
+    if exponent == 3:  # The paper's, in one pass.
+        for k in range(rows):
+            x, p = block[k], power[k]
+            for i in range(x.size):
+                u = x[i]
+                half = u if u > 0.0 else 0.0
+                u = abs(u) if full_wave else half
+                cube = u * u * u
+                p[i] = cube * cube
+        return
     for k in range(rows):
         x, p = block[k], power[k]
         for i in range(x.size):
@@ -160,15 +190,17 @@ def _rectified_power(block, power, rows, full_wave, exponent):
 
 
 @_kernel
-def _window_sums(values, rows, window, position, head, tail):
-    """Replace each value by the sum of the last ``window`` values, zeros before the first.
+def _window_means(values, rows, window, position, head, tail, root):
+    """Replace each value by the mean of the last ``window`` values, zeros before the first.
 
     Time is cut into stretches of ``window`` rows: a sum is the head of the present stretch and
     the tail of the one before, whose tails are summed once when it ends. Only sums of terms, no
-    differences: a huge value leaves nothing behind when it leaves the window.
+    differences: a huge value leaves nothing behind when it leaves the window. With ``root`` it is
+    the root of the mean.
 
     Returns the position within the stretch after the last row.
     """
+    per = 1.0 / window
     for k in range(rows):
         v = values[k]
         new, old = tail[position], tail[position + 1]
@@ -177,7 +209,8 @@ def _window_sums(values, rows, window, position, head, tail):
             total = head[i] + u
             head[i] = total
             new[i] = u
-            v[i] = total + old[i]
+            mean = (total + old[i]) * per
+            v[i] = np.sqrt(mean) if root else mean
         position += 1
         if position == window:
             position = 0
@@ -217,6 +250,17 @@ def _vote(start, rows, members, bounds, vote, scores, flags, channels, valid):
     n_groups = bounds.size - 1
     for k in range(rows):
         row = flags[start + k]
+        if k > 0 and vote != VOTE_MEAN:
+            # As good as always the channels say what they said in the row before.
+            before = flags[start + k - 1]
+            now, then = row[channels:], before[channels:]
+            differ = False
+            for i in range(now.size):
+                differ |= now[i] ^ then[i]
+            if not differ:
+                for i in range(channels):
+                    row[i] = before[i]
+                continue
         on, marks = row[channels:valid], row[valid:]
         slip = False
         for g in range(n_groups):
@@ -243,19 +287,26 @@ def _vote(start, rows, members, bounds, vote, scores, flags, channels, valid):
 
 @_kernel
 def _run(
-    volts, flags, signals, tiles, positions, common, blocks, deviations, shared, scores, sections,
-    members, bounds, group_of, low, high, flat_rows, common_mode, full_wave, exponent,
-    envelope_rows, level_rows, threshold, vote, keep_envelope, keep_level,
+    volts, flags, signals, tiles, counters, blocks, deviations, by_row, sections, members, bounds,
+    group_of, settings, keep_envelope, keep_level,
 ):  # fmt: skip
-    """Run all stages over all rows, from ``volts`` to ``flags`` and ``signals``."""
+    """Run all stages over all rows, from ``volts`` to ``flags`` and ``signals``.
+
+    Each argument costs a call some 50 ns, hence the single numbers come in two arrays.
+    """
     n_channels, n_groups = volts.shape[1], bounds.size - 1
     channels = 1 + 2 * n_groups  # first column of the channels' decisions, and of their validity
     valid = channels + n_channels
     n_tiles, lanes = tiles.shape[0], tiles.shape[2]
     block, power = blocks[0], blocks[1]
+    shared, scores = by_row[:, 0], by_row[:, 1:]
+    low, high, flat_rows = settings[LOW], settings[HIGH], settings[FLAT_ROWS]
+    threshold, vote = settings[THRESHOLD], int(settings[VOTE])
+    common_mode, full_wave = int(settings[COMMON_MODE]), settings[FULL_WAVE] != 0.0
+    exponent = int(settings[EXPONENT])
+    envelope_rows, level_rows = int(settings[ENVELOPE_ROWS]), int(settings[LEVEL_ROWS])
     envelope_tail = FIXED_SLOTS + 2 * sections.shape[0]
     level_tail = envelope_tail + envelope_rows + 1
-    per_envelope, per_level = 1.0 / envelope_rows, 1.0 / level_rows
     for start in range(0, volts.shape[0], BLOCK_ROWS):
         rows = min(BLOCK_ROWS, volts.shape[0] - start)
         if vote == VOTE_MEAN:
@@ -267,10 +318,11 @@ def _run(
                     volts, start, rows, a, b, low, high, flat_rows, tiles[t], flags, valid
                 )
             _common_mode(
-                volts, start, rows, low, high, common_mode, tiles, flags, valid, common,
+                volts, start, rows, low, high, common_mode, tiles, flags, valid, counters,
                 deviations, shared,
             )  # fmt: skip
-        at_envelope, at_level = positions[0], positions[1]
+        envelope_row, level_row = int(counters[ENVELOPE_ROW]), int(counters[LEVEL_ROW])
+        at_envelope, at_level = envelope_row, level_row
         for t in range(n_tiles):
             a, b = t * lanes, min((t + 1) * lanes, n_channels)
             tile = tiles[t]
@@ -279,32 +331,34 @@ def _run(
             _load(volts, start, rows, a, b, low, high, shared, tile, block)
             _filter(block, rows, sections, tile[FIXED_SLOTS:envelope_tail])
             _rectified_power(block, power, rows, full_wave, exponent)
-            at_envelope = _window_sums(
-                power, rows, envelope_rows, positions[0], tile[ENVELOPE_HEAD],
-                tile[envelope_tail:level_tail],
+            at_envelope = _window_means(
+                power, rows, envelope_rows, envelope_row, tile[ENVELOPE_HEAD],
+                tile[envelope_tail:level_tail], True,
             )  # fmt: skip
-            for k in range(rows):
-                p = power[k]
-                for i in range(p.size):
-                    p[i] = np.sqrt(p[i] * per_envelope)
             if keep_envelope:
                 _keep(power, rows, signals, start, a, b)
-            at_level = _window_sums(
-                power, rows, level_rows, positions[1], tile[LEVEL_HEAD], tile[level_tail:]
+            at_level = _window_means(
+                power, rows, level_rows, level_row, tile[LEVEL_HEAD], tile[level_tail:], False
             )
             for k in range(rows):
                 p, on = power[k], flags[start + k][channels + a : channels + b]
                 for i in range(on.size):
-                    mean = p[i] * per_level
-                    p[i] = mean
-                    on[i] = mean > threshold
+                    on[i] = p[i] > threshold
             if keep_level:
                 left = n_channels if keep_envelope else 0
                 _keep(power, rows, signals, start, left + a, left + b)
             if vote == VOTE_MEAN:
                 _score(power, rows, group_of[a:b], threshold, flags, start, valid + a, scores)
-        positions[0], positions[1] = at_envelope, at_level
+        counters[ENVELOPE_ROW], counters[LEVEL_ROW] = at_envelope, at_level
         _vote(start, rows, members, bounds, vote, scores, flags, channels, valid)
+
+
+def _aligned_zeros(shape):
+    """Return zeros that begin where a cache line does: a vector across two lines costs double."""
+    size = int(np.prod(shape))
+    room = np.zeros(size + VECTOR_LANES)
+    skip = -(room.ctypes.data // room.itemsize) % VECTOR_LANES
+    return room[skip : skip + size].reshape(shape)
 
 
 class SlipResult:
@@ -316,10 +370,13 @@ class SlipResult:
         All decisions side by side: equal rows are equal decisions.
     """
 
-    __slots__ = ('_shape', '_signals', 'flags')
+    __slots__ = ('_kept_envelope', '_kept_level', '_shape', '_signals', 'flags')
 
-    def __init__(self, flags: Bools, shape: tuple[int, int, bool, bool], signals: Floats) -> None:
-        self.flags, self._shape, self._signals = flags, shape, signals
+    def __init__(
+        self, flags: Bools, signals: Floats, shape: tuple[int, int], envelope: bool, level: bool
+    ) -> None:
+        self.flags, self._signals, self._shape = flags, signals, shape
+        self._kept_envelope, self._kept_level = envelope, level
 
     @property
     def slip(self) -> Bools:
@@ -349,12 +406,12 @@ class SlipResult:
     @property
     def envelope(self) -> Floats:
         """RMS envelope (Eq. 6-8); shape (n, c)."""
-        return self._kept('envelope', self._shape[2], self._signals[:, : self._shape[1]])
+        return self._kept('envelope', self._kept_envelope, self._signals[:, : self._shape[1]])
 
     @property
     def level(self) -> Floats:
         """Mean of the envelope, which is held against the threshold; shape (n, c)."""
-        return self._kept('level', self._shape[3], self._signals[:, -self._shape[1] :])
+        return self._kept('level', self._kept_level, self._signals[:, -self._shape[1] :])
 
     @staticmethod
     def _kept(name: str, kept: bool, signal: Floats) -> Floats:
@@ -372,15 +429,13 @@ class ChainState:
     tiles : ndarray, shape (tiles, slots, lanes)
         Per channel: last good value, its repeats, first good value, held filter input, the
         sections' delays and both windows.
-    positions : ndarray of int64, shape (2,)
-        Rows into the present stretch of the envelope's and of the level's window.
-    common : ndarray, shape (1,)
-        The last row's common mode in volts.
+    counters : ndarray, shape (3,)
+        Rows into the present stretch of the envelope's and of the level's window, and the last
+        row's common mode.
     """
 
     tiles: Floats
-    positions: NDArray[np.int64]
-    common: Floats
+    counters: Floats
 
 
 class SlipChain:
@@ -416,6 +471,9 @@ class SlipChain:
         lanes = -(-len(enabled) // n_tiles)
         lanes += -lanes % VECTOR_LANES
         sections = design(config)
+        if len(sections) % 2:
+            # The kernel takes them in pairs; this one lets everything through.
+            sections = np.concatenate([sections, [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]]])
         envelope_rows = config.samples(config.envelope_window_s)
         level_rows = config.samples(config.decision_window_s)
         slots = FIXED_SLOTS + 2 * len(sections) + envelope_rows + 1 + level_rows + 1
@@ -425,29 +483,28 @@ class SlipChain:
         group_of = np.zeros(len(enabled), dtype=np.int64)
         for group, mine in enumerate(members):
             group_of[mine] = group
-        vote = {'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(config.vote), config.vote)
-        self._scratch = (
-            np.zeros((2, BLOCK_ROWS, lanes)),
-            np.zeros(len(enabled)),
-            np.zeros(BLOCK_ROWS),
-            np.zeros((BLOCK_ROWS, len(members))),
+        settings = np.zeros(10)
+        settings[[LOW, HIGH]] = config.valid_range_v
+        settings[FLAT_ROWS] = (
+            config.samples(config.flat_after_s) if config.flat_after_s else np.inf
         )
+        settings[THRESHOLD] = config.threshold
+        settings[COMMON_MODE] = COMMON_MODES.index(config.common_mode)
+        settings[FULL_WAVE], settings[EXPONENT] = config.rectify == 'full', config.exponent
+        settings[ENVELOPE_ROWS], settings[LEVEL_ROWS] = envelope_rows, level_rows
+        settings[VOTE] = {'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(config.vote), config.vote)
+        self._result_shape = (len(members), config.channels)
         self._plan = (
+            # Room to work in, overwritten by each call.
+            _aligned_zeros((2, BLOCK_ROWS, lanes)),
+            np.zeros(len(enabled)),
+            np.zeros((BLOCK_ROWS, 1 + len(members))),
             sections,
             # Unsigned, so that the kernel need not look for indices counted from the end.
             np.array([c for mine in members for c in mine], dtype=np.uint64),
             np.cumsum([0] + [len(mine) for mine in members]),
             group_of,
-            config.valid_range_v[0],
-            config.valid_range_v[1],
-            float(config.samples(config.flat_after_s)) if config.flat_after_s else np.inf,
-            COMMON_MODES.index(config.common_mode),
-            config.rectify == 'full',
-            config.exponent,
-            envelope_rows,
-            level_rows,
-            config.threshold,
-            vote,
+            settings,
         )
         self.reset()
         # Compiling, or loading what an earlier run compiled, must not wait for the first sample.
@@ -455,9 +512,9 @@ class SlipChain:
 
     def reset(self) -> None:
         """Forget all rows: the next row is the first."""
-        tiles = np.zeros(self._tiles_shape)
+        tiles = _aligned_zeros(self._tiles_shape)
         tiles[:, LAST] = tiles[:, FIRST] = np.nan
-        self.state = ChainState(tiles, np.zeros(2, dtype=np.int64), np.zeros(1))
+        self.state = ChainState(tiles, np.zeros(3))
 
     def update(self, volts: ArrayLike, *, envelope: bool = True, level: bool = True) -> SlipResult:
         """Take the next rows and decide on each.
@@ -474,34 +531,31 @@ class SlipChain:
         ValueError
             When the shape is not (n, c).
         """
-        rows = np.ascontiguousarray(volts, dtype=np.float64)
+        rows = np.ascontiguousarray(volts, np.float64)
+        shape = self._result_shape
+        if rows.ndim != 2 or rows.shape[1] != shape[1]:
+            raise ValueError(f'volts has the shape {rows.shape}, allowed: (any, {shape[1]})')
         if not rows.flags.writeable:  # another type to Numba, which would compile once more
             rows = rows.copy()
-        config = self.config
-        if rows.ndim != 2 or rows.shape[1] != config.channels:
-            raise ValueError(
-                f'volts has the shape {rows.shape}, allowed: (any, {config.channels})'
-            )
         if self._enabled is not None:
             rows = np.ascontiguousarray(rows[:, self._enabled])
         n, c = rows.shape
-        g = len(config.groups)
-        flags = np.empty((n, 1 + 2 * g + 2 * c), np.bool_)
+        flags = np.empty((n, 1 + 2 * shape[0] + 2 * c), BOOL)
         signals = np.empty((n, c * (envelope + level)))
         state = self.state
         _run(
-            rows, flags, signals, state.tiles, state.positions, state.common, *self._scratch,
-            *self._plan, envelope, level,
+            rows, flags, signals, state.tiles, state.counters, *self._plan,
+            envelope, level,
         )  # fmt: skip
         if self._enabled is not None:
-            flags, signals = self._spread(flags, signals, self._enabled, g)
-        return SlipResult(flags, (g, config.channels, envelope, level), signals)
+            flags, signals = self._spread(flags, signals, self._enabled)
+        return SlipResult(flags, signals, shape, envelope, level)
 
     def _spread(
-        self, flags: Bools, signals: Floats, enabled: NDArray[np.int64], groups: int
+        self, flags: Bools, signals: Floats, enabled: NDArray[np.int64]
     ) -> tuple[Bools, Floats]:
         """Put the columns of the enabled channels where they are among all channels."""
-        n, c = len(flags), self.config.channels
+        n, (groups, c) = len(flags), self._result_shape
         first = 1 + 2 * groups
         wide = np.zeros((n, first + 2 * c), np.bool_)
         wide[:, :first] = flags[:, :first]

@@ -73,8 +73,8 @@ def test_every_section_has_its_figures(result):
         'cores', 'system', 'processor', 'python', 'numpy', 'scipy', 'numba', 'compiled',
     }  # fmt: skip
     assert set(result['blocks']) == {
-        'rows', 'channels', 'rows_per_call', 'rounds', 'chain_ns_per_row', 'numpy_ns_per_row',
-        'speedup', 'agreement', 'slip_share',
+        'rows', 'channels', 'rounds', 'chain_ns_per_row', 'numpy_ns_per_row', 'speedup',
+        'agreement', 'slip_share', 'tuned',
     }  # fmt: skip
     assert set(result['one_row']) == {
         'channels', 'calls', 'rounds', 'chain_us_per_call', 'sosfilt_us_per_call', 'speedup',
@@ -101,6 +101,8 @@ def test_the_figures_agree_with_each_other(result):
     assert blocks['speedup'] == pytest.approx(
         blocks['numpy_ns_per_row'] / blocks['chain_ns_per_row']
     )
+    tuned = blocks['tuned']
+    assert tuned['speedup'] == pytest.approx(tuned['numpy_ns_per_row'] / tuned['chain_ns_per_row'])
     assert row['chain_us_per_call'] > 0
     assert row['speedup'] == pytest.approx(row['sosfilt_us_per_call'] / row['chain_us_per_call'])
     assert row['kept_bytes_per_call'] < 1
@@ -179,10 +181,11 @@ def test_a_chain_that_decides_otherwise_is_not_timed(monkeypatch):
         benchmark.blocks(QUICK_INTERPRETED)
 
 
-def test_the_numpy_rival_carries_its_state_from_block_to_block():
+@pytest.mark.parametrize('in_place', [False, True])
+def test_the_numpy_rival_carries_its_state_from_block_to_block(in_place):
     rows = volts(600, 16)
-    whole = NumpyChain(ChainConfig(), rows[0]).update(rows)
-    rival = NumpyChain(ChainConfig(), rows[0])
+    whole = NumpyChain(ChainConfig(), rows[0], in_place).update(rows)
+    rival = NumpyChain(ChainConfig(), rows[0], in_place)
     parts = [rival.update(piece) for piece in np.split(rows, [1, 3, 10, 200])]
     wanted = SlipChain(ChainConfig()).update(rows)
     for i, name in enumerate(('slip', 'groups', 'channels')):

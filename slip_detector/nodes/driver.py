@@ -3,6 +3,7 @@
 import threading
 import time
 
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
@@ -35,6 +36,8 @@ class Driver(Node):
         self._last_truth: bool | None = None
         self._logged_s = -1.0
         self._stop = threading.Event()
+        self._failure: Exception | None = None
+        self._ended = self.create_guard_condition(self._on_end)
         what = config.recording if config.source == 'recording' else f'scene {config.scene}'
         self.get_logger().info(
             f'playing {what}: {len(source.channel_names)} channels at '
@@ -50,15 +53,18 @@ class Driver(Node):
         super().destroy_node()
 
     def _run(self, source: Source) -> None:
-        """Play, then end the process."""
+        """Play in a thread of its own, then let the executor know."""
         try:
             self._play(source)
-        except Exception:
-            # A signal may take the context away in the midst of a call; that is an end too.
-            if self.context.ok():
-                raise
-        finally:
-            self.context.try_shutdown()
+        except Exception as failure:
+            self._failure = failure
+        # After a signal nobody waits for the end, and a call cut short is no failure.
+        if self.context.ok():
+            self._ended.trigger()
+
+    def _on_end(self) -> None:
+        """End the spinning, in the thread that spins."""
+        raise self._failure or ExternalShutdownException()
 
     def _play(self, source: Source) -> None:
         """Play the source, again and again if asked to."""

@@ -12,9 +12,11 @@ samples and receives ``slip`` from both. What is compared, and why so:
   the detector does not look there. So the relay is the least that a node can do for the same
   input and output, and the detector's heartbeat, ``slip_valid`` and ``slip_onset`` count against
   the detector.
-- Default chain, with short windows and a threshold at which a tone within the band toggles
-  ``slip`` about fifty times a second. ``slip/group/*`` and ``slip/channel/*`` are off: at that
-  artificial rate they would be most of the traffic.
+- The detector has all its topics, as it ships, and the default chain, with short windows and a
+  threshold at which a tone within the band toggles ``slip`` about fifty times a second. Only one
+  channel toggles, and its group with it, while the others of the group stay ON and all other
+  channels OFF: so a change of ``slip`` brings one message on ``slip/group/*`` and one on
+  ``slip/channel/*``, not twenty.
 - The k-th change received belongs to the sample on which the same chain, run offline on the same
   rows, decides. Latency counts from just before that sample is handed to ``publish``, not from
   its nominal stamp: how late the meter wakes up is the same for both and would only bring the
@@ -51,13 +53,13 @@ PARAMETERS = {
     'envelope_window_s': 0.008,
     'decision_window_s': 0.008,
     'threshold': 1.0,
-    'publish_groups': False,
-    'publish_channels': False,
 }
 
 BASELINE_V = 4.3
 TONE_HZ = 12.0
-TONE_V = 0.02
+TOGGLING_V = 0.02
+#: So much that only the very zero crossings are below the threshold, shorter than the windows.
+STAYING_ON_V = 2.0
 NOISE_V = 1e-4
 
 #: Before both nodes are heard of, the relay is told to say ON and OFF in turn, so many samples
@@ -262,17 +264,20 @@ def measure(seconds: float) -> dict[str, Any]:
     warm_up = round(WARM_UP_S * rate_hz)
     n = warm_up + round(seconds * rate_hz)
     random = np.random.default_rng(0)
-    tone_v = TONE_V * np.sin(2 * np.pi * TONE_HZ / rate_hz * np.arange(n))
-    rows = BASELINE_V + tone_v[:, None] + NOISE_V * random.standard_normal((n, config.channels))
+    toggling, *staying_on = next(iter(config.groups.values()))
+    tone_v = np.zeros(config.channels)
+    tone_v[toggling - 1] = TOGGLING_V
+    tone_v[np.array(staying_on) - 1] = STAYING_ON_V
+    tone = np.sin(2 * np.pi * TONE_HZ / rate_hz * np.arange(n))
+    noise_v = NOISE_V * random.standard_normal((n, config.channels))
+    rows = BASELINE_V + np.outer(tone, tone_v) + noise_v
     chain = SlipChain(config)
     chain.update(np.full((1, config.channels), BASELINE_V))
     slip = chain.update(rows).slip
     changes = np.flatnonzero(np.diff(slip, prepend=False))
 
     namespace = f'slip_benchmark_{os.getpid()}'
-    words = [
-        word for item in PARAMETERS.items() for word in ('-p', f'{item[0]}:={_yaml(item[1])}')
-    ]
+    words = [word for name in PARAMETERS for word in ('-p', f'{name}:={PARAMETERS[name]}')]
     detector = [sys.executable, '-m', 'slip_detector.nodes.run', 'slip_detector']
     relay = [sys.executable, '-m', 'slip_detector.nodes.end_to_end', 'relay']
     processes: dict[str, subprocess.Popen[bytes]] = {}
@@ -311,10 +316,6 @@ def measure(seconds: float) -> dict[str, Any]:
                 process.kill()
                 process.wait()
         rclpy.try_shutdown()
-
-
-def _yaml(value: float | bool) -> str:
-    return str(value).lower()
 
 
 def _spin(
