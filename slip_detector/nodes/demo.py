@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import time
-from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +42,7 @@ class Witness(Node):
         self.positions_m: list[float] = []
         self.latencies_s: list[float] = []
         # Topic -> (time of receipt, state) of each change.
-        self.changes: dict[str, list[tuple[float, bool]]] = defaultdict(list)
+        self.changes: dict[str, list[tuple[float, bool]]] = {}
         self.create_subscription(JointState, 'voltages', self._on_voltages, sensor_qos())
         self.create_subscription(JointState, 'platform_position', self._on_position, sensor_qos())
         self.create_subscription(
@@ -57,7 +56,7 @@ class Witness(Node):
 
     def hears_all(self) -> bool:
         """Return whether each decision has been received: the detector is up and connected."""
-        return len(self.changes) == len(self.topics)
+        return all(self.changes[topic] for topic in self.topics)
 
     def _on_voltages(self, message: JointState) -> None:
         self.stamps_s.append(stamp_ns(message.header.stamp) * 1e-9)
