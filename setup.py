@@ -35,7 +35,6 @@ setup(
             'colcon-common-extensions',
             'hypothesis',
             'mypy',
-            'psutil',
             'pytest>=7.4',
             'pytest-timeout',
             'ruff',

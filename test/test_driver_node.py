@@ -124,10 +124,10 @@ def test_the_pace_does_not_drift(bench, scene):
     )
     played = Played(bench, {'scene': scene, 'loop': 'true', 'wait_for_subscribers': 2}, 1500)
     delays = np.array(arrivals[: len(played.voltages)]) * 1e-9
-    # A pace slower by a thousandth would be 4 ms later at the end than at the beginning; what a
-    # busy machine does to single messages does not show in the minimum.
+    # A driver that waited one period after each sample would add what each wake-up costs, some
+    # 0.1 ms, 1500 times over. What a busy machine does to single messages is not in the minimum.
     first, last = delays[:300].min(), delays[-300:].min()
-    assert abs(last - first) < 2e-3, (first, last)
+    assert abs(last - first) < 20e-3, (first, last)
 
 
 def test_a_driver_that_cannot_keep_its_pace_says_how_late_it_is(bench, scene):
