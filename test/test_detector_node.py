@@ -235,7 +235,7 @@ def test_parameters_come_from_a_file_and_have_descriptions(bench, tmp_path):
     topic = bench.listen(Bool, 'slip/channel/b', state_qos())
     detected = Detected(bench, '--params-file', file)
     bench.wait_for(lambda: topic, 'the channel b')
-    assert 'groups front' in detected.process.log()
+    bench.wait_for(lambda: 'groups front' in detected.process.log(), 'the log')
 
     from rcl_interfaces.srv import DescribeParameters, GetParameters
 
