@@ -51,9 +51,10 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'source',
-                default_value='scene',
-                choices=['scene', 'recording', 'none'],
-                description='What the drivers play; none: no drivers, your sensors publish.',
+                default_value='',
+                choices=['', 'scene', 'recording', 'none'],
+                description='What the drivers play; none: no drivers, your sensors publish; '
+                'empty: as in the parameter file.',
             ),
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'

@@ -7,27 +7,46 @@ from pathlib import Path
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 
-def check_config(context):
-    """Refuse a file that is not there: the nodes would run on their defaults, unasked."""
-    config = LaunchConfiguration('config').perform(context)
+def nodes(context):
+    """Start the nodes; what no argument says is as the parameter file has it."""
+    config, source, recording = (
+        LaunchConfiguration(name).perform(context) for name in ('config', 'source', 'recording')
+    )
     if not Path(config).is_file():
+        # The nodes would run on their defaults, unasked.
         raise FileNotFoundError(f'config is {config!r}, allowed: the path of a parameter file')
+    namespace = LaunchConfiguration('namespace')
+    detector = Node(
+        package='slip_detector',
+        executable='slip_detector',
+        namespace=namespace,
+        parameters=[config],
+    )
+    # The detector misses nothing while it starts.
+    given = {'wait_for_subscribers': 1}
+    if source:
+        given['source'] = source
+    if recording:
+        given['recording'] = ParameterValue(recording, value_type=str)
+    driver = Node(
+        package='slip_detector',
+        executable='slip_driver',
+        namespace=namespace,
+        parameters=[config, given],
+    )
+    return [detector] if source == 'none' else [detector, driver]
 
 
 def generate_launch_description():
-    namespace = LaunchConfiguration('namespace')
-    config = LaunchConfiguration('config')
-    source = LaunchConfiguration('source')
     own_config = PathJoinSubstitution(
         [FindPackageShare('slip_detector'), 'config', 'slip_detector.yaml']
     )
-    recording = LaunchConfiguration('recording')
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -38,30 +57,14 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'source',
-                default_value='scene',
-                choices=['scene', 'recording', 'none'],
-                description='What the driver plays; none: no driver, your sensor publishes.',
+                default_value='',
+                choices=['', 'scene', 'recording', 'none'],
+                description='What the driver plays; none: no driver, your sensor publishes; '
+                'empty: as in the parameter file.',
             ),
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'
             ),
-            OpaqueFunction(function=check_config),
-            Node(
-                package='slip_detector',
-                executable='slip_driver',
-                namespace=namespace,
-                parameters=[
-                    config,
-                    # The detector misses nothing while it starts.
-                    {'source': source, 'recording': recording, 'wait_for_subscribers': 1},
-                ],
-                condition=IfCondition(PythonExpression(["'", source, "' != 'none'"])),
-            ),
-            Node(
-                package='slip_detector',
-                executable='slip_detector',
-                namespace=namespace,
-                parameters=[config],
-            ),
+            OpaqueFunction(function=nodes),
         ]
     )

@@ -356,21 +356,35 @@ def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
     """
     merged: dict[str, Any] = {}
     of_namespaces: list[str] = []
-    ours = False
-    for section, parameters in _sections(read_yaml(path), str(path)):
+    for section, parameters in our_sections(path):
         last = section.rsplit('/', 1)[-1]
-        ours = ours or last in (*NODES, '**')
         if last == node and '*' not in section:
             of_namespaces.append(section)
         if last in (node, '**'):
             merged.update(_flattened(parameters))
-    if not ours:
-        raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(NODES)}')
     if len(of_namespaces) > 1:
         raise ValueError(
             f'{path}: has sections for {", ".join(of_namespaces)}, allowed: one namespace'
         )
     return {name: value for name, value in merged.items() if name.split('.')[0] not in OF_RCLPY}
+
+
+def our_sections(path: str | Path) -> list[tuple[str, Mapping[str, Any]]]:
+    """Read the sections of a ROS parameter file that concern this package.
+
+    Raises
+    ------
+    ValueError
+        When the file is missing, is not a ROS parameter file, or has none; names the file.
+    """
+    sections = [
+        (section, parameters)
+        for section, parameters in _sections(read_yaml(path), str(path))
+        if section.rsplit('/', 1)[-1] in (*NODES, '**')
+    ]
+    if not sections:
+        raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(NODES)}')
+    return sections
 
 
 def _sections(document: Mapping[str, Any], path: str, namespace: str = '') -> Any:
@@ -586,10 +600,11 @@ class ChainConfig(ParameterSet):
                         'allowed: one group for a channel'
                     )
                 group_of[channel] = name
-            if isinstance(self.vote, int) and self.vote > len(members):
+            able = len(set(members) - disabled)
+            if isinstance(self.vote, int) and 0 < able < self.vote:
                 raise ValueError(
-                    f'parameter vote is {self.vote}, allowed: at most {len(members)}, '
-                    f'the channels of group {name}'
+                    f'parameter vote is {self.vote}, allowed: at most {able}, the enabled '
+                    f'channels of group {name}'
                 )
         for channel in range(1, self.channels + 1):
             if channel not in group_of and channel not in disabled:
@@ -647,7 +662,11 @@ class DetectorConfig(ChainConfig):
         high=60.0,
     )
     input_timeout_s: float = parameter(
-        0.5, 'slip_valid falls when no sample came for this long.', unit='s', low=0.01, high=3600.0
+        0.5,
+        'slip_valid falls within this time of the last sample.',
+        unit='s',
+        low=0.01,
+        high=3600.0,
     )
     heartbeat_hz: float = parameter(
         10.0, 'Rate at which slip and slip_valid repeat.', unit='Hz', low=0.1, high=1000.0
@@ -681,12 +700,6 @@ class DriverConfig(ParameterSet):
         0, 'Begin when so many subscribe to voltages, lest they miss the first.', low=0, high=1000
     )
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
-
-    def __post_init__(self) -> None:
-        """Check the fields against each other."""
-        super().__post_init__()
-        if self.source == 'recording' and not self.recording:
-            raise ValueError("parameter recording is '', allowed: a path, as source is recording")
 
 
 @dataclasses.dataclass(frozen=True)

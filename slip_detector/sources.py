@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from slip_detector.config import DriverConfig
 from slip_detector.recordings import Recording, read_recording
 
-SCENES = Path('config') / 'scenes'
-
 
 class Samples(NamedTuple):
     """Consecutive samples, oldest first.
@@ -105,6 +103,8 @@ def open_source(config: DriverConfig, repetition: int = 0) -> Source:
         When it cannot be opened; names it.
     """
     if config.source == 'recording':
+        if not config.recording:
+            raise ValueError("parameter recording is '', allowed: a path, as source is recording")
         return RecordingSource(read_recording(config.recording, config))
     # A driver that plays a recording need not load the simulation.
     from slip_detector.scenes.scene import load_scene

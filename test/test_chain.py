@@ -79,11 +79,12 @@ def configs(draw, **fixed):
         enabled, disabled = order, []
     n_groups = draw(st.integers(1, min(len(enabled), 6)), label='groups')
     groups = {f'g{i}': enabled[i::n_groups] for i in range(n_groups)}
-    if disabled and draw(st.booleans(), label='a group lists a disabled channel'):
-        groups['g0'] = [*groups['g0'], disabled[0]]
+    # A vote of more channels than a group has enabled is refused.
     votes = st.one_of(
         st.sampled_from(['all', 'mean']), st.integers(1, min(len(m) for m in groups.values()))
     )
+    if disabled and draw(st.booleans(), label='a group lists a disabled channel'):
+        groups['g0'] = [*groups['g0'], disabled[0]]
     if draw(st.booleans(), label='high-pass'):
         passband = (draw(st.floats(0.01, 0.3)) * rate, 0.0)
         degree = draw(st.integers(1, 4))

@@ -300,7 +300,7 @@ REFUSED = [
     ('groups', {'channels': 1}, {'': [1]}, "''", 'letters, digits and _, a letter first'),
     ('groups', {'channels': 1}, {1: [1]}, '1', 'letters, digits and _, a letter first'),
     ('groups', {'channels': 1}, {'a\n': [1]}, r"'a\n'", 'letters, digits and _, a letter first'),
-    ('vote', {}, 5, '5', 'at most 4, the channels of group TP'),
+    ('vote', {}, 5, '5', 'at most 4, the enabled channels of group TP'),
     ('vote', {'channels': 3, 'groups': {'a': [1, 2], 'b': [3]}}, 2, '2', 'at most 1'),
     # Names.
     ('channel_names', {'channels': 2}, ('a', 'a'), "'a' twice", 'each name once'),
@@ -718,12 +718,6 @@ def test_a_bad_value_of_the_driver_is_an_error(name, value, shown, allowed_text)
     assert allowed_text in after
 
 
-def test_a_driver_of_a_recording_needs_its_path():
-    message = message_of(DriverConfig, source='recording')
-    assert message.startswith("parameter recording is '', allowed: a path")
-    assert 'source' in message
-
-
 def test_a_driver_does_not_take_the_chains_parameters():
     message = message_of(DriverConfig.from_parameters, {'threshold': 0.5})
     assert message.startswith('unknown parameter threshold = 0.5; ')
@@ -762,3 +756,8 @@ def test_a_file_for_other_packages_is_refused(tmp_path):
     path.write_text('/camera:\n  ros__parameters: {gain: 3.0}\n')
     message = message_of(ChainConfig.from_yaml, path)
     assert message.startswith(f'{path}: has no section of this package')
+
+
+def test_a_group_must_keep_the_channels_that_its_vote_takes():
+    message = message_of(ChainConfig, disabled_channels=(14, 16), vote=3)
+    assert message.endswith('allowed: at most 2, the enabled channels of group TP')

@@ -45,8 +45,6 @@ def test_package_xml_names_every_dependency_and_no_other():
     tags = ('depend', 'exec_depend')
     declared = {element.text for tag in tags for element in package_xml().findall(tag)}
     used = imported([*SOURCES, *LAUNCH_FILES])
-    # builtin_interfaces comes with the messages that hold its Time.
-    used -= {'builtin_interfaces'}
     assert {ROSDEP_KEYS.get(name, name) for name in used} == declared
 
 

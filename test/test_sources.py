@@ -108,3 +108,8 @@ def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
     monkeypatch.setattr(sources, '__file__', str(tmp_path / 'sources.py'))
     with pytest.raises(ValueError, match='without its config folder'):
         shared_folder()
+
+
+def test_a_recording_without_a_path_is_an_error_that_says_why():
+    with pytest.raises(ValueError, match="parameter recording is '', allowed: a path, as source"):
+        open_source(DriverConfig(source='recording'))

@@ -16,10 +16,10 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from slip_detector.config import DetectorConfig
+from slip_detector.config import DetectorConfig, DriverConfig
 from slip_detector.evaluation import false_positive_percent, first_on_delay_s, mean_delay
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.sources import find_scene, shared_folder
+from slip_detector.sources import open_source, shared_folder
 
 #: The demonstration must not mix with the topics of a robot that runs beside it.
 NAMESPACE = 'slip_demo'
@@ -52,7 +52,7 @@ class Witness(Node):
         self.topics += [f'slip/group/{name}' for name in config.groups]
         self.topics += [f'slip/channel/{name}' for name in config.names]
         for topic in self.topics:
-            self.create_subscription(Bool, topic, self._noter(topic), state_qos())
+            self.create_subscription(Bool, topic, self._noter(topic), state_qos(depth=1000))
 
     def hears_all(self) -> bool:
         """Return whether each decision has been received: the detector is up and connected."""
@@ -110,7 +110,11 @@ def play(arguments: argparse.Namespace, parameter_file: Path) -> tuple[Witness, 
             if process.poll() is None:
                 process.terminate()
         for process in processes:
-            process.wait(timeout=10)
+            try:
+                process.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
     return witness, config
 
 
@@ -161,6 +165,8 @@ def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
 
 def motion(witness: Witness) -> tuple[float, float]:
     """Return when the plate started and when it stopped, by its position (Eq. 9)."""
+    if not witness.latencies_s:
+        raise RuntimeError('no decision was received')
     moved = np.flatnonzero(np.diff(witness.positions_m))
     if not moved.size:
         raise RuntimeError('the plate of this scene does not move: there is no delay to measure')
@@ -200,7 +206,9 @@ def table(result: dict[str, Any]) -> str:
         f'{name} {ms(delay)}' for name, delay in result['group_delay_ms'].items()
     ))  # fmt: skip
     lines.append(f'  slip    {ms(result["global_delay_ms"])}')
-    lines.append(f'False positives  {result["false_positive_percent"]:.2f} % of the time at rest')
+    share = result['false_positive_percent']
+    at_rest = 'undefined, there is no rest' if share is None else f'{share:.2f} % of the rest'
+    lines.append(f'False positives  {at_rest}')
     latency = result['latency_ms']
     lines.append(
         f'Latency from sample to decision received  median {latency["median"]:.2f} ms, '
@@ -219,11 +227,12 @@ def main() -> None:
     # Two processes on one machine need no network.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     try:
-        find_scene(arguments.scene)  # before anything is started
+        # What is wrong is to be said before anything is started.
+        open_source(DriverConfig(scene=arguments.scene, seed=arguments.seed))
+        arguments.out.mkdir(parents=True, exist_ok=True)
         parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
         witness, config = play(arguments, parameter_file)
         result = figures(witness, config)
-        arguments.out.mkdir(parents=True, exist_ok=True)
         (arguments.out / 'demo.json').write_text(json.dumps(rounded(result), indent=2) + '\n')
         _draw(witness, config, arguments.out / 'demo.png')
         print(table(result))

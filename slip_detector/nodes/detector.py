@@ -5,6 +5,7 @@ from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -80,8 +81,16 @@ class Detector(Node):
             publisher.publish(self._messages[False])
 
         self.create_subscription(JointState, 'voltages', self._on_voltages, sensor_qos())
-        self.create_timer(1 / config.heartbeat_hz, self._beat)
-        self.create_timer(config.input_timeout_s / LOOKS, self._look_for_input)
+        # A clock that is set back, or that nobody publishes, must not stop the heart. Only where
+        # time is replayed does the timeout follow it.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        replayed = self.get_parameter('use_sim_time').value
+        self.create_timer(1 / config.heartbeat_hz, self._beat, clock=steady)
+        self.create_timer(
+            config.input_timeout_s / LOOKS,
+            self._look_for_input,
+            clock=self.get_clock() if replayed else steady,
+        )
         self.get_logger().info(
             f'{config.channels - len(disabled)} channels at {config.sample_rate_hz:g} Hz, '
             f'groups {", ".join(config.groups)}'
@@ -180,7 +189,7 @@ class Detector(Node):
             return
         self._looks_in_vain += 1
         if self._looks_in_vain == LOOKS_IN_VAIN and self._last_row is not None:
-            self._log('silent', f'no input for {self.config.input_timeout_s:g} s')
+            self._log('silent', 'no input any more')
             self._announce(self._all_off, 0)
 
     def _drop(self, kind: str, what: str) -> None:

@@ -3,6 +3,7 @@
 import threading
 import time
 
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -22,6 +23,9 @@ LATE_S = 0.05
 #: How often the driver looks for those it waits for.
 POLL_S = 0.02
 
+#: How often it looks whether all has been played.
+LOOK_S = 0.1
+
 
 class Driver(Node):
     """Publishes sample k at start + k / rate, whatever became of the samples before."""
@@ -37,7 +41,9 @@ class Driver(Node):
         self._logged_s = -1.0
         self._stop = threading.Event()
         self._failure: Exception | None = None
-        self._ended = self.create_guard_condition(self._on_end)
+        # Also wakes the executor, should a signal's own wake-up get lost.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(LOOK_S, self._look_for_end, clock=steady)
         what = config.recording if config.source == 'recording' else f'scene {config.scene}'
         self.get_logger().info(
             f'playing {what}: {len(source.channel_names)} channels at '
@@ -53,21 +59,21 @@ class Driver(Node):
         super().destroy_node()
 
     def _run(self, source: Source) -> None:
-        """Play in a thread of its own, then let the executor know."""
+        """Play in a thread of its own; the executor looks for its end."""
         try:
             self._play(source)
         except Exception as failure:
             self._failure = failure
-        # After a signal nobody waits for the end, and a call cut short is no failure.
-        if self.context.ok():
-            self._ended.trigger()
 
-    def _on_end(self) -> None:
-        """End the spinning, in the thread that spins."""
-        raise self._failure or ExternalShutdownException()
+    def _look_for_end(self) -> None:
+        """End the spinning, in the thread that spins, when all has been played."""
+        if not self._thread.is_alive():
+            raise self._failure or ExternalShutdownException()
 
     def _play(self, source: Source) -> None:
         """Play the source, again and again if asked to."""
+        if self.config.wait_for_subscribers:
+            self.get_logger().info(f'waiting for {self.config.wait_for_subscribers} subscribers')
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
             if self._stop.wait(POLL_S):
                 return

@@ -36,17 +36,19 @@ def event_qos() -> QoSProfile:
     )
 
 
-def state_qos(deadline_s: float | None = None) -> QoSProfile:
+def state_qos(deadline_s: float | None = None, depth: int = 1) -> QoSProfile:
     """Return the profile of states: who subscribes later gets the last one at once.
 
     Parameters
     ----------
     deadline_s
         Longest time from message to message that the publisher promises.
+    depth
+        How many a subscriber keeps that must not miss a change while it is busy.
     """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=1,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
         deadline=Duration() if deadline_s is None else Duration(seconds=deadline_s),

@@ -6,6 +6,11 @@ import sys
 from itertools import pairwise
 from typing import Any, NoReturn
 
+#: Longest time for cleaning up; then the process is killed.
+CLEANING_UP_S = 5.0
+
+EXECUTABLES = ('slip_driver', 'slip_detector')
+
 
 def run(executable: str) -> int:
     """Spin the node of an executable until it ends or a signal comes.
@@ -61,6 +66,9 @@ def run(executable: str) -> int:
         # A second signal (ros2 launch sends two) must not break into the cleaning up.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
+        # A middleware that hangs while it is taken down must not outlive its hand.
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_REAL, CLEANING_UP_S)
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
@@ -69,11 +77,11 @@ def run(executable: str) -> int:
 
 def _check_files(words: list[str]) -> None:
     """Read the parameter files once before rcl does, whose messages are for its developers."""
-    from slip_detector.config import read_yaml
+    from slip_detector.config import our_sections
 
     for option, path in pairwise(words):
         if option == '--params-file':
-            read_yaml(path)
+            our_sections(path)
 
 
 def _node_class(executable: str) -> Any:
@@ -81,8 +89,11 @@ def _node_class(executable: str) -> Any:
         from slip_detector.nodes.driver import Driver
 
         return Driver
+    from slip_detector.chain import SlipChain
     from slip_detector.nodes.detector import Detector
 
+    # Where nothing is cached, compiling takes seconds, in which a signal is to end the process.
+    SlipChain()
     return Detector
 
 
@@ -109,4 +120,6 @@ def detector() -> None:
 
 
 if __name__ == '__main__':
+    if len(sys.argv) < 2 or sys.argv[1] not in EXECUTABLES:
+        sys.exit(f'the first word says what to run, allowed: {", ".join(EXECUTABLES)}')
     main(sys.argv[1])
