@@ -242,6 +242,10 @@ def main() -> None:
     except (ValueError, RuntimeError, OSError) as error:
         print(f'slip_demo: {error}', file=sys.stderr)
         sys.exit(1)
+    except Exception:
+        if rclpy.ok():
+            raise
+        sys.exit(130)  # A signal took the context away in the midst of a call.
     finally:
         rclpy.try_shutdown()
 
