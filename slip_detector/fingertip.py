@@ -1,7 +1,9 @@
 """The 16-channel piezoresistive fingertip of the paper: where its taxels sit and how they group.
 
 The fingertip carries a 2 x 2 array of MEMS sensors, each with four piezoresistive units at the
-ends of a cross (the paper's Fig. 3a). Channels are numbered from 1 as there.
+ends of a cross. Channels are numbered from 1. Given are the numbers, the groups of Table 1 and the
+density of the units; which sensor a channel belongs to, which way its unit points and how far it
+sits from the sensor's centre are inferred from these (see :func:`taxel_positions`).
 """
 
 import numpy as np
@@ -9,9 +11,9 @@ from numpy.typing import NDArray
 
 N_CHANNELS = 16
 
-#: The paper's Table 1. T: the units that feel shear across the finger, of the proximal (P) or the
-#: distal (D) sensors; L: the units that feel it along the finger, of the radial (R) or the ulnar
-#: (U) sensors.
+#: The paper's Table 1. Its letters are taken for: T, the units that feel shear across the finger, of
+#: the proximal (P) or the distal (D) sensors; L, the units that feel it along the finger, of the
+#: radial (R) or the ulnar (U) sensors.
 GROUPS: dict[str, tuple[int, ...]] = {
     'TP': (14, 16, 11, 9),
     'TD': (1, 3, 8, 6),
