@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 N_CHANNELS = 16
 
-#: The paper's Table 1. Its letters are taken for: T, the units that feel shear across the finger, of
-#: the proximal (P) or the distal (D) sensors; L, the units that feel it along the finger, of the
-#: radial (R) or the ulnar (U) sensors.
+#: The paper's Table 1. Its letters are taken for: T, the units that feel shear across the finger,
+#: of the proximal (P) or the distal (D) sensors; L, the units that feel it along the finger, of
+#: the radial (R) or the ulnar (U) sensors.
 GROUPS: dict[str, tuple[int, ...]] = {
     'TP': (14, 16, 11, 9),
     'TD': (1, 3, 8, 6),
