@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from slip_detector import benchmark
-from slip_detector.benchmark import (
+from slip_detector.benchmark import least_times_s, match
+from slip_detector.benchmarks import chain_speed
+from slip_detector.benchmarks.chain_speed import (
     QUICK_INTERPRETED,
     WANTED,
     Bound,
     NumpyChain,
-    least_times_s,
-    match,
     volts,
     why_not_ros,
 )
@@ -37,7 +37,9 @@ COUNTS = ['16', '64', '1024', '10000']
 
 @pytest.fixture(scope='module')
 def result():
-    return benchmark.measure(quick=True, with_ros=False)
+    return {'machine': benchmark.machine(), 'quick': True} | chain_speed.measure(
+        quick=True, with_ros=False
+    )
 
 
 def start(*words):
@@ -92,7 +94,7 @@ def test_every_section_has_its_figures(result):
 def test_every_key_is_documented(result):
     names = {key for section in result.values() if isinstance(section, dict) for key in section}
     for name in (names | set(result)) - set(WANTED):
-        assert f'``{name}``' in benchmark.__doc__
+        assert f'``{name}``' in benchmark.__doc__ + chain_speed.__doc__
 
 
 def test_the_figures_agree_with_each_other(result):
@@ -117,7 +119,7 @@ def test_the_figures_agree_with_each_other(result):
 
 
 def test_the_rivals_decide_alike_on_data_with_both_decisions(result):
-    assert min(result['blocks']['agreement'].values()) >= benchmark.LEAST_AGREEMENT
+    assert min(result['blocks']['agreement'].values()) >= chain_speed.LEAST_AGREEMENT
     assert 0.1 < result['blocks']['slip_share'] < 0.9
 
 
@@ -135,7 +137,7 @@ def test_each_claim_stands_beside_what_is_wanted(result):
 
 
 def test_the_table_names_each_figure_with_its_bound(result):
-    text = benchmark.table(result)
+    text = benchmark.heading(result) + '\n' + chain_speed.table(result)
     for label, bound in (
         ('SciPy and NumPy', ''),
         ('one bare sosfilt', ''),
@@ -157,9 +159,9 @@ def test_the_table_names_each_figure_with_its_bound(result):
 
 def test_the_table_says_honestly_what_is_not_met(result):
     claims = {name: entry | {'met': False} for name, entry in result['wanted'].items()}
-    assert benchmark.table(result | {'wanted': claims}).count('NOT met') == 5
+    assert chain_speed.table(result | {'wanted': claims}).count('NOT met') == 5
     claims = {name: entry | {'met': True} for name, entry in result['wanted'].items()}
-    assert 'NOT met' not in benchmark.table(result | {'wanted': claims})
+    assert 'NOT met' not in chain_speed.table(result | {'wanted': claims})
 
 
 @pytest.mark.parametrize(
@@ -176,9 +178,9 @@ def test_a_chain_that_decides_otherwise_is_not_timed(monkeypatch):
         def update(self, rows):
             return tuple(np.zeros_like(part) for part in super().update(rows))
 
-    monkeypatch.setattr(benchmark, 'NumpyChain', Deaf)
+    monkeypatch.setattr(chain_speed, 'NumpyChain', Deaf)
     with pytest.raises(RuntimeError, match='decide differently'):
-        benchmark.blocks(QUICK_INTERPRETED)
+        chain_speed.blocks(QUICK_INTERPRETED)
 
 
 @pytest.mark.parametrize('in_place', [False, True])
@@ -248,7 +250,7 @@ def test_the_benchmark_itself_imports_no_ros():
 def test_without_rclpy_the_reason_is_said(tmp_path):
     # A package that cannot be imported, found before any that can.
     (tmp_path / 'rclpy.py').write_text('raise ImportError("no such thing here")\n')
-    code = 'from slip_detector.benchmark import why_not_ros; print(why_not_ros())'
+    code = 'from slip_detector.benchmarks.chain_speed import why_not_ros; print(why_not_ros())'
     environment = os.environ | {'PYTHONPATH': os.pathsep.join([str(tmp_path), str(ROOT)])}
     output = subprocess.run(
         [sys.executable, '-c', code], capture_output=True, text=True, env=environment, check=True
@@ -287,7 +289,7 @@ def test_end_to_end():
     )
     assert result['end_to_end_left_out'] == ''
     assert result['wanted']['end_to_end.cpu_ratio']['value'] == part['cpu_ratio']
-    text = benchmark.table(result)
+    text = chain_speed.table(result)
     assert 'left out' not in text
     for label in ('ratio of the medians', 'ratio of processor times'):
         assert any(label in line and '<= 1.5' in line for line in text.splitlines())

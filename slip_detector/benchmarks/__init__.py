@@ -1,0 +1,1 @@
+"""The measurements of ``slip_benchmark``, one module each."""
