@@ -10,21 +10,13 @@ same bits.
 
 import dataclasses
 import warnings
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slip_detector.compiled import COMPILED, compiled
 from slip_detector.config import ChainConfig
 from slip_detector.filters import design
-
-try:
-    from numba import njit
-
-    COMPILED = True
-except ImportError:  # Numba is not to be had on every robot.
-    COMPILED = False
 
 BLOCK_ROWS = 32
 TILE_LANES = 32
@@ -50,12 +42,7 @@ NO_COMMON_MODE, MEAN, MEDIAN = range(3)
 VOTE_ALL, VOTE_MEAN = 0, -1
 
 
-def _kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile with Numba, cached on disk, where Numba is there."""
-    return njit(cache=True)(function) if COMPILED else function
-
-
-@_kernel
+@compiled
 def _check_samples(volts, start, rows, a, b, low, high, flat_rows, tile, flags, valid):
     """Mark bad and flat samples of one tile; remember the last good value and its repeats."""
     last, count = tile[LAST], tile[COUNT]
@@ -73,7 +60,7 @@ def _check_samples(volts, start, rows, a, b, low, high, flat_rows, tile, flags, 
             marks[i] = ok & (again < flat_rows)
 
 
-@_kernel
+@compiled
 def _common_mode(
     volts, start, rows, low, high, kind, tiles, flags, valid, counters, deviations, shared
 ):
@@ -108,7 +95,7 @@ def _common_mode(
                 tiles[i // lanes, FIRST, i % lanes] = row[i] - shared[k]
 
 
-@_kernel
+@compiled
 def _load(volts, start, rows, a, b, low, high, shared, tile, block):
     """Write the filter input of one tile to ``block``: deviations from the first good value.
 
@@ -131,7 +118,7 @@ def _load(volts, start, rows, a, b, low, high, shared, tile, block):
             x[i] = deviation
 
 
-@_kernel
+@compiled
 def _filter(block, rows, sections, delays):
     """Run a block through the sections (transposed direct form II), two at a time, in place.
 
@@ -158,7 +145,7 @@ def _filter(block, rows, sections, delays):
                 x[i] = y
 
 
-@_kernel
+@compiled
 def _rectified_power(block, power, rows, full_wave, exponent):
     """Rectify (Eq. 3) and raise to the exponent (Eq. 5), then square for the RMS (Eq. 6)."""
     if exponent == 3:  # The paper's, in one pass.
@@ -189,7 +176,7 @@ def _rectified_power(block, power, rows, full_wave, exponent):
             p[i] *= p[i]
 
 
-@_kernel
+@compiled
 def _window_means(values, rows, window, position, head, tail, root):
     """Replace each value by the mean of the last ``window`` values, zeros before the first.
 
@@ -223,7 +210,7 @@ def _window_means(values, rows, window, position, head, tail, root):
     return position
 
 
-@_kernel
+@compiled
 def _keep(values, rows, signals, start, a, b):
     """Copy a tile's values to columns ``a`` to ``b`` of the result."""
     for k in range(rows):
@@ -232,7 +219,7 @@ def _keep(values, rows, signals, start, a, b):
             to[i] = v[i]
 
 
-@_kernel
+@compiled
 def _score(level, rows, group_of, threshold, flags, start, valid, scores):
     """Add the logarithms of level / threshold of a tile's valid channels to their groups."""
     for k in range(rows):
@@ -244,7 +231,7 @@ def _score(level, rows, group_of, threshold, flags, start, valid, scores):
                 scores[k, group_of[i]] += ratio
 
 
-@_kernel
+@compiled
 def _vote(start, rows, members, bounds, vote, scores, flags, channels, valid):
     """Let each group's valid channels vote (Table 1) and take the OR of the groups."""
     n_groups = bounds.size - 1
@@ -285,7 +272,7 @@ def _vote(start, rows, members, bounds, vote, scores, flags, channels, valid):
         row[0] = slip
 
 
-@_kernel
+@compiled
 def _run(
     volts, flags, signals, tiles, counters, blocks, deviations, by_row, sections, members, bounds,
     group_of, settings, keep_envelope, keep_level,

@@ -166,7 +166,7 @@ def _numbers(
             flat.extend(item)
         else:
             flat.append(item)
-    kind = int if field.name == 'disabled_channels' else float
+    kind = int if field.name.endswith('_channels') else float
     numbers = [_number(item, kind, where) for item in flat]
     for number in numbers:
         _in_range(number, field, where)
