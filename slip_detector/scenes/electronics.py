@@ -1,4 +1,4 @@
-"""From loads to volts: baselines, sensitivities, noise and rails of the 16 channels."""
+"""From loads to volts: what the electronics of the 16 channels make of what the taxels feel."""
 
 import dataclasses
 
@@ -24,6 +24,12 @@ class Electronics(ParameterSet):
     normal_v_n: float = parameter(
         -10.0, 'Sensitivity to normal load.', unit='V/N', low=-1e6, high=1e6
     )
+    normal_along_share: float = parameter(
+        1.0,
+        'Share of the sensitivity to normal load that the units along the finger (groups L) have.',
+        low=0.0,
+        high=1.0,
+    )
     shear_v_n: float = parameter(
         3.0,
         'Sensitivity to shear load of the units across the finger (groups T).',
@@ -37,44 +43,120 @@ class Electronics(ParameterSet):
     spread: float = parameter(
         0.1, 'Standard deviation of the sensitivities, as a share of them.', low=0.0, high=1.0
     )
+    bandwidth_hz: float = parameter(
+        0.0,
+        'Corner of the first-order low-pass before the converter; 0: unlimited.',
+        unit='Hz',
+        low=0.0,
+        high=1e9,
+    )
+    drift_v: float = parameter(
+        0.0,
+        'Standard deviation that each baseline has wandered after one second (random walk).',
+        unit='V/sqrt(s)',
+        low=0.0,
+        high=100.0,
+    )
     noise_v: float = parameter(
         0.5e-3, 'Standard deviation of the noise of a sample.', unit='V', low=0.0, high=100.0
     )
     rails_v: tuple[float, float] = parameter(
         (0.0, 5.0), 'Lowest and highest voltage there is.', unit='V', low=-1000.0, high=1000.0
     )
+    adc_bits: int = parameter(
+        0, 'Resolution over the range of rails_v; 0: no quantisation.', low=0, high=32
+    )
 
     def __post_init__(self) -> None:
         """Check that ranges are the right way round."""
         super().__post_init__()
-        for name in ('baseline_v', 'rails_v'):
-            low, high = getattr(self, name)
-            if low > high:
-                raise ValueError(
-                    f'parameter {name} is [{low:g}, {high:g}] V, allowed: low below high'
-                )
+        low, high = self.baseline_v
+        if low > high:
+            raise ValueError(
+                f'parameter baseline_v is [{low:g}, {high:g}] V, allowed: low not above high'
+            )
+        low, high = self.rails_v
+        if low >= high:
+            raise ValueError(
+                f'parameter rails_v is [{low:g}, {high:g}] V, allowed: low below high'
+            )
 
 
 class Frontend:
-    """The electronics of one fingertip.
+    """The electronics of one fingertip, from loads in newtons to the volts of a sample.
+
+    What a taxel feels becomes ``baseline_v + normal_v_n * normal load + shear_v_n * shear load``;
+    :meth:`sample` adds what the electronics do to it. A part that is zero draws and computes
+    nothing.
 
     Parameters
     ----------
     electronics
         Its properties.
     noise
-        Generator of the samples' noise.
+        Generator of the trial. Two children are always spawned from it, for the drift and for
+        the noise, in this order: leaving one out leaves the bits of the other as they are.
+
+    Attributes
+    ----------
+    baseline_v, normal_v_n, shear_v_n : ndarray, shape (16,)
+        Voltage without contact and sensitivities of each channel, drawn from the fingertip's
+        own seed.
     """
 
     def __init__(self, electronics: Electronics, noise: np.random.Generator) -> None:
         self._electronics, self._noise = electronics, noise
         of_fingertip = np.random.default_rng(electronics.fingertip_seed)
-        self._baseline_v = of_fingertip.uniform(*electronics.baseline_v, N_CHANNELS)
+        self.baseline_v: Floats = of_fingertip.uniform(*electronics.baseline_v, N_CHANNELS)
         varied = 1 + electronics.spread * of_fingertip.standard_normal((2, N_CHANNELS))
-        across = np.full(N_CHANNELS, electronics.shear_along_share)
-        across[[channel - 1 for channel in GROUPS['TP'] + GROUPS['TD']]] = 1.0
-        self._normal_v_n = electronics.normal_v_n * varied[0]
-        self._shear_v_n = electronics.shear_v_n * across * varied[1]
+        shares = np.repeat(
+            [[electronics.normal_along_share], [electronics.shear_along_share]], N_CHANNELS, axis=1
+        )
+        shares[:, [channel - 1 for channel in GROUPS['TP'] + GROUPS['TD']]] = 1.0
+        self.normal_v_n: Floats = electronics.normal_v_n * shares[0] * varied[0]
+        self.shear_v_n: Floats = electronics.shear_v_n * shares[1] * varied[1]
+        self._drift_steps, self._sample_noise = noise.spawn(2)
+        self._wandered_v = np.zeros(N_CHANNELS)
+
+    def sample(self, clean_v: Floats, sample_period_s: float) -> Floats:
+        """Sample clean voltages: drift, noise, rails and converter, in this order.
+
+        Call it with consecutive rows, it carries the drift on; any cut of the rows into calls
+        gives the same bits.
+
+        Parameters
+        ----------
+        clean_v : ndarray, shape (n, 16)
+            What the channels would read, after their low-pass.
+        sample_period_s
+            Time from row to row; the baselines set off from ``baseline_v`` one period before
+            the first row.
+
+        Returns
+        -------
+        ndarray, shape (n, 16)
+            Volts, a new array.
+        """
+        electronics = self._electronics
+        volts = clean_v
+        if electronics.drift_v and len(clean_v):
+            steps_v = self._drift_steps.standard_normal(clean_v.shape)
+            steps_v *= electronics.drift_v * np.sqrt(sample_period_s)
+            steps_v[0] += self._wandered_v
+            wandered_v = np.cumsum(steps_v, axis=0)
+            self._wandered_v = wandered_v[-1].copy()
+            volts = volts + wandered_v
+        if electronics.noise_v:
+            noise_v = self._sample_noise.standard_normal(clean_v.shape)
+            volts = volts + electronics.noise_v * noise_v
+        low_v, high_v = electronics.rails_v
+        volts = np.clip(volts, low_v, high_v)
+        if electronics.adc_bits:
+            top_code = 2**electronics.adc_bits - 1
+            share = np.rint((volts - low_v) / (high_v - low_v) * top_code) / top_code
+            # This form gives both rails exactly; where they nearly meet, rounding needs the clip.
+            volts = np.clip(low_v * (1.0 - share) + high_v * share, low_v, high_v)
+        return np.asarray(volts, dtype=np.float64)
 
     def volts(self, loads_n: Floats, shear_n: Floats | None) -> Floats:
         """Return a row of volts for each row of loads.
@@ -86,9 +168,9 @@ class Frontend:
         shear_n : ndarray, shape (n, 16), or None
             Shear load of each taxel, if the scene has any.
         """
-        volts = self._baseline_v + self._normal_v_n * loads_n
+        volts = self.baseline_v + self.normal_v_n * loads_n
         if shear_n is not None:
-            volts += self._shear_v_n * shear_n
+            volts += self.shear_v_n * shear_n
         if self._electronics.noise_v:
             volts += self._electronics.noise_v * self._noise.standard_normal(volts.shape)
         return np.asarray(np.clip(volts, *self._electronics.rails_v), dtype=np.float64)
