@@ -11,6 +11,7 @@ matplotlib.use('Agg')  # files only: a robot has no screen
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from slip_detector.config import ChainConfig
@@ -18,8 +19,9 @@ from slip_detector.config import ChainConfig
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Told apart also by the colour-blind (Okabe and Ito): blue, vermilion, green, purple.
-COLORS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7')
+#: Told apart also by the colour-blind (Okabe and Ito): blue, vermilion, green, purple, orange,
+#: sky blue, black.
+COLORS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#000000')
 MARKERS = ('o', 's', '^', 'D')
 
 #: How much around the start of the motion is shown enlarged.
@@ -34,6 +36,7 @@ def draw_trial(
     groups: Mapping[str, Bools],
     slip: Bools,
     motion_s: tuple[float, float],
+    title: str = '',
 ) -> None:
     """Draw a trial like the paper's Figs. 5 and 6: channels by group, and the decisions.
 
@@ -53,6 +56,8 @@ def draw_trial(
         The global decision.
     motion_s
         When the plate started and stopped.
+    title
+        What is shown.
     """
     n_groups = len(groups)
     figure, axes = plt.subplots(
@@ -64,13 +69,14 @@ def draw_trial(
     )
     for g, (name, on) in enumerate(groups.items()):
         raw, decision = axes[2 * g], axes[2 * g + 1]
+        raw.set_prop_cycle(color=COLORS)
         for channel in config.groups[name]:
             raw.plot(time_s, volts[:, channel - 1], linewidth=0.7, label=f'{channel}')
         raw.set_ylabel(f'{name} [V]')
         raw.legend(title='channel', loc='center left', bbox_to_anchor=(1.0, 0.5), fontsize=8)
-        _draw_decision(decision, time_s, on, 'C0')
+        _draw_decision(decision, time_s, on, COLORS[0])
         decision.set_ylabel(name)
-    _draw_decision(axes[-1], time_s, slip, 'C3')
+    _draw_decision(axes[-1], time_s, slip, COLORS[1])
     axes[-1].set_ylabel('slip')
     axes[-1].set_xlabel('time [s]')
     axes[-1].set_xlim(time_s[0], time_s[-1])
@@ -95,6 +101,8 @@ def draw_trial(
         color='0.4',
         fontsize=9,
     )
+    if title:
+        figure.suptitle(title)
     figure.savefig(path, dpi=120)
     plt.close(figure)
 
@@ -234,36 +242,32 @@ def draw_decisions(
         By plate: when it started and stopped.
     """
     figure, axes = plt.subplots(
-        2 * len(on),
+        1 + len(on),
         2,
         sharex='col',
-        figsize=(11, 3.0 * len(on)),
-        height_ratios=[1.0, 1.3] * len(on),
+        figsize=(11, 1.8 * (1 + len(on))),
         layout='constrained',
     )
     for p, plate in enumerate(on):
         start_s, end_s = motion_s[plate]
         for column in range(2):
-            where, bars = axes[2 * p, column], axes[2 * p + 1, column]
+            where, bars = axes[0, column], axes[1 + p, column]
             times = (time_s[plate] - start_s) * 1e3 if column else time_s[plate]
-            where.plot(times, position_m[plate] * 1e3, color='0.2')
+            shown = times <= ENLARGED_S[1] * 1e3 if column else times >= 0.0
+            where.plot(times[shown], position_m[plate][shown] * 1e3, color='0.2')
             for trial, decision in enumerate(on[plate], start=1):
                 edges = np.flatnonzero(np.diff(decision, prepend=False, append=False))
-                ends = np.append(times, times[-1] + times[1] - times[0])[edges]
-                spans = np.column_stack([ends[::2], np.diff(ends)[::2]])
+                turns = np.append(times, times[-1] + times[1] - times[0])[edges]
+                spans = np.column_stack([turns[::2], np.diff(turns)[::2]])
                 bars.broken_barh(spans, (trial - 0.35, 0.7), color=COLORS[p % len(COLORS)])
             bars.set_ylim(len(on[plate]) + 0.7, 0.3)
+            bars.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
+            moves = (0.0, (end_s - start_s) * 1e3) if column else (start_s, end_s)
             for axis in (where, bars):
-                moves = (0.0, (end_s - start_s) * 1e3) if column else (start_s, end_s)
                 axis.axvspan(*moves, color='0.92', zorder=0)
-        axes[2 * p, 0].set_ylabel('platform\n[mm]')
-        axes[2 * p + 1, 0].set_ylabel(f'{plate} µm\ntrial')
-        shown = (time_s[plate] >= start_s + ENLARGED_S[0]) & (
-            time_s[plate] <= start_s + ENLARGED_S[1]
-        )
-        top_mm = position_m[plate][shown].max() * 1e3
-        axes[2 * p, 1].set_ylim(-0.05 * top_mm, 1.05 * top_mm)
-    axes[0, 0].set_title('whole trials (grey: the plate moves; bar: slip is ON)', fontsize=10)
+        axes[1 + p, 0].set_ylabel(f'{plate} µm\ntrial')
+    axes[0, 0].set_ylabel('platform [mm]')
+    axes[0, 0].set_title('whole trials (grey: the plate moves; bars: slip is ON)', fontsize=10)
     axes[0, 1].set_title('the start of the motion', fontsize=10)
     axes[-1, 0].set(xlabel='time [s]', xlim=(0.0, max(times[-1] for times in time_s.values())))
     axes[-1, 1].set(

@@ -598,6 +598,7 @@ def draw(
             dict(zip(config.groups, decided.groups.T, strict=True)),
             decided.slip,
             trial.motion_s,
+            f'Channels by group, decisions of the groups and of all; {of_trial}',
         )
         plots.draw_decisions(
             paths[6],
