@@ -19,12 +19,15 @@ class Samples(NamedTuple):
     truth : ndarray of bool, shape (n,), or None
         Whether there is slip, where the source knows.
     position_m : ndarray, shape (n,), or None
-        Position of the platform, where there is one.
+        Position of the platform or the object, where there is one.
+    time_s : ndarray, shape (n,), or None
+        When each was taken, from the first on; None: one each period of the sample rate.
     """
 
     volts: NDArray[np.float64]
     truth: NDArray[np.bool_] | None = None
     position_m: NDArray[np.float64] | None = None
+    time_s: NDArray[np.float64] | None = None
 
 
 class Source(Protocol):

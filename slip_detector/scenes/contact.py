@@ -1,13 +1,22 @@
 """How the normal force spreads over the taxels."""
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.compiled import compiled
 from slip_detector.config import ParameterSet, parameter
 
 Floats = NDArray[np.float64]
+
+
+class HertzNumbers(NamedTuple):
+    """What the compiled code needs of a :class:`Contact`."""
+
+    squared_radius_at_1n_m2: float
+    taxel_area_m2: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,25 +37,36 @@ class Contact(ParameterSet):
         1.39e-6, 'Area whose pressure a taxel feels.', unit='m2', low=1e-12, high=1.0
     )
 
-    def loads_n(self, force_n: Floats, positions_m: Floats) -> Floats:
-        """Return the normal load of each taxel under each normal force.
+    def numbers(self) -> HertzNumbers:
+        """Return what the compiled code needs."""
+        return HertzNumbers(self.radius_at_1n_m**2, self.taxel_area_m2)
 
-        Hertz: p(r) = 3 F / (2 pi a^2) sqrt(1 - r^2 / a^2), a^3 proportional to F.
+    def largest_load_n(self, force_n: float) -> float:
+        """Return the load of a taxel in the middle of the contact: no taxel has more."""
+        out = np.zeros(1)
+        spread_load(force_n, 0.0, 0.0, np.zeros((1, 2)), self.numbers(), 0.0, out)
+        return float(out[0])
 
-        Parameters
-        ----------
-        force_n : ndarray, shape (n,)
-            Not negative.
-        positions_m : ndarray, shape (c, 2)
-            Where the taxels are.
 
-        Returns
-        -------
-        ndarray, shape (n, c)
-            Newtons; zero outside the contact.
-        """
-        distance = np.hypot(*(positions_m - np.array(self.centre_m)).T)
-        squared = np.square(self.radius_at_1n_m) * np.maximum(force_n, 1e-12) ** (2 / 3)
-        inside = np.maximum(1.0 - np.square(distance) / squared[:, np.newaxis], 0.0)
-        peak = 1.5 * force_n / (np.pi * squared)
-        return np.asarray(peak[:, np.newaxis] * np.sqrt(inside) * self.taxel_area_m2)
+@compiled
+def spread_load(force_n, centre_x_m, centre_y_m, positions_m, hertz, rest_patches, loads_n):
+    """Write the normal load of each taxel to ``loads_n``.
+
+    Hertz: p(r) = 3 F / (2 pi a^2) sqrt(1 - r^2 / a^2), a^3 proportional to F. Where ``loads_n``
+    has one place more than there are taxels, it gets the load of a patch of the skin between the
+    taxels, which carries as ``rest_patches`` such patches what the taxels do not.
+    """
+    n = positions_m.shape[0]
+    if not force_n > 0.0:
+        loads_n[:] = 0.0
+        return
+    squared = hertz.squared_radius_at_1n_m2 * force_n ** (2.0 / 3.0)
+    peak = 1.5 * force_n / (np.pi * squared) * hertz.taxel_area_m2
+    carried = 0.0
+    for i in range(n):
+        x, y = positions_m[i, 0] - centre_x_m, positions_m[i, 1] - centre_y_m
+        inside = 1.0 - (x * x + y * y) / squared
+        loads_n[i] = peak * np.sqrt(inside) if inside > 0.0 else 0.0
+        carried += loads_n[i]
+    if loads_n.size > n:
+        loads_n[n] = max(force_n - carried, 0.0) / rest_patches

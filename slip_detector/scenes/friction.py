@@ -1,50 +1,292 @@
-"""Skin that shears elastically and slides under Coulomb friction, taxel by taxel."""
+"""Friction between the skin over a taxel and the surface that moves over it.
+
+LuGre (Canudas de Wit, Olsson, Astrom, Lischinsky 1995): bristles of deflection z bend with the
+velocity w of the surface against the skin,
+
+    dz/dt = w - sigma0 |w| / g(w) z - r(z),      F = sigma0 z + sigma1(w) (w - sigma0 |w| / g(w) z)
+                                                     + sigma2 w,
+    g(w) = N (mu_k + (mu_s - mu_k) exp(-(w / v_s)^2))
+
+with two additions, without which the model would create energy or hold without a load:
+
+- sigma1(w) = sigma1 / (1 + sigma1 |w| / g(w)): with a constant one the bristles' damper could do
+  work once sigma1 |w| > 4 g(w) (Olsson 1996 lets it fall with w for the same reason).
+- r(z) = (z - clip(z, -Z, Z)) / tau with Z = mu_s N / sigma0: bristles bent further than the load
+  can hold let go, also while nothing slides.
+"""
 
 import dataclasses
+import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slip_detector.compiled import compiled
 from slip_detector.config import ParameterSet, parameter
+from slip_detector.scenes.skin import SkinNumbers
 
-Floats = NDArray[np.float64]
+#: A lighter patch counts as so heavy in g(w), which must not be zero: below it friction is none
+#: that a taxel could feel (a thousandth of a millinewton).
+LIGHTEST_LOAD_N = 1e-6
+
+#: Newton's method on a stage ends when a step changes the velocity by less than this share of it.
+TOLERANCE = 1e-10
+
+#: It has never been seen to take more than a tenth of so many steps.
+MOST_ITERATIONS = 200
+
+COULOMB, LUGRE = 1, 2
+
+
+class FrictionNumbers(NamedTuple):
+    """What the compiled code needs of a :class:`Friction`."""
+
+    model: int
+    kinetic: float
+    static: float
+    stribeck_m_s: float
+    bristle_n_m: float
+    bristle_n_s_m: float
+    viscous_n_s_m: float
+    unloading_s: float
 
 
 @dataclasses.dataclass(frozen=True)
 class Friction(ParameterSet):
-    """Coulomb friction under an elastic skin."""
+    """LuGre friction with Stribeck effect, or Coulomb's, on the patch over each taxel."""
 
-    coefficient: float = parameter(0.6, 'Coefficient of friction.', low=0.0, high=10.0)
-    shear_stiffness_n_m: float = parameter(
-        170.0, 'Shear stiffness of the skin over one taxel.', unit='N/m', low=1e-3, high=1e9
+    model: str = parameter(
+        'lugre',
+        'Friction with bristles (lugre) or without (coulomb).',
+        choices=('lugre', 'coulomb'),
+    )
+    kinetic_coefficient: float = parameter(
+        0.6, 'Coefficient of friction while sliding.', low=0.0, high=10.0
+    )
+    static_coefficient: float = parameter(
+        0.66, 'Coefficient of friction at rest (lugre).', low=0.0, high=10.0
+    )
+    stribeck_velocity_m_s: float = parameter(
+        5e-3,
+        'Velocity at which friction has come down from static to kinetic by 1 - 1/e (lugre).',
+        unit='m/s',
+        low=1e-6,
+        high=1e3,
+    )
+    bristle_stiffness_n_m: float = parameter(
+        1e5, 'Stiffness of the bristles of a patch, sigma 0 (lugre).', unit='N/m', low=1.0, high=1e12
+    )
+    bristle_damping_n_s_m: float = parameter(
+        0.1, 'Damping of the bristles, sigma 1 (lugre).', unit='N s/m', low=0.0, high=1e6
+    )
+    viscous_n_s_m: float = parameter(
+        0.0, 'Viscous friction, sigma 2 (lugre).', unit='N s/m', low=0.0, high=1e6
+    )
+    unloading_s: float = parameter(
+        1e-4,
+        'Time in which bristles let go that are bent further than the load holds (lugre).',
+        unit='s',
+        low=1e-9,
+        high=1.0,
     )
 
-    def shear_n(self, shear_n: Floats, moved_m: Floats, loads_n: Floats) -> Floats:
-        """Follow the shear load of each taxel from row to row.
+    def __post_init__(self) -> None:
+        """Check the coefficients against each other."""
+        super().__post_init__()
+        if self.model == 'lugre' and not 0.0 < self.kinetic_coefficient <= self.static_coefficient:
+            raise ValueError(
+                f'parameter kinetic_coefficient is {self.kinetic_coefficient:g}, allowed: above 0 '
+                f'and at most static_coefficient, {self.static_coefficient:g}'
+            )
 
-        Each taxel is a spring in series with a slider (the stop operator): what the plate moves
-        is added to the spring until its force reaches friction times load, then it slides. The
-        taxels at the edge carry the least load and slide first.
+    def numbers(self) -> FrictionNumbers:
+        """Return what the compiled code needs."""
+        return FrictionNumbers(
+            COULOMB if self.model == 'coulomb' else LUGRE,
+            self.kinetic_coefficient,
+            self.static_coefficient,
+            self.stribeck_velocity_m_s,
+            self.bristle_stiffness_n_m,
+            self.bristle_damping_n_s_m,
+            self.viscous_n_s_m,
+            self.unloading_s,
+        )
 
-        Parameters
-        ----------
-        shear_n : ndarray, shape (c,)
-            Shear loads before the first row; overwritten with those after the last.
-        moved_m : ndarray, shape (n,)
-            How far the plate has moved since the row before.
-        loads_n : ndarray, shape (n, c)
-            Normal loads.
+    def steepest_fall_n_s_m(self, load_n: float) -> float:
+        """Return how steeply sliding friction falls with velocity at most, under a normal load.
 
-        Returns
-        -------
-        ndarray, shape (n, c)
-            Shear loads in newtons.
+        g(w) falls steepest at w = v_s / sqrt(2).
         """
-        limits = self.coefficient * loads_n
-        steps = self.shear_stiffness_n_m * moved_m
-        result = np.empty_like(limits)
-        for step, limit, row in zip(steps, limits, result, strict=True):
-            np.add(shear_n, step, out=shear_n)
-            np.clip(shear_n, -limit, limit, out=shear_n)
-            row[:] = shear_n
-        return result
+        if self.model == 'coulomb':
+            return 0.0
+        drop_n = load_n * (self.static_coefficient - self.kinetic_coefficient)
+        return drop_n * math.sqrt(2.0 / math.e) / self.stribeck_velocity_m_s
+
+
+@compiled
+def bristle_force(w, z, load, law):
+    """Return the friction force and dz/dt for the velocity and the deflection."""
+    if load < LIGHTEST_LOAD_N:
+        load = LIGHTEST_LOAD_N
+    ratio = w / law.stribeck_m_s
+    level = load * (law.kinetic + (law.static - law.kinetic) * np.exp(-ratio * ratio))
+    rate = law.bristle_n_m * abs(w) / level
+    sliding = w - rate * z
+    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * abs(w) / level)
+    force = law.bristle_n_m * z + damping * sliding + law.viscous_n_s_m * w
+    most = law.static * load / law.bristle_n_m
+    beyond = z - min(max(z, -most), most)
+    return force, sliding - beyond / law.unloading_s
+
+
+@compiled
+def _bristle_stage(w, z, load, step, law):
+    """Return force, its slope in w and the deflection after an implicit step at constant w."""
+    ratio = w / law.stribeck_m_s
+    drop = (law.static - law.kinetic) * np.exp(-ratio * ratio)
+    level = load * (law.kinetic + drop)
+    level_slope = -2.0 * load * drop * ratio / law.stribeck_m_s
+    sign = 1.0 if w >= 0.0 else -1.0
+    rate = law.bristle_n_m * abs(w) / level
+    rate_slope = (sign * law.bristle_n_m - rate * level_slope) / level
+    numerator, denominator = z + step * w, 1.0 + step * rate
+    after = numerator / denominator
+    most = law.static * load / law.bristle_n_m
+    if abs(after) > most:
+        share = step / law.unloading_s
+        numerator += share * (most if after > 0.0 else -most)
+        denominator += share
+        after = numerator / denominator
+    after_slope = step * (1.0 - after * rate_slope) / denominator
+    sliding = w - rate * after
+    sliding_slope = 1.0 - rate_slope * after - rate * after_slope
+    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * rate / law.bristle_n_m)
+    damping_slope = -damping * damping * rate_slope / law.bristle_n_m
+    force = law.bristle_n_m * after + damping * sliding + law.viscous_n_s_m * w
+    slope = (
+        law.bristle_n_m * after_slope
+        + damping_slope * sliding
+        + damping * sliding_slope
+        + law.viscous_n_s_m
+    )
+    return force, slope, after
+
+
+@compiled
+def _guess(available, impedance, w, z, load, step, law):
+    """Solve the stage with g(w) and sigma1(w) held at w: then it is a quadratic in w >= 0."""
+    ratio = w / law.stribeck_m_s
+    level = load * (law.kinetic + (law.static - law.kinetic) * np.exp(-ratio * ratio))
+    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * abs(w) / level)
+    per = step * law.bristle_n_m / level
+    total = impedance + law.viscous_n_s_m
+    b = (
+        available * per
+        - total
+        - step * law.bristle_n_m
+        - damping * (1.0 - law.bristle_n_m * z / level)
+    )
+    c = max(available - law.bristle_n_m * z, 0.0)
+    root = np.sqrt(b * b + 4.0 * total * per * c)
+    return (b + root) / (2.0 * total * per) if b > 0.0 else 2.0 * c / (root - b)
+
+
+@compiled
+def lugre_stage(available, impedance, w_last, z, load, step, law):
+    """Find the velocity w at which available - impedance w is the friction force.
+
+    This is what an implicit step asks of a patch. The balance falls from above to below zero
+    between w = 0 and far out on the side of its sign at 0, so Newton's method, kept between the
+    two ends and helped by bisection, cannot fail.
+
+    Returns
+    -------
+    w, force, slope, after
+        The velocity, the force, its slope in w, and the deflection after the step.
+    """
+    if load < LIGHTEST_LOAD_N:
+        load = LIGHTEST_LOAD_N
+    force, slope, after = _bristle_stage(0.0, z, load, step, law)
+    balance = available - force
+    if balance == 0.0:
+        return 0.0, force, slope, after
+    sign = 1.0 if balance > 0.0 else -1.0
+    near = max(sign * w_last, 0.0)
+    speed = _guess(sign * available, impedance, near, sign * after, load, step, law)
+    low, high = 0.0, np.inf
+    for _ in range(MOST_ITERATIONS):
+        force, slope, after = _bristle_stage(sign * speed, z, load, step, law)
+        balance = sign * (available - force) - impedance * speed
+        if balance > 0.0:
+            low = speed
+        else:
+            high = speed
+        steepness = impedance + slope
+        change = balance / steepness if steepness > 0.0 else np.inf
+        following = speed + change
+        if abs(change) <= TOLERANCE * speed:
+            # What is left is of the second order: no need to look once more.
+            return sign * following, force + sign * slope * change, slope, after
+        if not low < following < high:
+            following = 0.5 * (low + high) if high < np.inf else 2.0 * speed + 1e-12
+            if following == low or following == high:
+                break
+        speed = following
+    return sign * speed, force, slope, after
+
+
+@compiled
+def skin_stage(v, x, u, z, w_last, load, step, skin, law):
+    """Advance one patch by one implicit step under a surface of velocity v.
+
+    m dU/dt + c U + k X = F(w), U = v - w, X the displacement of the skin's surface.
+
+    Returns
+    -------
+    w, force, slope, after
+        The velocity of the surface against the skin, the friction force, its slope in v, and the
+        bristles' deflection after the step.
+    """
+    inertia = skin.mass_kg / step
+    impedance = inertia + skin.damping_n_s_m + skin.stiffness_n_m * step
+    available = (
+        inertia * (v - u) + skin.damping_n_s_m * v + skin.stiffness_n_m * (x + step * v)
+    )
+    if law.model == COULOMB:
+        most = law.kinetic * load
+        if abs(available) <= most:
+            return 0.0, available, impedance, 0.0
+        force = most if available > 0.0 else -most
+        return (available - force) / impedance, force, 0.0, 0.0
+    w, force, slope, after = lugre_stage(available, impedance, w_last, z, load, step, law)
+    # The two in series: what the surface feels when the skin can give way.
+    return w, force, slope * impedance / (slope + impedance), after
+
+
+def well_posed_or_say(
+    friction: 'Friction', skin: SkinNumbers, load_n: float, where: str = 'friction'
+) -> None:
+    """Refuse parameters under which the skin has no one motion that could be computed.
+
+    Raises
+    ------
+    ValueError
+        When friction falls with velocity faster than the skin's damping rises: each patch would
+        stick and slip by itself, at a rhythm that no step resolves; and, without mass and
+        damping, when nothing says how fast a patch moves while it lets go.
+    """
+    fall = friction.steepest_fall_n_s_m(load_n)
+    damping = skin.damping_n_s_m + friction.viscous_n_s_m
+    if fall > damping:
+        raise ValueError(
+            f'{where}: falls with velocity by up to {fall:.3g} N s/m under {load_n:.3g} N, faster '
+            f'than damping_n_s_m and viscous_n_s_m, {damping:.3g} N s/m, hold against it: the '
+            'skin would chatter; allowed: more damping, a higher stribeck_velocity_m_s or '
+            'static_coefficient nearer kinetic_coefficient'
+        )
+    if skin.mass_kg == 0.0 and damping == 0.0 and friction.bristle_damping_n_s_m > 0.0:
+        raise ValueError(
+            f'{where}: bristle_damping_n_s_m is {friction.bristle_damping_n_s_m:g} N s/m on skin '
+            'without mass and damping, which leaves its velocity open; allowed: 0, or '
+            'damping_n_s_m above 0'
+        )

@@ -1,34 +1,46 @@
-"""Prescribed motion: the platform that presses a plate to the fingertip and moves it along."""
+"""What is done to the fingertip: the normal force, and the plate's motion or the object's load."""
 
 import dataclasses
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 from scipy.interpolate import PPoly
 
 from slip_detector.config import ParameterSet, parameter
 
 Floats = NDArray[np.float64]
 
+#: A damping ratio closer to 1 than this is taken for so far from it: the closed form of the
+#: ringing divides by the difference of the two roots, which is 0 at 1.
+CRITICAL = 1e-6
+
 
 @dataclasses.dataclass(frozen=True)
 class Step(ParameterSet):
-    """One step of the protocol; the normal force ramps to ``force_n`` in the course of it."""
+    """One step of the protocol; forces and shares ramp to their values in the course of it."""
 
-    duration_s: float = parameter(1.0, 'How long it takes.', unit='s', low=1e-3, high=3600.0)
+    duration_s: float = parameter(1.0, 'How long it takes.', unit='s', low=1e-3, high=36000.0)
     force_n: float = parameter(
         -1.0, 'Normal force at its end; negative: as before.', unit='N', low=-1.0, high=1000.0
     )
     velocity_m_s: float = parameter(
         0.0, 'Velocity of the plate along x.', unit='m/s', low=-10.0, high=10.0
     )
+    carried: float = parameter(
+        -1.0,
+        "Share of the object's weight that the fingers carry at its end; negative: as before.",
+        low=-1.0,
+        high=1.0,
+    )
+    pull_n: float = parameter(
+        0.0, 'Further force on the object along x at its end.', unit='N', low=-1e3, high=1e3
+    )
 
 
 @dataclasses.dataclass(frozen=True)
 class Motion(ParameterSet):
-    """The platform: its steps, how it speeds up, how the contact rings when it is loaded."""
+    """The platform: how it speeds up, how the contact rings when it is loaded."""
 
     acceleration_m_s2: float = parameter(
         0.5, 'Acceleration between two velocities.', unit='m/s2', low=1e-3, high=1e6
@@ -43,8 +55,82 @@ class Motion(ParameterSet):
     ringing_damping: float = parameter(0.3, 'Its damping ratio.', low=0.01, high=10.0)
 
 
+class NormalForce:
+    """The normal force over time: it follows the command like a mass on a damped spring.
+
+    The command is linear between corners, so the force is known in closed form at any instant,
+    at any sample rate.
+
+    Parameters
+    ----------
+    motion
+        How the contact rings.
+    steps
+        The commands.
+    """
+
+    def __init__(self, motion: Motion, steps: list[Step]) -> None:
+        omega = 2 * np.pi * motion.ringing_hz
+        ratio = motion.ringing_damping
+        if abs(ratio - 1.0) < CRITICAL:
+            ratio = 1.0 + CRITICAL
+        spread = np.sqrt(complex(ratio**2 - 1.0))
+        self._roots = -omega * np.array([ratio - spread, ratio + spread])
+        self._lag_s = 2 * motion.ringing_damping / omega
+        # Segments: start, command and slope of it, and the ringing's two amplitudes.
+        self._starts = np.array([0.0])
+        self._lines = np.zeros((1, 2))
+        self._ringing = np.zeros((1, 2), complex)
+        time_s = force_n = 0.0
+        for step in steps:
+            target_n = force_n if step.force_n < 0.0 else step.force_n
+            self._append(time_s, force_n, (target_n - force_n) / step.duration_s)
+            time_s, force_n = time_s + step.duration_s, target_n
+        self._append(time_s, force_n, 0.0)
+
+    def hold(self, time_s: float, force_n: float) -> None:
+        """Command a force from ``time_s`` on, in place of what the steps say from there."""
+        first = int(np.searchsorted(self._starts, time_s, side='right'))
+        self._starts = self._starts[:first]
+        self._lines, self._ringing = self._lines[:first], self._ringing[:first]
+        self._append(time_s, force_n, 0.0)
+        if len(self._starts) > 1:  # Before the one that goes on there is nothing to ask for.
+            self._starts = self._starts[-2:]
+            self._lines, self._ringing = self._lines[-2:], self._ringing[-2:]
+
+    def _append(self, start_s: float, command_n: float, slope_n_s: float) -> None:
+        """Begin a segment where the last one leads."""
+        value, rate = self._values(np.array([start_s]))
+        p, q = self._roots
+        a = float(value[0]) - (command_n - slope_n_s * self._lag_s)
+        b = float(rate[0]) - slope_n_s
+        first = (b - q * a) / (p - q)
+        # A step shorter than the clock's last digit takes the place of the one before.
+        keep = len(self._starts) - (start_s <= self._starts[-1])
+        self._starts = np.append(self._starts[:keep], start_s)
+        self._lines = np.vstack([self._lines[:keep], [command_n, slope_n_s]])
+        self._ringing = np.vstack([self._ringing[:keep], [first, a - first]])
+
+    def _values(self, time_s: Floats) -> tuple[Floats, Floats]:
+        """Return the force and its rate."""
+        k = np.maximum(np.searchsorted(self._starts, time_s, side='right') - 1, 0)
+        since = time_s - self._starts[k]
+        command, slope = self._lines[k].T
+        modes = self._ringing[k] * np.exp(np.multiply.outer(since, self._roots))
+        force = command + slope * (since - self._lag_s) + modes.sum(axis=1).real
+        return force, slope + (modes @ self._roots).real
+
+    def at(self, time_s: Floats) -> Floats:
+        """Return the force in newtons; never negative: a fingertip does not stick to the plate."""
+        return np.asarray(np.maximum(self._values(time_s)[0], 0.0), dtype=np.float64)
+
+    def corners_s(self) -> Floats:
+        """Return the times at which the command has a corner."""
+        return np.unique(self._starts)
+
+
 class Platform:
-    """Normal force and position of the plate over time.
+    """Position of the plate over time.
 
     Parameters
     ----------
@@ -52,12 +138,10 @@ class Platform:
         The platform's properties.
     steps
         What it does, one after the other.
-    sample_rate_hz
-        Rate of :meth:`force_n`.
     """
 
-    def __init__(self, motion: Motion, steps: list[Step], sample_rate_hz: float) -> None:
-        times, forces = [0.0], [0.0]
+    def __init__(self, motion: Motion, steps: list[Step]) -> None:
+        time_s = 0.0
         corner_times, velocities = [0.0], [0.0]
         for number, step in enumerate(steps, start=1):
             if step.velocity_m_s != velocities[-1]:
@@ -68,41 +152,21 @@ class Platform:
                         f'reach {step.velocity_m_s:g} m/s, allowed: at least {change:g} s at '
                         f'{motion.acceleration_m_s2:g} m/s2'
                     )
-                if times[-1] > corner_times[-1]:
-                    corner_times.append(times[-1])
+                if time_s > corner_times[-1]:
+                    corner_times.append(time_s)
                     velocities.append(velocities[-1])
                 # A change too small for the clock's last digit is one at once.
-                corner_times.append(max(times[-1] + change, np.nextafter(times[-1], np.inf)))
+                corner_times.append(max(time_s + change, np.nextafter(time_s, np.inf)))
                 velocities.append(step.velocity_m_s)
-            times.append(times[-1] + step.duration_s)
-            forces.append(forces[-1] if step.force_n < 0.0 else step.force_n)
-        self.duration_s = times[-1]
+            time_s += step.duration_s
         # What it does last it goes on doing, for samples that round to just after the end.
-        corner_times.append(max(self.duration_s, corner_times[-1]) + 1.0)
+        corner_times.append(max(time_s, corner_times[-1]) + 1.0)
         velocities.append(velocities[-1])
-        self._times, self._forces = np.array(times), np.array(forces)
         slopes = np.diff(velocities) / np.diff(corner_times)
         self._velocity = PPoly(np.array([slopes, velocities[:-1]]), np.array(corner_times))
         self._position = self._velocity.antiderivative()
-        # The load follows the command like a mass on a damped spring: it rings at each corner.
-        omega = 2 * np.pi * motion.ringing_hz
-        self._ringing = signal.bilinear(
-            [omega**2], [1.0, 2 * motion.ringing_damping * omega, omega**2], sample_rate_hz
-        )
-        self._ringing_state = np.zeros(2)
-
-    def force_n(self, time_s: Floats) -> Floats:
-        """Return the normal force; call it with consecutive samples, it carries the ringing on.
-
-        Never negative: a fingertip does not stick to the plate.
-        """
-        if not len(time_s):  # of which lfilter makes an undefined state
-            return np.empty(0)
-        command = np.interp(time_s, self._times, self._forces)
-        force, self._ringing_state = signal.lfilter(
-            *self._ringing, command, zi=self._ringing_state
-        )
-        return np.asarray(np.maximum(force, 0.0), dtype=np.float64)
+        self.largest_velocity_m_s = float(np.abs(velocities).max())
+        self.moves = self.largest_velocity_m_s > 0.0
 
     def position_m(self, time_s: Floats) -> Floats:
         """Return how far the plate has moved along x."""
@@ -111,6 +175,35 @@ class Platform:
     def velocity_m_s(self, time_s: Floats) -> Floats:
         """Return the velocity of the plate along x."""
         return np.asarray(self._velocity(time_s), dtype=np.float64)
+
+    def corners_s(self) -> Floats:
+        """Return the times at which the velocity has a corner."""
+        return np.asarray(self._velocity.x[1:-1], dtype=np.float64)
+
+
+class Load:
+    """What pulls on the object over time: the carried share of its weight and the further pull.
+
+    Parameters
+    ----------
+    weight_n
+        Of the object.
+    steps
+        What is done, one after the other.
+    """
+
+    def __init__(self, weight_n: float, steps: list[Step]) -> None:
+        times, forces = [0.0], [0.0]
+        carried = 0.0
+        for step in steps:
+            carried = carried if step.carried < 0.0 else step.carried
+            times.append(times[-1] + step.duration_s)
+            forces.append(carried * weight_n + step.pull_n)
+        self._times, self._forces = np.array(times), np.array(forces)
+
+    def at(self, time_s: Floats) -> Floats:
+        """Return the force on the object along x, in newtons."""
+        return np.asarray(np.interp(time_s, self._times, self._forces), dtype=np.float64)
 
 
 def steps_from(entries: Any) -> list[Step]:

@@ -1,28 +1,75 @@
 """A scene: the parts that a YAML file names, put together and played row by row."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slip_detector import fingertip
 from slip_detector.config import ParameterSet, parameter, read_yaml
 from slip_detector.scenes.contact import Contact
+from slip_detector.scenes.disturbances import (
+    Clock,
+    Drops,
+    Faults,
+    FaultyChannels,
+    HandMotion,
+    Hum,
+    HumVoltage,
+    LossyLink,
+    Rolling,
+    Taps,
+    Tremor,
+)
 from slip_detector.scenes.electronics import Electronics, Frontend
-from slip_detector.scenes.friction import Friction
-from slip_detector.scenes.motion import Motion, Platform, steps_from
-from slip_detector.scenes.texture import Texture
+from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2, FreeObject, ObjectNumbers
+from slip_detector.scenes.friction import Friction, FrictionNumbers, well_posed_or_say
+from slip_detector.scenes.mechanics import STAGES, Drive, Plan, State, advance
+from slip_detector.scenes.motion import Load, Motion, NormalForce, Platform, Step, steps_from
+from slip_detector.scenes.skin import Skin, SkinNumbers
+from slip_detector.scenes.texture import RidgeNumbers, RoughNumbers, Roughness, Texture
 from slip_detector.sources import Samples
 
+Floats = NDArray[np.float64]
+
+#: What a scene file can name, in the order in which the parts get their random generators.
 PARTS: dict[str, type[ParameterSet]] = {
     'motion': Motion,
     'contact': Contact,
+    'skin': Skin,
     'friction': Friction,
     'texture': Texture,
+    'roughness': Roughness,
+    'object': FreeObject,
     'electronics': Electronics,
+    'hum': Hum,
+    'tremor': Tremor,
+    'taps': Taps,
+    'rolling': Rolling,
+    'faults': Faults,
+    'drops': Drops,
+    'clock': Clock,
 }
+
+OF_THE_SCENE = ('steps', 'sample_rate_hz', 'step_s')
+
+#: A step is cut finer where the skin would ring faster: it takes so little of a radian.
+RINGING_RAD = 0.5
+
+#: More steps than this for a second of scene are not to be waited for.
+MOST_STEPS_HZ = 2e6
+
+#: A tremor's peak over its RMS, for what it may add to the largest normal force.
+TREMOR_PEAK = 4.0
+
+NO_FRICTION = FrictionNumbers(0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0)
+NO_RIDGES = RidgeNumbers(0.0, 0.0, np.zeros(0))
+NO_ROUGHNESS = RoughNumbers(0.0, np.zeros(0), np.zeros(0))
+NO_OBJECT = ObjectNumbers(0.0, 0.0, 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,81 +77,366 @@ class Sampling(ParameterSet):
     """What a scene file says of itself."""
 
     sample_rate_hz: float = parameter(380.0, 'Rate of the samples.', unit='Hz', low=1.0, high=1e6)
+    step_s: float = parameter(
+        3.5e-4,
+        'Longest step of the integrator; a sample period is cut into equal ones.',
+        unit='s',
+        low=1e-7,
+        high=1.0,
+    )
 
 
 class Scene:
-    """A fingertip on a plate; a :class:`~slip_detector.sources.Source`.
+    """A fingertip and what is done to it; a :class:`~slip_detector.sources.Source`.
 
-    Parts that are not named are not computed: without ``friction`` there is no shear load, and
-    without ``texture`` the plate is smooth.
+    Parts that are not named are not built: without ``friction`` there is no skin and no shear
+    load, without ``texture`` and ``roughness`` the surface is smooth, without ``object`` the plate
+    moves as the steps say.
 
     Parameters
     ----------
     description
-        As the scene file has it: ``sample_rate_hz``, ``steps`` and the parts.
-    noise
-        Generator of the noise; one state of it is one trial.
+        As the scene file has it: ``steps``, ``sample_rate_hz``, ``step_s`` and the parts.
+    trial
+        Generator of all that differs from trial to trial: noise, phases, losses. Each part draws
+        from a child of its own, so leaving one out changes nothing for the others.
+
+    Attributes
+    ----------
+    sample_rate_hz : float
+        As the sensor says; see the part ``clock``.
+    length : int
+        Number of samples, those that ``drops`` loses included.
+    parts : dict
+        The parts by their names.
+    plan, state
+        What the stepper works on, see :mod:`slip_detector.scenes.mechanics`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown part, a value that is not allowed or parts that do not go together; names
+        the part and the parameter.
+    """
+
+    def __init__(self, description: Mapping[str, Any], trial: np.random.Generator) -> None:
+        self.parts = parts_of(description)
+        own = {name: description[name] for name in ('sample_rate_hz', 'step_s')
+               if name in description}  # fmt: skip
+        sampling = Sampling.from_parameters(own)
+        steps = steps_from(description.get('steps'))
+        children = dict(zip(PARTS, trial.spawn(len(PARTS)), strict=True))
+        self.channel_names = tuple(f'ch{i + 1}' for i in range(fingertip.N_CHANNELS))
+        self.sample_rate_hz = sampling.sample_rate_hz
+        self._clock: Clock | None = self.parts.get('clock')
+        self._true_rate_hz = self.sample_rate_hz * (self._clock.rate_ratio if self._clock else 1.0)
+        self.duration_s = sum(step.duration_s for step in steps)
+        self.length = round(self.duration_s * self._true_rate_hz)
+        if not self.length:
+            raise ValueError(
+                f'steps: all take {self.duration_s:g} s, allowed: at least one sample at '
+                f'{self._true_rate_hz:g} Hz'
+            )
+        motion: Motion = self.parts.get('motion', Motion())
+        self._contact: Contact = self.parts.get('contact', Contact())
+        self._force = NormalForce(motion, steps)
+        self._platform = Platform(motion, steps)
+        self._object: FreeObject | None = self.parts.get('object')
+        self._load: Load | None = None
+        if self._object:
+            self._load = Load(self._object.mass_kg * STANDARD_GRAVITY_M_S2, steps)
+        electronics: Electronics = self.parts.get('electronics', Electronics())
+        self._frontend = Frontend(electronics, children['electronics'])
+        self._build_disturbances(children, electronics)
+        self._check(motion, steps, electronics)
+        self.plan = self._plan(sampling, electronics, children['texture'])
+        n_patches, n_channels = len(self.plan.patches), fingertip.N_CHANNELS
+        self.state = State(
+            np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
+        )
+        self._next = 0
+        # Compiling must not wait for the first sample.
+        advance(self.drive(np.zeros((0, 2))), self.state, self.plan, False, np.zeros((0, 16)),
+                np.zeros(0), np.zeros(0), np.zeros(0))  # fmt: skip
+
+    def _build_disturbances(
+        self, children: dict[str, np.random.Generator], electronics: Electronics
+    ) -> None:
+        parts = self.parts
+        self._hum = HumVoltage(parts['hum'], children['hum']) if 'hum' in parts else None
+        self._tremor = (
+            HandMotion(parts['tremor'], children['tremor']) if 'tremor' in parts else None
+        )
+        self._taps: Taps | None = parts.get('taps')
+        self._rolling: Rolling | None = parts.get('rolling')
+        self._faults = None
+        if 'faults' in parts:
+            self._faults = FaultyChannels(
+                parts['faults'], children['faults'], electronics.rails_v[0]
+            )
+        self._link = LossyLink(parts['drops'], children['drops']) if 'drops' in parts else None
+
+    def _check(self, motion: Motion, steps: list[Step], electronics: Electronics) -> None:
+        """Refuse parts that do not go together."""
+        friction: Friction | None = self.parts.get('friction')
+        texture: Texture | None = self.parts.get('texture')
+        if 'skin' in self.parts and not friction:
+            raise ValueError('skin: shears only under friction, allowed: with the part friction')
+        if self._object:
+            if not friction:
+                raise ValueError('object: falls without friction, allowed: with the part friction')
+            if self._platform.moves:
+                raise ValueError(
+                    'steps: velocity_m_s is not 0, allowed: 0 with an object, which moves by itself'
+                )
+            if texture and not electronics.bandwidth_hz:
+                raise ValueError(
+                    'electronics: bandwidth_hz is 0, allowed: above 0 with an object and texture, '
+                    'as ridges may pass faster than samples can tell'
+                )
+        elif any(step.carried >= 0.0 or step.pull_n for step in steps):
+            raise ValueError('steps: carried and pull_n are for an object, allowed: with that part')
+        if texture and not self._object and not electronics.bandwidth_hz:
+            highest_hz = self._platform.largest_velocity_m_s * texture.highest_wavenumber_1_m
+            if highest_hz > self._true_rate_hz / 2:
+                raise ValueError(
+                    f'texture: passes at up to {highest_hz:.4g} Hz, which {self._true_rate_hz:g} '
+                    'Hz of samples cannot tell from slower; allowed: with bandwidth_hz of the '
+                    'part electronics, or below half the sample rate'
+                )
+        if friction:
+            skin: Skin = self.parts.get('skin', Skin())
+            load_n = self._contact.largest_load_n(self._largest_force_n(motion, steps))
+            well_posed_or_say(friction, skin.numbers(), load_n)
+
+    def _largest_force_n(self, motion: Motion, steps: list[Step]) -> float:
+        """Return the largest normal force that the steps and the disturbances can bring about."""
+        ratio = motion.ringing_damping
+        overshoot = math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) if ratio < 1.0 else 0.0
+        most_n = (1.0 + overshoot) * max(step.force_n for step in steps)
+        if self._taps:
+            most_n += max(self._taps.peak_force_n, 0.0)
+        if 'tremor' in self.parts:
+            most_n += TREMOR_PEAK * float(self.parts['tremor'].force_rms_n)
+        return max(most_n, 0.0)
+
+    def _plan(
+        self, sampling: Sampling, electronics: Electronics, of_trial: np.random.Generator
+    ) -> Plan:
+        friction: Friction | None = self.parts.get('friction')
+        texture: Texture | None = self.parts.get('texture')
+        roughness: Roughness | None = self.parts.get('roughness')
+        skin: Skin = self.parts.get('skin', Skin())
+        # Without skin and filter nothing lies between two samples.
+        per_sample = 1
+        if friction or electronics.bandwidth_hz:
+            step_s = min(sampling.step_s, self._ringing_step_s(skin) if friction else math.inf)
+            per_sample = math.ceil(1.0 / (self._true_rate_hz * step_s) - 1e-9)
+        if per_sample * self._true_rate_hz > MOST_STEPS_HZ:
+            raise ValueError(
+                f'the scene needs {per_sample * self._true_rate_hz:.3g} steps for a second, '
+                f'allowed: {MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help'
+            )
+        step_s = 1.0 / (self._true_rate_hz * per_sample)
+        patches = np.ones(fingertip.N_CHANNELS if friction else 0)
+        body = self._object.numbers() if self._object else NO_OBJECT
+        if self._object:
+            patches = np.append(patches, self._object.rest_patches)
+        cutoff_rad_s = 2.0 * np.pi * electronics.bandwidth_hz
+        return Plan(
+            step_s=step_s,
+            steps_per_sample=per_sample,
+            decay=math.exp(-cutoff_rad_s * step_s) if cutoff_rad_s else -1.0,
+            positions_m=fingertip.taxel_positions(),
+            patches=patches,
+            normal_v_n=self._frontend.normal_v_n,
+            shear_v_n=self._frontend.shear_v_n,
+            hertz=self._contact.numbers(),
+            skin=skin.numbers() if friction else SkinNumbers(0.0, 0.0, 0.0),
+            friction=friction.numbers() if friction else NO_FRICTION,
+            ridges=texture.numbers(of_trial) if texture else NO_RIDGES,
+            rough=roughness.numbers() if roughness else NO_ROUGHNESS,
+            body=body,
+        )
+
+    @staticmethod
+    def _ringing_step_s(skin: Skin) -> float:
+        """Return the longest step that follows the skin's own ringing; it need not ring."""
+        if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
+            return math.inf
+        return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)
+
+    def hold_force(self, force_n: float) -> None:
+        """Command a normal force from the next sample on, in place of what the steps say.
+
+        It is how a grip is controlled from outside while the scene runs; the force follows the
+        command as the part ``motion`` says.
+
+        Raises
+        ------
+        ValueError
+            When the force is not from 0 to 1000 N, or so large that the skin would chatter.
+        """
+        if not 0.0 <= force_n <= 1000.0:
+            raise ValueError(f'force_n is {force_n:g} N, allowed: 0 to 1000 N')
+        friction: Friction | None = self.parts.get('friction')
+        if friction:
+            skin: Skin = self.parts.get('skin', Skin())
+            load_n = self._contact.largest_load_n(2.0 * force_n)
+            well_posed_or_say(friction, skin.numbers(), load_n, f'a grip of {force_n:g} N')
+        self._force.hold(self._next / self._true_rate_hz, force_n)
+
+    def force_n(self, time_s: Floats) -> Floats:
+        """Return the normal force at any times, disturbances included."""
+        force_n = self._force.at(time_s)
+        if self._taps:
+            force_n = force_n + self._taps.force_n(time_s)
+        if self._tremor:
+            # A hand that does not touch cannot press less; one that does may let go.
+            force_n = force_n + np.where(force_n > 0.0, self._tremor.force_n(time_s), 0.0)
+        return np.maximum(force_n, 0.0) if self._taps or self._tremor else force_n
+
+    def drive(self, time_s: Floats) -> Drive:
+        """Return what is done to the fingertip at given instants.
+
+        Parameters
+        ----------
+        time_s : ndarray, shape (n, 2)
+            Of the two stages of each step.
+        """
+        flat_s = time_s.ravel()
+        shape = time_s.shape
+        centre_m = np.array(self._contact.centre_m).reshape(1, 1, 2)
+        if self._rolling:
+            centre_m = (centre_m[0] + self._rolling.centre_m(flat_s)).reshape(*shape, 2)
+        force_n = self.force_n(flat_s).reshape(shape)
+        none = np.zeros((0, 2))
+        if self._load and self._object:
+            load_n = self._load.at(flat_s)
+            if self._tremor:
+                # In the frame of a hand that trembles the object's mass pulls the other way.
+                lines = self._tremor.motion_lines
+                shaken = lines._replace(amplitude=lines.amplitude * lines.angular_rate_rad_s**2)
+                load_n = load_n + self._object.mass_kg * shaken.value(flat_s)
+            return Drive(force_n, centre_m, none, none, load_n.reshape(shape))
+        velocity_m_s = self._platform.velocity_m_s(flat_s)
+        position_m = self._platform.position_m(flat_s)
+        if self._tremor:
+            velocity_m_s = velocity_m_s + self._tremor.velocity_m_s(flat_s)
+            position_m = position_m + self._tremor.position_m(flat_s)
+        return Drive(
+            force_n, centre_m, velocity_m_s.reshape(shape), position_m.reshape(shape), none
+        )
+
+    def corners_s(self) -> Floats:
+        """Return the times at which what is done to the fingertip has a corner, rising."""
+        ends = np.concatenate([self._force.corners_s(), self._platform.corners_s()])
+        return np.unique(ends[(ends > 0.0) & (ends < self.duration_s)])
+
+    def clean(
+        self, n: int, ledger: Floats | None = None
+    ) -> tuple[Floats, Floats, Floats, NDArray[np.float64]]:
+        """Advance by up to ``n`` samples and return what the fingertip feels, free of noise.
+
+        Parameters
+        ----------
+        n
+            Number of samples.
+        ledger : ndarray, shape (3,), optional
+            To book the energies of the friction in, see
+            :func:`slip_detector.scenes.mechanics.advance`.
+
+        Returns
+        -------
+        time_s, clean_v, position_m, sliding
+            Shapes (m,), (m, 16), (m,), (m,); m is less than ``n`` at the end. Volts less the
+            baselines; position of the surface; share of the load under which it slides.
+        """
+        first = self._next
+        last = min(first + n, self.length)
+        self._next = max(last, first)
+        m = self._next - first
+        plan = self.plan
+        clean_v, position_m, sliding = np.empty((m, fingertip.N_CHANNELS)), np.empty(m), np.empty(m)
+        begin = first == 0
+        # Steps are numbered from the start, so that a cut between two calls changes no bit.
+        of_steps = np.arange(
+            max(first - 1, 0) * plan.steps_per_sample, max(last - 1, 0) * plan.steps_per_sample
+        )
+        stages_s = (of_steps[:, np.newaxis] + np.array(STAGES)) * plan.step_s
+        if begin and m:
+            stages_s = np.concatenate([np.zeros((1, 2)), stages_s])
+        advance(
+            self.drive(stages_s), self.state, plan, begin, clean_v, position_m, sliding,
+            np.zeros(0) if ledger is None else ledger,
+        )  # fmt: skip
+        time_s = np.arange(first, self._next) / self._true_rate_hz
+        return time_s, clean_v, position_m, sliding
+
+    def read(self, n: int) -> Samples:
+        """Return the next ``n`` samples, fewer where some are lost, none only at the end."""
+        while True:
+            time_s, clean_v, position_m, sliding = self.clean(n)
+            if not len(time_s):
+                break
+            volts = self._digitised(clean_v, time_s)
+            if self._object:
+                # An object slips when most of what holds it slides.
+                truth = sliding > 0.5
+            else:
+                # The paper's Eq. 9: slip is what the platform's position says.
+                moving = self._platform.velocity_m_s(time_s) != 0.0
+                truth = moving & (self.force_n(time_s) > 0.0)
+                position_m = self._platform.position_m(time_s)
+            kept = self._link.kept(len(time_s)) if self._link else slice(None)
+            samples = Samples(volts[kept], truth[kept], position_m[kept], time_s[kept])
+            if len(samples.volts):
+                return samples
+        nothing = np.zeros(0)
+        return Samples(np.zeros((0, fingertip.N_CHANNELS)), nothing > 0.0, nothing, nothing)
+
+    def _digitised(self, clean_v: Floats, time_s: Floats) -> Floats:
+        """Turn what the fingertip feels into what its electronics say."""
+        volts = clean_v + self._frontend.baseline_v
+        if self._hum:
+            volts += self._hum.volts(time_s)[:, np.newaxis]
+        if self._faults:
+            volts = self._faults.before_converter(volts, time_s)
+        volts = self._frontend.sample(volts, 1.0 / self._true_rate_hz)
+        if self._faults:
+            volts = self._faults.after_converter(volts, time_s)
+        return volts
+
+
+def parts_of(description: Mapping[str, Any]) -> dict[str, Any]:
+    """Read the parts that a description names.
+
+    ``friction: none`` names none, ``friction: coulomb`` one with the defaults of that model.
 
     Raises
     ------
     ValueError
         For an unknown part or a value that is not allowed; names the part and the parameter.
     """
-
-    def __init__(self, description: Mapping[str, Any], noise: np.random.Generator) -> None:
-        parts: dict[str, Any] = {}
-        for name, content in description.items():
-            if name in ('steps', 'sample_rate_hz'):
-                continue
-            if name not in PARTS:
-                raise ValueError(f'unknown part {name}, allowed: steps, {", ".join(PARTS)}')
-            if not isinstance(content, Mapping | None):
-                raise ValueError(f'{name} is {content!r}, allowed: names and values')
-            parts[name] = PARTS[name].from_parameters(content or {}, name)
-        rate = description.get('sample_rate_hz', 380.0)
-        self.sample_rate_hz = Sampling(sample_rate_hz=rate).sample_rate_hz
-        self.channel_names = tuple(f'ch{i + 1}' for i in range(fingertip.N_CHANNELS))
-        steps = steps_from(description.get('steps'))
-        self._platform = Platform(parts.get('motion', Motion()), steps, self.sample_rate_hz)
-        self._contact = parts.get('contact', Contact())
-        self._friction: Friction | None = parts.get('friction')
-        self._texture: Texture | None = parts.get('texture')
-        self._frontend = Frontend(parts.get('electronics', Electronics()), noise)
-        self._positions_m = fingertip.taxel_positions()
-        self._shear_n = np.zeros(fingertip.N_CHANNELS)
-        self._plate_m = 0.0
-        self._next = 0
-        self.length = round(self._platform.duration_s * self.sample_rate_hz)
-        if not self.length:
+    parts: dict[str, Any] = {}
+    for name, content in description.items():
+        if name in OF_THE_SCENE:
+            continue
+        if name not in PARTS:
             raise ValueError(
-                f'steps: all take {self._platform.duration_s:g} s, allowed: at least one sample '
-                f'at {self.sample_rate_hz:g} Hz'
+                f'unknown part {name}, allowed: {", ".join((*OF_THE_SCENE, *PARTS))}'
             )
-
-    def read(self, n: int) -> Samples:
-        """Return the next ``n`` samples, fewer at the end of the scene."""
-        index = np.arange(self._next, min(self._next + n, self.length))
-        self._next += len(index)
-        time_s = index / self.sample_rate_hz
-        force_n = self._platform.force_n(time_s)
-        plate_m = self._platform.position_m(time_s)
-        loads_n = self._contact.loads_n(force_n, self._positions_m)
-        shear_n = None
-        slid_m = plate_m[:, np.newaxis]
-        if self._friction:
-            moved_m = np.diff(plate_m, prepend=self._plate_m)
-            shear_n = self._friction.shear_n(self._shear_n, moved_m, loads_n)
-            slid_m = slid_m - shear_n / self._friction.shear_stiffness_n_m
-        if len(index):
-            self._plate_m = float(plate_m[-1])
-        if self._texture:
-            loads_n = loads_n * self._texture.modulation(slid_m, self._positions_m)
-        # The paper's Eq. 9: slip is what the platform's position says.
-        moving = self._platform.velocity_m_s(time_s) != 0.0
-        return Samples(self._frontend.volts(loads_n, shear_n), moving & (force_n > 0.0), plate_m)
+        if name == 'friction' and content == 'none':
+            continue
+        if name == 'friction' and isinstance(content, str):
+            content = {'model': content}
+        if not isinstance(content, Mapping | None):
+            raise ValueError(f'{name} is {content!r}, allowed: names and values')
+        parts[name] = PARTS[name].from_parameters(content or {}, name)
+    return parts
 
 
-def load_scene(path: str | Path, noise: np.random.Generator) -> Scene:
+def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
     """Build the scene of a YAML file.
 
     Raises
@@ -113,7 +445,7 @@ def load_scene(path: str | Path, noise: np.random.Generator) -> Scene:
         When the file cannot be read or describes no scene; names the file.
     """
     try:
-        return Scene(read_yaml(path), noise)
+        return Scene(read_yaml(path), trial)
     except ValueError as error:
         text = str(error)
         raise ValueError(text if text.startswith(str(path)) else f'{path}: {text}') from None

@@ -1,0 +1,40 @@
+"""An object held between two fingertips against its weight."""
+
+import dataclasses
+from typing import NamedTuple
+
+from slip_detector.config import ParameterSet, parameter
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+
+
+class ObjectNumbers(NamedTuple):
+    """What the compiled code needs of a :class:`FreeObject`."""
+
+    mass_kg: float
+    length_m: float
+    rest_patches: float
+
+
+@dataclasses.dataclass(frozen=True)
+class FreeObject(ParameterSet):
+    """What is between the two fingertips; both are alike, one of them is sensed."""
+
+    mass_kg: float = parameter(0.2, 'Mass.', unit='kg', low=1e-3, high=10.0)
+    length_m: float = parameter(
+        0.1,
+        'How far it can slide through the fingers before it is lost.',
+        unit='m',
+        low=1e-4,
+        high=10.0,
+    )
+    rest_patches: float = parameter(
+        50.0,
+        'How many taxel patches the skin between the taxels is as stiff as.',
+        low=1.0,
+        high=1e4,
+    )
+
+    def numbers(self) -> ObjectNumbers:
+        """Return what the compiled code needs."""
+        return ObjectNumbers(self.mass_kg, self.length_m, self.rest_patches)

@@ -1,0 +1,361 @@
+"""The mechanics of the simulated fingertip, stepped as fast as a live driver needs it.
+
+The stepper is the two-stage singly diagonally implicit Runge-Kutta method of second order that is
+L-stable (Alexander 1977): stiff bristles cost it no step, and as the patches meet only through
+the surface that moves over them, each stage of each patch is one equation for one velocity. An
+object in the grip adds one equation for its own velocity. Only what a scene names has numbers in
+the :class:`Plan`; arrays without length are parts left out.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.compiled import compiled
+from slip_detector.scenes.contact import HertzNumbers, spread_load
+from slip_detector.scenes.free_object import ObjectNumbers
+from slip_detector.scenes.friction import (
+    LIGHTEST_LOAD_N,
+    MOST_ITERATIONS,
+    TOLERANCE,
+    FrictionNumbers,
+    skin_stage,
+)
+from slip_detector.scenes.skin import SkinNumbers
+from slip_detector.scenes.texture import (
+    RidgeNumbers,
+    RoughNumbers,
+    ridges_between,
+    roughness_between,
+)
+
+Floats = NDArray[np.float64]
+
+#: Where in a step its two stages are; the first is its diagonal too.
+STAGES = (1.0 - np.sqrt(0.5), 1.0)
+DIAGONAL = STAGES[0]
+
+#: How much of the rate that the first stage found goes into the second.
+CARRY = (1.0 - DIAGONAL) / DIAGONAL
+
+#: A patch that the surface passes more slowly than this is not sliding but creeping.
+SLIDING_M_S = 1e-4
+
+FINGERS = 2.0  # that hold an object
+
+# Columns of a patch's state, and of what a stage finds for it.
+DISPLACEMENT, VELOCITY, DEFLECTION, PASSING = range(4)
+FOUND_PASSING, FOUND_FORCE, FOUND_SLOPE, FOUND_DEFLECTION = range(4)
+
+# The object's state.
+POSITION, SPEED, LOST = range(3)
+
+# The ledger: work done on the friction, what its bristles store, and the least that the first
+# has ever been above the second.
+WORK, STORED, LEAST = range(3)
+
+
+class Plan(NamedTuple):
+    """What does not change while a scene runs.
+
+    Attributes
+    ----------
+    step_s : float
+        Step of the integrator.
+    steps_per_sample : int
+    decay : float
+        What is left of the low-pass filter's state after a step; negative without one.
+    positions_m : ndarray, shape (channels, 2)
+    patches : ndarray, shape (patches,)
+        How many patches of skin each stands for; none without friction.
+    normal_v_n, shear_v_n : ndarray, shape (channels,)
+        Sensitivities.
+    hertz, skin, friction, ridges, rough, body
+        Numbers of the parts.
+    """
+
+    step_s: float
+    steps_per_sample: int
+    decay: float
+    positions_m: Floats
+    patches: Floats
+    normal_v_n: Floats
+    shear_v_n: Floats
+    hertz: HertzNumbers
+    skin: SkinNumbers
+    friction: FrictionNumbers
+    ridges: RidgeNumbers
+    rough: RoughNumbers
+    body: ObjectNumbers
+
+
+class Drive(NamedTuple):
+    """What is done to the fingertip in each of n steps, at its two stages.
+
+    Attributes
+    ----------
+    force_n : ndarray, shape (n, 2)
+        Normal force.
+    centre_m : ndarray, shape (n, 2, 2), or (1, 1, 2) where it stays
+        Centre of the contact.
+    velocity_m_s, position_m : ndarray, shape (n, 2)
+        Of the surface; without length where an object finds its own way.
+    load_n : ndarray, shape (n, 2)
+        Force on the object; without length where there is none.
+    """
+
+    force_n: Floats
+    centre_m: Floats
+    velocity_m_s: Floats
+    position_m: Floats
+    load_n: Floats
+
+
+class State(NamedTuple):
+    """What a scene remembers from step to step.
+
+    Attributes
+    ----------
+    patches : ndarray, shape (patches, 4)
+        Displacement and velocity of the skin, deflection of the bristles, and the velocity with
+        which the surface passes; none without friction.
+    body : ndarray, shape (3,)
+        Position and velocity of the object, and whether it is lost.
+    smoothed_v : ndarray, shape (channels,)
+        State of the low-pass filter.
+    before : ndarray, shape (channels, 3)
+        Load, displacement of the skin and way of the surface over it at the end of the last step.
+    """
+
+    patches: Floats
+    body: Floats
+    smoothed_v: Floats
+    before: Floats
+
+
+@compiled
+def _find_stage(v, step, loads, base, patches, found, plan):
+    """Advance all patches by one implicit step under a surface of velocity v.
+
+    Returns the force of the patches on the surface, each counted as often as it stands for.
+    """
+    total, slope = 0.0, 0.0
+    for p in range(loads.size):
+        passing, force, stiffness, after = skin_stage(
+            v,
+            base[p, DISPLACEMENT],
+            base[p, VELOCITY],
+            base[p, DEFLECTION],
+            patches[p, PASSING],
+            loads[p],
+            step,
+            plan.skin,
+            plan.friction,
+        )
+        found[p, FOUND_PASSING] = passing
+        found[p, FOUND_FORCE] = force
+        found[p, FOUND_SLOPE] = stiffness
+        found[p, FOUND_DEFLECTION] = after
+        total += plan.patches[p] * force
+        slope += plan.patches[p] * stiffness
+    return total, slope
+
+
+@compiled
+def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, plan):
+    """Find the velocity of the object at the end of an implicit step.
+
+    M (v - v_base) / step + friction of both fingers (v) = load; the left side rises with v.
+    """
+    inertia = plan.body.mass_kg / step
+    low, high = -np.inf, np.inf
+    v = v_last
+    for _ in range(MOST_ITERATIONS):
+        force, slope = _find_stage(v, step, loads, base, patches, found, plan)
+        balance = load_n - FINGERS * force - inertia * (v - v_base)
+        if balance > 0.0:
+            low = v
+        elif balance < 0.0:
+            high = v
+        else:
+            break
+        change = balance / (inertia + FINGERS * slope)
+        following = v + change
+        if not low < following < high:
+            if low == -np.inf or high == np.inf:
+                following = v + 2.0 * change
+            else:
+                following = 0.5 * (low + high)
+        if abs(following - v) <= TOLERANCE * abs(v) + 1e-18:
+            break
+        v = following
+    return v
+
+
+@compiled
+def _take_stage(v, step, base, patches, found, plan):
+    """Make what a stage found the patches' state."""
+    for p in range(patches.shape[0]):
+        speed = v - found[p, FOUND_PASSING]
+        patches[p, DISPLACEMENT] = base[p, DISPLACEMENT] + step * speed
+        patches[p, VELOCITY] = speed
+        patches[p, DEFLECTION] = found[p, FOUND_DEFLECTION]
+        patches[p, PASSING] = found[p, FOUND_PASSING]
+
+
+@compiled
+def _book(weight_s, found, plan, ledger):
+    """Book the work of a stage on the friction."""
+    for p in range(plan.patches.size):
+        ledger[WORK] += (
+            weight_s * plan.patches[p] * found[p, FOUND_FORCE] * found[p, FOUND_PASSING]
+        )
+
+
+@compiled
+def _step(i, drive, state, plan, loads, base, found, ledger):
+    """Take one step of skin and object; loads are those at its end afterwards."""
+    patches, body = state.patches, state.body
+    diagonal_s = DIAGONAL * plan.step_s
+    with_object = drive.load_n.size > 0
+    surface_v = 0.0
+    for stage in range(2):
+        force = 0.0 if body[LOST] else drive.force_n[i, stage]
+        centre = drive.centre_m[min(i, drive.centre_m.shape[0] - 1)][
+            min(stage, drive.centre_m.shape[1] - 1)
+        ]
+        spread_load(
+            force, centre[0], centre[1], plan.positions_m, plan.hertz, plan.body.rest_patches, loads
+        )
+        if stage == 0:
+            base[:, :] = patches[:, :3]
+            v_base, s_base = body[SPEED], body[POSITION]
+        else:
+            for p in range(patches.shape[0]):
+                rate = CARRY * diagonal_s * patches[p, VELOCITY]
+                base[p, DISPLACEMENT] += rate
+                base[p, VELOCITY] += CARRY * (patches[p, VELOCITY] - base[p, VELOCITY])
+                base[p, DEFLECTION] += CARRY * (patches[p, DEFLECTION] - base[p, DEFLECTION])
+            v_base += CARRY * (surface_v - v_base)
+            s_base += CARRY * diagonal_s * surface_v
+        if with_object and not body[LOST]:
+            surface_v = _find_object(
+                body[SPEED], v_base, drive.load_n[i, stage], diagonal_s, loads, base, patches,
+                found, plan,
+            )  # fmt: skip
+            body[SPEED] = surface_v
+            body[POSITION] = s_base + diagonal_s * surface_v
+        else:
+            surface_v = 0.0 if with_object else drive.velocity_m_s[i, stage]
+            _find_stage(surface_v, diagonal_s, loads, base, patches, found, plan)
+        _take_stage(surface_v, diagonal_s, base, patches, found, plan)
+        if ledger.size:
+            _book((1.0 - DIAGONAL if stage == 0 else DIAGONAL) * plan.step_s, found, plan, ledger)
+    if ledger.size:
+        stored = 0.0
+        for p in range(patches.shape[0]):
+            stored += plan.patches[p] * patches[p, DEFLECTION] ** 2
+        ledger[STORED] = 0.5 * plan.friction.bristle_n_m * stored
+        ledger[LEAST] = min(ledger[LEAST], ledger[WORK] - ledger[STORED])
+    if with_object and body[POSITION] > plan.body.length_m:
+        body[LOST] = 1.0
+        body[SPEED] = 0.0
+
+
+@compiled
+def _sense(c, load, displacement, way, before, plan):
+    """Return the voltage of a channel, less its baseline: the mean since ``before``.
+
+    Without a low-pass filter ``before`` is the present itself, and the mean the value.
+    """
+    texture = 0.0
+    if plan.ridges.amplitudes.size:
+        texture += ridges_between(before[2], way, plan.ridges)
+    if plan.rough.heights.size:
+        texture += roughness_between(before[2], way, plan.rough)
+    mean_load = 0.5 * (before[0] + load)
+    shear = plan.skin.stiffness_n_m * 0.5 * (before[1] + displacement)
+    return plan.normal_v_n[c] * mean_load * (1.0 + texture) + plan.shear_v_n[c] * shear
+
+
+@compiled
+def _sense_all(state, loads, position, plan, smooth, out):
+    """Read all channels at the end of a step, into the filter and from it where there is one."""
+    with_skin = state.patches.shape[0] > 0
+    for c in range(plan.positions_m.shape[0]):
+        displacement = state.patches[c, DISPLACEMENT] if with_skin else 0.0
+        way = position - displacement + plan.positions_m[c, 0]
+        before = state.before[c]
+        if not smooth:
+            before[0], before[1], before[2] = loads[c], displacement, way
+        value = _sense(c, loads[c], displacement, way, before, plan)
+        if smooth:
+            value += plan.decay * (state.smoothed_v[c] - value)
+        state.smoothed_v[c] = value
+        before[0], before[1], before[2] = loads[c], displacement, way
+        out[c] = value
+
+
+@compiled
+def _sliding_share(state, loads, plan):
+    """Return the share of the normal load under which the surface slides over the skin."""
+    total, sliding = 0.0, 0.0
+    for p in range(plan.patches.size):
+        load = plan.patches[p] * loads[p]
+        total += load
+        sliding += load if abs(state.patches[p, PASSING]) > SLIDING_M_S else 0.0
+    return sliding / total if total > LIGHTEST_LOAD_N else 0.0
+
+
+@compiled
+def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
+    """Advance a scene by some samples; the state is changed in place.
+
+    Parameters
+    ----------
+    drive : Drive
+        Of ``steps_per_sample`` steps for each sample; where ``begin``, the first sample is the
+        first instant, before any step, and has the first entry of the drive to itself.
+    state : State
+    plan : Plan
+    begin : bool
+        Whether the first sample is the scene's first.
+    clean_v : ndarray, shape (n, channels)
+        Filled with the volts of the channels, less baselines and noise.
+    position_m : ndarray, shape (n,)
+        Filled with the position of plate or object.
+    sliding : ndarray, shape (n,)
+        Filled with the share of the load that slides; 0 without friction.
+    ledger : ndarray, shape (3,) or (0,)
+        Work done on the friction, energy stored in it, and the least difference of the two that
+        there ever was; without length it is not kept.
+    """
+    n_patches = plan.patches.size
+    loads = np.zeros(max(n_patches, plan.positions_m.shape[0]))
+    base, found = np.zeros((n_patches, 3)), np.zeros((n_patches, 4))
+    with_object = drive.load_n.size > 0
+    smooth = plan.decay >= 0.0
+    i = 0
+    for k in range(clean_v.shape[0]):
+        start = begin and k == 0
+        steps = 1 if start else plan.steps_per_sample
+        for j in range(steps):
+            if n_patches and not start:
+                _step(i, drive, state, plan, loads, base, found, ledger)
+            last = j == steps - 1
+            if smooth or last:
+                if not n_patches or start:
+                    centre = drive.centre_m[min(i, drive.centre_m.shape[0] - 1)][
+                        drive.centre_m.shape[1] - 1
+                    ]
+                    spread_load(
+                        drive.force_n[i, 1], centre[0], centre[1], plan.positions_m, plan.hertz,
+                        plan.body.rest_patches, loads,
+                    )  # fmt: skip
+                position = state.body[POSITION] if with_object else drive.position_m[i, 1]
+                _sense_all(state, loads, position, plan, smooth and not start, clean_v[k])
+                if last:
+                    position_m[k] = position
+                    sliding[k] = _sliding_share(state, loads, plan) if n_patches else 0.0
+            i += 1

@@ -1,0 +1,37 @@
+"""The skin over one taxel: a spring, a damper and a mass that shear along x."""
+
+import dataclasses
+from typing import NamedTuple
+
+from slip_detector.config import ParameterSet, parameter
+
+
+class SkinNumbers(NamedTuple):
+    """What the compiled code needs of a :class:`Skin`."""
+
+    stiffness_n_m: float
+    damping_n_s_m: float
+    mass_kg: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Skin(ParameterSet):
+    """Skin over one taxel, between the finger and what touches it."""
+
+    shear_stiffness_n_m: float = parameter(
+        170.0, 'Shear stiffness.', unit='N/m', low=1e-3, high=1e9
+    )
+    damping_n_s_m: float = parameter(
+        0.3, 'Damping against the finger; 0: none.', unit='N s/m', low=0.0, high=1e6
+    )
+    mass_kg: float = parameter(
+        0.0,
+        'Mass that moves with the surface of the skin; 0: the skin has no inertia.',
+        unit='kg',
+        low=0.0,
+        high=1.0,
+    )
+
+    def numbers(self) -> SkinNumbers:
+        """Return what the compiled code needs."""
+        return SkinNumbers(self.shear_stiffness_n_m, self.damping_n_s_m, self.mass_kg)
