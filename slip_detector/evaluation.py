@@ -1,13 +1,16 @@
 """Evaluate the chain on recordings: areas under the ROC curve, delays, false positives.
 
 No ROS here: the chain runs over each recording as the detector node would, from its first row.
+
+``slip_evaluate --protocol paper`` takes no recordings: it simulates the paper's three plates, ten
+trials on each, and prints the paper's Table 2 beside ours; see ``slip_detector.protocol``.
 """
 
 import argparse
 import json
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
@@ -27,6 +30,9 @@ NAME = 'slip_evaluate'
 #: How far a recording's rate may be from that of the chain, as a share of it: beyond, the bands
 #: and windows are no longer those that the configuration speaks of.
 RATE_TOLERANCE = 0.02
+
+#: More simulated trials than this are taken for a slip of the keys.
+MOST_TRIALS = 1000
 
 ENDINGS = ('.npz', '.csv')
 
@@ -411,11 +417,14 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog=NAME,
         description='Run the slip chain over labelled recordings and print the area under the '
-        'ROC curve: of all rows, and of the rows with slip against those of motion without.',
+        'ROC curve: of all rows, and of the rows with slip against those of motion without. Or, '
+        'with --protocol paper, simulate the trials of the paper and print delays, success rate '
+        'and false positives beside those that it reports, and for each figure what is wanted and '
+        'whether it is met; the exit code is 0 either way.',
     )
     parser.add_argument(
         'recordings',
-        nargs='+',
+        nargs='*',
         metavar='RECORDING',
         help=f'a recording ({", ".join(ENDINGS)}) or a folder of them',
     )
@@ -426,7 +435,85 @@ def _parser() -> argparse.ArgumentParser:
         f'parts of a recording) and {NAME} (how to tell motion); else the defaults',
     )
     parser.add_argument('--json', action='store_true', help='print one JSON object')
+    protocol = parser.add_argument_group('with --protocol')
+    protocol.add_argument(
+        '--protocol',
+        choices=('paper',),
+        help='simulate, in place of recordings, the protocol of the paper: the plates of 400, 440 '
+        'and 480 um, the same trials through the chain, through others of its windows and bands',
+    )
+    protocol.add_argument(
+        '--trials',
+        type=_whole_number(1, MOST_TRIALS),
+        metavar='N',
+        help='trials on each plate (default: 10)',
+    )
+    protocol.add_argument(
+        '--seed',
+        type=_whole_number(0, 2**31 - 1),
+        metavar='FIRST',
+        help='seed of the first trial, the next have the next (default: 0)',
+    )
+    protocol.add_argument(
+        '--plot',
+        nargs='?',
+        const=Path('out'),
+        type=Path,
+        metavar='FOLDER',
+        help='write the counterparts of the figures 2, 4, 5, 6 and 7 of the paper to a folder '
+        '(default: out)',
+    )
     return parser
+
+
+def _whole_number(low: int, high: int) -> Callable[[str], int]:
+    """Return what reads an argument that is a whole number."""
+
+    def read(text: str) -> int:
+        if not text.isdecimal() or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(
+                f'is {text!r}, allowed: a whole number, {low} to {high}'
+            )
+        return int(text)
+
+    return read
+
+
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Read the arguments and see that they go together."""
+    parser = _parser()
+    options = parser.parse_args(argv)
+    if options.protocol:
+        if options.recordings:
+            parser.error('--protocol simulates its trials, allowed: no RECORDING with it')
+        return options
+    for name in ('trials', 'seed', 'plot'):
+        if getattr(options, name) is not None:
+            parser.error(f'--{name} is for simulated trials, allowed: with --protocol')
+    if not options.recordings:
+        parser.error('the following arguments are required: RECORDING (or --protocol)')
+    return options
+
+
+def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
+    """Return the figures of the recordings, and what lays them out."""
+    file = options.config
+    evaluator = Evaluator(
+        ChainConfig.from_yaml(file) if file else ChainConfig(),
+        DriverConfig.from_yaml(file) if file else DriverConfig(),
+        EvaluationConfig.from_yaml(file) if file else EvaluationConfig(),
+    )
+    return evaluate(options.recordings, evaluator), as_tables
+
+
+def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
+    """Return the figures of the paper's protocol, and what lays them out."""
+    # Who evaluates recordings need not load the simulation.
+    from slip_detector import protocol
+
+    config = ChainConfig.from_yaml(options.config) if options.config else ChainConfig()
+    trials = protocol.TRIALS if options.trials is None else options.trials
+    return protocol.run(config, trials, options.seed or 0, options.plot), protocol.table
 
 
 def _print(text: str) -> int:
@@ -456,19 +543,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit code: 0, or 1 after an error, which is one line on stderr.
     """
-    options = _parser().parse_args(argv)
-    file = options.config
+    options = _arguments(argv)
     try:
-        evaluator = Evaluator(
-            ChainConfig.from_yaml(file) if file else ChainConfig(),
-            DriverConfig.from_yaml(file) if file else DriverConfig(),
-            EvaluationConfig.from_yaml(file) if file else EvaluationConfig(),
-        )
-        report = evaluate(options.recordings, evaluator)
+        report, layout = (_of_protocol if options.protocol else _of_recordings)(options)
     except ValueError as error:
         sys.stderr.write(f'{NAME}: {error}\n')
         return 1
-    return _print(json.dumps(report, indent=2) if options.json else as_tables(report))
+    return _print(json.dumps(report, indent=2) if options.json else layout(report))
 
 
 if __name__ == '__main__':

@@ -520,16 +520,17 @@ def stages(trial: Trial, config: ChainConfig, channel: int) -> dict[str, Floats]
         When the chain cannot be built.
     """
     result = SlipChain(config).update(trial.volts)
-    raw = trial.volts[:, channel - 1]
-    volts = raw
+    # As the chain does: what counts is the deviation from the first row (the baseline).
+    deviations = trial.volts - trial.volts[0]
+    volts = deviations[:, channel - 1]
     if config.common_mode != 'none':
-        others = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
-        volts = raw - getattr(np, config.common_mode)(trial.volts[:, others], axis=1)
-    filtered = signal.sosfilt(design(config), volts - volts[0])
+        enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
+        volts = volts - getattr(np, config.common_mode)(deviations[:, enabled], axis=1)
+    filtered = signal.sosfilt(design(config), volts)
     rectified = np.abs(filtered) if config.rectify == 'full' else np.maximum(filtered, 0.0)
     unit = 'V' if config.exponent == 1 else f'V$^{config.exponent}$'
     return {
-        'raw [V]': raw,
+        'raw [V]': trial.volts[:, channel - 1],
         f'filtered,\ntimes {config.gain:g} [V]': filtered,
         f'rectified,\nto the power\nof {config.exponent} [{unit}]': rectified**config.exponent,
         f'RMS envelope\n[{unit}]': result.envelope[:, channel - 1],
@@ -654,7 +655,7 @@ def table(result: Mapping[str, Any]) -> str:
         '',
     ]
     trials = [
-        [f'trial {seed}', *(_cell(plates[plate]['trial_delays_ms'][k], '.2f') for plate in plates)]
+        [f'seed {seed}', *(_cell(plates[plate]['trial_delays_ms'][k], '.2f') for plate in plates)]
         for k, seed in enumerate(seeds)
     ]
     lines += _aligned(

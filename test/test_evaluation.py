@@ -458,7 +458,7 @@ def test_a_csv_with_other_names_than_configured_is_refused(capsys, tmp_path):
 
 def test_no_recording_an_empty_folder_and_a_doubled_one_are_refused(capsys, tmp_path):
     assert complaint(capsys, code=2).startswith('the following arguments are required: RECORDING')
-    assert complaint(capsys, '--what', code=2).startswith('the following arguments')
+    assert complaint(capsys, '--what', code=2).startswith('unrecognized arguments: --what')
     (tmp_path / 'notes.txt').touch()
     assert (
         complaint(capsys, tmp_path) == f'{tmp_path}: has no recordings, allowed: .npz, .csv files'
