@@ -29,8 +29,12 @@ from slip_detector.scenes.skin import SkinNumbers
 #: that a taxel could feel (a thousandth of a millinewton).
 LIGHTEST_LOAD_N = 1e-6
 
-#: Newton's method on a stage ends when a step changes the velocity by less than this share of it.
-TOLERANCE = 1e-10
+#: Newton's method on a stage ends when a step changes the velocity by less than this share of
+#: it: it squares the error with each step, so what is left is about the square of this.
+TOLERANCE = 1e-6
+
+#: Skin without load is at rest when it is within so many metres of it, and as many a second.
+AT_REST_M = 1e-15
 
 #: It has never been seen to take more than a tenth of so many steps.
 MOST_ITERATIONS = 200
@@ -64,10 +68,10 @@ class Friction(ParameterSet):
         0.6, 'Coefficient of friction while sliding.', low=0.0, high=10.0
     )
     static_coefficient: float = parameter(
-        0.66, 'Coefficient of friction at rest (lugre).', low=0.0, high=10.0
+        0.65, 'Coefficient of friction at rest (lugre).', low=0.0, high=10.0
     )
     stribeck_velocity_m_s: float = parameter(
-        5e-3,
+        10e-3,
         'Velocity at which friction has come down from static to kinetic by 1 - 1/e (lugre).',
         unit='m/s',
         low=1e-6,
@@ -140,27 +144,36 @@ def bristle_force(w, z, load, law):
 
 
 @compiled
+def _drop(ratio):
+    """Return exp(-ratio^2), which costs as much as all else where it is not plainly 1."""
+    squared = ratio * ratio
+    return np.exp(-squared) if squared > 1e-17 else 1.0
+
+
+@compiled
 def _bristle_stage(w, z, load, step, law):
-    """Return force, its slope in w and the deflection after an implicit step at constant w."""
+    """Return force, deflection after an implicit step at constant w, and their slopes in w."""
     ratio = w / law.stribeck_m_s
-    drop = (law.static - law.kinetic) * np.exp(-ratio * ratio)
-    level = load * (law.kinetic + drop)
-    level_slope = -2.0 * load * drop * ratio / law.stribeck_m_s
+    drop = load * (law.static - law.kinetic) * _drop(ratio)
+    level = load * law.kinetic + drop
+    level_slope = -2.0 * drop * ratio / law.stribeck_m_s
     sign = 1.0 if w >= 0.0 else -1.0
-    rate = law.bristle_n_m * abs(w) / level
-    rate_slope = (sign * law.bristle_n_m - rate * level_slope) / level
+    per_level = 1.0 / level
+    share = law.bristle_n_m * per_level
+    rate = share * abs(w)
+    rate_slope = sign * share - rate * level_slope * per_level
     numerator, denominator = z + step * w, 1.0 + step * rate
     after = numerator / denominator
     most = law.static * load / law.bristle_n_m
     if abs(after) > most:
-        share = step / law.unloading_s
-        numerator += share * (most if after > 0.0 else -most)
-        denominator += share
+        part = step / law.unloading_s
+        numerator += part * (most if after > 0.0 else -most)
+        denominator += part
         after = numerator / denominator
     after_slope = step * (1.0 - after * rate_slope) / denominator
     sliding = w - rate * after
     sliding_slope = 1.0 - rate_slope * after - rate * after_slope
-    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * rate / law.bristle_n_m)
+    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * abs(w) * per_level)
     damping_slope = -damping * damping * rate_slope / law.bristle_n_m
     force = law.bristle_n_m * after + damping * sliding + law.viscous_n_s_m * w
     slope = (
@@ -169,22 +182,22 @@ def _bristle_stage(w, z, load, step, law):
         + damping * sliding_slope
         + law.viscous_n_s_m
     )
-    return force, slope, after
+    return force, slope, after, after_slope
 
 
 @compiled
 def _guess(available, impedance, w, z, load, step, law):
     """Solve the stage with g(w) and sigma1(w) held at w: then it is a quadratic in w >= 0."""
-    ratio = w / law.stribeck_m_s
-    level = load * (law.kinetic + (law.static - law.kinetic) * np.exp(-ratio * ratio))
-    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * abs(w) / level)
-    per = step * law.bristle_n_m / level
+    drop = (law.static - law.kinetic) * _drop(w / law.stribeck_m_s)
+    per_level = 1.0 / (load * (law.kinetic + drop))
+    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * w * per_level)
+    per = step * law.bristle_n_m * per_level
     total = impedance + law.viscous_n_s_m
     b = (
         available * per
         - total
         - step * law.bristle_n_m
-        - damping * (1.0 - law.bristle_n_m * z / level)
+        - damping * (1.0 - law.bristle_n_m * z * per_level)
     )
     c = max(available - law.bristle_n_m * z, 0.0)
     root = np.sqrt(b * b + 4.0 * total * per * c)
@@ -206,16 +219,21 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
     """
     if load < LIGHTEST_LOAD_N:
         load = LIGHTEST_LOAD_N
-    force, slope, after = _bristle_stage(0.0, z, load, step, law)
-    balance = available - force
+    at_rest = z
+    most = law.static * load / law.bristle_n_m
+    if abs(z) > most:
+        part = step / law.unloading_s
+        at_rest = (z + part * (most if z > 0.0 else -most)) / (1.0 + part)
+    balance = available - law.bristle_n_m * at_rest
     if balance == 0.0:
+        force, slope, after, _ = _bristle_stage(0.0, z, load, step, law)
         return 0.0, force, slope, after
     sign = 1.0 if balance > 0.0 else -1.0
     near = max(sign * w_last, 0.0)
-    speed = _guess(sign * available, impedance, near, sign * after, load, step, law)
+    speed = _guess(sign * available, impedance, near, sign * at_rest, load, step, law)
     low, high = 0.0, np.inf
     for _ in range(MOST_ITERATIONS):
-        force, slope, after = _bristle_stage(sign * speed, z, load, step, law)
+        force, slope, after, after_slope = _bristle_stage(sign * speed, z, load, step, law)
         balance = sign * (available - force) - impedance * speed
         if balance > 0.0:
             low = speed
@@ -225,8 +243,9 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
         change = balance / steepness if steepness > 0.0 else np.inf
         following = speed + change
         if abs(change) <= TOLERANCE * speed:
-            # What is left is of the second order: no need to look once more.
-            return sign * following, force + sign * slope * change, slope, after
+            # The next change would be the square of this one.
+            change *= sign
+            return sign * following, force + slope * change, slope, after + after_slope * change
         if not low < following < high:
             following = 0.5 * (low + high) if high < np.inf else 2.0 * speed + 1e-12
             if following == low or following == high:
@@ -247,11 +266,11 @@ def skin_stage(v, x, u, z, w_last, load, step, skin, law):
         The velocity of the surface against the skin, the friction force, its slope in v, and the
         bristles' deflection after the step.
     """
+    if load == 0.0 and abs(x) < AT_REST_M and abs(u) < AT_REST_M:
+        return v, 0.0, 0.0, 0.0
     inertia = skin.mass_kg / step
     impedance = inertia + skin.damping_n_s_m + skin.stiffness_n_m * step
-    available = (
-        inertia * (v - u) + skin.damping_n_s_m * v + skin.stiffness_n_m * (x + step * v)
-    )
+    available = inertia * (v - u) + skin.damping_n_s_m * v + skin.stiffness_n_m * (x + step * v)
     if law.model == COULOMB:
         most = law.kinetic * load
         if abs(available) <= most:

@@ -18,7 +18,6 @@ from slip_detector.scenes.free_object import ObjectNumbers
 from slip_detector.scenes.friction import (
     LIGHTEST_LOAD_N,
     MOST_ITERATIONS,
-    TOLERANCE,
     FrictionNumbers,
     skin_stage,
 )
@@ -38,6 +37,9 @@ DIAGONAL = STAGES[0]
 
 #: How much of the rate that the first stage found goes into the second.
 CARRY = (1.0 - DIAGONAL) / DIAGONAL
+
+#: Newton's method on the object ends when a step changes its velocity by less than this share.
+OBJECT_TOLERANCE = 1e-9
 
 #: A patch that the surface passes more slowly than this is not sliding but creeping.
 SLIDING_M_S = 1e-4
@@ -187,9 +189,10 @@ def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, plan
                 following = v + 2.0 * change
             else:
                 following = 0.5 * (low + high)
-        if abs(following - v) <= TOLERANCE * abs(v) + 1e-18:
-            break
+        done = abs(following - v) <= OBJECT_TOLERANCE * abs(v) + 1e-18
         v = following
+        if done:
+            break
     return v
 
 

@@ -89,9 +89,9 @@ class Sampling(ParameterSet):
 class Scene:
     """A fingertip and what is done to it; a :class:`~slip_detector.sources.Source`.
 
-    Parts that are not named are not built: without ``friction`` there is no skin and no shear
-    load, without ``texture`` and ``roughness`` the surface is smooth, without ``object`` the plate
-    moves as the steps say.
+    Parts that are not named are not built: without ``friction`` the skin is not sheared, without
+    ``texture`` and ``roughness`` the surface is smooth, without ``object`` the plate moves as the
+    steps say. Only contact, motion and electronics are always there, with their defaults.
 
     Parameters
     ----------
@@ -180,8 +180,6 @@ class Scene:
         """Refuse parts that do not go together."""
         friction: Friction | None = self.parts.get('friction')
         texture: Texture | None = self.parts.get('texture')
-        if 'skin' in self.parts and not friction:
-            raise ValueError('skin: shears only under friction, allowed: with the part friction')
         if self._object:
             if not friction:
                 raise ValueError('object: falls without friction, allowed: with the part friction')
