@@ -3,6 +3,8 @@
 import threading
 import time
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -28,7 +30,11 @@ LOOK_S = 0.1
 
 
 class Driver(Node):
-    """Publishes sample k at start + k / rate, whatever became of the samples before."""
+    """Publishes each sample when it is due, whatever became of the samples before.
+
+    Sample k is due at start + k / rate; where the source knows better when it was taken (its
+    clock may be wrong, and samples may be lost), at that time.
+    """
 
     def __init__(self) -> None:
         super().__init__('slip_driver')
@@ -82,34 +88,48 @@ class Driver(Node):
         start_s = time.monotonic()
         played = 0
         repetition = 0
+        begin_s = end_s = 0.0
         while not self._stop.is_set():
             samples = source.read(READ_ROWS)
-            if len(samples.volts):
-                played = self._publish(source, samples, played, start_s, first_stamp_ns)
+            n = len(samples.volts)
+            if n:
+                period_s = 1.0 / source.sample_rate_hz
+                taken_s = samples.time_s
+                if taken_s is None:
+                    taken_s = np.arange(played, played + n) * period_s
+                else:
+                    taken_s = begin_s + taken_s
+                played += self._publish(source, samples, taken_s, start_s, first_stamp_ns)
+                end_s = float(taken_s[-1]) + period_s
             elif not self.config.loop:
                 break
             else:
                 repetition += 1
+                begin_s = end_s
                 source = open_source(self.config, repetition)
         if not self._stop.is_set():
             self.get_logger().info(f'played all {played} samples')
 
     def _publish(
-        self, source: Source, samples: Samples, played: int, start_s: float, first_stamp_ns: int
+        self,
+        source: Source,
+        samples: Samples,
+        taken_s: NDArray[np.float64],
+        start_s: float,
+        first_stamp_ns: int,
     ) -> int:
-        """Publish each sample when it is due; returns how many have been played by then."""
-        rate_hz = source.sample_rate_hz
+        """Publish each sample when it is due; returns how many were published."""
         names = list(source.channel_names)
         for i, volts in enumerate(samples.volts):
-            due_s = start_s + played / (rate_hz * self.config.rate)
+            due_s = start_s + float(taken_s[i]) / self.config.rate
             ahead_s = due_s - time.monotonic()
             if ahead_s > 0.0:
                 if self._stop.wait(ahead_s):
-                    break
+                    return i
             elif -ahead_s > LATE_S:
                 self._say_late(-ahead_s)
             header = Header(
-                stamp=time_message(first_stamp_ns + round(played * 1e9 / rate_hz)),
+                stamp=time_message(first_stamp_ns + round(float(taken_s[i]) * 1e9)),
                 frame_id=self.config.frame_id,
             )
             self._voltages.publish(JointState(header=header, name=names, position=volts))
@@ -121,8 +141,7 @@ class Driver(Node):
             if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
                 self._last_truth = bool(samples.truth[i])
                 self._truth.publish(Bool(data=self._last_truth))
-            played += 1
-        return played
+        return len(samples.volts)
 
     def _say_late(self, late_s: float) -> None:
         now_s = time.monotonic()
