@@ -36,11 +36,27 @@ from numpy.typing import NDArray
 Bools = NDArray[np.bool_]
 
 
+class Bound(NamedTuple):
+    """What is wanted of a figure."""
+
+    relation: str
+    value: float
+
+    def met(self, figure: float) -> bool:
+        """Return whether a figure is as wanted."""
+        if self.relation == '>=':
+            return figure >= self.value
+        return figure <= self.value if self.relation == '<=' else figure < self.value
+
+    def __str__(self) -> str:
+        return f'{self.relation} {self.value:g}'
+
+
 def machine() -> dict[str, Any]:
     """Return what the figures depend on."""
     import scipy
 
-    from slip_detector.chain import COMPILED
+    from slip_detector.compiled import COMPILED
 
     numba = importlib.import_module('numba').__version__ if COMPILED else None
     return {

@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 
 from slip_detector import benchmark
-from slip_detector.benchmark import least_times_s, match
+from slip_detector.benchmark import Bound, least_times_s, match
 from slip_detector.benchmarks import chain_speed
 from slip_detector.benchmarks.chain_speed import (
     QUICK_INTERPRETED,
     WANTED,
-    Bound,
     NumpyChain,
     volts,
     why_not_ros,
 )
-from slip_detector.chain import COMPILED, SlipChain
+from slip_detector.chain import SlipChain
+from slip_detector.compiled import COMPILED
 from slip_detector.config import ChainConfig
 
 ROOT = Path(benchmark.__file__).parents[1]

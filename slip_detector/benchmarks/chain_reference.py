@@ -10,8 +10,8 @@ S. Orfanidis, Lecture Notes on Elliptic Filter Design (2006), sections 2, 5 and 
 and zeros of the stop-bands.
 """
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 import mpmath  # type: ignore[import-untyped]
 import numpy as np
@@ -33,8 +33,16 @@ Section = tuple[Number, Number, Number, Number, Number]
 #: An imaginary part below this is a rounding error.
 REAL_BELOW = 1e-35
 
+Function = TypeVar('Function', bound=Callable[..., Any])
 
-@mpmath.workdps(DIGITS)
+
+def _in_digits(function: Function) -> Function:
+    """Let a function compute with ``DIGITS``."""
+    wrapped: Function = mpmath.workdps(DIGITS)(function)
+    return wrapped
+
+
+@_in_digits
 def design(config: ChainConfig) -> list[Section]:
     """Design the network of a configuration; the gain is in the first section."""
     low, high = (_warped(edge, config) for edge in config.passband_hz)
@@ -151,7 +159,7 @@ def exactly(sections: NDArray[Any]) -> list[Section]:
     ]
 
 
-@mpmath.workdps(DIGITS)
+@_in_digits
 def run_filter(sections: Iterable[Section], volts: Floats) -> list[Number]:
     """Filter one channel's deviations from its first value, from rest.
 
@@ -177,7 +185,7 @@ def run_filter(sections: Iterable[Section], volts: Floats) -> list[Number]:
     return signal
 
 
-@mpmath.workdps(DIGITS)
+@_in_digits
 def envelope_and_level(
     filtered: list[Number], config: ChainConfig, before: str = 'zeros'
 ) -> tuple[list[Number], list[Number]]:
@@ -217,7 +225,7 @@ def _means(values: list[Number], window: int, before: str) -> list[Number]:
     return means
 
 
-@mpmath.workdps(DIGITS)
+@_in_digits
 def run_periodic(sections: list[Section], period: Floats) -> list[Number]:
     """Filter a signal that has repeated for ever: its steady state over one period.
 

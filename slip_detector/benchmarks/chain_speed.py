@@ -48,29 +48,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as scipy_signal
 
-from slip_detector.benchmark import gc_off, least_times_s
-from slip_detector.chain import COMPILED, SlipChain
+from slip_detector.benchmark import Bound, gc_off, least_times_s
+from slip_detector.chain import SlipChain
+from slip_detector.compiled import COMPILED
 from slip_detector.config import ChainConfig
 from slip_detector.filters import design
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-
-class Bound(NamedTuple):
-    """What is wanted of a figure."""
-
-    relation: str
-    value: float
-
-    def met(self, figure: float) -> bool:
-        """Return whether a figure is as wanted."""
-        if self.relation == '>=':
-            return figure >= self.value
-        return figure <= self.value if self.relation == '<=' else figure < self.value
-
-    def __str__(self) -> str:
-        return f'{self.relation} {self.value:g}'
 
 
 #: What is wanted, by section and figure.
