@@ -25,7 +25,14 @@ setup(
         (f'share/{NAME}/config/scenes', glob('config/scenes/*.yaml')),
     ],
     python_requires='>=3.10',
-    install_requires=['setuptools', 'numpy>=1.26', 'scipy>=1.11', 'pyyaml', 'matplotlib'],
+    install_requires=[
+        'setuptools',
+        'numpy>=1.26',
+        'scipy>=1.11',
+        'pyyaml',
+        'matplotlib',
+        'mpmath>=1.2',
+    ],
     extras_require={
         # A robot may lack Numba: the chain then runs interpreted.
         'numba': ['numba>=0.57'],

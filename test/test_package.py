@@ -18,6 +18,7 @@ LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 
 ROSDEP_KEYS = {
     'matplotlib': 'python3-matplotlib',
+    'mpmath': 'python3-mpmath',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
     'scipy': 'python3-scipy',
