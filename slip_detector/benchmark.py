@@ -12,8 +12,8 @@ counts, which is the one that nothing disturbed.
 ``quick``
     Whether the sizes were cut short.
 
-and with these the keys of the parts that were asked for: those of
-:mod:`slip_detector.benchmarks.chain_speed`.
+With these come the keys of :mod:`slip_detector.benchmarks.chain_speed`, and ``precision`` with the
+keys of :mod:`slip_detector.benchmarks.chain_precision`, unless ``--part`` leaves them out.
 """
 
 import argparse
@@ -27,6 +27,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
 
@@ -172,25 +173,53 @@ def add_chain(commands: 'argparse._SubParsersAction[argparse.ArgumentParser]') -
     """Add the subcommand ``chain``."""
     command = commands.add_parser(
         'chain',
-        help='run time of the chain, alone and as a node',
+        help='run time and numerical error of the chain',
         description='Measure the run time of the chain in blocks, row by row and by number of '
         'channels, each against a rival in the same run, and the latency and processor time of '
-        'the detector node against those of a bare relay. Says of each figure what is wanted and '
-        'whether it is met; the exit code is 0 either way.',
+        'the detector node against those of a bare relay; then its numerical error against a '
+        'reference of 50 digits, beside that of float32 and of polynomials. Says of each figure '
+        'what is wanted and whether it is met; the exit code is 0 either way.',
     )
     command.add_argument('--json', action='store_true', help='print one JSON object instead')
     command.add_argument('--quick', action='store_true', help='short and rough, for tests')
     command.add_argument('--without-ros', action='store_true', help='leave the nodes out')
+    command.add_argument(
+        '--part', choices=('all', 'speed', 'precision'), default='all', help='only one of the two'
+    )
+    command.add_argument(
+        '--plot', metavar='FILE', nargs='?', const='out/chain_work_precision.png',
+        help='draw the error against run time and edges (default: %(const)s)',
+    )  # fmt: skip
     command.set_defaults(run=run_chain)
 
 
 def run_chain(words: argparse.Namespace) -> Report:
-    """Measure the chain."""
-    from slip_detector.benchmarks import chain_speed
+    """Measure the chain.
 
+    Raises
+    ------
+    ValueError
+        When a picture is asked for of what is not measured.
+    """
+    from slip_detector.benchmarks import chain_precision, chain_speed
+
+    if words.plot and words.part == 'speed':
+        raise ValueError('--plot draws the precision, allowed: --part all or precision')
     result = {'machine': machine(), 'quick': words.quick}
-    result |= chain_speed.measure(words.quick, not words.without_ros)
-    return Report(result, '\n\n'.join((heading(result), chain_speed.table(result))))
+    texts = [heading(result)]
+    if words.part != 'precision':
+        result |= chain_speed.measure(words.quick, not words.without_ros)
+        texts.append(chain_speed.table(result))
+    if words.part != 'speed':
+        precision = result['precision'] = chain_precision.measure(words.quick)
+        texts.append(chain_precision.table(precision))
+    if words.plot:
+        from slip_detector.plots import draw_chain_precision
+
+        path = Path(words.plot)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draw_chain_precision(path, precision)
+    return Report(result, '\n\n'.join(texts))
 
 
 #: The subcommands: each function adds one, with its options and, as ``run``, what it does. What
