@@ -105,7 +105,7 @@ class Frontend:
     """
 
     def __init__(self, electronics: Electronics, noise: np.random.Generator) -> None:
-        self._electronics, self._noise = electronics, noise
+        self._electronics = electronics
         of_fingertip = np.random.default_rng(electronics.fingertip_seed)
         self.baseline_v: Floats = of_fingertip.uniform(*electronics.baseline_v, N_CHANNELS)
         varied = 1 + electronics.spread * of_fingertip.standard_normal((2, N_CHANNELS))
@@ -157,20 +157,3 @@ class Frontend:
             # This form gives both rails exactly; where they nearly meet, rounding needs the clip.
             volts = np.clip(low_v * (1.0 - share) + high_v * share, low_v, high_v)
         return np.asarray(volts, dtype=np.float64)
-
-    def volts(self, loads_n: Floats, shear_n: Floats | None) -> Floats:
-        """Return a row of volts for each row of loads.
-
-        Parameters
-        ----------
-        loads_n : ndarray, shape (n, 16)
-            Normal load of each taxel.
-        shear_n : ndarray, shape (n, 16), or None
-            Shear load of each taxel, if the scene has any.
-        """
-        volts = self.baseline_v + self.normal_v_n * loads_n
-        if shear_n is not None:
-            volts += self.shear_v_n * shear_n
-        if self._electronics.noise_v:
-            volts += self._electronics.noise_v * self._noise.standard_normal(volts.shape)
-        return np.asarray(np.clip(volts, *self._electronics.rails_v), dtype=np.float64)

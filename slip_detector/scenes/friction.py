@@ -78,7 +78,11 @@ class Friction(ParameterSet):
         high=1e3,
     )
     bristle_stiffness_n_m: float = parameter(
-        1e5, 'Stiffness of the bristles of a patch, sigma 0 (lugre).', unit='N/m', low=1.0, high=1e12
+        1e5,
+        'Stiffness of the bristles of a patch, sigma 0 (lugre).',
+        unit='N/m',
+        low=1.0,
+        high=1e12,
     )
     bristle_damping_n_s_m: float = parameter(
         0.1, 'Damping of the bristles, sigma 1 (lugre).', unit='N s/m', low=0.0, high=1e6
@@ -130,8 +134,7 @@ class Friction(ParameterSet):
 @compiled
 def bristle_force(w, z, load, law):
     """Return the friction force and dz/dt for the velocity and the deflection."""
-    if load < LIGHTEST_LOAD_N:
-        load = LIGHTEST_LOAD_N
+    load = max(load, LIGHTEST_LOAD_N)
     ratio = w / law.stribeck_m_s
     level = load * (law.kinetic + (law.static - law.kinetic) * np.exp(-ratio * ratio))
     rate = law.bristle_n_m * abs(w) / level
@@ -217,8 +220,7 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
     w, force, slope, after
         The velocity, the force, its slope in w, and the deflection after the step.
     """
-    if load < LIGHTEST_LOAD_N:
-        load = LIGHTEST_LOAD_N
+    load = max(load, LIGHTEST_LOAD_N)
     at_rest = z
     most = law.static * load / law.bristle_n_m
     if abs(z) > most:

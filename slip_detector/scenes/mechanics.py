@@ -229,7 +229,13 @@ def _step(i, drive, state, plan, loads, base, found, ledger):
             min(stage, drive.centre_m.shape[1] - 1)
         ]
         spread_load(
-            force, centre[0], centre[1], plan.positions_m, plan.hertz, plan.body.rest_patches, loads
+            force,
+            centre[0],
+            centre[1],
+            plan.positions_m,
+            plan.hertz,
+            plan.body.rest_patches,
+            loads,
         )
         if stage == 0:
             base[:, :] = patches[:, :3]

@@ -31,7 +31,7 @@ from slip_detector.scenes.friction import Friction, FrictionNumbers, well_posed_
 from slip_detector.scenes.mechanics import STAGES, Drive, Plan, State, advance
 from slip_detector.scenes.motion import Load, Motion, NormalForce, Platform, Step, steps_from
 from slip_detector.scenes.skin import Skin, SkinNumbers
-from slip_detector.scenes.texture import RidgeNumbers, RoughNumbers, Roughness, Texture
+from slip_detector.scenes.texture import RidgeNumbers, Roughness, RoughNumbers, Texture
 from slip_detector.sources import Samples
 
 Floats = NDArray[np.float64]
@@ -193,7 +193,9 @@ class Scene:
                     'as ridges may pass faster than samples can tell'
                 )
         elif any(step.carried >= 0.0 or step.pull_n for step in steps):
-            raise ValueError('steps: carried and pull_n are for an object, allowed: with that part')
+            raise ValueError(
+                'steps: carried and pull_n are for an object, allowed: with that part'
+            )
         if texture and not self._object and not electronics.bandwidth_hz:
             highest_hz = self._platform.largest_velocity_m_s * texture.highest_wavenumber_1_m
             if highest_hz > self._true_rate_hz / 2:
@@ -290,8 +292,10 @@ class Scene:
         if self._taps:
             force_n = force_n + self._taps.force_n(time_s)
         if self._tremor:
-            # A hand that does not touch cannot press less; one that does may let go.
-            force_n = force_n + np.where(force_n > 0.0, self._tremor.force_n(time_s), 0.0)
+            # A hand that does not touch does not press; its tremor comes in with the contact.
+            peak_n = TREMOR_PEAK * self.parts['tremor'].force_rms_n
+            share = np.minimum(force_n / peak_n, 1.0) if peak_n else 0.0
+            force_n = force_n + share * self._tremor.force_n(time_s)
         return np.maximum(force_n, 0.0) if self._taps or self._tremor else force_n
 
     def drive(self, time_s: Floats) -> Drive:
@@ -329,6 +333,8 @@ class Scene:
     def corners_s(self) -> Floats:
         """Return the times at which what is done to the fingertip has a corner, rising."""
         ends = np.concatenate([self._force.corners_s(), self._platform.corners_s()])
+        if self._taps:
+            ends = np.append(ends, np.add.outer(self._taps.times_s, [0.0, self._taps.duration_s]))
         return np.unique(ends[(ends > 0.0) & (ends < self.duration_s)])
 
     def clean(
@@ -355,7 +361,11 @@ class Scene:
         self._next = max(last, first)
         m = self._next - first
         plan = self.plan
-        clean_v, position_m, sliding = np.empty((m, fingertip.N_CHANNELS)), np.empty(m), np.empty(m)
+        clean_v, position_m, sliding = (
+            np.empty((m, fingertip.N_CHANNELS)),
+            np.empty(m),
+            np.empty(m),
+        )
         begin = first == 0
         # Steps are numbered from the start, so that a cut between two calls changes no bit.
         of_steps = np.arange(
@@ -421,9 +431,7 @@ def parts_of(description: Mapping[str, Any]) -> dict[str, Any]:
         if name in OF_THE_SCENE:
             continue
         if name not in PARTS:
-            raise ValueError(
-                f'unknown part {name}, allowed: {", ".join((*OF_THE_SCENE, *PARTS))}'
-            )
+            raise ValueError(f'unknown part {name}, allowed: {", ".join((*OF_THE_SCENE, *PARTS))}')
         if name == 'friction' and content == 'none':
             continue
         if name == 'friction' and isinstance(content, str):
