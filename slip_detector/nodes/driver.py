@@ -94,11 +94,10 @@ class Driver(Node):
             n = len(samples.volts)
             if n:
                 period_s = 1.0 / source.sample_rate_hz
-                taken_s = samples.time_s
-                if taken_s is None:
+                if samples.time_s is None:
                     taken_s = np.arange(played, played + n) * period_s
                 else:
-                    taken_s = begin_s + taken_s
+                    taken_s = begin_s + samples.time_s
                 played += self._publish(source, samples, taken_s, start_s, first_stamp_ns)
                 end_s = float(taken_s[-1]) + period_s
             elif not self.config.loop:

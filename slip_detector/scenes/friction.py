@@ -250,7 +250,7 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
             return sign * following, force + slope * change, slope, after + after_slope * change
         if not low < following < high:
             following = 0.5 * (low + high) if high < np.inf else 2.0 * speed + 1e-12
-            if following == low or following == high:
+            if following in (low, high):
                 break
         speed = following
     return sign * speed, force, slope, after

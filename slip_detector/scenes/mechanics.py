@@ -327,7 +327,9 @@ def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
         Of ``steps_per_sample`` steps for each sample; where ``begin``, the first sample is the
         first instant, before any step, and has the first entry of the drive to itself.
     state : State
+        What the scene remembers.
     plan : Plan
+        What does not change.
     begin : bool
         Whether the first sample is the scene's first.
     clean_v : ndarray, shape (n, channels)

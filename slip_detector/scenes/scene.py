@@ -185,7 +185,8 @@ class Scene:
                 raise ValueError('object: falls without friction, allowed: with the part friction')
             if self._platform.moves:
                 raise ValueError(
-                    'steps: velocity_m_s is not 0, allowed: 0 with an object, which moves by itself'
+                    'steps: velocity_m_s is not 0, allowed: 0 with an object, which moves by '
+                    'itself'
                 )
             if texture and not electronics.bandwidth_hz:
                 raise ValueError(
@@ -235,7 +236,8 @@ class Scene:
         if per_sample * self._true_rate_hz > MOST_STEPS_HZ:
             raise ValueError(
                 f'the scene needs {per_sample * self._true_rate_hz:.3g} steps for a second, '
-                f'allowed: {MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help'
+                f'allowed: {MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 '
+                'help'
             )
         step_s = 1.0 / (self._true_rate_hz * per_sample)
         patches = np.ones(fingertip.N_CHANNELS if friction else 0)
@@ -434,11 +436,10 @@ def parts_of(description: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError(f'unknown part {name}, allowed: {", ".join((*OF_THE_SCENE, *PARTS))}')
         if name == 'friction' and content == 'none':
             continue
-        if name == 'friction' and isinstance(content, str):
-            content = {'model': content}
-        if not isinstance(content, Mapping | None):
-            raise ValueError(f'{name} is {content!r}, allowed: names and values')
-        parts[name] = PARTS[name].from_parameters(content or {}, name)
+        values = {'model': content} if name == 'friction' and isinstance(content, str) else content
+        if not isinstance(values, Mapping | None):
+            raise ValueError(f'{name} is {values!r}, allowed: names and values')
+        parts[name] = PARTS[name].from_parameters(values or {}, name)
     return parts
 
 
