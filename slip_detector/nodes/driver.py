@@ -92,6 +92,7 @@ class Driver(Node):
         while not self._stop.is_set():
             samples = source.read(READ_ROWS)
             n = len(samples.volts)
+            taken_s: NDArray[np.float64]
             if n:
                 period_s = 1.0 / source.sample_rate_hz
                 if samples.time_s is None:
