@@ -738,8 +738,8 @@ def table(result: dict[str, Any]) -> str:
     lines += ['', '  error over the last period after ... rows at 380 Hz']
     lines.append(f'  {"":22}' + ''.join(f'{rows:14,}' for rows in long['rows']))
     for name, method in long['methods'].items():
-        cells = ''.join(f'{_figure(worst):>14}' for worst in method['errors'])
-        lines.append(f'  {name:<22}{cells}')
+        errors = ''.join(f'{_figure(worst):>14}' for worst in method['errors'])
+        lines.append(f'  {name:<22}{errors}')
     lines += [claim('long_run.error'), '', '  extremes']
     for entry in result['extremes']:
         worst = '' if entry['error'] is None else f'error {_figure(entry["error"])}'
