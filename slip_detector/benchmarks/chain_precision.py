@@ -141,8 +141,20 @@ FULL = Sizes(
     16_384, 10,
 )  # fmt: skip
 QUICK = Sizes(
-    (50.0, 380.0, 1e4), (1e-3, 1e-5, 0.99e-5), 600, 1500, 0.1, (10**4, 10**5), (1, 3, 6), 4096, 2
+    (50.0, 380.0, 1e4),
+    (1e-3, 1e-5, 0.99e-5),
+    600,
+    1500,
+    0.1,
+    (10**4, 10**5),
+    (1, 2, 3, 4, 5, 6),
+    4096,
+    2,
 )
+#: Without Numba the chain takes some 500 times as long.
+INTERPRETED: dict[str, Any] = {
+    'long_run_rows': (10_000, 30_000), 'timed_rows': 4096, 'rounds': 1,
+}  # fmt: skip
 
 
 class Plain:
@@ -362,6 +374,8 @@ def judge(method: Method, samples: Floats, config: ChainConfig, wanted: Exact) -
 def measure(quick: bool = False) -> dict[str, Any]:
     """Measure all of it; the keys are in the module's docstring."""
     sizes = QUICK if quick else FULL
+    if not COMPILED:
+        sizes = sizes._replace(**INTERPRETED)
     try:
         ChainConfig(sample_rate_hz=1e5)
         refused = ''
@@ -402,13 +416,13 @@ def measure(quick: bool = False) -> dict[str, Any]:
 
 def _rate(rate_hz: float, sizes: Sizes) -> dict[str, Any]:
     config = ChainConfig(sample_rate_hz=rate_hz, channels=1, **RATES[rate_hz])
-    entry = _network(config, max(sizes.fewest_rows, round(sizes.seconds * rate_hz)))
+    entry = errors_of(config, max(sizes.fewest_rows, round(sizes.seconds * rate_hz)))
     for name, time_ns in times_ns(config, sizes).items():
         entry['methods'][name]['ns_per_row'] = time_ns
     return entry
 
 
-def _network(config: ChainConfig, rows: int) -> dict[str, Any]:
+def errors_of(config: ChainConfig, rows: int) -> dict[str, Any]:
     """Hold all methods against the reference in one configuration."""
     sections = design(config)
     samples = volts(config, rows)[:, 0]
@@ -488,7 +502,7 @@ def _edge(network: str, share: float, sizes: Sizes) -> dict[str, Any]:
         return lead | {'sample_rate_hz': rate_hz, 'refused': str(problem), 'methods': {}}
     # Four times as long as the slowest pole takes to forget most of its start.
     rows = int(np.clip(4 / (1 - radius), sizes.fewest_rows, sizes.most_rows))
-    return lead | {'refused': ''} | _network(config, rows)
+    return lead | {'refused': ''} | errors_of(config, rows)
 
 
 def long_run(sizes: Sizes) -> dict[str, Any]:
@@ -623,6 +637,11 @@ def _denormals(sizes: Sizes) -> Iterator[dict[str, Any]]:
         result = SlipChain(config).update(samples[:, None])
         found = f'OFF; the level is {float(max(level)):.1g}, far below any threshold that is taken'
         yield _case(f'{case} (denormal)', result, found)
+    chain = SlipChain(ChainConfig(channels=1))
+    chain.update([[BASELINE_V], [BASELINE_V + 1.0]])
+    result = chain.update(np.full((DECAY_ROWS if COMPILED else 20_000, 1), BASELINE_V))
+    found = f'the level ends at {result.level[-1, 0]:g}'
+    yield _case(f'a pulse of 1 V, {len(result.level):,} rows later', result, found)
 
 
 def _limits(sizes: Sizes) -> Iterator[dict[str, Any]]:
