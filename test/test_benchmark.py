@@ -230,6 +230,7 @@ def test_json_is_one_object_on_stdout():
     parsed = json.loads(output)
     assert parsed['end_to_end'] is None
     assert parsed['end_to_end_left_out'] == '--without-ros was given'
+    assert parsed['precision']['digits'] == 50
 
 
 @pytest.mark.parametrize('words', [['--help'], ['chain', '--help']])
@@ -268,7 +269,7 @@ def ros():
 
 @pytest.mark.usefixtures('ros')
 def test_end_to_end():
-    code, output, errors = run('chain', '--quick', '--json')
+    code, output, errors = run('chain', '--quick', '--part', 'speed', '--json')
     assert code == 0, errors
     result = json.loads(output)
     part = result['end_to_end']
@@ -311,7 +312,7 @@ def processes_marked(mark):
 def test_an_interrupted_run_leaves_no_process(number, monkeypatch):
     mark = f'SLIP_BENCHMARK_TEST={os.getpid()}-{number}'
     monkeypatch.setenv(*mark.split('='))
-    process = start('chain', '--quick')
+    process = start('chain', '--quick', '--part', 'speed')
     try:
         deadline_s = time.monotonic() + PATIENCE_S
         while len(processes_marked(mark.encode())) < 3:  # Meter, detector and relay.
