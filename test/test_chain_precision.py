@@ -284,6 +284,27 @@ def test_rivals_compute_in_their_type(name):
     assert level.dtype == (np.float32 if name.endswith('32') else np.float64)
 
 
+@pytest.mark.parametrize(
+    ('roots', 'stable'),
+    [
+        ([0.5, -0.9], True),
+        ([1.0, 0.3], False),
+        ([0.9 + 0.5j, 0.9 - 0.5j], False),
+        ([0.6 + 0.7j, 0.6 - 0.7j, -0.99], True),
+        ([0.2, 0.3, -1.001], False),
+        ([0.0, 0.0, 0.5], True),
+    ],
+)
+def test_stability_is_told_by_where_the_poles_are(roots, stable):
+    assert chain_precision.is_stable(np.real(np.poly(roots))) is stable
+
+
+def test_poles_that_lie_together_next_to_the_circle_are_told_apart():
+    polynomial = np.poly([1 - 2.0**-13] * 4)  # of 52 bits: exact
+    assert chain_precision.is_stable(polynomial)
+    assert not chain_precision.is_stable(np.array([1.0, -4.0, 6.0, -4.0, 1.0]))
+
+
 # --- what is printed -----------------------------------------------------------------------
 
 
