@@ -33,6 +33,9 @@ LIGHTEST_LOAD_N = 1e-6
 #: it: it squares the error with each step, so what is left is about the square of this.
 TOLERANCE = 1e-6
 
+#: A balance of forces is as good as zero within so many shares of them.
+ROUND_OFF = 1e-15
+
 #: Skin without load is at rest when it is within so many metres of it, and as many a second.
 AT_REST_M = 1e-15
 
@@ -227,7 +230,8 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
         part = step / law.unloading_s
         at_rest = (z + part * (most if z > 0.0 else -most)) / (1.0 + part)
     balance = available - law.bristle_n_m * at_rest
-    if balance == 0.0:
+    round_off = ROUND_OFF * abs(available)
+    if abs(balance) <= round_off:
         force, slope, after, _ = _bristle_stage(0.0, z, load, step, law)
         return 0.0, force, slope, after
     sign = 1.0 if balance > 0.0 else -1.0
@@ -244,7 +248,7 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
         steepness = impedance + slope
         change = balance / steepness if steepness > 0.0 else np.inf
         following = speed + change
-        if abs(change) <= TOLERANCE * speed:
+        if abs(change) <= TOLERANCE * speed or abs(balance) <= round_off:
             # The next change would be the square of this one.
             change *= sign
             return sign * following, force + slope * change, slope, after + after_slope * change
