@@ -766,7 +766,9 @@ def table(result: dict[str, Any]) -> str:
         said = ', '.join(part for part in (worst, entry['found']) if part)
         others = '; '.join(f'{name} {_figure(value)}' for name, value in entry['others'].items())
         said += '' if entry['finite'] else ', NOT finite'
-        lines += _wrapped(f'{said}; {others}' if others else said, f'  {entry["case"]:<44} ')
+        lines += _wrapped(
+            f'{said}; rivals: {others}' if others else said, f'  {entry["case"]:<44} '
+        )
     slow = result['slow_down']
     return '\n'.join(
         [
