@@ -96,7 +96,7 @@ class Driver(Node):
             if n:
                 period_s = 1.0 / source.sample_rate_hz
                 if samples.time_s is None:
-                    taken_s = np.arange(played, played + n) * period_s
+                    taken_s = np.asarray(np.arange(played, played + n) * period_s)
                 else:
                     taken_s = begin_s + samples.time_s
                 played += self._publish(source, samples, taken_s, start_s, first_stamp_ns)

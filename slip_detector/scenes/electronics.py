@@ -31,7 +31,7 @@ class Electronics(ParameterSet):
         high=1.0,
     )
     shear_v_n: float = parameter(
-        3.0,
+        2.2,
         'Sensitivity to shear load of the units across the finger (groups T).',
         unit='V/N',
         low=-1e6,

@@ -68,10 +68,10 @@ class Friction(ParameterSet):
         choices=('lugre', 'coulomb'),
     )
     kinetic_coefficient: float = parameter(
-        0.6, 'Coefficient of friction while sliding.', low=0.0, high=10.0
+        0.56, 'Coefficient of friction while sliding.', low=0.0, high=10.0
     )
     static_coefficient: float = parameter(
-        0.65, 'Coefficient of friction at rest (lugre).', low=0.0, high=10.0
+        0.61, 'Coefficient of friction at rest (lugre).', low=0.0, high=10.0
     )
     stribeck_velocity_m_s: float = parameter(
         10e-3,

@@ -43,7 +43,7 @@ class Motion(ParameterSet):
     """The platform: how it speeds up, how the contact rings when it is loaded."""
 
     acceleration_m_s2: float = parameter(
-        0.5, 'Acceleration between two velocities.', unit='m/s2', low=1e-3, high=1e6
+        0.46, 'Acceleration between two velocities.', unit='m/s2', low=1e-3, high=1e6
     )
     ringing_hz: float = parameter(
         18.0,

@@ -19,7 +19,7 @@ class Skin(ParameterSet):
     """Skin over one taxel, between the finger and what touches it."""
 
     shear_stiffness_n_m: float = parameter(
-        170.0, 'Shear stiffness.', unit='N/m', low=1e-3, high=1e9
+        800.0, 'Shear stiffness.', unit='N/m', low=1e-3, high=1e9
     )
     damping_n_s_m: float = parameter(
         0.3, 'Damping against the finger; 0: none.', unit='N s/m', low=0.0, high=1e6

@@ -47,13 +47,13 @@ class Texture(ParameterSet):
         100e-6, 'Height of a ridge above the middle.', unit='m', low=0.0, high=1e-2
     )
     harmonics: tuple[float, ...] = parameter(
-        (),
+        (0.0, -0.22),
         'Heights of the second, third, ... harmonic as shares of the first; [] for a sine.',
         low=-10.0,
         high=10.0,
     )
     indentation_m: float = parameter(
-        555e-6, 'Height that doubles the load of the taxel over it.', unit='m', low=1e-9, high=1.0
+        670e-6, 'Height that doubles the load of the taxel over it.', unit='m', low=1e-9, high=1.0
     )
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ class Roughness(ParameterSet):
         50e-6, 'Correlation length of the profile.', unit='m', low=1e-9, high=1.0
     )
     indentation_m: float = parameter(
-        555e-6, 'Height that doubles the load of the taxel over it.', unit='m', low=1e-9, high=1.0
+        670e-6, 'Height that doubles the load of the taxel over it.', unit='m', low=1e-9, high=1.0
     )
     surface_seed: int = parameter(1, 'Seed of the profile: one seed is one surface.', low=0)
 
