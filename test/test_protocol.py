@@ -499,3 +499,11 @@ def test_a_folder_that_cannot_be_made_or_written_to_is_named(capsys, tmp_path):
     (tmp_path / 'full' / 'paper_fig4.png').mkdir(parents=True)
     line = complaint(capsys, *arguments, tmp_path / 'full', code=1)
     assert line == f'{tmp_path / "full"}: cannot be written to (Is a directory)'
+
+
+def test_the_papers_results_are_reproduced():
+    trials = {plate: simulate(scene, range(protocol.TRIALS)) for plate, scene in SCENES.items()}
+    result = evaluate_protocol(trials, ChainConfig())
+    assert (result['all']['detected'], result['all']['trials']) == (30, 30)
+    missed = {name: entry for name, entry in result['wanted'].items() if not entry['met']}
+    assert not missed
