@@ -149,7 +149,7 @@ def heading(result: dict[str, Any]) -> str:
             f'             Python {facts["python"]}, NumPy {facts["numpy"]}, '
             f'SciPy {facts["scipy"]}, {how}',
             'Ratios are of times taken in turns, the least of all rounds for each side'
-            + (' (--quick: few and short rounds).' if result['quick'] else '.'),
+            + (' (--quick: few and short).' if result['quick'] else '.'),
         )
     )
 
@@ -222,9 +222,67 @@ def run_chain(words: argparse.Namespace) -> Report:
     return Report(result, '\n\n'.join(texts))
 
 
+def add_scenes(commands: 'argparse._SubParsersAction[argparse.ArgumentParser]') -> None:
+    """Add the subcommand ``scenes``."""
+    command = commands.add_parser(
+        'scenes',
+        help='error of the simulated fingertip against run time',
+        description='Measure errors and run times of the live stepper and of SciPy\'s integrators '
+        'on the shipped scenes against a tight reference, and what each part of a scene costs. '
+        'Says of each figure what is wanted and whether it is met; the exit code is 0 either way.',
+    )
+    command.add_argument('--json', action='store_true', help='print one JSON object instead')
+    command.add_argument('--quick', action='store_true', help='short and rough, for tests')
+    command.add_argument(
+        '--scene', action='append', default=[], metavar='NAME', help='only this one; repeatable'
+    )
+    command.add_argument(
+        '--plot', metavar='FILE', nargs='?', const='out/scenes_work_precision.png',
+        help='draw error against run time; out/scenes_work_precision.png without a FILE',
+    )  # fmt: skip
+    command.set_defaults(run=run_scenes)
+
+
+def run_scenes(words: argparse.Namespace) -> Report:
+    """Measure the scenes."""
+    from slip_detector.benchmarks import scenes
+
+    result = {'machine': machine(), 'quick': words.quick}
+    result |= scenes.measure(words.quick, tuple(words.scene))
+    if words.plot:
+        from slip_detector.plots import draw_scenes_precision
+
+        path = Path(words.plot)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draw_scenes_precision(path, result)
+    return Report(result, '\n\n'.join((heading(result), scenes.table(result))))
+
+
+def add_extremes(commands: 'argparse._SubParsersAction[argparse.ArgumentParser]') -> None:
+    """Add the subcommand ``extremes``."""
+    command = commands.add_parser(
+        'extremes',
+        help='stiff and extreme cases of the simulated fingertip',
+        description='Run the simulated fingertip at its extremes: whether all stays finite and '
+        'bounded, whether friction creates energy, the error against a tight reference, and what '
+        'is refused in which words.',
+    )
+    command.add_argument('--json', action='store_true', help='print one JSON object instead')
+    command.add_argument('--quick', action='store_true', help='without the hour')
+    command.set_defaults(run=run_extremes)
+
+
+def run_extremes(words: argparse.Namespace) -> Report:
+    """Run the extremes."""
+    from slip_detector.benchmarks import extremes
+
+    result = {'machine': machine(), 'quick': words.quick} | extremes.measure(words.quick)
+    return Report(result, extremes.table(result))
+
+
 #: The subcommands: each function adds one, with its options and, as ``run``, what it does. What
 #: a subcommand imports is imported when it runs.
-COMMANDS: tuple[Callable[..., None], ...] = (add_chain,)
+COMMANDS: tuple[Callable[..., None], ...] = (add_chain, add_scenes, add_extremes)
 
 
 def _terminated(number: int, frame: FrameType | None) -> None:
