@@ -227,7 +227,7 @@ def add_scenes(commands: 'argparse._SubParsersAction[argparse.ArgumentParser]') 
     command = commands.add_parser(
         'scenes',
         help='error of the simulated fingertip against run time',
-        description='Measure errors and run times of the live stepper and of SciPy\'s integrators '
+        description="Measure errors and run times of the live stepper and of SciPy's integrators "
         'on the shipped scenes against a tight reference, and what each part of a scene costs. '
         'Says of each figure what is wanted and whether it is met; the exit code is 0 either way.',
     )

@@ -1,5 +1,6 @@
 """Figures; the only file that imports a plotting library."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ matplotlib.use('Agg')  # files only: a robot has no screen
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
@@ -393,4 +395,73 @@ def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
         axis.grid(color='0.9', linewidth=0.5)
         axis.set_axisbelow(True)
     figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def draw_scenes_precision(path: Path, result: Mapping[str, Any]) -> None:
+    """Draw voltage error against run time of each scene, for the live stepper and its rivals.
+
+    Parameters
+    ----------
+    path
+        The picture to write.
+    result
+        Of :func:`slip_detector.benchmarks.scenes.measure`.
+    """
+    entries = [entry for entry in result['precision'] if entry['runs']]
+    columns = min(3, max(len(entries), 1))
+    rows = max(math.ceil(len(entries) / columns), 1)
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(4.2 * columns, 3.2 * rows + 0.6), sharex=True, sharey=True,
+        squeeze=False, layout='constrained',
+    )  # fmt: skip
+    # Black for the one that all others are held against.
+    names = ['live', 'LSODA', 'BDF', 'Radau', 'RK45', 'DOP853']
+    colors = dict(zip(names, ('k', *COLORS), strict=False))
+    markers = dict(zip(names, ('o', 's', '^', 'D', 'v', 'P'), strict=True))
+    for axis, entry in zip(axes.flat, entries, strict=False):
+        floor = entry['reference']['voltage_error']
+        axis.axvspan(1e-12, floor, color='0.9', zorder=0)
+        axis.axvline(1e-3, color='0.6', linestyle=':', linewidth=1)
+        axis.axhline(1e3, color='0.6', linestyle='--', linewidth=1)
+        for name in names:
+            runs = [run for run in entry['runs'] if run['method'] == name and not run['said']]
+            # Of a stretch only: hollow.
+            whole = max((run['over'][1] - run['over'][0] for run in entry['runs']), default=0.0)
+            for full in (True, False):
+                some = [
+                    run for run in runs if (run['over'][1] - run['over'][0] > 0.9 * whole) == full
+                ]
+                axis.plot(
+                    [max(run['voltage_error'], floor) for run in some],
+                    [run['run_time_per_s'] * 1e3 for run in some],
+                    color=colors[name],
+                    marker=markers[name],
+                    markersize=5,
+                    linewidth=1.6 if name == 'live' else 1.0,
+                    linestyle='-' if full else ':',
+                    markerfacecolor=colors[name] if full else 'w',
+                    zorder=4 if name == 'live' else 3,
+                )
+        axis.set(xscale='log', yscale='log', xlim=(1e-9, 1.0))
+        axis.set_title(entry['scene'], fontsize=10)
+        axis.grid(color='0.93', linewidth=0.5)
+        axis.set_axisbelow(True)
+    for axis in axes.flat[len(entries) :]:
+        axis.set_axis_off()
+    figure.supxlabel("worst voltage error / range of the volts (grey: below the reference's own)")
+    figure.supylabel('run time for a simulated second [ms] (dashed: real time)')
+    handles = [
+        Line2D(
+            [], [], color=colors[name], marker=markers[name],
+            label='the live stepper' if name == 'live' else name,
+        )
+        for name in names
+    ]  # fmt: skip
+    handles.append(
+        Line2D([], [], color='0.4', marker='o', markerfacecolor='w', linestyle=':',
+               label='a stretch about the onset')
+    )  # fmt: skip
+    figure.legend(handles=handles, loc='outside upper center', ncols=len(handles), frameon=False)
+    figure.savefig(path, dpi=110)
     plt.close(figure)

@@ -29,7 +29,8 @@ bristles bind their steps everywhere.
 ``costs``
     One object for each scene: ``scene``, ``parts``, ``run_time_per_s`` of all of it, noise
     included, ``speed`` (times real time), and ``without``: by part ``share``, the time
-    without it as a share of the whole's, or ``said``, the line with which the scene is refused without it.
+    without it as a share of the whole's, or ``said``, the line with which the scene is refused
+    without it.
 ``pace``
     Of the plate: ``rows`` of a read, ``slowest_share``, the slowest read's time as a share of
     the time that its rows last, and ``mean_share``.
