@@ -205,6 +205,8 @@ def run_chain(words: argparse.Namespace) -> Report:
 
     if words.plot and words.part == 'speed':
         raise ValueError('--plot draws the precision, allowed: --part all or precision')
+    if words.plot:  # what cannot be written is said before the measurement
+        Path(words.plot).parent.mkdir(parents=True, exist_ok=True)
     result = {'machine': machine(), 'quick': words.quick}
     texts = [heading(result)]
     if words.part != 'precision':
@@ -216,9 +218,7 @@ def run_chain(words: argparse.Namespace) -> Report:
     if words.plot:
         from slip_detector.plots import draw_chain_precision
 
-        path = Path(words.plot)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draw_chain_precision(path, precision)
+        draw_chain_precision(Path(words.plot), precision)
     return Report(result, '\n\n'.join(texts))
 
 
