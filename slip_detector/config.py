@@ -634,7 +634,9 @@ class ChainConfig(ParameterSet):
             )
 
     def _check_edge(self, name: str, edge_hz: float) -> None:
-        lowest, nyquist = LOWEST_EDGE * self.sample_rate_hz, self.sample_rate_hz / 2
+        # 1e-5 of a rate is often a last digit above what a person writes for it.
+        lowest = LOWEST_EDGE * self.sample_rate_hz * (1 - 1e-12)
+        nyquist = self.sample_rate_hz / 2
         if not lowest <= edge_hz < nyquist:
             raise ValueError(
                 f'parameter {name} has the edge {edge_hz:g} Hz, allowed: {lowest:g} Hz to below '

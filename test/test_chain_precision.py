@@ -5,7 +5,7 @@ import json
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from mpmath import mpf
 from scipy import signal
@@ -169,15 +169,16 @@ def test_every_accepted_edge_is_exact_and_what_is_refused_says_so_first(precisio
         assert entry['methods'] == {}
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
-    st.floats(-5, -0.9), st.floats(1.0, 3.0), st.integers(1, 4), st.sampled_from(['pass', 'stop'])
+    st.floats(-5, -0.9),
+    st.floats(-6, 0.5),
+    st.sampled_from([1, 2, 3, 4, 10]),
+    st.sampled_from(['pass', 'stop']),
 )
-def test_bands_of_an_octave_and_more_have_the_gain_they_should_have(
-    low_power, widths, order, kind
-):
+def test_what_is_accepted_has_the_gain_it_should_have(low_power, width_power, order, kind):
     low = max(10**low_power, LOWEST_EDGE)
-    pair = low, min(low * (1 + widths), 0.45)
+    pair = low, min(low * (1 + 10**width_power), 0.45)
     values = {'passband_hz': pair, 'passband_degree': 2 * order, 'stopbands_hz': ()}
     if kind == 'stop':
         values = {
@@ -186,10 +187,14 @@ def test_bands_of_an_octave_and_more_have_the_gain_they_should_have(
     config = ChainConfig(
         sample_rate_hz=1.0, channels=1, envelope_window_s=15.0, decision_window_s=15.0, **values
     )
+    try:
+        sections = design(config)
+    except ValueError:
+        reject()
     width = pair[1] - pair[0]
     shares = [float(share) for share in low + width * np.linspace(-0.2, 1.1, 14)]
     wanted = gains(chain_reference.design(config), shares)
-    found = gains(chain_reference.exactly(design(config)), shares)
+    found = gains(chain_reference.exactly(sections), shares)
     largest = max(abs(gain) for gain in wanted)
     assert max(abs(a - b) for a, b in zip(wanted, found, strict=True)) <= 1e-6 * largest
 

@@ -413,8 +413,14 @@ def test_edges_are_allowed_down_to_their_share_of_the_rate_and_below_nyquist(rat
 
     low, high = LOWEST_EDGE * rate, math.nextafter(rate / 2, 0)
     assert build(low, high).passband_hz == (low, high)
-    assert 'passband_hz' in message_of(build, math.nextafter(low, 0), high)
+    assert 'passband_hz' in message_of(build, low * (1 - 1e-9), high)
     assert 'passband_hz' in message_of(build, low, rate / 2)
+
+
+def test_the_lowest_edge_may_be_written_as_it_is_said():
+    # 1e-5 * 380 is a last digit above 0.0038.
+    for rate, low in ((380.0, 0.0038), (100.0, 0.001), (1000.0, 0.01)):
+        assert ChainConfig(sample_rate_hz=rate, passband_hz=(low, rate / 4), stopbands_hz=())
 
 
 def test_a_window_of_exactly_one_sample_is_allowed():
