@@ -383,25 +383,6 @@ def test_without_losses_nothing_is_drawn():
         LossyLink(Drops(), Refusing()).kept(1)
 
 
-# Clock.
-
-
-@given(st.floats(0.1, 10), st.floats(1, 1e6), st.integers(0, 10**10))
-def test_the_clock_rises_strictly_at_its_true_rate(rate_ratio, sample_rate_hz, start):
-    clock = Clock(rate_ratio=rate_ratio)
-    index = start + np.arange(2000)
-    t = clock.times_s(index, sample_rate_hz)
-    assert np.all(np.diff(t) > 0.0)
-    np.testing.assert_allclose(t * sample_rate_hz * rate_ratio, index, rtol=1e-14)
-    pieces = [clock.times_s(piece, sample_rate_hz) for piece in np.split(index, [1, 7, 900])]
-    assert np.concatenate(pieces).tobytes() == t.tobytes()
-
-
-def test_a_clock_that_is_right_takes_samples_when_it_says():
-    index = np.arange(5000)
-    np.testing.assert_array_equal(Clock(rate_ratio=1.0).times_s(index, RATE_HZ), index / RATE_HZ)
-
-
 # What is wrong is said in one line.
 
 

@@ -422,20 +422,3 @@ class Clock(ParameterSet):
     rate_ratio: float = parameter(
         1.01, 'True rate of the samples over the rate it says.', low=0.1, high=10.0
     )
-
-    def times_s(self, index: NDArray[np.int64], sample_rate_hz: float) -> Floats:
-        """Return when samples are really taken.
-
-        Parameters
-        ----------
-        index : ndarray of int, shape (n,)
-            Numbers of the samples, from 0.
-        sample_rate_hz
-            Rate that the sensor says.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Seconds since the first sample; strictly rising with the number.
-        """
-        return np.asarray(index / (sample_rate_hz * self.rate_ratio))

@@ -128,8 +128,8 @@ class Scene:
         children = dict(zip(PARTS, trial.spawn(len(PARTS)), strict=True))
         self.channel_names = tuple(f'ch{i + 1}' for i in range(fingertip.N_CHANNELS))
         self.sample_rate_hz = sampling.sample_rate_hz
-        self._clock: Clock | None = self.parts.get('clock')
-        self._true_rate_hz = self.sample_rate_hz * (self._clock.rate_ratio if self._clock else 1.0)
+        clock: Clock | None = self.parts.get('clock')
+        self._true_rate_hz = self.sample_rate_hz * (clock.rate_ratio if clock else 1.0)
         self.duration_s = sum(step.duration_s for step in steps)
         self.length = round(self.duration_s * self._true_rate_hz)
         if not self.length:
