@@ -43,18 +43,18 @@ Floats = NDArray[np.float64]
 
 WANTED = {
     'extremes.not_finite_or_bounded': Bound('<=', 0.0),
-    'extremes.energy_created': Bound('<=', 1e-12),
+    'extremes.energy_created': Bound('<=', 1e-9),
     'extremes.voltage_error': Bound('<=', 1e-2),
     'hour.drift': Bound('<=', 1e-6),
     'hour.work_growth': Bound('<=', 1e-6),
-    'hour.energy_created': Bound('<=', 1e-12),
+    'hour.energy_created': Bound('<=', 1e-9),
 }
 
 ALL = 10**9
 
 #: References by method and tolerance, and the time each may take.
 REFERENCES = (('LSODA', 1e-9), ('BDF', 1e-8))
-REFERENCE_S = 20.0
+REFERENCE_S = 12.0
 
 #: Where no other method can be the reference, steps are so many times as short.
 FINER = 16
@@ -111,6 +111,8 @@ def held(mass_kg: float) -> dict[str, Any]:
             {'duration_s': 0.1, 'force_n': 0.0},
         ],
         'object': {'mass_kg': mass_kg},
+        # A light grip is to reach the taxels too: a contact of 4 mm at least.
+        'contact': {'radius_at_1n_m': max(5.4e-3, 4e-3 / grip_n ** (1 / 3))},
         'skin': {'damping_n_s_m': 1.0},
         'texture': None,
     }
@@ -118,6 +120,7 @@ def held(mass_kg: float) -> dict[str, Any]:
 
 #: No Stribeck effect, which needs damping against it.
 EVEN = {'kinetic_coefficient': 0.6, 'static_coefficient': 0.6}
+BARE = {'skin': {'mass_kg': 0.0, 'damping_n_s_m': 0.0}}
 SMOOTH = {'electronics': {'bandwidth_hz': 150.0}}
 LIFT_OFF = [
     *STEPS[:3],
@@ -165,14 +168,20 @@ def cases() -> list[Case]:
         ),
         Case(
             'no mass, no damping', 'no Stribeck effect',
-            {
-                'skin': {'mass_kg': 0.0, 'damping_n_s_m': 0.0},
-                'friction': {**EVEN, 'bristle_damping_n_s_m': 0.0},
-            },
+            {**BARE, 'friction': {**EVEN, 'bristle_damping_n_s_m': 0.0}},
+        ),
+        *(
+            Case(
+                'no mass, no damping',
+                'no Stribeck effect',
+                {**BARE, 'friction': {**EVEN, 'bristle_damping_n_s_m': 0.0}},
+                method,
+            )
+            for method in ('LSODA', 'BDF', 'Radau')
         ),
         Case(
             'no mass, no damping', 'damped bristles',
-            {'skin': {'mass_kg': 0.0, 'damping_n_s_m': 0.0}, 'friction': EVEN},
+            {**BARE, 'friction': EVEN},
         ),
         Case('no mass, no damping', 'Stribeck effect', {'skin': {'damping_n_s_m': 0.0}}),
         Case(
@@ -183,12 +192,14 @@ def cases() -> list[Case]:
             {'skin': {'mass_kg': 1e-5, 'damping_n_s_m': 0.0}, 'friction': EVEN},
         ),
         Case('mass', '1e-5 kg', {'skin': {'mass_kg': 1e-5}}),
-        Case('mass', '1e-8 kg', {'skin': {'mass_kg': 1e-8}}),
+        Case('mass', '1e-8 kg', {'skin': {'mass_kg': 1e-8}}, of_quick=False),
     ]  # fmt: skip
     rows += [
         Case('sample rate', f'{rate:g} Hz', {'sample_rate_hz': rate})
-        for rate in (50.0, 500.0, 5000.0, 50_000.0)
+        for rate in (500.0, 5000.0, 50_000.0)
     ]
+    low_pass = {'electronics': {'bandwidth_hz': 20.0}}
+    rows.append(Case('sample rate', '50 Hz, 20 Hz low-pass', {'sample_rate_hz': 50.0, **low_pass}))
     rows += [
         Case(
             'spatial period', f'{period * 1e6:g} um, 150 Hz',
@@ -297,7 +308,7 @@ def _reference(description: Mapping[str, Any]) -> tuple[Solution, str, float | N
                 found.append((ode.solve(method, rtol, budget_s=REFERENCE_S), method))
             except (GivenUpError, RuntimeError):  # The other one may do it.
                 continue
-    except ValueError:  # Coulomb's friction.
+    except ValueError:  # No differential equation says it.
         pass
     if not found:
         scene = fresh(description)

@@ -47,6 +47,10 @@ ONSET_M = 10e-6
 #: Change of a state for the differences that make the Jacobian, relative to its scale.
 DIFFERENCE = 1e-7
 
+#: Contact is looked for at so many points of the fastest thing that the force does, and at most
+#: so many in all.
+LIFT_POINTS, MOST_LIFT_POINTS = 40, 200_000
+
 #: Iterations for the velocity of skin without mass; about six are needed.
 MOST_ITERATIONS = 100
 
@@ -217,27 +221,9 @@ def drive_at(t, side, numbers, mass_kg):
 def _passing(v, x, z, load, skin, law):
     """Return the velocity w at which the surface passes over skin without mass.
 
-    c (v - w) + k x = F(w, z). Where damping is none and friction the bristles' alone,
-    k x = sigma0 z holds for all time and what is solved is its derivative.
+    c (v - w) + k x = F(w, z), which has one root as long as something damps.
     """
     c = skin.damping_n_s_m
-    if c + law.viscous_n_s_m == 0.0:
-        # F has no part in w: k (v - w) = sigma0 dz/dt. Only z's own decay is constant in w.
-        force, rate = bristle_force(0.0, z, load, law)
-        drive = skin.stiffness_n_m * v - law.bristle_n_m * rate
-        if drive == 0.0:
-            return 0.0
-        w = drive / (skin.stiffness_n_m + law.bristle_n_m)
-        for _ in range(MOST_ITERATIONS):
-            _, at_w = bristle_force(w, z, load, law)
-            # Of what remains each term is proportional to |w|, but for g(w).
-            per = skin.stiffness_n_m + law.bristle_n_m * (at_w - rate) / w
-            following = drive / per if per > 0.0 else 2.0 * w
-            done = abs(following - w) <= 1e-14 * abs(w)
-            w = following
-            if done:
-                break
-        return w
     pull = c * v + skin.stiffness_n_m * x
     at_rest, _ = bristle_force(0.0, z, load, law)
     balance = pull - at_rest
@@ -462,6 +448,34 @@ class GivenUpError(RuntimeError):
     """A method has used up the time it was given."""
 
 
+def _lifts_s(scene: Scene) -> list[float]:
+    """Return when the fingertip is put on and lifts off.
+
+    A method with long steps could step over a short contact.
+    """
+    motion = scene.parts.get('motion')
+    ringing_hz = motion.ringing_hz if motion else 18.0
+    fastest_s = 1.0 / ringing_hz
+    if scene._taps:
+        fastest_s = min(fastest_s, scene._taps.duration_s)
+    n = min(math.ceil(LIFT_POINTS * scene.duration_s / fastest_s), MOST_LIFT_POINTS)
+    times_s = np.linspace(0.0, scene.duration_s, n + 1)
+    touches = scene.force_n(times_s) > 0.0
+    found = []
+    for i in np.flatnonzero(touches[1:] != touches[:-1]):
+        low, high = times_s[i], times_s[i + 1]
+        while high - low > 1e-15 * high:
+            middle = 0.5 * (low + high)
+            if middle in (low, high):
+                break
+            if (scene.force_n(np.array([middle]))[0] > 0.0) == touches[i]:
+                low = middle
+            else:
+                high = middle
+        found.append(float(high))
+    return found
+
+
 @dataclasses.dataclass
 class Ode:
     """A scene as dy/dt = f(t, y).
@@ -500,6 +514,14 @@ class Ode:
                 'friction: model is coulomb, whose force at rest is no function of the state; '
                 'allowed: lugre for LSODA, BDF, Radau, RK45 and DOP853, or the live stepper'
             )
+        skin = plan.skin
+        damping = skin.damping_n_s_m + plan.friction.viscous_n_s_m
+        if plan.patches.size and skin.mass_kg == 0.0 and damping == 0.0:
+            raise ValueError(
+                'skin: mass_kg and damping_n_s_m are 0, so that no state says how fast it moves; '
+                'allowed: one of them above 0 for LSODA, BDF, Radau, RK45 and DOP853, or the live '
+                'stepper'
+            )
         self.drive = drive_numbers(scene)
         self.with_object = scene._object is not None
         self.with_mass = plan.skin.mass_kg > 0.0
@@ -511,7 +533,7 @@ class Ode:
         times = np.linspace(0.0, scene.duration_s, 2001)
         load_n = scene._contact.largest_load_n(float(scene.force_n(times).max()))
         load_n = max(load_n, LIGHTEST_LOAD_N)
-        law, skin = plan.friction, plan.skin
+        law = plan.friction
         shear_n = law.static * load_n if plan.patches.size else 0.0
         x_m, z_m = shear_n / max(skin.stiffness_n_m, 1e-9), shear_n / law.bristle_n_m
         self.speed_m_s = max(scene._platform.largest_velocity_m_s, 1e-3)
@@ -526,6 +548,7 @@ class Ode:
             scales += [*own, 1e-3, 1e-2]
         self.scales = np.array(scales)
         self.size = len(scales)
+        self._lifts_s = _lifts_s(scene)
         # Where a smooth piece of the drive is under way, a time within it.
         self._side = 0.0
         self._smooth_at = self.own_at + self._own if self.cutoff_rad_s else None
@@ -561,7 +584,7 @@ class Ode:
         return y
 
     def corners_s(self) -> Floats:
-        """Return the times between which the drive is smooth, but for contact made and lost."""
+        """Return the times between which the drive is smooth, contact made and lost included."""
         scene = self.scene
         times = [*scene.corners_s(), *self.drive.load_at_s]
         if scene._taps:
@@ -573,6 +596,7 @@ class Ode:
                 begin = rolling.start_s + 2 * k * (rolling.duration_s + rolling.hold_s)
                 back = begin + rolling.duration_s + rolling.hold_s
                 times += [begin, begin + rolling.duration_s, back, back + rolling.duration_s]
+        times += self._lifts_s
         return np.unique([t for t in times if 0.0 < t < scene.duration_s])
 
     def moving_s(self) -> float:
