@@ -1,0 +1,320 @@
+"""Friction: LuGre's law and Coulomb's, and the implicit stage that solves them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from slip_detector.scenes.friction import (
+    LIGHTEST_LOAD_N,
+    Friction,
+    bristle_force,
+    lugre_stage,
+    skin_stage,
+    well_posed_or_say,
+)
+from slip_detector.scenes.skin import Skin
+
+
+def decades(low, high):
+    """Draw numbers evenly over their decades."""
+    return st.floats(math.log10(low), math.log10(high)).map(lambda exponent: 10.0**exponent)
+
+
+def either_sign(numbers):
+    return st.tuples(st.sampled_from([-1.0, 1.0]), numbers).map(lambda pair: pair[0] * pair[1])
+
+
+LAWS = st.builds(
+    lambda kinetic, more, **other: Friction(
+        kinetic_coefficient=kinetic, static_coefficient=kinetic * more, **other
+    ).numbers(),
+    kinetic=st.floats(0.01, 2.0),
+    more=st.floats(1.0, 3.0),
+    stribeck_velocity_m_s=decades(1e-4, 1.0),
+    bristle_stiffness_n_m=decades(1e3, 1e9),
+    bristle_damping_n_s_m=st.just(0.0) | decades(1e-4, 1e3),
+    viscous_n_s_m=st.just(0.0) | decades(1e-4, 10.0),
+    unloading_s=decades(1e-6, 1e-2),
+)
+LOADS_N = st.just(0.0) | decades(1e-9, 1.0)
+VELOCITIES_M_S = st.just(0.0) | either_sign(decades(1e-9, 1.0))
+STEPS_S = decades(1e-6, 1e-2)
+#: Deflections in shares of the most the load holds; beyond 1 where the load has just fallen.
+SHARES = st.just(0.0) | either_sign(decades(1e-6, 1e3))
+
+
+def most_n(law, load_n):
+    """Return the largest force at rest."""
+    return law.static * max(load_n, LIGHTEST_LOAD_N)
+
+
+def level_n(w, law, load_n):
+    """Return the Stribeck curve g(w)."""
+    drop = (law.static - law.kinetic) * np.exp(-((w / law.stribeck_m_s) ** 2))
+    return max(load_n, LIGHTEST_LOAD_N) * (law.kinetic + drop)
+
+
+# LuGre's law.
+
+
+@settings(max_examples=500)
+@given(LAWS, LOADS_N, VELOCITIES_M_S, SHARES)
+def test_bristles_store_less_than_is_put_into_them(law, load_n, w, share):
+    z = share * most_n(law, load_n) / law.bristle_n_m
+    force, rate = bristle_force(w, z, load_n, law)
+    put_in, stored = force * w, law.bristle_n_m * z * rate
+    # Sums of terms that cancel: each may be off by its own rounding.
+    sizes = (abs(law.bristle_n_m * z) + abs(force)) * (abs(w) + abs(rate))
+    assert put_in - stored >= -1e-12 * sizes
+
+
+@given(LAWS, LOADS_N, VELOCITIES_M_S)
+def test_steady_sliding_has_the_stribeck_curve_and_the_viscous_friction(law, load_n, w):
+    assume(w != 0.0)
+    z = math.copysign(level_n(w, law, load_n), w) / law.bristle_n_m
+    force, rate = bristle_force(w, z, load_n, law)
+    assert rate == pytest.approx(0.0, abs=1e-9 * abs(w))
+    wanted = math.copysign(level_n(w, law, load_n), w) + law.viscous_n_s_m * w
+    assert force == pytest.approx(wanted, rel=1e-6)
+
+
+def test_friction_falls_from_static_to_kinetic_with_velocity():
+    law = Friction(
+        kinetic_coefficient=0.4, static_coefficient=0.8, stribeck_velocity_m_s=1e-2,
+        bristle_stiffness_n_m=1e5, viscous_n_s_m=0.0,
+    ).numbers()  # fmt: skip
+
+    def steady_n(w):
+        return bristle_force(w, level_n(w, law, 2.0) / law.bristle_n_m, 2.0, law)[0]
+
+    forces = [steady_n(w) for w in np.linspace(1e-9, 5e-2, 50)]
+    assert np.all(np.diff(forces) < 0.0)
+    assert forces[0] == pytest.approx(2.0 * 0.8)
+    assert steady_n(1e-2) == pytest.approx(2.0 * (0.4 + 0.4 / math.e))
+    assert forces[-1] == pytest.approx(2.0 * 0.4)
+
+
+@given(LAWS, LOADS_N, st.floats(1.001, 1e3))
+def test_bristles_bent_further_than_the_load_holds_let_go_at_rest(law, load_n, share):
+    most_m = most_n(law, load_n) / law.bristle_n_m
+    _, rate = bristle_force(0.0, share * most_m, load_n, law)
+    assert rate == pytest.approx(-(share - 1.0) * most_m / law.unloading_s, rel=1e-6)
+    assert bristle_force(0.0, 0.999 * most_m, load_n, law)[1] == 0.0
+
+
+# The implicit stage.
+
+
+def stage_balance(w, available, impedance, z, load_n, step_s, law):
+    """Return what is left of the balance at a velocity, and the sum of the sizes of its terms.
+
+    Written from the law, not from the code: z after the step solves
+    z1 = z + step (w - sigma0 |w| / g z1 - (z1 - clip(z1)) / tau).
+    """
+    most_m = most_n(law, load_n) / law.bristle_n_m
+    rate = law.bristle_n_m * abs(w) / level_n(w, law, load_n)
+    after = (z + step_s * w) / (1.0 + step_s * rate)
+    if abs(after) > most_m:
+        part = step_s / law.unloading_s
+        after = (z + step_s * w + part * math.copysign(most_m, after)) / (
+            1.0 + step_s * rate + part
+        )
+    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * abs(w) / level_n(w, law, load_n))
+    force = law.bristle_n_m * after + damping * (w - rate * after) + law.viscous_n_s_m * w
+    sizes = abs(available) + abs(impedance * w) + abs(law.bristle_n_m * after)
+    sizes += damping * (abs(w) + rate * abs(after)) + law.viscous_n_s_m * abs(w)
+    return available - impedance * w - force, sizes, force, after
+
+
+STAGES = {
+    'law': LAWS,
+    'load_n': LOADS_N,
+    'pull': st.just(0.0) | either_sign(decades(1e-6, 1e4)),
+    'impedance': decades(1e-3, 1e4),
+    'w_last': VELOCITIES_M_S,
+    'share': SHARES,
+    'step_s': STEPS_S,
+}
+
+
+@settings(max_examples=1000)
+@given(**STAGES)
+def test_the_stage_finds_the_velocity_at_which_the_forces_balance(
+    law, load_n, pull, impedance, w_last, share, step_s
+):
+    z = share * most_n(law, load_n) / law.bristle_n_m
+    available = pull * most_n(law, load_n)
+    # What is refused before a scene runs is not asked of the stage.
+    drop_n = max(load_n, LIGHTEST_LOAD_N) * (law.static - law.kinetic)
+    assume(drop_n * math.sqrt(2.0 / math.e) / law.stribeck_m_s < impedance + law.viscous_n_s_m)
+    w, force, _, after = lugre_stage(available, impedance, w_last, z, load_n, step_s, law)
+    left, sizes, wanted_force, wanted_after = stage_balance(
+        w, available, impedance, z, load_n, step_s, law
+    )
+    assert abs(left) <= 1e-9 * sizes
+    assert force == pytest.approx(wanted_force, rel=1e-8, abs=1e-9 * sizes)
+    assert law.bristle_n_m * after == pytest.approx(
+        law.bristle_n_m * wanted_after, rel=1e-8, abs=1e-9 * sizes
+    )
+
+
+@settings(max_examples=500)
+@given(**STAGES)
+def test_bristles_never_hold_more_than_static_friction_after_a_step(
+    law, load_n, pull, impedance, w_last, share, step_s
+):
+    share = math.copysign(min(abs(share), 1.0), share)
+    limit_n = most_n(law, load_n)
+    z = share * limit_n / law.bristle_n_m
+    *_, after = lugre_stage(pull * limit_n, impedance, w_last, z, load_n, step_s, law)
+    assert abs(law.bristle_n_m * after) <= limit_n * (1.0 + 1e-9)
+
+
+@settings(max_examples=500)
+@given(**STAGES)
+def test_the_slope_of_the_stage_is_that_of_its_force(
+    law, load_n, pull, impedance, w_last, share, step_s
+):
+    limit_n = most_n(law, load_n)
+    z = share * limit_n / law.bristle_n_m
+    w, _, slope, after = lugre_stage(pull * limit_n, impedance, w_last, z, load_n, step_s, law)
+    # Far enough from the corners at rest and at the limit of the bristles.
+    by = 1e-5 * abs(w)
+    assume(by > 0.0)
+    assume(abs(abs(law.bristle_n_m * after) / limit_n - 1.0) > 1e-3)
+    ends = [stage_balance(w + d, 0.0, 0.0, z, load_n, step_s, law) for d in (-by, by)]
+    (_, sizes, below, _), (_, _, above, _) = ends
+    assert slope == pytest.approx((above - below) / (2.0 * by), rel=1e-4, abs=1e-10 * sizes / by)
+
+
+@given(LAWS, LOADS_N, VELOCITIES_M_S, SHARES, STEPS_S)
+def test_a_patch_at_rest_that_nothing_pulls_stays_at_rest(law, load_n, w_last, share, step_s):
+    share = math.copysign(min(abs(share), 1.0), share)
+    z = share * most_n(law, load_n) / law.bristle_n_m
+    w, force, _, after = lugre_stage(law.bristle_n_m * z, 1.0, w_last, z, load_n, step_s, law)
+    assert w == 0.0
+    assert force == pytest.approx(law.bristle_n_m * z)
+    assert after == pytest.approx(z)
+
+
+# Skin and friction together.
+
+SKINS = st.builds(
+    lambda **numbers: Skin(**numbers).numbers(),
+    shear_stiffness_n_m=decades(10.0, 1e5),
+    damping_n_s_m=decades(1e-3, 10.0),
+    mass_kg=st.just(0.0) | decades(1e-9, 1e-3),
+)
+
+
+@settings(max_examples=300)
+@given(SKINS, st.floats(0.0, 2.0), LOADS_N, VELOCITIES_M_S, either_sign(st.floats(0, 1e-3)),
+       VELOCITIES_M_S, STEPS_S)  # fmt: skip
+def test_coulomb_holds_up_to_its_limit_and_is_exactly_it_beyond(
+    skin, kinetic, load_n, v, x, u, step_s
+):
+    law = Friction(model='coulomb', kinetic_coefficient=kinetic).numbers()
+    w, force, _, _ = skin_stage(v, x, u, 0.0, 0.0, load_n, step_s, skin, law)
+    limit_n = kinetic * load_n
+    if w == 0.0:
+        assert abs(force) <= limit_n
+    else:
+        assert force == math.copysign(limit_n, w)
+    # m dU/dt + c U + k X = F with U = v - w, all at the end of the step.
+    after = v - w
+    terms = [
+        skin.mass_kg / step_s * (after - u),
+        skin.damping_n_s_m * after,
+        skin.stiffness_n_m * (x + step_s * after),
+    ]
+    at_rest = load_n == 0.0 and abs(x) < 1e-15 and abs(u) < 1e-15
+    if not at_rest:
+        assert sum(terms) == pytest.approx(force, abs=1e-11 * (sum(map(abs, terms)) + limit_n
+                                           + skin.mass_kg / step_s * (abs(u) + abs(v))
+                                           + skin.damping_n_s_m * abs(v)
+                                           + skin.stiffness_n_m * step_s * abs(v)))  # fmt: skip
+
+
+@settings(max_examples=300)
+@given(SKINS, LAWS, LOADS_N, VELOCITIES_M_S, either_sign(st.floats(0, 1e-3)), SHARES, STEPS_S)
+def test_the_slope_of_a_patch_is_what_its_surface_feels(skin, law, load_n, v, x, share, step_s):
+    z = share * most_n(law, load_n) / law.bristle_n_m
+    fall = max(load_n, LIGHTEST_LOAD_N) * (law.static - law.kinetic) / law.stribeck_m_s
+    assume(fall < skin.damping_n_s_m)
+    by = 1e-5 * abs(v)
+    assume(by > 0.0)
+    (_, low, low_slope, _), (_, middle, slope, _), (_, high, high_slope, _) = (
+        skin_stage(v + d, x, 0.0, z, 0.0, load_n, step_s, skin, law) for d in (-by, 0.0, by)
+    )
+    assume(abs(high_slope - low_slope) <= 1e-3 * abs(slope))  # No corner lies between.
+    size = abs(middle) + skin.stiffness_n_m * (abs(x) + step_s * abs(v))
+    assert slope == pytest.approx((high - low) / (2.0 * by), rel=1e-3, abs=1e-8 * size / by)
+
+
+# What is refused.
+
+WELL = {'damping_n_s_m': 0.3, 'mass_kg': 0.0}
+
+
+@given(st.floats(0.01, 1.0), st.floats(1.01, 3.0), decades(1e-4, 1.0), st.floats(0.01, 10.0))
+def test_the_steepest_fall_is_that_of_the_stribeck_curve(kinetic, more, stribeck_m_s, load_n):
+    friction = Friction(
+        kinetic_coefficient=kinetic,
+        static_coefficient=kinetic * more,
+        stribeck_velocity_m_s=stribeck_m_s,
+    )
+    w = np.linspace(0.0, 3.0, 3001) * stribeck_m_s
+    falls = -np.gradient([level_n(one, friction.numbers(), load_n) for one in w], w)
+    assert friction.steepest_fall_n_s_m(load_n) == pytest.approx(falls.max(), rel=1e-4)
+
+
+def test_coulomb_friction_does_not_fall():
+    assert Friction(model='coulomb').steepest_fall_n_s_m(1.0) == 0.0
+
+
+def test_friction_that_falls_faster_than_damping_holds_is_refused():
+    friction = Friction(
+        kinetic_coefficient=0.5, static_coefficient=1.0, stribeck_velocity_m_s=1e-3,
+        viscous_n_s_m=0.0,
+    )  # fmt: skip
+    fall = friction.steepest_fall_n_s_m(0.01)
+    enough, less = (
+        Skin(damping_n_s_m=share * fall, mass_kg=0.0).numbers() for share in (1.001, 0.999)
+    )
+    well_posed_or_say(friction, enough, 0.01)
+    with pytest.raises(ValueError, match='would chatter; allowed: more damping') as caught:
+        well_posed_or_say(friction, less, 0.01)
+    assert str(caught.value).startswith('friction: ')
+    assert '\n' not in str(caught.value)
+    with pytest.raises(ValueError, match=r'^a grip of 7 N: '):
+        well_posed_or_say(friction, less, 0.01, 'a grip of 7 N')
+
+
+def test_viscous_friction_counts_as_damping():
+    values = {'kinetic_coefficient': 0.5, 'static_coefficient': 1.0}
+    values |= {'stribeck_velocity_m_s': 1e-2, 'bristle_damping_n_s_m': 0.0}
+    bare = Skin(damping_n_s_m=0.0, mass_kg=0.0).numbers()
+    with pytest.raises(ValueError, match='would chatter'):
+        well_posed_or_say(Friction(**values, viscous_n_s_m=0.0), bare, 0.01)
+    well_posed_or_say(Friction(**values, viscous_n_s_m=10.0), bare, 0.01)
+
+
+def test_bristle_damping_on_skin_without_mass_and_damping_is_refused():
+    friction = Friction(
+        kinetic_coefficient=0.5, static_coefficient=0.5, bristle_damping_n_s_m=0.1,
+        viscous_n_s_m=0.0,
+    )  # fmt: skip
+    with pytest.raises(ValueError, match='leaves its velocity open; allowed: 0, or') as caught:
+        well_posed_or_say(friction, Skin(damping_n_s_m=0.0, mass_kg=0.0).numbers(), 0.01)
+    assert '\n' not in str(caught.value)
+    well_posed_or_say(friction, Skin(damping_n_s_m=0.0, mass_kg=1e-6).numbers(), 0.01)
+    well_posed_or_say(friction, Skin(damping_n_s_m=0.1, mass_kg=0.0).numbers(), 0.01)
+
+
+@pytest.mark.parametrize(('kinetic', 'static'), [(0.6, 0.5), (0.0, 0.5)])
+def test_coefficients_that_contradict_each_other_are_refused(kinetic, static):
+    with pytest.raises(ValueError, match='allowed: above 0 and at most'):
+        Friction(kinetic_coefficient=kinetic, static_coefficient=static)
