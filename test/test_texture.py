@@ -1,0 +1,200 @@
+"""Texture: ridges and roughness as a sensor that passes them gets them."""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from slip_detector.scenes.texture import (
+    PROFILE_POINTS,
+    Roughness,
+    Texture,
+    ridges_between,
+    roughness_between,
+)
+
+RIDGES = st.builds(
+    lambda period_m, share, harmonics, seed: Texture(
+        spatial_period_m=period_m,
+        ridge_height_m=0.999 * share * 100e-6 / (1.0 + sum(map(abs, harmonics))),
+        harmonics=tuple(harmonics),
+        indentation_m=100e-6,
+    ).numbers(np.random.default_rng(seed)),
+    st.floats(1e-6, 1e-2),
+    st.floats(0.1, 1.0),
+    st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2),
+    st.integers(0, 5),
+)
+ROUGH = [
+    Roughness(height_rms_m=1e-6, correlation_m=length_m, indentation_m=1e-3, surface_seed=seed)
+    for length_m, seed in [(1e-5, 1), (1e-4, 2)]
+]
+ROUGH_NUMBERS = [rough.numbers() for rough in ROUGH]
+
+
+def ridge(x_m, ridges):
+    """Return the height at a place: a way of no length."""
+    return ridges_between(x_m, x_m, ridges)
+
+
+def height(x_m, rough):
+    return roughness_between(x_m, x_m, rough)
+
+
+# Ridges.
+
+
+@given(RIDGES, st.floats(-1.0, 1.0))
+def test_ridges_are_those_of_the_fourier_series(ridges, x_periods):
+    x_m = x_periods * 2.0 * np.pi / ridges.wavenumber_rad_m
+    angle = ridges.wavenumber_rad_m * x_m + ridges.start_rad
+    wanted = sum(a * np.sin((k + 1) * angle) for k, a in enumerate(ridges.amplitudes))
+    assert ridge(x_m, ridges) == pytest.approx(wanted, abs=1e-12)
+
+
+@given(RIDGES, st.floats(-1.0, 1.0), st.integers(-5, 5))
+def test_ridges_repeat_at_the_spatial_period(ridges, x_periods, turns):
+    period_m = 2.0 * np.pi / ridges.wavenumber_rad_m
+    one, other = (ridge((x_periods + by) * period_m, ridges) for by in (0, turns))
+    assert one == pytest.approx(other, abs=1e-11)
+
+
+@given(RIDGES, st.floats(-2.0, 2.0), st.floats(-5.0, 5.0))
+def test_the_mean_of_ridges_over_a_way_is_that_of_their_points(ridges, start, way):
+    assume(abs(way) > 1e-3)
+    period_m = 2.0 * np.pi / ridges.wavenumber_rad_m
+    wanted, _ = quad(lambda x: ridge(x * period_m, ridges), start, start + way, limit=200)
+    mean = ridges_between(start * period_m, (start + way) * period_m, ridges)
+    assert mean == pytest.approx(wanted / way, abs=1e-9)
+
+
+@given(RIDGES, st.floats(-1.0, 1.0))
+def test_over_a_whole_period_ridges_have_no_mean(ridges, start):
+    period_m = 2.0 * np.pi / ridges.wavenumber_rad_m
+    mean = ridges_between(start * period_m, (start + 1.0) * period_m, ridges)
+    assert mean == pytest.approx(0.0, abs=1e-12)
+
+
+@given(RIDGES, st.floats(-1.0, 1.0))
+def test_the_mean_of_ridges_goes_over_into_the_height_as_the_way_shrinks(ridges, start):
+    x_m = start * 2.0 * np.pi / ridges.wavenumber_rad_m
+    for part in 10.0 ** -np.arange(3.0, 13.0):
+        by_m = 0.5 * part / ridges.wavenumber_rad_m
+        assert ridges_between(x_m - by_m, x_m + by_m, ridges) == pytest.approx(
+            ridge(x_m, ridges), abs=30.0 * part**2 + 1e-11
+        )
+
+
+@given(st.floats(1e-6, 1e-2), st.floats(1e-4, 0.1))
+def test_ridges_pass_at_velocity_over_spatial_period(period_m, velocity_m_s):
+    texture = Texture(
+        spatial_period_m=period_m, ridge_height_m=1e-6, harmonics=(0.0, 0.0), indentation_m=1e-3
+    )
+    ridges = texture.numbers(np.random.default_rng(0))
+    # One turn of this time, from wherever it starts, and the next are alike.
+    turn_s = period_m / velocity_m_s
+    time_s = np.linspace(0.0, turn_s, 64, endpoint=False)
+    heights = np.array([ridge(velocity_m_s * t, ridges) for t in time_s])
+    spectrum = np.abs(np.fft.rfft(heights))
+    assert np.argmax(spectrum) == 1
+    assert spectrum[1] == pytest.approx(32 * 1e-3)
+
+
+def test_the_highest_wavenumber_is_that_of_the_last_harmonic():
+    texture = Texture(
+        spatial_period_m=1e-3, ridge_height_m=1e-6, harmonics=(0.0, 0.5), indentation_m=1e-3
+    )
+    assert texture.highest_wavenumber_1_m == pytest.approx(3e3)
+
+
+def test_each_trial_puts_the_plate_down_elsewhere_on_its_ridges():
+    texture = Texture()
+    starts = [texture.numbers(np.random.default_rng(seed)).start_rad for seed in range(20)]
+    assert len(set(starts)) == 20
+    assert np.ptp(starts) > np.pi
+    assert min(starts) >= 0.0
+    assert max(starts) < 2.0 * np.pi
+    assert texture.numbers(np.random.default_rng(3)).start_rad == starts[3]
+
+
+@pytest.mark.parametrize(('height_m', 'harmonics'), [(2e-4, (0.0, 0.0)), (6e-5, (0.5, -0.5))])
+def test_ridges_that_would_lift_a_taxel_off_are_refused(height_m, harmonics):
+    said = f'parameter ridge_height_m is {height_m:g} m, allowed: with its harmonics at most'
+    with pytest.raises(ValueError, match=re.escape(said)):
+        Texture(ridge_height_m=height_m, harmonics=harmonics, indentation_m=1e-4)
+
+
+@pytest.mark.xfail(
+    reason='a list whose default is not empty is taken to have as many numbers as that',
+    raises=ValueError,
+    strict=True,
+)
+@pytest.mark.parametrize('harmonics', [(), (0.5,), (0.1, 0.1, 0.1)])
+def test_ridges_may_have_any_number_of_harmonics(harmonics):
+    ridges = Texture(ridge_height_m=1e-6, harmonics=harmonics, indentation_m=1e-3).numbers(
+        np.random.default_rng(0)
+    )
+    np.testing.assert_allclose(ridges.amplitudes, [1e-3, *(1e-3 * np.array(harmonics))])
+
+
+# Roughness.
+
+
+@pytest.mark.parametrize('rough', ROUGH)
+def test_roughness_has_the_rms_that_is_asked_for_and_no_mean(rough):
+    heights = rough.numbers().heights * rough.indentation_m
+    assert heights.std() == pytest.approx(rough.height_rms_m)
+    assert heights.mean() == pytest.approx(0.0, abs=1e-12 * rough.height_rms_m)
+
+
+@pytest.mark.parametrize('rough', ROUGH)
+def test_roughness_correlates_as_a_gaussian_of_its_length(rough):
+    numbers = rough.numbers()
+    x_m = np.arange(0.0, PROFILE_POINTS / numbers.per_m, rough.correlation_m / 4.0)
+    heights = np.array([height(x, numbers) for x in x_m])
+    heights = (heights - heights.mean()) / heights.std()
+    for lag in (2, 4, 8):  # Halves of a correlation length, a whole, and two.
+        correlation = np.mean(heights * np.roll(heights, lag))
+        assert correlation == pytest.approx(np.exp(-((lag / 4.0) ** 2)), abs=0.1)
+
+
+@given(st.sampled_from(ROUGH_NUMBERS), st.floats(-2.0, 2.0))
+def test_roughness_repeats_without_a_seam(rough, turns):
+    length_m = PROFILE_POINTS / rough.per_m
+    here, there = height(turns * length_m, rough), height((turns + 1.0) * length_m, rough)
+    assert here == pytest.approx(there, abs=1e-9)
+    for seam in (-1, 0, 1, 2):
+        before, after = (height(seam * length_m + by / rough.per_m, rough) for by in (-1e-6, 1e-6))
+        assert before == pytest.approx(after, abs=1e-7)
+
+
+@given(st.sampled_from(ROUGH_NUMBERS), st.floats(-20.0, 20.0), st.floats(-30.0, 30.0))
+def test_the_mean_of_roughness_over_a_way_is_that_of_its_points(rough, start, way):
+    assume(abs(way) > 1e-3)
+    kinks = np.arange(np.ceil(min(start, start + way)), max(start, start + way))
+    edges = np.concatenate([[start], np.sort(kinks) if way > 0 else -np.sort(-kinks)])
+    edges = np.append(edges, start + way)
+    area = sum(
+        quad(lambda x: height(x / rough.per_m, rough), a, b)[0]
+        for a, b in itertools.pairwise(edges)
+    )
+    mean = roughness_between(start / rough.per_m, (start + way) / rough.per_m, rough)
+    assert mean == pytest.approx(area / way, abs=1e-12)
+
+
+@given(st.sampled_from(ROUGH_NUMBERS), st.floats(-1.5, 1.5))
+def test_over_the_whole_of_the_profile_roughness_has_no_mean(rough, start):
+    length_m = PROFILE_POINTS / rough.per_m
+    mean = roughness_between(start * length_m, (start + 1.0) * length_m, rough)
+    assert mean == pytest.approx(0.0, abs=1e-12)
+
+
+def test_one_seed_is_one_surface():
+    one, again = (Roughness(surface_seed=4).numbers().heights for _ in range(2))
+    other = Roughness(surface_seed=5).numbers().heights
+    np.testing.assert_array_equal(one, again)
+    assert abs(np.corrcoef(one, other)[0, 1]) < 0.2
