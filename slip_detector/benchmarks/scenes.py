@@ -71,13 +71,14 @@ WANTED = {
 #: The scene for which speed and pace are wanted.
 PLATE = 'plate_400um'
 
-ALL = 10**9
-
 #: From this error on the live stepper is wanted to be on the front.
 FRONT_ERROR = 1e-3
 
 #: Live drivers read so many rows at most in one go.
 PACE_ROWS = 32
+
+#: What a part costs is measured in pieces of so many rows.
+PIECE_ROWS = 190
 
 #: Of the stretch: so much before the start of the motion and after it.
 STRETCH_S = (0.02, 0.18)
@@ -114,7 +115,7 @@ class Sizes(NamedTuple):
 
 
 FULL = Sizes(
-    (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8), (1e-3, 1e-5), (1, 2, 3, 4, 6, 8, 16, 32, 64), 5, 6.0, 15
+    (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8), (1e-3, 1e-5), (1, 2, 3, 4, 6, 8, 16, 32, 64), 5, 4.0, 15
 )
 QUICK = Sizes((1e-3, 1e-6), (1e-3,), (1, 8), 1, 1.0, 2)
 
@@ -399,14 +400,12 @@ def costs(path: Path, sizes: Sizes) -> dict[str, Any]:
         else:
             sides[part] = left
 
-    times_s = [math.inf] * len(sides)
+    # Of each piece the least time counts: what else the machine does differs from round to round.
+    least_s = [np.array(math.inf)] * len(sides)
     for _ in range(sizes.cost_rounds):
         for i, content in enumerate(sides.values()):
-            ready = fresh(content)  # Building a scene is not playing it.
-            with gc_off():
-                start_s = time.process_time()
-                ready.read(ALL)
-                times_s[i] = min(times_s[i], time.process_time() - start_s)
+            least_s[i] = np.minimum(least_s[i], _times_s(fresh(content)))
+    times_s = [float(pieces_s.sum()) for pieces_s in least_s]
     for part, time_s in zip(sides, times_s, strict=True):
         if part:
             without[part]['share'] = time_s / times_s[0]
@@ -417,6 +416,17 @@ def costs(path: Path, sizes: Sizes) -> dict[str, Any]:
         'speed': scene.duration_s / times_s[0],
         'without': without,
     }
+
+
+def _times_s(scene: Scene) -> Floats:
+    """Return the processor's time of each piece of a scene."""
+    taken = []
+    with gc_off():
+        for _ in range(0, scene.length, PIECE_ROWS):
+            start_s = time.process_time()
+            scene.read(PIECE_ROWS)
+            taken.append(time.process_time() - start_s)
+    return np.array(taken)
 
 
 def pace(path: Path, sizes: Sizes) -> dict[str, Any]:

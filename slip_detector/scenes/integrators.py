@@ -23,8 +23,8 @@ from scipy import integrate, optimize
 from slip_detector.compiled import compiled
 from slip_detector.scenes.contact import spread_load
 from slip_detector.scenes.friction import COULOMB, LIGHTEST_LOAD_N, bristle_force
-from slip_detector.scenes.mechanics import FINGERS, POSITION, SPEED, Plan
-from slip_detector.scenes.scene import Scene
+from slip_detector.scenes.mechanics import FINGERS, Plan
+from slip_detector.scenes.scene import TREMOR_PEAK, Scene
 from slip_detector.scenes.texture import ridges_between, roughness_between
 
 Floats = NDArray[np.float64]
@@ -74,6 +74,8 @@ class DriveNumbers(NamedTuple):
         When taps begin; peak and duration of each.
     force_lines, motion_lines : ndarray, shape (3, k)
         The tremor's amplitudes, angular rates and phases.
+    tremor_peak_n : float
+        The force under which all of the tremor's force is there.
     """
 
     starts: Floats
@@ -92,6 +94,7 @@ class DriveNumbers(NamedTuple):
     tap: Floats
     force_lines: Floats
     motion_lines: Floats
+    tremor_peak_n: float
 
 
 def drive_numbers(scene: Scene) -> DriveNumbers:
@@ -127,6 +130,7 @@ def drive_numbers(scene: Scene) -> DriveNumbers:
         tap=np.array([taps.peak_force_n, taps.duration_s]) if taps else none,
         force_lines=np.array(tremor.force_lines) if tremor else no_lines,
         motion_lines=np.array(tremor.motion_lines) if tremor else no_lines,
+        tremor_peak_n=TREMOR_PEAK * scene.parts['tremor'].force_rms_n if tremor else 1.0,
     )
 
 
@@ -188,8 +192,9 @@ def drive_at(t, side, numbers, mass_kg):
         tap = np.searchsorted(numbers.taps_s, side, side='right') - 1
         if tap >= 0 and side - numbers.taps_s[tap] < numbers.tap[1]:
             force += numbers.tap[0] * np.sin(np.pi / numbers.tap[1] * (t - numbers.taps_s[tap]))
-    if numbers.force_lines.size and force > 0.0:
-        force += _lines_value(t, numbers.force_lines, 0)
+    if numbers.force_lines.size:
+        share = min(force / numbers.tremor_peak_n, 1.0)
+        force += share * _lines_value(t, numbers.force_lines, 0)
     force = max(force, 0.0)
     x, y = numbers.centre_m[0], numbers.centre_m[1]
     if numbers.rolling.size:
@@ -777,43 +782,6 @@ class Ode:
         if not self._own:
             return {'lband': 0, 'uband': 0}
         return {'lband': self._own if smooth else self._own - 1, 'uband': self._own - 1}
-
-    def put_into(self, scene: Scene, first: int, y: Floats) -> None:
-        """Set a fresh scene to the state that it has at a sample; its next is the one after.
-
-        Parameters
-        ----------
-        scene
-            Of the same description.
-        first
-            Number of the sample.
-        y : ndarray, shape (size,)
-            The state then.
-        """
-        t = first / self.scene._true_rate_hz
-        force, cx, cy, v, position, _ = drive_at(t, t, self.drive, self.plan.body.mass_kg)
-        if self.with_object:
-            position, v = y[-2], y[-1]
-            scene.state.body[POSITION], scene.state.body[SPEED] = position, v
-        loads = np.zeros(len(self._loads))
-        spread_load(force, cx, cy, self.plan.positions_m, self.plan.hertz,
-                    self.plan.body.rest_patches, loads)  # fmt: skip
-        n_channels = len(self.own_at)
-        at = self.own_at
-        if self.with_object and self._own:
-            at = np.append(at, self.size - 2 - self._own)
-        if self._own:
-            for p, i in enumerate(at):
-                x, u, z = y[i], y[i + 1] if self.with_mass else 0.0, y[i + self._own - 1]
-                dx, _, _, _ = _patch_rates(v, loads[p], x, u, z, self.plan)
-                scene.state.patches[p] = x, dx, z, v - dx
-        if self._smooth_at is not None:
-            scene.state.smoothed_v[:] = y[self._smooth_at]
-        x = y[self.own_at] if self._own else np.zeros(n_channels)
-        scene.state.before[:, 0] = loads[:n_channels]
-        scene.state.before[:, 1] = x
-        scene.state.before[:, 2] = position - x + self.plan.positions_m[:, 0]
-        scene._next = first + 1
 
 
 def live_onset_s(scene: Scene, ode: Ode, chunk: int = 20_000) -> Floats:
