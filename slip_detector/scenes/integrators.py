@@ -51,6 +51,9 @@ DIFFERENCE = 1e-7
 #: so many in all.
 LIFT_POINTS, MOST_LIFT_POINTS = 40, 200_000
 
+#: Corners no further apart are one.
+SAME_S = 1e-12
+
 #: Iterations for the velocity of skin without mass; about six are needed.
 MOST_ITERATIONS = 100
 
@@ -602,7 +605,9 @@ class Ode:
                 back = begin + rolling.duration_s + rolling.hold_s
                 times += [begin, begin + rolling.duration_s, back, back + rolling.duration_s]
         times += self._lifts_s
-        return np.unique([t for t in times if 0.0 < t < scene.duration_s])
+        rising = np.unique([t for t in times if 0.0 < t < scene.duration_s])
+        # Two that differ by round-off are one: no method can step from one to the other.
+        return rising[np.diff(rising, prepend=-1.0) > SAME_S]
 
     def moving_s(self) -> float:
         """Return when plate or object begins to be moved; infinite where none is."""
