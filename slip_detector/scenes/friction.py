@@ -309,9 +309,10 @@ def well_posed_or_say(
             'skin would chatter; allowed: more damping, a higher stribeck_velocity_m_s or '
             'static_coefficient nearer kinetic_coefficient'
         )
-    if skin.mass_kg == 0.0 and damping == 0.0 and friction.bristle_damping_n_s_m > 0.0:
+    bristle_damping = friction.bristle_damping_n_s_m if friction.model == 'lugre' else 0.0
+    if skin.mass_kg == 0.0 and damping == 0.0 and bristle_damping > 0.0:
         raise ValueError(
-            f'{where}: bristle_damping_n_s_m is {friction.bristle_damping_n_s_m:g} N s/m on skin '
+            f'{where}: bristle_damping_n_s_m is {bristle_damping:g} N s/m on skin '
             'without mass and damping, which leaves its velocity open; allowed: 0, or '
             'damping_n_s_m above 0'
         )
