@@ -154,6 +154,7 @@ def test_the_stage_finds_the_velocity_at_which_the_forces_balance(
     left, sizes, wanted_force, wanted_after = stage_balance(
         w, available, impedance, z, load_n, step_s, law
     )
+    sizes += abs(law.bristle_n_m * z)
     assert abs(left) <= 1e-9 * sizes
     assert force == pytest.approx(wanted_force, rel=1e-8, abs=1e-9 * sizes)
     assert law.bristle_n_m * after == pytest.approx(
@@ -312,6 +313,8 @@ def test_bristle_damping_on_skin_without_mass_and_damping_is_refused():
     assert '\n' not in str(caught.value)
     well_posed_or_say(friction, Skin(damping_n_s_m=0.0, mass_kg=1e-6).numbers(), 0.01)
     well_posed_or_say(friction, Skin(damping_n_s_m=0.1, mass_kg=0.0).numbers(), 0.01)
+    coulomb = Friction(model='coulomb', bristle_damping_n_s_m=0.1)  # It has no bristles.
+    well_posed_or_say(coulomb, Skin(damping_n_s_m=0.0, mass_kg=0.0).numbers(), 0.01)
 
 
 @pytest.mark.parametrize(('kinetic', 'static'), [(0.6, 0.5), (0.0, 0.5)])
