@@ -1,0 +1,250 @@
+"""A free object: held, let slip, caught, lost and dropped as its weight and the grip say."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
+from slip_detector.scenes.friction import LIGHTEST_LOAD_N
+from slip_detector.scenes.mechanics import DISPLACEMENT, SPEED, VELOCITY, WORK
+from slip_detector.scenes.scene import Scene
+
+ALL = 10**9
+G = STANDARD_GRAVITY_M_S2
+
+# Whatever the defaults are: these are the numbers that the tests count on.
+REST = 50.0
+STIFFNESS_N_M = 1000.0
+PARTS = {
+    'sample_rate_hz': 1000.0,
+    'step_s': 5e-4,
+    'motion': {'acceleration_m_s2': 0.5, 'ringing_hz': 40.0, 'ringing_damping': 1.0},
+    'contact': {'radius_at_1n_m': 5e-3, 'centre_m': [0.0, 0.0], 'taxel_area_m2': 1e-6},
+    'skin': {'shear_stiffness_n_m': STIFFNESS_N_M, 'damping_n_s_m': 1.0, 'mass_kg': 0.0},
+}
+ONE_COEFFICIENT = {
+    'model': 'lugre',
+    'kinetic_coefficient': 0.5,
+    'static_coefficient': 0.5,
+    'stribeck_velocity_m_s': 10e-3,
+    'bristle_stiffness_n_m': 1e5,
+    'bristle_damping_n_s_m': 0.1,
+    'viscous_n_s_m': 0.0,
+    'unloading_s': 1e-4,
+}
+TWO_COEFFICIENTS = {**ONE_COEFFICIENT, 'static_coefficient': 0.6, 'stribeck_velocity_m_s': 0.1}
+COULOMB = {'model': 'coulomb', 'kinetic_coefficient': 0.5}
+FRICTIONS = [COULOMB, ONE_COEFFICIENT, TWO_COEFFICIENTS]
+
+#: Gripped before 0.6 s, loaded with the object's weight until then.
+HELD_S = 0.6
+
+
+def held(grip_n, after, *, mass_kg=0.2, length_m=10.0, friction=ONE_COEFFICIENT, **parts):
+    """Return a scene in which an object is gripped and carried before what comes ``after``."""
+    steps = [
+        {'duration_s': 0.1, 'force_n': grip_n},
+        {'duration_s': 0.3},
+        {'duration_s': 0.2, 'carried': 1.0},
+        *after,
+    ]
+    description = {
+        **PARTS, 'steps': steps, 'friction': friction,
+        'object': {'mass_kg': mass_kg, 'length_m': length_m, 'rest_patches': REST}, **parts,
+    }  # fmt: skip
+    return Scene(description, np.random.default_rng(0))
+
+
+def stretch_m(force_n):
+    """Return how far the skin of both fingers and the bristles give way under a force."""
+    return force_n / (2.0 * (16 + REST)) * (1.0 / STIFFNESS_N_M + 1.0 / 1e5)
+
+
+def accelerations_m_s2(time_s, position_m):
+    """Return the acceleration of a motion that has but one."""
+    parabola = np.polynomial.Polynomial.fit(time_s, position_m, 2).convert()
+    return 2.0 * parabola.coef[2]
+
+
+def lightest_m_s2(mass_kg):
+    """Return what the friction of patches without load may take off an acceleration."""
+    return 2.0 * (16 + REST) * 0.6 * LIGHTEST_LOAD_N / mass_kg
+
+
+MASSES_KG = st.floats(-3.0, 1.0).map(lambda exponent: 10.0**exponent)
+
+
+@settings(max_examples=25)
+@given(MASSES_KG, st.floats(1.1, 4.0), st.sampled_from(FRICTIONS))
+def test_an_object_is_held_where_friction_of_both_fingers_exceeds_its_weight(
+    mass_kg, surplus, friction
+):
+    weight_n = mass_kg * G
+    grip_n = surplus * weight_n / (2.0 * 0.5)
+    # A heavy object's skin must not chatter.
+    skin = {**PARTS['skin'], 'damping_n_s_m': 10.0}
+    scene = held(grip_n, [{'duration_s': 1.0}], mass_kg=mass_kg, friction=friction, skin=skin)
+    time_s, _, position_m, sliding = scene.clean(ALL)
+    at_rest = time_s > HELD_S + 0.5
+    # The pressure sinks to nothing at the edge of the contact, so that some patches there slide;
+    # those that stick carry the rest, and give way further. Nothing moves on.
+    assert np.ptp(position_m[at_rest]) < 1e-7
+    assert position_m[-1] < 3.0 * stretch_m(weight_n) + 1e-6
+    assert np.all(sliding[at_rest] == 0.0)
+
+
+@settings(max_examples=25)
+@given(MASSES_KG, st.floats(0.1, 0.8), st.sampled_from(FRICTIONS))
+def test_an_object_too_heavy_for_the_grip_accelerates_as_newton_says(mass_kg, share, friction):
+    weight_n = mass_kg * G
+    grip_n = share * weight_n / (2.0 * 0.6)
+    skin = {**PARTS['skin'], 'damping_n_s_m': 10.0}
+    scene = held(grip_n, [{'duration_s': 0.8}], mass_kg=mass_kg, friction=friction, skin=skin)
+    time_s, _, position_m, sliding = scene.clean(ALL)
+    # Long after the Stribeck velocity friction is kinetic.
+    late = time_s > HELD_S + 0.5
+    wanted = (weight_n - 2.0 * 0.5 * grip_n) / mass_kg
+    acceleration = accelerations_m_s2(time_s[late], position_m[late])
+    assert acceleration == pytest.approx(wanted, rel=1e-3, abs=lightest_m_s2(mass_kg))
+    assert np.all(sliding[late] > 0.99)
+
+
+@pytest.mark.parametrize('friction', FRICTIONS)
+def test_an_object_that_slips_is_caught_by_a_grip_that_rises_in_time(friction):
+    def play(catch):
+        scene = held(3.0, [{'duration_s': 1.5}], mass_kg=0.2, friction=friction)
+        weak_n = 0.7 * 0.2 * G  # 2 mu N is less than the weight: it lets go.
+        scene.clean(400)
+        scene.hold_force(weak_n)
+        scene.clean(300)
+        moved = scene.state.body[SPEED]
+        if catch:
+            scene.hold_force(6.0)
+        _, _, position_m, sliding = scene.clean(ALL)
+        return moved, position_m, sliding
+
+    speed, caught_m, sliding = play(catch=True)
+    _, let_go_m, _ = play(catch=False)
+    assert speed > 1e-3
+    assert np.ptp(caught_m[-200:]) < 1e-7
+    assert np.all(sliding[-200:] == 0.0)
+    assert let_go_m[-1] > 5.0 * caught_m[-1]
+
+
+@pytest.mark.parametrize('mass_kg', [1e-3, 0.2, 10.0])
+def test_an_object_in_an_open_grip_falls_freely(mass_kg):
+    skin = {**PARTS['skin'], 'damping_n_s_m': 10.0}
+    scene = held(
+        2.0 * mass_kg * G,
+        [{'duration_s': 0.2, 'force_n': 0.0}, {'duration_s': 1.0}],
+        mass_kg=mass_kg,
+        skin=skin,
+    )
+    time_s, clean_v, position_m, sliding = scene.clean(ALL)
+    # The force dies out with its ringing; from then on nothing holds.
+    fall = time_s > HELD_S + 0.5
+    acceleration = accelerations_m_s2(time_s[fall], position_m[fall])
+    assert acceleration == pytest.approx(G, rel=1e-5, abs=lightest_m_s2(mass_kg))
+    assert np.abs(clean_v[fall]).max() < 1e-4
+    assert np.all(sliding[fall] == 0.0)
+
+
+def test_an_object_that_slid_through_is_lost_and_felt_no_more():
+    length_m = 0.02
+    scene = held(3.0, [{'duration_s': 0.5}, {'duration_s': 1.0, 'force_n': 3.0}],
+                 mass_kg=1.0, length_m=length_m)  # fmt: skip
+    _, clean_v, position_m, sliding = scene.clean(ALL)
+    assert length_m < position_m[-1] < length_m + 2e-3
+    np.testing.assert_array_equal(position_m[-500:], position_m[-1])
+    assert np.abs(clean_v[-500:]).max() < 1e-4
+    np.testing.assert_array_equal(sliding[-500:], 0.0)
+    # Whatever the grip does then brings nothing back.
+    again = held(3.0, [{'duration_s': 1.5}], mass_kg=1.0, length_m=length_m)
+    again.clean(1400)
+    again.hold_force(10.0)
+    _, clean_v, position_m, _ = again.clean(ALL)
+    assert np.ptp(position_m) == 0.0
+    assert np.abs(clean_v).max() < 1e-4
+
+
+def test_a_pull_makes_an_object_slip_and_its_end_lets_it_rest():
+    after = [
+        {'duration_s': 0.02, 'pull_n': 4.0},
+        {'duration_s': 0.05, 'pull_n': 4.0},
+        {'duration_s': 0.02, 'pull_n': 0.0},
+        {'duration_s': 1.0},
+    ]
+    scene = held(4.0, after)
+    samples = scene.read(ALL)
+    pulled = (samples.time_s > HELD_S + 0.02) & (samples.time_s < HELD_S + 0.07)
+    rest = samples.time_s > HELD_S + 0.6
+    before = (samples.time_s > HELD_S - 0.1) & (samples.time_s < HELD_S)
+    assert samples.truth[pulled].all()
+    assert not samples.truth[rest].any()
+    assert not samples.truth[before].any()
+    assert np.ptp(samples.position_m[rest]) < 1e-7
+    assert samples.position_m[-1] > 1e-3
+
+
+@pytest.mark.parametrize('friction', FRICTIONS)
+@pytest.mark.parametrize('surplus', [1.5, 0.7])
+def test_what_the_weight_gives_is_moved_stored_or_turned_into_heat(friction, surplus):
+    mass_kg, damping = 0.2, 1.0
+    grip_n = surplus * mass_kg * G / (2.0 * 0.5)
+    rate_hz = 5000.0
+    scene = held(
+        grip_n, [{'duration_s': 0.3}], friction=friction, sample_rate_hz=rate_hz,
+        step_s=1.0 / rate_hz,
+    )  # fmt: skip
+    assert scene.plan.steps_per_sample == 1
+    ledger, patches = np.zeros(3), scene.plan.patches
+    given_j = skin_heat_j = 0.0
+    position_m, load_n = 0.0, 0.0
+    creep_m_s = np.zeros(len(patches))
+    # The weight comes from 0.4 to 0.6 s.
+    for k in range(scene.length):
+        _, _, moved_m, _ = scene.clean(1, ledger)
+        now_n = mass_kg * G * np.clip((k / rate_hz - 0.4) / 0.2, 0.0, 1.0)
+        given_j += 0.5 * (load_n + now_n) * (moved_m[0] - position_m)
+        position_m, load_n = moved_m[0], now_n
+        now_m_s = scene.state.patches[:, VELOCITY].copy()
+        skin_heat_j += damping / rate_hz * patches @ (0.5 * (creep_m_s**2 + now_m_s**2))
+        creep_m_s = now_m_s
+    kinetic_j = 0.5 * mass_kg * scene.state.body[SPEED] ** 2
+    stretched_j = 0.5 * STIFFNESS_N_M * patches @ scene.state.patches[:, DISPLACEMENT] ** 2
+    spent_j = kinetic_j + 2.0 * (ledger[WORK] + stretched_j + skin_heat_j)
+    assert given_j > 1e-6
+    assert spent_j == pytest.approx(given_j, rel=5e-3)
+
+
+@given(st.floats(0.0, 5.0), st.integers(1, 400))
+@settings(max_examples=20)
+def test_a_grip_from_outside_changes_nothing_that_was_before(grip_n, at):
+    plain = held(3.0, [{'duration_s': 0.3}])
+    steered = held(3.0, [{'duration_s': 0.3}])
+    before = [scene.clean(at) for scene in (plain, steered)]
+    for one, other in zip(*before, strict=True):
+        assert one.tobytes() == other.tobytes()
+    steered.hold_force(grip_n)
+    settled_s = np.array([at / 1000.0 + 1.0])
+    assert steered.force_n(settled_s)[0] == pytest.approx(grip_n, abs=1e-6)
+    assert len(steered.clean(ALL)[0]) == plain.length - at
+
+
+@pytest.mark.parametrize(
+    ('force_n', 'said'),
+    [(-1e-3, 'force_n is -0.001 N, allowed: 0 to 1000 N'), (1e4, 'force_n is 10000 N, allowed: ')],
+)
+def test_a_grip_out_of_range_is_refused(force_n, said):
+    with pytest.raises(ValueError, match=said):
+        held(3.0, [{'duration_s': 0.3}]).hold_force(force_n)
+
+
+def test_a_grip_under_which_the_skin_would_chatter_is_refused():
+    steep = {**TWO_COEFFICIENTS, 'stribeck_velocity_m_s': 10e-3}
+    scene = held(1.0, [{'duration_s': 0.3}], mass_kg=0.05, friction=steep)
+    with pytest.raises(ValueError, match='a grip of 1000 N: falls with velocity') as caught:
+        scene.hold_force(1000.0)
+    assert '\n' not in str(caught.value)
+    scene.hold_force(2.0)
