@@ -30,6 +30,11 @@ texture: {}
 electronics: {}
 """
 
+LOSSY_SCENE = f"""{SHORT_SCENE}
+drops: {{share: 0.2, burst_samples: 3}}
+clock: {{rate_ratio: 1.1}}
+"""
+
 
 @pytest.fixture
 def bench():
@@ -42,6 +47,13 @@ def bench():
 def scene(tmp_path):
     path = tmp_path / 'short.yaml'
     path.write_text(SHORT_SCENE)
+    return path
+
+
+@pytest.fixture
+def lossy_scene(tmp_path):
+    path = tmp_path / 'lossy.yaml'
+    path.write_text(LOSSY_SCENE)
     return path
 
 
@@ -111,6 +123,41 @@ def test_a_looped_recording_goes_on_and_its_stamps_with_it(bench, recording):
     wanted = np.tile(read_recording(recording).volts, (3, 1))[:400]
     np.testing.assert_array_equal(rows, wanted)
     np.testing.assert_array_equal(np.diff(stamps), np.full(399, 2_000_000))
+    assert not played.process.ended()
+
+
+def test_a_scene_with_losses_and_a_wrong_clock_is_stamped_when_its_samples_were_taken(
+    bench, lossy_scene
+):
+    wanted = open_source(DriverConfig(scene=str(lossy_scene), seed=3)).read(10_000)
+    count = len(wanted.volts)
+    assert count < 0.95 * 0.6 * 380 * 1.1  # Some are missing, and none comes in their place.
+    played = Played(bench, {'scene': lossy_scene, 'seed': 3}, count)
+    assert played.process.wait() == 0
+    np.testing.assert_array_equal(played.rows(), wanted.volts)
+    stamps = played.stamps_ns()
+    np.testing.assert_array_equal(
+        stamps - stamps[0], np.round(wanted.time_s * 1e9) - np.round(wanted.time_s[0] * 1e9)
+    )
+    assert f'played all {count} samples' in played.process.log()
+
+
+def test_a_looped_scene_goes_on_where_its_clock_was(bench, lossy_scene):
+    config = DriverConfig(scene=str(lossy_scene), seed=3)
+    trials = [open_source(config, repetition).read(10_000) for repetition in range(3)]
+    assert len({trial.volts.tobytes() for trial in trials}) == 3
+    # Each begins a period, as the sensor says it, after the last sample of the one before.
+    times_s, begin_s = [], 0.0
+    for trial in trials:
+        times_s.append(begin_s + trial.time_s)
+        begin_s = times_s[-1][-1] + 1.0 / 380.0
+    taken_ns = np.round(np.concatenate(times_s) * 1e9)
+    volts = np.concatenate([trial.volts for trial in trials])
+    parameters = {'scene': lossy_scene, 'seed': 3, 'loop': 'true', 'rate': 2.0}
+    played = Played(bench, parameters, len(volts))
+    np.testing.assert_array_equal(played.rows()[: len(volts)], volts)
+    stamps = played.stamps_ns()[: len(volts)]
+    np.testing.assert_array_equal(stamps - stamps[0], taken_ns - taken_ns[0])
     assert not played.process.ended()
 
 

@@ -85,6 +85,26 @@ def test_a_scene_is_one_trial_per_seed_and_another_with_each_repetition():
     assert volts(3, 0) != volts(4, 0)
 
 
+def test_a_scene_with_losses_says_when_the_samples_that_are_left_were_taken(tmp_path):
+    path = tmp_path / 'lossy.yaml'
+    path.write_text(
+        'steps: [{duration_s: 2.0}]\ndrops: {share: 0.1}\nclock: {rate_ratio: 0.5}\n'
+        'sample_rate_hz: 100.0\n'
+    )
+
+    def times_s(repetition):
+        source = open_source(DriverConfig(scene=str(path)), repetition)
+        assert source.sample_rate_hz == 100.0  # So it says; its clock runs at half of it.
+        return source.read(1000).time_s
+
+    taken_s = times_s(0)
+    assert 70 < len(taken_s) < 100
+    assert np.all(np.isin(taken_s, np.arange(100) / 50.0))
+    assert np.all(np.diff(taken_s) > 0.0)
+    assert taken_s.tobytes() == times_s(0).tobytes()
+    assert taken_s.tobytes() != times_s(1).tobytes()
+
+
 def test_a_scene_is_found_by_name_or_taken_by_path():
     assert find_scene('plate_400um') == shared_folder() / 'config' / 'scenes' / 'plate_400um.yaml'
     assert find_scene('plate_400um').is_file()
