@@ -29,7 +29,9 @@ steps:
 friction: {model: lugre}
 object: {mass_kg: 0.2, length_m: 0.02}
 """
-SIZES = QUICK._replace(explicit_tolerances=(), steps_per_sample=(2, 8), budget_s=0.5)
+SIZES = QUICK._replace(
+    explicit_tolerances=(), steps_per_sample=(2, 8), budget_s=0.5, stretch_budget_s=5.0
+)
 
 
 def written(path, text):
@@ -91,7 +93,7 @@ def test_the_shipped_step_is_measured_too(plate):
 
 def test_an_explicit_method_does_a_stretch_from_the_reference_s_state(tmp_path):
     sizes = QUICK._replace(
-        tolerances=(), explicit_tolerances=(1e-5,), steps_per_sample=(8,), budget_s=60.0
+        tolerances=(), explicit_tolerances=(1e-5,), steps_per_sample=(8,), stretch_budget_s=60.0
     )
     soft = PLATE.replace('lugre}', 'lugre, bristle_stiffness_n_m: 3.0e+3}')
     entry = precision(written(tmp_path / 'plate.yaml', soft), sizes)
@@ -102,7 +104,7 @@ def test_an_explicit_method_does_a_stretch_from_the_reference_s_state(tmp_path):
 
 
 def test_what_gives_up_says_so_and_has_no_figures(tmp_path):
-    sizes = QUICK._replace(tolerances=(), steps_per_sample=(8,), budget_s=0.01)
+    sizes = QUICK._replace(tolerances=(), steps_per_sample=(8,), stretch_budget_s=0.01)
     entry = precision(written(tmp_path / 'plate.yaml', PLATE), sizes)
     (run,) = runs_of(entry, 'RK45')
     assert run['said'] == 'RK45: given up after 0.01 s'
