@@ -1,12 +1,20 @@
-"""Write the parameter tables of the README: python test/readme_tables.py."""
+"""Write the parameter tables of README and docs/scenes.md: python test/readme_tables.py."""
 
 import dataclasses
 import re
 from pathlib import Path
 
 from slip_detector.config import DetectorConfig, DriverConfig, allowed, default_of
+from slip_detector.scenes.motion import Step
+from slip_detector.scenes.scene import PARTS, Sampling
 
-README = Path(__file__).resolve().parents[1] / 'README.md'
+ROOT = Path(__file__).resolve().parents[1]
+
+#: The files with tables, and whose parameters each has.
+DOCUMENTS = {
+    ROOT / 'README.md': (DetectorConfig, DriverConfig),
+    ROOT / 'docs' / 'scenes.md': (Sampling, Step, *PARTS.values()),
+}
 
 
 def table(config_class):
@@ -35,17 +43,19 @@ def shown(value):
     return f'`{value:g}`'
 
 
-def with_tables(text):
-    """Return the README's text with the tables as they should be."""
-    for config_class in (DetectorConfig, DriverConfig):
+def with_tables(path):
+    """Return a file's text with the tables as they should be."""
+    text = path.read_text(encoding='utf-8')
+    for config_class in DOCUMENTS[path]:
         name = config_class.__name__
         pattern = rf'(<!-- {name} -->\n).*?(<!-- end -->)'
         text, found = re.subn(
             pattern, lambda m, c=config_class: f'{m[1]}{table(c)}\n{m[2]}', text, flags=re.S
         )
-        assert found == 1, f'README.md has no place for {name}'
+        assert found == 1, f'{path.name} has no place for {name}'
     return text
 
 
 if __name__ == '__main__':
-    README.write_text(with_tables(README.read_text()))
+    for document in DOCUMENTS:
+        document.write_text(with_tables(document), encoding='utf-8')
