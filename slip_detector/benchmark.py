@@ -13,7 +13,9 @@ counts, which is the one that nothing disturbed.
     Whether the sizes were cut short.
 
 With these come the keys of :mod:`slip_detector.benchmarks.chain_speed`, and ``precision`` with the
-keys of :mod:`slip_detector.benchmarks.chain_precision`, unless ``--part`` leaves them out.
+keys of :mod:`slip_detector.benchmarks.chain_precision`, unless ``--part`` leaves them out. Those
+of ``scenes`` and ``extremes`` are in the modules :mod:`slip_detector.benchmarks.scenes` and
+:mod:`slip_detector.benchmarks.extremes`.
 """
 
 import argparse
