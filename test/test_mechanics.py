@@ -185,7 +185,7 @@ def no_energy_from_friction(played):
     return ledger
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(
     force_and_velocity(st.sampled_from([-0.08, 0.0, 0.08]) | st.floats(-0.1, 0.1)),
     FRICTIONS,
@@ -199,7 +199,7 @@ def test_friction_never_makes_energy_on_a_plate(steps, friction, skin, step_s):
     )
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(
     force_and_velocity(st.just(0.0)), FRICTIONS, SKINS, STEPS_S, st.floats(-3.0, 1.0),
     st.floats(0.0, 2.0),

@@ -101,7 +101,7 @@ def test_another_fingertip_has_other_baselines_and_sensitivities():
 # Volts.
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(st.floats(-1e4, 1e4), st.floats(0, 1), st.integers(0, 99))
 def test_volts_stay_within_the_rails(sensitivity, noise_v, seed):
     electronics = {'normal_v_n': sensitivity, 'noise_v': noise_v, 'rails_v': [0.5, 4.5]}
@@ -166,7 +166,7 @@ def test_motion_back_is_slip_too():
 # Texture under a moving plate.
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(st.floats(2e-3, 30e-3), st.floats(10.0, 150.0))
 def test_a_sliding_channel_shows_the_ridges_at_velocity_over_spatial_period(velocity_m_s, hz):
     steps = [{'duration_s': 0.1, 'force_n': 0.4}, {'duration_s': 0.3}]
