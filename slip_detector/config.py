@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import yaml
 
@@ -174,7 +174,8 @@ def _numbers(
         if len(numbers) % 2:
             raise ValueError(f'{where} has {len(numbers)} numbers, allowed: pairs [low, high]')
         return tuple(zip(numbers[::2], numbers[1::2], strict=True))
-    if len(default) and len(numbers) != len(default):
+    any_length = Ellipsis in get_args(field.type)
+    if not any_length and len(numbers) != len(default):
         raise ValueError(f'{where} has {len(numbers)} numbers, allowed: {len(default)}')
     return tuple(numbers)
 
