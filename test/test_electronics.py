@@ -47,7 +47,7 @@ def rows(n, low_v=-1.0, high_v=6.0):
 
 def test_a_fingertip_seed_stays_the_same_fingertip():
     # Channels 1 (across the finger) and 2 (along it) of fingertip 1, as they always were.
-    one = frontend()
+    one = frontend(shear_v_n=3.0)
     expected = [
         (one.baseline_v, [4.325591081235013, 4.347523184816296]),
         (one.normal_v_n, [-10.039722107481658, -9.707543249034911]),
@@ -74,7 +74,7 @@ def test_units_along_the_finger_have_their_shares_of_the_sensitivities(normal, s
 
 
 def test_without_spread_the_channels_of_a_group_are_alike():
-    one = frontend(spread=0.0, normal_along_share=0.5)
+    one = frontend(spread=0.0, normal_along_share=0.5, shear_v_n=3.0)
     assert set(one.normal_v_n[ACROSS]) == {-10.0}
     assert set(one.normal_v_n[ALONG]) == {-5.0}
     assert set(one.shear_v_n[ALONG]) == {1.5}

@@ -278,12 +278,12 @@ def _sense(c, load, displacement, way, before, plan):
 
     Without a low-pass filter ``before`` is the present itself, and the mean the value.
     """
-    texture = 0.0
-    if plan.ridges.amplitudes.size:
-        texture += ridges_between(before[2], way, plan.ridges)
-    if plan.rough.heights.size:
-        texture += roughness_between(before[2], way, plan.rough)
     mean_load = 0.5 * (before[0] + load)
+    texture = 0.0
+    if mean_load > 0.0 and plan.ridges.amplitudes.size:
+        texture += ridges_between(before[2], way, plan.ridges)
+    if mean_load > 0.0 and plan.rough.heights.size:
+        texture += roughness_between(before[2], way, plan.rough)
     shear = plan.skin.stiffness_n_m * 0.5 * (before[1] + displacement)
     return plan.normal_v_n[c] * mean_load * (1.0 + texture) + plan.shear_v_n[c] * shear
 

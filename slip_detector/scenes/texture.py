@@ -122,6 +122,8 @@ def ridges_between(from_m, to_m, ridges):
     half = 0.5 * ridges.wavenumber_rad_m * (to_m - from_m)
     total = 0.0
     for k in range(ridges.amplitudes.size):
+        if ridges.amplitudes[k] == 0.0:
+            continue
         share = (k + 1) * half
         mean = np.sin(share) / share if abs(share) > 1e-8 else 1.0
         total += ridges.amplitudes[k] * mean * np.sin((k + 1) * middle)
