@@ -12,7 +12,7 @@ ROS ?= jazzy
 VENV := .venv$(if $(filter-out jazzy,$(ROS)),-$(ROS))
 EXTRA := ros$(if $(filter-out jazzy,$(ROS)),-$(ROS))
 BIN := $(VENV)/bin
-# Ubuntu 24.04's NumPy and SciPy, for the chain's tests.
+# Ubuntu 24.04's NumPy and SciPy, for the tests of chain and scenes.
 OLDER := .venv-numpy1
 CHECKS := build/checks-$(ROS)
 COLCON := build/colcon-$(ROS)
@@ -21,6 +21,8 @@ SOURCES := $(shell find slip_detector launch config resource -type f -not -path 
 PACKAGE := $(SOURCES) setup.py setup.cfg pyproject.toml package.xml
 TESTS := $(shell find test -name '*.py') README.md
 CHAIN_TESTS := test/test_chain.py test/test_config.py test/test_filters.py test/test_fingertip.py
+SCENE_TESTS := $(addprefix test/test_,$(addsuffix .py,contact disturbances electronics free_object \
+	friction mechanics motion scenes texture))
 
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -69,9 +71,9 @@ $(CHECKS)/pytest: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
 $(CHECKS)/numpy1: $(PACKAGE) $(TESTS) | $(CHECKS)
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
 		$(MAKE) --no-print-directory $(OLDER)/installed && \
-		echo 'The chain with NumPy 1.26 and SciPy 1.11:' && \
-		PYTHONPATH=. $(OLDER)/bin/python -m pytest $(CHAIN_TESTS); \
-	else echo 'The chain with NumPy 1.26 is left out: it needs Python 3.12 or older.'; fi
+		echo 'Chain and scenes with NumPy 1.26 and SciPy 1.11:' && \
+		PYTHONPATH=. $(OLDER)/bin/python -m pytest $(CHAIN_TESTS) $(SCENE_TESTS); \
+	else echo 'NumPy 1.26 is left out: it needs Python 3.12 or older.'; fi
 	touch $@
 
 $(CHECKS)/interpreted: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
