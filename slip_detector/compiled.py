@@ -37,4 +37,5 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return function
     function.__qualname__ += f'_{FINGERPRINT}'
     # As NumPy divides: checking each division for a zero costs a tenth of the scenes' time.
-    return njit(cache=True, error_model='numpy')(function)
+    kept: Callable[..., Any] = njit(cache=True, error_model='numpy')(function)
+    return kept
