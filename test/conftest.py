@@ -1,6 +1,11 @@
 """Settings of the whole test run."""
 
+import signal
+
 from hypothesis import settings
+
+# A run in the background ignores SIGINT, and what it starts would too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Derandomised: a run says the same about the same code, here and on every other machine.
 settings.register_profile(
