@@ -700,7 +700,7 @@ class Ode:
         first, last = span or (0, scene.length - 1)
         time_s = np.arange(first, last + 1) / rate_hz
         self.check(method, (time_s[0], time_s[-1]))
-        begin_s = time.process_time()
+        begin_s = time.thread_time()
         y = self.start() if start is None else start.copy()
         states = np.empty((len(time_s), self.size))
         states[0] = y
@@ -727,7 +727,7 @@ class Ode:
                 steps += 1
                 if solver.status == 'failed' or not np.isfinite(solver.y).all():
                     raise RuntimeError(f'{method}: failed at {solver.t:g} s: {message}')
-                if not steps % 50 and time.process_time() - begin_s > budget_s:
+                if not steps % 50 and time.thread_time() - begin_s > budget_s:
                     raise GivenUpError(f'{method}: given up after {budget_s:g} s')
                 dense, stop = None, solver.t
                 if self.with_object and solver.y[-2] > self.plan.body.length_m:
@@ -755,7 +755,7 @@ class Ode:
             y = solver.y
         time_s, states = time_s[:done], states[:done]
         clean_v, position_m = self._volts(time_s, states)
-        run_time_s = time.process_time() - begin_s
+        run_time_s = time.thread_time() - begin_s
         return Solution(
             time_s, clean_v, position_m, onset_s, lost_s, states, run_time_s, steps, calls
         )

@@ -100,10 +100,12 @@ class NormalForce:
 
     def _append(self, start_s: float, command_n: float, slope_n_s: float) -> None:
         """Begin a segment where the last one leads."""
-        value, rate = self._values(np.array([start_s]))
+        at = np.array([start_s])
+        k, _, modes = self._ring(at)
+        rate_n_s = self._lines[k[0], 1] + float((modes * self._roots).sum().real)
         p, q = self._roots
-        a = float(value[0]) - (command_n - slope_n_s * self._lag_s)
-        b = float(rate[0]) - slope_n_s
+        a = float(self._follow(at)[0]) - (command_n - slope_n_s * self._lag_s)
+        b = rate_n_s - slope_n_s
         first = (b - q * a) / (p - q)
         # A step shorter than the clock's last digit takes the place of the one before.
         keep = len(self._starts) - (start_s <= self._starts[-1])
@@ -111,18 +113,21 @@ class NormalForce:
         self._lines = np.vstack([self._lines[:keep], [command_n, slope_n_s]])
         self._ringing = np.vstack([self._ringing[:keep], [first, a - first]])
 
-    def _values(self, time_s: Floats) -> tuple[Floats, Floats]:
-        """Return the force and its rate."""
+    def _ring(self, time_s: Floats) -> tuple[NDArray[np.intp], Floats, NDArray[np.complex128]]:
+        """Return the segment of each time, the time since its start, and its two modes."""
         k = np.maximum(np.searchsorted(self._starts, time_s, side='right') - 1, 0)
         since = time_s - self._starts[k]
+        return k, since, self._ringing[k] * np.exp(np.multiply.outer(since, self._roots))
+
+    def _follow(self, time_s: Floats) -> Floats:
+        """Return the force as if the plate could pull."""
+        k, since, modes = self._ring(time_s)
         command, slope = self._lines[k].T
-        modes = self._ringing[k] * np.exp(np.multiply.outer(since, self._roots))
-        force = command + slope * (since - self._lag_s) + modes.sum(axis=1).real
-        return force, slope + (modes @ self._roots).real
+        return np.asarray(command + slope * (since - self._lag_s) + modes.sum(axis=1).real)
 
     def at(self, time_s: Floats) -> Floats:
         """Return the force in newtons; never negative: a fingertip does not stick to the plate."""
-        return np.asarray(np.maximum(self._values(time_s)[0], 0.0), dtype=np.float64)
+        return np.asarray(np.maximum(self._follow(time_s), 0.0), dtype=np.float64)
 
     def corners_s(self) -> Floats:
         """Return the times at which the command has a corner."""
