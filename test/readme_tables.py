@@ -4,7 +4,8 @@ import dataclasses
 import re
 from pathlib import Path
 
-from slip_detector.config import DetectorConfig, DriverConfig, allowed, default_of
+from slip_detector.config import DetectorConfig, DriverConfig
+from slip_detector.parameter_sets import allowed, default_of
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.scene import PARTS, Sampling
 

@@ -17,10 +17,8 @@ from slip_detector.config import (
     DetectorConfig,
     DriverConfig,
     EvaluationConfig,
-    allowed,
-    default_of,
-    read_parameter_file,
 )
+from slip_detector.parameter_sets import allowed, default_of, read_parameter_file
 
 SETS = (ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig)
 

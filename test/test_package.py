@@ -9,7 +9,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from slip_detector.config import ChainConfig, DetectorConfig, DriverConfig, read_yaml
+from slip_detector.config import ChainConfig, DetectorConfig, DriverConfig
+from slip_detector.parameter_sets import read_yaml
 from slip_detector.sources import find_scene, shared_folder
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,8 +12,9 @@ from matplotlib import image
 
 from slip_detector import protocol
 from slip_detector.chain import SlipChain
-from slip_detector.config import ChainConfig, read_yaml
+from slip_detector.config import ChainConfig
 from slip_detector.evaluation import main
+from slip_detector.parameter_sets import read_yaml
 from slip_detector.protocol import (
     MEANINGS,
     PAPER_DELAY_MS,

@@ -47,7 +47,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.benchmark import Bound, gc_off
-from slip_detector.config import read_yaml
+from slip_detector.parameter_sets import read_yaml
 from slip_detector.scenes.integrators import (
     EXPLICIT,
     GivenUpError,

@@ -8,7 +8,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from slip_detector.config import OF_RCLPY, ConfigType, allowed, default_of
+from slip_detector.parameter_sets import OF_RCLPY, ConfigType, allowed, default_of
 
 
 def declare(node: Node, config_class: type[ConfigType]) -> ConfigType:

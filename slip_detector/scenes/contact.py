@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.compiled import compiled
-from slip_detector.config import ParameterSet, parameter
+from slip_detector.parameter_sets import ParameterSet, parameter
 
 Floats = NDArray[np.float64]
 

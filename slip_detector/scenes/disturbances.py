@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.config import ParameterSet, parameter
 from slip_detector.fingertip import N_CHANNELS
+from slip_detector.parameter_sets import ParameterSet, parameter
 
 Floats = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.config import ParameterSet, parameter
 from slip_detector.fingertip import GROUPS, N_CHANNELS
+from slip_detector.parameter_sets import ParameterSet, parameter
 
 Floats = NDArray[np.float64]
 

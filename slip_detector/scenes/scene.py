@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector import fingertip
-from slip_detector.config import ParameterSet, parameter, read_yaml
+from slip_detector.parameter_sets import ParameterSet, parameter, read_yaml
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.disturbances import (
     Clock,
