@@ -38,6 +38,7 @@ setup(
         'numba': ['numba>=0.57'],
         'ros': ros_wheels('jazzy'),
         'ros-kilted': ros_wheels('kilted'),
+        'tune': ['optuna>=4.0', 'tqdm'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',
@@ -46,6 +47,7 @@ setup(
             'pytest-timeout',
             'ruff',
             'types-PyYAML',
+            'types-tqdm',
         ],
     },
     zip_safe=True,
@@ -60,6 +62,7 @@ setup(
             f'slip_detector = {NAME}.nodes.run:detector',
             f'slip_demo = {NAME}.nodes.demo:main',
             f'slip_evaluate = {NAME}.evaluation:main',
+            f'slip_tune = {NAME}.tuning:main',
             f'slip_benchmark = {NAME}.benchmark:main',
         ],
     },

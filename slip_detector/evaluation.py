@@ -10,7 +10,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -65,6 +65,31 @@ class Evaluator:
         ValueError
             When it cannot be read, does not suit the chain or has no labels; names the file.
         """
+        rows, rate_hz = self.open(path)
+        return self._replay.run(rows, rate_hz)
+
+    def open(self, path: Path, labelled: bool = True) -> tuple[Iterator[Rows], float]:
+        """Open a recording for a replay.
+
+        Parameters
+        ----------
+        path
+            The recording.
+        labelled
+            Whether it must have labels; one without has no slip.
+
+        Returns
+        -------
+        rows
+            Its pieces.
+        sample_rate_hz : float
+            Its own rate.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`evaluate`.
+        """
         recording = read_recording(path, self._driver_config)
         config = self._replay.chain.config
         if len(recording.channel_names) != config.channels:
@@ -85,14 +110,16 @@ class Evaluator:
                 f'{path}: has {rate:g} Hz where the parameter sample_rate_hz is {wanted:g} Hz, '
                 f'allowed: at most {RATE_TOLERANCE:.0%} apart'
             )
-        if recording.truth is None:
+        if recording.truth is None and labelled:
             raise ValueError(
                 f'{path}: has no label {self._driver_config.recording_truth_key}, there are: '
                 f'{", ".join(sorted(recording.arrays))}'
             )
         moving = self._moving(recording, path)
-        rows = Rows(recording.volts, recording.truth, moving=moving)
-        return self._replay.run([rows], recording.sample_rate_hz)
+        truth = recording.truth
+        if truth is None:
+            truth = np.zeros(len(recording.volts), np.bool_)
+        return iter([Rows(recording.volts, truth, moving=moving)]), recording.sample_rate_hz
 
     def _moving(self, recording: Recording, path: Path) -> Bools | None:
         """Tell the rows of motion, shape (n,), from the recording's velocities."""
