@@ -110,7 +110,7 @@ def quiet_threshold(
             f'{track.name}: lasts {hours:.3g} h, allowed: at least {shortest:.3g} h for '
             f'{per_hour:g} false alarms an hour ({FURTHEST:g} times as rare is a guess)'
         )
-    statistic = Statistics(chain, [chain.vote]).of(track)[0]
+    statistic = Statistics(chain, [chain.vote]).of(track)[chain.vote]
     limits = thresholds([statistic], [track], chain.exponent)
     if not limits.size:
         raise ValueError(

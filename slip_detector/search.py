@@ -6,11 +6,12 @@ The threshold and the vote are not part of the space: all of them come from one 
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from slip_detector.config import ChainConfig, EvaluationConfig, TuneConfig
 from slip_detector.sweep import Statistics, Swept, Vote, sweep, thresholds, votes_of
@@ -44,6 +45,12 @@ LEAST_SHARING = 3
 #: A threshold is judged with its neighbours, so many steps of :data:`slip_detector.sweep.STEP` to
 #: each side: a tenth of the amplitude is what contact and sensor vary by from day to day.
 NEIGHBOURS = 3
+
+#: How sure it must be that a chain is better than one that is nearer to the given.
+CONFIDENCE = 0.68
+
+#: Areas under the ROC curve that differ by less are the same: rows between two thresholds are ties.
+AUC_STEP = 1e-3
 
 #: What gets worse than with the given parameters counts so many times.
 WORSE_COUNTS = 10.0
@@ -142,6 +149,22 @@ class Space:
             else 'none',
         }
 
+    def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
+        """Return how far two points are apart: 1 is one way through, or another choice."""
+        low, high = self._window_s
+        spans = {
+            'passband_low_hz': math.log(self._low_hz[1] / self._low_hz[0]),
+            'envelope_window_s': math.log(high / low),
+            'decision_window_s': math.log(high / low),
+        }
+        steps = [math.log(point[name] / other[name]) / span for name, span in spans.items()]
+        steps.append((point['passband_octaves'] - other['passband_octaves']) / OCTAVES[1])
+        steps.append((point['exponent'] - other['exponent']) / self._exponents[1])
+        steps += [
+            float(point[name] != other[name]) for name in ('stopbands', 'notch_hz', 'common_mode')
+        ]
+        return math.hypot(*steps)
+
     def starts(self) -> list[dict[str, Any]]:
         """Return where a search begins: at the given chain and at the paper's."""
         points = [self.point(self._given), self.point(ChainConfig())]
@@ -172,7 +195,7 @@ class Figures(NamedTuple):
     latency_ms: float | None
 
     def worse_than(self, other: 'Figures') -> list[str]:
-        """Say, a line each, in which of latency, misses and false alarms these are worse."""
+        """Say, a line each, in which of latency, misses, false alarms and area these are worse."""
         pairs = {
             'median latency': (self.median_ms, other.median_ms, 'ms'),
             'missed': (100.0 * self.missed, 100.0 * other.missed, '%'),
@@ -182,18 +205,31 @@ class Figures(NamedTuple):
                 'a minute',
             ),
         }
-        return [
+        worse = [
             f'{name} {mine:.4g} against {its:.4g} {unit}'
             for name, (mine, its, unit) in pairs.items()
             if mine > its + 1e-9
         ]
+        if self.auc is not None and other.auc is not None and self.auc < other.auc - AUC_STEP:
+            worse.append(f'area under the ROC curve {self.auc:.4f} against {other.auc:.4f}')
+        return worse
 
 
 class Found(NamedTuple):
-    """A chain with its threshold and vote, what it costs and why."""
+    """A chain with its threshold and vote, what it costs and why.
+
+    Attributes
+    ----------
+    chain : ChainConfig
+    cost_ms : float
+    error_ms : float
+        What so few slips and false alarms leave open of it; see :meth:`Objective.error_ms`.
+    figures : Figures
+    """
 
     chain: ChainConfig
     cost_ms: float
+    error_ms: float
     figures: Figures
 
 
@@ -221,9 +257,12 @@ class Objective:
     ) -> None:
         self._tracks, self._evaluation, self._config = tracks, evaluation, config
         self._given = given
+        self._rooms: dict[int, Any] = {}
 
-    def best(self, chain: ChainConfig) -> Found | None:
-        """Return a chain with its best threshold and vote; None where it never is ON.
+    def best(self, chain: ChainConfig) -> list[Found]:
+        """Return a chain with the best threshold for each vote, the cheapest vote first.
+
+        Votes at which it never is ON are left out.
 
         Raises
         ------
@@ -231,26 +270,26 @@ class Objective:
             When the chain cannot be built.
         """
         votes = votes_of(chain)
-        one_pass = Statistics(chain, votes)
-        statistic = [one_pass.of(track) for track in self._tracks]
-        found: list[tuple[float, Swept, int, Vote]] = []
-        for v, vote in enumerate(votes):
-            parts = [part[v] for part in statistic]
+        statistic = self.statistic(chain, votes)
+        found = []
+        for vote in votes:
+            parts = [part[vote] for part in statistic]
             limits = thresholds(parts, self._tracks, chain.exponent)
-            if limits.size:
-                swept = sweep(parts, self._tracks, limits, self._evaluation)
-                costs = _with_neighbours(self.costs_ms(swept))
-                at = int(np.argmin(costs))
-                found.append((float(costs[at]), swept, at, vote))
-        if not found:
-            return None
-        cost_ms, swept, at, vote = min(found, key=lambda one: one[0])
-        threshold = _rounded(float(swept.thresholds[at]))
-        return Found(
-            dataclasses.replace(chain, threshold=threshold, vote=vote),
-            cost_ms,
-            self.figures(swept, at),
-        )
+            if not limits.size:
+                continue
+            swept = self.swept(parts, limits)
+            costs = _with_neighbours(self.costs_ms(swept))
+            at = int(np.argmin(costs))
+            threshold = _rounded(float(limits[at]))
+            found.append(
+                Found(
+                    dataclasses.replace(chain, threshold=threshold, vote=vote),
+                    float(costs[at]),
+                    self.error_ms(swept, at),
+                    self.figures(swept, at),
+                )
+            )
+        return sorted(found, key=lambda one: one.cost_ms)
 
     def as_it_is(self, chain: ChainConfig) -> Found:
         """Return what a chain costs with its own threshold and vote.
@@ -260,14 +299,31 @@ class Objective:
         ValueError
             When the chain cannot be built.
         """
-        one_pass = Statistics(chain, votes_of(chain))
-        own = votes_of(chain).index(chain.vote)
-        parts = [one_pass.of(track)[own] for track in self._tracks]
+        parts = [part[chain.vote] for part in self.statistic(chain, [chain.vote])]
         near = thresholds(parts, self._tracks, chain.exponent)
         limits = np.union1d(near, [chain.threshold])
-        swept = sweep(parts, self._tracks, limits, self._evaluation)
+        swept = self.swept(parts, limits)
         at = int(np.searchsorted(limits, chain.threshold))
-        return Found(chain, float(self.costs_ms(swept)[at]), self.figures(swept, at))
+        cost_ms = float(self.costs_ms(swept)[at])
+        return Found(chain, cost_ms, self.error_ms(swept, at), self.figures(swept, at))
+
+    def statistic(
+        self, chain: ChainConfig, votes: Sequence[Vote]
+    ) -> Sequence[Mapping[Vote, Floats]]:
+        """Return what is held against the threshold by track and vote, shapes (n,).
+
+        The next call may overwrite it.
+        """
+        one_pass = Statistics(chain, votes)
+        found = []
+        for i, track in enumerate(self._tracks):
+            found.append(one_pass.of(track, self._rooms.get(i)))
+            self._rooms[i] = found[-1]['all'].base
+        return found
+
+    def swept(self, statistic: Sequence[Floats], limits: Floats) -> Swept:
+        """Return what becomes of the tracks at each threshold; see :func:`sweep.sweep`."""
+        return sweep(statistic, self._tracks, limits, self._evaluation)
 
     def costs_ms(self, swept: Swept) -> Floats:
         """Return the cost at each of T thresholds, shape (T,)."""
@@ -285,6 +341,26 @@ class Objective:
             )
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)
+
+    def error_ms(self, swept: Swept, at: int) -> float:
+        """Return by how much more a chain may cost and still be as good, at ``CONFIDENCE``.
+
+        Student's t for the slips, which are taken to be independent of each other: of one alone
+        nothing is known. False alarms are taken to be Poisson's. The rows of one slip are not
+        independent, so the area under the ROC curve is one of slips.
+        """
+        late_ms = self._late_ms(swept)[:, at]
+        slips, config = late_ms.size, self._config
+        if slips < 2:
+            return math.inf
+        alarms = max(int(swept.false_alarms[at]), 1)
+        area = swept.auc() or 0.0
+        errors_ms = (
+            float(np.std(late_ms, ddof=1)) / math.sqrt(slips),
+            60.0 * math.sqrt(alarms) / swept.quiet_s * config.false_alarm_costs_ms,
+            config.auc_costs_ms * math.sqrt(area * (1.0 - area) / slips),
+        )
+        return float(stats.t.ppf(0.5 + CONFIDENCE / 2, slips - 1)) * math.hypot(*errors_ms)
 
     def _late_ms(self, swept: Swept) -> Floats:
         """Return the latencies with what a missed slip counts for; shape (slips, T)."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain import SlipChain
+from slip_detector.chain import SlipChain, exchange
 from slip_detector.compiled import compiled
 from slip_detector.config import ChainConfig, EvaluationConfig
 from slip_detector.scores import MOTION, SLIP
@@ -54,15 +54,6 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
     counts = range(1, size) if size <= ALL_COUNTS else [round(share * size) for share in SHARES]
     votes: list[Vote] = ['all', 'mean', *counts]
     return tuple(votes) if config.vote in votes else (*votes, config.vote)
-
-
-@compiled
-def _exchange(a, b):
-    """Put the larger of each pair into ``a``."""
-    for r in range(a.size):
-        u, v = a[r], b[r]
-        a[r] = u if u > v else v
-        b[r] = v if u > v else u
 
 
 @compiled
@@ -110,7 +101,7 @@ def _statistics(level, valid, members, bounds, counts, lanes, product, mean, out
                 continue
             for i in range(size - 1):
                 for j in range(size - 1, i, -1):
-                    _exchange(lanes[j - 1][:rows], lanes[j][:rows])
+                    exchange(lanes[j - 1][:rows], lanes[j][:rows])
             _raise(out[0][start : start + rows], lanes[size - 1][:rows])
             for v in range(counts.size):
                 _raise(out[2 + v][start : start + rows], lanes[counts[v] - 1][:rows])
@@ -164,22 +155,28 @@ class Statistics:
         groups = [members for members in groups if members]
         self._members = np.array([c for members in groups for c in members], dtype=np.uint64)
         self._bounds = np.cumsum([0] + [len(members) for members in groups])
-        self._votes = tuple(votes)
-        counted = [vote for vote in self._votes if isinstance(vote, int)]
+        counted = [vote for vote in votes if isinstance(vote, int)]
         self._counts = np.array(counted, dtype=np.int64)
-        order: list[Vote] = ['all', 'mean', *counted]
-        self._rows = [order.index(vote) for vote in self._votes]
+        self._order: list[Vote] = ['all', 'mean', *counted]
         largest = max(map(len, groups))
         self._lanes = np.zeros((largest, max(LANE_ROWS, largest)))
         self._product, self._mean = np.zeros(LANE_ROWS), np.zeros(LANE_ROWS)
 
-    def of(self, track: Track) -> Floats:
-        """Return the statistic of each row by vote, shape (votes, n), in the level's unit.
+    def of(self, track: Track, room: Floats | None = None) -> dict[Vote, Floats]:
+        """Return the statistic of each row by vote, shapes (n,), in the level's unit.
 
         A row is ON at a threshold where its statistic is above it; for ``mean`` up to the last
         bits, as the chain compares a sum of logarithms with 0.
+
+        Parameters
+        ----------
+        track
+            Of n rows.
+        room
+            What an earlier call returned it in, to be overwritten: new memory costs time.
         """
-        out = np.empty((2 + self._counts.size, len(track.volts)))
+        shape = (len(self._order), len(track.volts))
+        out = room if room is not None and room.shape == shape else np.empty(shape)
         for begin, end, _, new_stretch in track.cuts:
             if new_stretch:
                 self._chain.reset()
@@ -190,7 +187,7 @@ class Statistics:
                     result.level, result.valid, self._members, self._bounds, self._counts,
                     self._lanes, self._product, self._mean, out[:, rows],
                 )  # fmt: skip
-        return out[self._rows]
+        return dict(zip(self._order, out, strict=True))
 
 
 def thresholds(statistic: Sequence[Floats], tracks: Sequence[Track], exponent: int) -> Floats:
@@ -235,13 +232,20 @@ def _sweep(statistic, kind, limits, first_row, lows, highs, state, firsts, false
     """
     above, at = state[0], state[1]
     n_limits, n_slips = limits.size, lows.size
+    # Rows between the same two thresholds, as most are, cost two comparisons.
+    low, high = -np.inf, -np.inf
     for r in range(statistic.size):
         value = statistic[r]
+        if low < value <= high:
+            counts[kind[r], above] += 1
+            continue
         before = above
         while above < n_limits and value > limits[above]:
             above += 1
         while above > 0 and value <= limits[above - 1]:
             above -= 1
+        low = limits[above - 1] if above > 0 else -np.inf
+        high = limits[above] if above < n_limits else np.inf
         counts[kind[r], above] += 1
         if above > before:
             row = first_row + r
@@ -259,7 +263,7 @@ def _sweep(statistic, kind, limits, first_row, lows, highs, state, firsts, false
     state[0], state[1] = above, at
 
 
-def _windows(track: Track, early_rows: int, tail_rows: int) -> tuple[Ints, Ints]:
+def windows(track: Track, early_rows: int, tail_rows: int) -> tuple[Ints, Ints]:
     """Return from which row to before which an alarm can belong to each slip; shapes (slips,)."""
     bounds = np.array(track.slips, np.int64).reshape(-1, 2)
     lows, highs = bounds[:, 0] - early_rows, bounds[:, 1] + tail_rows
@@ -338,7 +342,7 @@ def sweep(
     for part, track in zip(statistic, tracks, strict=True):
         rate_hz = track.sample_rate_hz
         early, tail = (round(seconds * rate_hz) for seconds in (config.early_s, config.tail_s))
-        lows, highs = _windows(track, early, tail)
+        lows, highs = windows(track, early, tail)
         firsts = np.full((len(track.slips), limits.size), -1, np.int64)
         state = np.zeros(2, np.int64)
         for begin, end, first_row, new_stretch in track.cuts:

@@ -169,7 +169,7 @@ class Progress:
 
     def __call__(self, count: int) -> None:
         """Show that there are so many trials."""
-        best = best_of(self._problem, self._study)
+        best = self._problem.best(self._study)
         if best is not None and best.cost_ms < self._lowest:
             self._lowest = best.cost_ms
             self._shown = f'best {in_short(best)}'
@@ -183,12 +183,6 @@ class Progress:
     def close(self) -> None:
         """Leave the bar as it is."""
         self._bar.close()
-
-
-def best_of(problem: Problem, study: Any) -> Found | None:
-    """Return the cheapest trial of a study."""
-    trials = study.trials
-    return problem.found(min(trials, key=lambda trial: trial.value)) if trials else None
 
 
 def in_short(found: Found) -> str:
@@ -473,7 +467,7 @@ def _finish(
 ) -> list[str]:
     """Judge the best found and write the files."""
     count = study.follow()
-    verdict = judge(problem, held, best_of(problem, study))
+    verdict = judge(problem, held, problem.choice(study))
     tracks = [*held, *problem.tracks]
     shown = options.report is not None
     given = replayed(problem.given, tracks, problem.evaluation, shown)
@@ -529,10 +523,11 @@ def _write_report(
             None if counts['latency_ms'] is None else counts['latency_ms'] / 1e3,
             counts['false_alarms_per_minute'],
             100.0 * counts['missed'],
-            trial.user_attrs['parameters'],
+            found['parameters'],
         )
         for trial in study.trials
-        for counts in [trial.user_attrs['figures']]
+        for found in trial.user_attrs['found'][:1]
+        for counts in [found['figures']]
     ]
     # The table of the figures is in the report itself.
     few = [line for line in notes if not line.startswith(('  ', 'On what'))]

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import math
 import multiprocessing
 import signal
 import sys
@@ -55,11 +56,43 @@ class Problem:
 
         return Study(where, name, Space(self.given).distributions(), seed)
 
-    def found(self, trial: Any) -> Found:
-        """Return what a finished trial of the study found."""
-        noted = trial.user_attrs
-        chain = dataclasses.replace(self.given, **noted['parameters'])
-        return Found(chain, float(trial.value), Figures(**noted['figures']))
+    def found(self, trial: Any) -> list[Found]:
+        """Return what a finished trial of the study found, a vote each, the cheapest first."""
+        return [
+            Found(
+                dataclasses.replace(self.given, **noted['parameters']),
+                noted['cost_ms'],
+                noted['error_ms'],
+                Figures(**noted['figures']),
+            )
+            for noted in trial.user_attrs['found']
+        ]
+
+    def best(self, study: 'Study') -> Found | None:
+        """Return the cheapest of all; None where no trial found any."""
+        found = [self.found(trial)[0] for trial in study.trials]
+        return min(found, key=lambda one: one.cost_ms, default=None)
+
+    def choice(self, study: 'Study') -> Found | None:
+        """Return what to hand back: of what is as good as the best, the nearest to the given.
+
+        As good is what costs no more than the best and its error: the fewer slips there are, the
+        less a search among many chains can tell the good from the lucky, and the closer it stays
+        to what was given.
+        """
+        best = self.best(study)
+        if best is None:
+            return None
+        space = Space(self.given)
+        given = space.point(self.given)
+        nearest, choice = math.inf, best
+        for trial in study.trials:
+            away = space.distance(trial.params, given)
+            for found in self.found(trial):
+                distance = math.hypot(away, found.chain.vote != self.given.vote)
+                if found.cost_ms <= best.cost_ms + best.error_ms and distance < nearest:
+                    nearest, choice = distance, found
+        return choice
 
 
 class Stopper:
@@ -124,20 +157,23 @@ def search(
         try:
             found = objective.best(space.chain(trial.params))
         except ValueError:  # no such filter
-            found = None
-        study.tell(trial, None if found is None else found.cost_ms, _noted(found))
+            found = []
+        study.tell(trial, found[0].cost_ms if found else None, {'found': list(map(_kept, found))})
         count = study.follow()
         progress(count)
 
 
-def _noted(found: Found | None) -> dict[str, Any]:
-    """Return what a study keeps of a trial, in the types of JSON."""
-    if found is None:
-        return {}
+def _kept(found: Found) -> dict[str, Any]:
+    """Return what a study keeps of a chain, in the types of JSON."""
     whole = found.chain.to_parameters()
+    # JSON has no infinity: what is not known is as large as can be.
+    largest = sys.float_info.max
+    figures = found.figures._asdict()
     return {
         'parameters': {name: whole[name] for name in SEARCHED},
-        'figures': found.figures._asdict(),
+        'cost_ms': found.cost_ms,
+        'error_ms': min(found.error_ms, largest),
+        'figures': {**figures, 'median_ms': min(figures['median_ms'], largest)},
     }
 
 

@@ -66,13 +66,13 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
     one_pass = Statistics(config, votes)
     statistic = [one_pass.of(track) for track in tracks]
     random = np.random.default_rng(seed)
-    for v, vote in enumerate(votes):
-        limits = thresholds([part[v] for part in statistic], tracks, exponent)
+    for vote in votes:
+        limits = thresholds([part[vote] for part in statistic], tracks, exponent)
         assert (np.diff(limits) > 0).all()
-        swept = sweep([part[v] for part in statistic], tracks, limits, evaluation)
+        swept = sweep([part[vote] for part in statistic], tracks, limits, evaluation)
         for k in random.integers(0, len(limits), 3).tolist():
             if vote == 'mean':  # equal up to the last bits only
-                near = [np.abs(part[v] / limits[k] - 1).min() < 1e-12 for part in statistic]
+                near = [np.abs(part[vote] / limits[k] - 1).min() < 1e-12 for part in statistic]
                 if any(near):
                     continue
             chain = dataclasses.replace(config, vote=vote, threshold=float(limits[k]))
