@@ -25,31 +25,35 @@ _CLASSES = 1 << (31 - _DROPPED_BITS)
 
 @compiled
 def _statistic(  # type: ignore[no-untyped-def]
-    level, valid, members, bounds, vote, threshold, ratios, statistic
+    level, valid, members, bounds, vote, threshold, among, statistic
 ):
-    """Write the largest statistic of the groups of each row; ``ratios`` is room to work in."""
+    """Write the largest statistic of the groups of each row; ``among`` is room to work in."""
     for k in range(level.shape[0]):
+        row, marks = level[k], valid[k]
         most = 0.0
         for g in range(bounds.size - 1):
-            n = 0
-            for j in range(bounds[g], bounds[g + 1]):
-                if valid[k, members[j]]:
-                    ratios[n] = level[k, members[j]] / threshold
-                    n += 1
             value = 0.0
-            if vote == VOTE_ALL:
-                if n:
-                    value = ratios[:n].min()
-            elif vote == VOTE_MEAN:
-                if n:
+            if vote == VOTE_ALL:  # As good as always: without branches.
+                least = np.inf
+                for j in range(bounds[g], bounds[g + 1]):
+                    mine = row[members[j]] if marks[members[j]] else np.inf
+                    least = mine if mine < least else least
+                value = least / threshold if least < np.inf else 0.0
+            else:
+                n = 0
+                for j in range(bounds[g], bounds[g + 1]):
+                    if marks[members[j]]:
+                        among[n] = row[members[j]]
+                        n += 1
+                if vote == VOTE_MEAN and n > 0:
                     total = 0.0
                     for j in range(n):
-                        total += np.log(ratios[j]) if ratios[j] > 0.0 else -np.inf
+                        total += np.log(among[j] / threshold) if among[j] > 0.0 else -np.inf
                     value = np.exp(total / n)
-            elif n >= vote:
-                ratios[:n].sort()
-                value = ratios[n - vote]
-            most = max(most, value)
+                elif vote > 0 and n >= vote:
+                    among[:n].sort()
+                    value = among[n - vote] / threshold
+            most = value if value > most else most
         statistic[k] = most
 
 
@@ -81,7 +85,8 @@ def decision_statistic(result: SlipResult, config: ChainConfig) -> Floats:
     _statistic(
         level,
         valid,
-        np.array([channel - 1 for members in groups for channel in members]),
+        # Unsigned, so that it need not look for indices counted from the end.
+        np.array([channel - 1 for members in groups for channel in members], np.uint64),
         np.cumsum([0] + [len(members) for members in groups]),
         vote,
         config.threshold,
