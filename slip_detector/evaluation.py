@@ -10,20 +10,19 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy import stats
+from numpy.typing import NDArray
 
-from slip_detector.chain import SlipChain, SlipResult
+from slip_detector import replay
 from slip_detector.config import ChainConfig, DriverConfig, EvaluationConfig
 from slip_detector.recordings import Recording, read_recording
+from slip_detector.replay import Outcome, Replay, Rows
 
 Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 NAME = 'slip_evaluate'
 
@@ -39,184 +38,6 @@ ENDINGS = ('.npz', '.csv')
 LEGEND = '-: not defined (no rows of one of the two kinds, or no motion_key is configured)'
 
 
-def decision_statistic(result: SlipResult, config: ChainConfig) -> Floats:
-    """Return the number that the global decision holds against 1.
-
-    Per group it is taken over level / threshold of the valid channels: the smallest for the vote
-    ``all``, the k-th largest for a vote of k, the geometric mean for ``mean``; 0 where the group
-    cannot vote. Over the groups it is the largest. Sweeping a limit over it is sweeping the
-    threshold, hence it is the score of the ROC curve.
-
-    Parameters
-    ----------
-    result : SlipResult
-        Of n rows, with its level.
-    config : ChainConfig
-        Of the chain that gave it.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Dimensionless; above 1 where ``result.slip``.
-    """
-    ratios, valid = result.level / config.threshold, result.valid
-    by_group = [
-        _group_statistic(ratios[:, columns], valid[:, columns], config.vote)
-        for columns in (np.array(members) - 1 for members in config.groups.values())
-    ]
-    return np.asarray(np.max(by_group, axis=0))
-
-
-def _group_statistic(ratios: Floats, valid: Bools, vote: str | int) -> Floats:
-    """Return the statistic of one group of m channels; ``ratios`` and ``valid`` are (n, m)."""
-    if isinstance(vote, int):
-        # Channels that are not valid come last; where a valid one is wanted in their place: 0.
-        return np.asarray(np.sort(np.where(valid, ratios, 0.0), axis=1)[:, -vote])
-    n_valid = valid.sum(axis=1)
-    if vote == 'all':
-        statistic = np.where(valid, ratios, np.inf).min(axis=1)
-    else:
-        with np.errstate(divide='ignore'):  # The logarithm of 0 is -inf, and so is the mean.
-            logarithms = np.log(np.where(valid, ratios, 1.0))
-        statistic = np.exp(logarithms.sum(axis=1) / np.maximum(n_valid, 1))
-    return np.where(n_valid > 0, statistic, 0.0)
-
-
-def roc_auc(score: ArrayLike, label: ArrayLike) -> float | None:
-    """Return the area under the ROC curve: how often a positive scores above a negative.
-
-    Parameters
-    ----------
-    score : array_like, shape (n,)
-        The higher, the more it says positive.
-    label : array_like of bool, shape (n,)
-        True for a positive.
-
-    Returns
-    -------
-    float or None
-        0 to 1, ties count half; None where there is no positive or no negative.
-
-    Raises
-    ------
-    ValueError
-        When the shapes differ or a score is not a number.
-    """
-    scores, positive = np.asarray(score, dtype=np.float64), np.asarray(label, dtype=bool)
-    if scores.ndim != 1 or scores.shape != positive.shape:
-        raise ValueError(
-            f'score and label have the shapes {scores.shape} and {positive.shape}, allowed: both '
-            '(n,)'
-        )
-    if np.isnan(scores).any():
-        raise ValueError('score has NaN, allowed: numbers that can be ordered')
-    pairs = int(positive.sum()) * int((~positive).sum())
-    if not pairs:
-        return None
-    test = stats.mannwhitneyu(scores[positive], scores[~positive], method='asymptotic')
-    return float(test.statistic) / pairs
-
-
-def first_on_delay_s(on: ArrayLike, time_s: ArrayLike, start_s: float) -> float | None:
-    """Return the time from the start of slip to the first ON at or after it.
-
-    Parameters
-    ----------
-    on : array_like of bool, shape (n,)
-        Decisions on one channel, group or all.
-    time_s : array_like, shape (n,)
-        Time of each row, rising.
-    start_s : float
-        When slip begins.
-
-    Returns
-    -------
-    float or None
-        Seconds; None where there is no such ON.
-    """
-    times = np.asarray(time_s, dtype=np.float64)
-    after = np.flatnonzero(np.asarray(on, dtype=bool) & (times >= start_s))
-    return float(times[after[0]]) - start_s if after.size else None
-
-
-def mean_delay(delays: Iterable[float | None]) -> tuple[float | None, float | None]:
-    """Return mean and standard deviation of the delays of the channels (the paper's Eq. 10).
-
-    Parameters
-    ----------
-    delays
-        Seconds, one a channel; None for a channel without.
-
-    Returns
-    -------
-    mean, sd : float or None
-        Over those channels that have a delay; the mean of none and the standard deviation (of
-        the sample: n - 1) of fewer than two are not defined: None.
-    """
-    known = [delay for delay in delays if delay is not None]
-    mean = float(np.mean(known)) if known else None
-    return mean, float(np.std(known, ddof=1)) if len(known) > 1 else None
-
-
-def false_positive_percent(on: ArrayLike, truth: ArrayLike) -> float | None:
-    """Return the share of the time without slip that is ON (the paper's false positives).
-
-    Parameters
-    ----------
-    on, truth : array_like of bool, shape (n,)
-        Decision and true slip of each row.
-
-    Returns
-    -------
-    float or None
-        Percent; None where all rows have slip.
-    """
-    without = ~np.asarray(truth, dtype=bool)
-    return float(100.0 * np.asarray(on, dtype=bool)[without].mean()) if without.any() else None
-
-
-class Scored(NamedTuple):
-    """Rows with their score and what is known of them.
-
-    Attributes
-    ----------
-    score : ndarray, shape (n,)
-        Decision statistic.
-    slip : ndarray of bool, shape (n,)
-        The recording's label.
-    moving : ndarray of bool, shape (n,), or None
-        Whether the robot moves, where the configuration says how to tell.
-    """
-
-    score: Floats
-    slip: Bools
-    moving: Bools | None
-
-    def figures(self) -> dict[str, Any]:
-        """Return the figures of merit by name; None where one is not defined."""
-        moving = self.moving
-        counted = None if moving is None else self.slip | moving
-        return {
-            'auc_all': roc_auc(self.score, self.slip),
-            'auc_moving': None
-            if counted is None
-            else roc_auc(self.score[counted], self.slip[counted]),
-            'rows': len(self.slip),
-            'slip_rows': int(self.slip.sum()),
-            'moving_rows': None if moving is None else int(moving.sum()),
-        }
-
-
-def pooled(parts: Sequence[Scored]) -> Scored:
-    """Put the rows of several recordings, at least one, together."""
-    moving = [part.moving for part in parts if part.moving is not None]
-    return Scored(
-        np.concatenate([part.score for part in parts]),
-        np.concatenate([part.slip for part in parts]),
-        np.concatenate(moving) if moving else None,
-    )
-
-
 class Evaluator:
     """Runs one chain over recordings, each on its own.
 
@@ -227,16 +48,16 @@ class Evaluator:
     driver_config
         Names of the parts of a recording.
     config
-        Which rows are rows of motion.
+        What counts as detected, and which rows are rows of motion.
     """
 
     def __init__(
         self, chain_config: ChainConfig, driver_config: DriverConfig, config: EvaluationConfig
     ) -> None:
-        self._chain = SlipChain(chain_config)
+        self._replay = Replay(chain_config, config)
         self._driver_config, self._config = driver_config, config
 
-    def score(self, path: Path) -> Scored:
+    def evaluate(self, path: Path) -> Outcome:
         """Run the chain over a recording from its first row.
 
         Raises
@@ -245,7 +66,7 @@ class Evaluator:
             When it cannot be read, does not suit the chain or has no labels; names the file.
         """
         recording = read_recording(path, self._driver_config)
-        chain, config = self._chain, self._chain.config
+        config = self._replay.chain.config
         if len(recording.channel_names) != config.channels:
             raise ValueError(
                 f'{path}: has {len(recording.channel_names)} channels, allowed: '
@@ -269,9 +90,9 @@ class Evaluator:
                 f'{path}: has no label {self._driver_config.recording_truth_key}, there are: '
                 f'{", ".join(sorted(recording.arrays))}'
             )
-        chain.reset()
-        statistic = decision_statistic(chain.update(recording.volts, envelope=False), config)
-        return Scored(statistic, recording.truth, self._moving(recording, path))
+        moving = self._moving(recording, path)
+        rows = Rows(recording.volts, recording.truth, moving=moving)
+        return self._replay.run([rows], recording.sample_rate_hz)
 
     def _moving(self, recording: Recording, path: Path) -> Bools | None:
         """Tell the rows of motion, shape (n,), from the recording's velocities."""
@@ -372,9 +193,9 @@ def evaluate(arguments: Sequence[str], evaluator: Evaluator) -> dict[str, dict[s
     """
     report: dict[str, dict[str, Any]] = {}
     for name, files in recording_sets(arguments).items():
-        scored = {file.name: evaluator.score(file) for file in files}
-        report[name] = pooled(list(scored.values())).figures()
-        report[name]['recordings'] = {file: part.figures() for file, part in scored.items()}
+        outcomes = {file.name: evaluator.evaluate(file) for file in files}
+        report[name] = replay.figures(list(outcomes.values()))
+        report[name]['recordings'] = {file: one.figures() for file, one in outcomes.items()}
     return report
 
 
