@@ -1,6 +1,7 @@
 """Figures; the only file that imports a plotting library."""
 
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ matplotlib.use('Agg')  # files only: a robot has no screen
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
@@ -29,6 +32,31 @@ RATE_MARKERS = ('o', 's', '^', 'D', 'v', 'P')
 
 #: How much around the start of the motion is shown enlarged.
 ENLARGED_S = (-0.04, 0.16)
+
+
+def writable_picture(name: str | Path) -> Path:
+    """Return the path of a picture that is to be drawn later; its folder is made.
+
+    Raises
+    ------
+    OSError
+        When its folder cannot be made.
+    ValueError
+        When no picture can be written there.
+    """
+    path = Path(name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise ValueError(f'{path}: cannot be written, allowed: a file in a folder of your own')
+    kinds = sorted(FigureCanvasAgg.get_supported_filetypes())
+    if path.suffix and path.suffix[1:].lower() not in kinds:
+        raise ValueError(f'{path}: has the ending {path.suffix}, allowed: .{", .".join(kinds)}')
+    return path
+
+
+def _save(figure: Figure, path: Path) -> None:
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
 
 
 def draw_trial(
@@ -106,8 +134,7 @@ def draw_trial(
     )
     if title:
         figure.suptitle(title)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def _draw_decision(axis: Axes, time_s: Floats, on: Bools, color: str) -> None:
@@ -181,8 +208,7 @@ def draw_stages(
     for axis in axes[:, 1]:
         axis.axvspan(0.0, ENLARGED_S[1] * 1e3, color='0.92', zorder=0)
     figure.suptitle(title)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def draw_windows(
@@ -218,8 +244,7 @@ def draw_windows(
         axis.set_ylim(bottom=0.0)
         axis.grid(color='0.9', linewidth=0.5)
     share.legend(loc='center left', bbox_to_anchor=(1.0, 0.5))
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def draw_decisions(
@@ -277,8 +302,7 @@ def draw_decisions(
         xlabel='time since the start of the plate [ms]',
         xlim=tuple(edge_s * 1e3 for edge_s in ENLARGED_S),
     )
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def draw_bands(
@@ -320,8 +344,7 @@ def draw_bands(
     axis.grid(axis='y', color='0.9', linewidth=0.5)
     axis.set_axisbelow(True)
     axis.legend(loc='lower center', bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def _column(parts: Mapping[str, Mapping[str, Any]], key: str) -> Floats:
@@ -394,8 +417,7 @@ def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
     for axis in (work, low):
         axis.grid(color='0.9', linewidth=0.5)
         axis.set_axisbelow(True)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def draw_scenes_precision(path: Path, result: Mapping[str, Any]) -> None:
@@ -463,5 +485,4 @@ def draw_scenes_precision(path: Path, result: Mapping[str, Any]) -> None:
                label='a stretch about the onset')
     )  # fmt: skip
     figure.legend(handles=handles, loc='outside upper center', ncols=len(handles), frameon=False)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    _save(figure, path)

@@ -55,7 +55,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy import signal
 
-from slip_detector.benchmark import Bound, least_times_s
+from slip_detector.benchmark import Bound, least_times_s, verdicts
 from slip_detector.benchmarks import chain_reference as reference
 from slip_detector.chain import SlipChain, SlipResult
 from slip_detector.compiled import COMPILED
@@ -406,14 +406,7 @@ def measure(quick: bool = False) -> dict[str, Any]:
             entry['error'] for entry in result['extremes'] if entry['error'] is not None
         ],
     }
-    result['wanted'] = {
-        claim: {
-            'value': max(worst[claim]),
-            'bound': str(bound),
-            'met': bound.met(max(worst[claim])),
-        }
-        for claim, bound in WANTED.items()
-    }
+    result['wanted'] = verdicts(WANTED, {name: max(errors) for name, errors in worst.items()})
     return result
 
 

@@ -36,7 +36,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.benchmark import Bound
+from slip_detector.benchmark import Bound, verdicts
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 from slip_detector.scenes.integrators import METHODS, GivenUpError, Ode, Solution, shows_shears
 from slip_detector.scenes.mechanics import LEAST, WORK
@@ -248,15 +248,7 @@ def measure(quick: bool = False) -> dict[str, Any]:
         'extremes.energy_created': max(row['energy_created'] for row in done),
         'extremes.voltage_error': max(row['voltage_error'] for row in done),
     } | {f'hour.{name}': hour[name] for name in ('drift', 'work_growth', 'energy_created')}
-    wanted = {
-        claim: {
-            'value': values[claim],
-            'bound': str(bound),
-            'met': bound.met(values[claim]),
-        }
-        for claim, bound in WANTED.items()
-    }
-    return {'extremes': rows, 'hour': hour, 'wanted': wanted}
+    return {'extremes': rows, 'hour': hour, 'wanted': verdicts(WANTED, values)}
 
 
 def run(case: Case, with_reference: bool = True) -> dict[str, Any]:

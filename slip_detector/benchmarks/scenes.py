@@ -46,7 +46,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.benchmark import Bound, gc_off
+from slip_detector.benchmark import Bound, gc_off, verdicts
 from slip_detector.parameter_sets import read_yaml
 from slip_detector.scenes.integrators import (
     EXPLICIT,
@@ -161,14 +161,7 @@ def measure(quick: bool = False, names: tuple[str, ...] = ()) -> dict[str, Any]:
         'pace.slowest_share': result['pace']['slowest_share'],
         'costs.largest_share': max(shares, default=None),
     }
-    result['wanted'] = {
-        claim: {
-            'value': values[claim],
-            'bound': str(bound),
-            'met': None if values[claim] is None else bound.met(values[claim]),
-        }
-        for claim, bound in WANTED.items()
-    }
+    result['wanted'] = verdicts(WANTED, values)
     return result
 
 
