@@ -21,7 +21,7 @@ SOURCES := $(shell find slip_detector launch config resource -type f -not -path 
 PACKAGE := $(SOURCES) setup.py setup.cfg pyproject.toml package.xml
 TESTS := $(shell find test -name '*.py') README.md
 CHAIN_TESTS := test/test_chain.py test/test_config.py test/test_filters.py test/test_fingertip.py
-SCENE_TESTS := $(addprefix test/test_,$(addsuffix .py,contact disturbances electronics free_object \
+SCENE_TESTS := $(addprefix test/test_,$(addsuffix .py,contact disturbances drive electronics free_object \
 	friction mechanics motion scenes texture))
 
 # The checks' nodes talk among themselves only.

@@ -1,5 +1,7 @@
 """Scenes: what is named is built, what is not is not, and what is wrong is said in one line."""
 
+import importlib
+import pkgutil
 import re
 
 import numpy as np
@@ -9,8 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from slip_detector import scenes
 from slip_detector.chain import SlipChain
-from slip_detector.scenes.scene import PARTS, Scene, load_scene
+from slip_detector.parameter_sets import ParameterSet
+from slip_detector.scenes.motion import Step
+from slip_detector.scenes.scene import PARTS, Sampling, Scene, load_scene
 from slip_detector.sources import find_scene, shared_folder
 
 ALL = 10**9
@@ -239,15 +244,28 @@ def test_with_friction_or_texture_motion_is_felt_from_the_push_on(part):
 
 def sizes(scene):
     """Return how much of each part that may be left out has been built."""
-    plan, state = scene.plan, scene.state
+    plan, state, drive = scene.plan, scene.state, scene.drive_numbers
     return {
         'friction': len(plan.patches) + state.patches.size + plan.friction.model,
         'texture': len(plan.ridges.amplitudes),
         'roughness': len(plan.rough.heights) + len(plan.rough.integral),
-        'object': scene.drive(np.zeros((1, 2))).load_n.size,
-        'rolling': scene.drive(np.zeros((1, 2))).centre_m.size > 2,
+        'object': plan.body.mass_kg + drive.load.force_n.size,
+        'rolling': drive.rolling.lasts_s,
+        'taps': drive.taps.begins_s.size,
+        'tremor': drive.force_lines.amplitude.size + drive.motion_lines.amplitude.size,
         'bandwidth': plan.decay >= 0.0,
     }
+
+
+def test_every_set_of_parameters_of_the_scenes_is_a_part():
+    found = set()
+    for module in pkgutil.iter_modules(scenes.__path__, 'slip_detector.scenes.'):
+        found |= {
+            content
+            for content in vars(importlib.import_module(module.name)).values()
+            if isinstance(content, type) and issubclass(content, ParameterSet)
+        }
+    assert found - {ParameterSet} == {*PARTS.values(), Sampling, Step}
 
 
 def test_what_is_not_named_is_not_built():
@@ -265,6 +283,8 @@ def test_what_is_not_named_is_not_built():
         ('texture', RIDGES),
         ('roughness', {}),
         ('rolling', {}),
+        ('taps', {'times_s': [0.3]}),
+        ('tremor', {}),
         ('electronics', {'bandwidth_hz': 100.0}),
     ],
 )
