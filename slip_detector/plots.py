@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,7 @@ def draw_trial(
     config: ChainConfig,
     groups: Mapping[str, Bools],
     slip: Bools,
-    motion_s: tuple[float, float],
+    motion_s: tuple[float, float] | None,
     title: str = '',
 ) -> None:
     """Draw a trial like the paper's Figs. 5 and 6: channels by group, and the decisions.
@@ -86,7 +86,7 @@ def draw_trial(
     slip : ndarray of bool, shape (n,)
         The global decision.
     motion_s
-        When the plate started and stopped.
+        When the plate started and stopped; None where nothing moves.
     title
         What is shown.
     """
@@ -111,6 +111,14 @@ def draw_trial(
     axes[-1].set_ylabel('slip')
     axes[-1].set_xlabel('time [s]')
     axes[-1].set_xlim(time_s[0], time_s[-1])
+    if motion_s:
+        _mark_motion(axes, motion_s)
+    if title:
+        figure.suptitle(title)
+    _save(figure, path)
+
+
+def _mark_motion(axes: Sequence[Axes], motion_s: tuple[float, float]) -> None:
     for axis in axes:
         axis.axvspan(*motion_s, color='0.92', zorder=0)
         axis.axvline(motion_s[0], color='k', linestyle='--', linewidth=1)
@@ -132,9 +140,6 @@ def draw_trial(
         color='0.4',
         fontsize=9,
     )
-    if title:
-        figure.suptitle(title)
-    _save(figure, path)
 
 
 def _draw_decision(axis: Axes, time_s: Floats, on: Bools, color: str) -> None:
