@@ -197,7 +197,7 @@ def run_chain(words: argparse.Namespace) -> Report:
     ValueError
         When a picture is asked for of what is not measured.
     """
-    from slip_detector.benchmarks import chain_precision, chain_speed
+    from slip_detector.benchmarks import chain_precision, chain_precision_table, chain_speed
 
     if words.plot and words.part == 'speed':
         raise ValueError('--plot draws the precision, allowed: --part all or precision')
@@ -212,7 +212,7 @@ def run_chain(words: argparse.Namespace) -> Report:
         texts.append(chain_speed.table(result))
     if words.part != 'speed':
         precision = result['precision'] = chain_precision.measure(words.quick)
-        texts.append(chain_precision.table(precision))
+        texts.append(chain_precision_table.table(precision))
     if words.plot:
         draw_chain_precision(picture, precision)
     return Report(result, '\n\n'.join(texts))

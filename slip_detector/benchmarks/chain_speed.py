@@ -57,7 +57,6 @@ from slip_detector.filters import design
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-
 #: What is wanted, by section and figure.
 WANTED = {
     'blocks.speedup': Bound('>=', 10.0),
