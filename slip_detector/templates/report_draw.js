@@ -114,6 +114,7 @@ function prepare(target) {
 function redraw() {
   if (pending) return;
   pending = true;
+  canvas.ariaBusy = 'true';
   requestAnimationFrame(async () => {
     pending = false;
     const r = view.recording, data = await load(r);
@@ -156,6 +157,7 @@ function draw(data) {
   Object.assign(canvas.dataset, {
     fromS: view.from, toS: view.to, recording: view.recording, variant: view.variant,
   });
+  canvas.ariaBusy = String(pending);
   document.documentElement.dataset.readyMs ??= performance.now();
 }
 
