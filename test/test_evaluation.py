@@ -19,7 +19,7 @@ from slip_detector.evaluation_tables import SECTIONS, as_tables
 from slip_detector.evaluator import events
 from slip_detector.events import Alarm
 from slip_detector.replay import Replay, Rows
-from slip_detector.scores import REST, SLIP, ScoreTally, decision_statistic
+from slip_detector.scores import REST, SLIP, DecisionStatistic, ScoreTally
 
 ROOT = Path(__file__).parents[1]
 TALLY = ScoreTally()
@@ -88,7 +88,7 @@ def roc_auc(score, label):
 def expected_scores(path):
     with np.load(path) as file:
         config = ChainConfig()
-        return decision_statistic(SlipChain(config).update(file['volts']), config), file['slip']
+        return DecisionStatistic(config)(SlipChain(config).update(file['volts'])), file['slip']
 
 
 def test_json_has_the_figures_of_each_recording_and_of_all_rows_together(capsys, tmp_path):
