@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain import SlipResult
 from slip_detector.config import ChainConfig
+from slip_detector.events import ALREADY_ON, FALSE, STAGES, Alarm, TrueSlip
 
 Bools = NDArray[np.bool_]
 Rows = NDArray[np.int64]
@@ -22,11 +23,21 @@ Codes = NDArray[np.uint8]
 #: Kinds of events, those first that a reader looks for.
 KINDS = ('false alarm', 'missed', 'late', 'detected')
 
-#: How much before and after the start of a slip or an alarm is kept row by row.
-BEFORE_S, AFTER_S = 0.3, 0.7
+#: What is said of a missed slip, by where it was lost.
+LOST = {
+    **{stage: f'lost at: {stage}' for stage in STAGES},
+    ALREADY_ON: 'the decision was ON before it began',
+}
 
-#: Bins and rows of a channel that are kept at most, times the number of channels.
+#: How much before and after the start of a slip or an alarm is kept row by row.
+BEFORE_S, AFTER_S = 0.15, 0.3
+
+#: Bins that are kept at most, times the number of channels.
 MOST_CELLS = 2**20
+
+#: Single rows that are kept at most for each bin. A report may show fewer: which ones matter most
+#: is known when all have been seen.
+ROWS_PER_BIN = 4
 
 #: Steps of a level's code for a factor of two.
 CODES_PER_OCTAVE = 16
@@ -139,7 +150,7 @@ class Overview:
     channel_names
         Those of the recording; the configuration's if not given.
     most_cells
-        How many bins, and how many single rows, are kept at most, times the number of channels.
+        How many bins are kept at most, times the number of channels.
     sample_rate_hz
         Of the recording, by which rows become seconds; the chain's if not given.
 
@@ -174,7 +185,7 @@ class Overview:
         self._codes = np.zeros((self._most_bins, channels), np.uint8)
         self._truth: _Intervals | None = None
         self._slip, self._groups = _Intervals(), [_Intervals() for _ in config.groups]
-        self._room, self._left_out = max(most_cells // channels, 2), 0
+        self._room = ROWS_PER_BIN * self._most_bins
         self._before, self._after = config.samples(BEFORE_S), config.samples(AFTER_S)
         self._kept: list[tuple[Rows, Volts, Codes]] = []
         self._tail = self._no_rows()
@@ -216,6 +227,26 @@ class Overview:
             intervals.end(self.rows)
         self.rows += round(seconds * self.sample_rate_hz)
         self._coarsen_to(self.rows)
+
+    def set_events(self, slips: Sequence[TrueSlip], alarms: Sequence[Alarm]) -> None:
+        """Make the events of a replay's slips and false alarms, in order of time."""
+        events = [
+            Event(
+                'missed' if slip.alarm is None else 'late' if slip.late else 'detected',
+                slip.start_s,
+                slip.end_s,
+                slip.latency_s,
+                slip.stages_s or {},
+                LOST.get(slip.lost_at or '', ''),
+            )
+            for slip in slips
+        ]
+        events += [
+            Event('false alarm', alarm.start_s, alarm.end_s)
+            for alarm in alarms
+            if alarm.kind == FALSE
+        ]
+        self.events = sorted(events, key=lambda event: event.start_s)
 
     def bins(self, bin_rows: int) -> tuple[Volts, Volts, Codes]:
         """Return the lowest and highest volts and the highest level's code of each bin.
@@ -272,11 +303,6 @@ class Overview:
         pieces = (np.split(array, cuts) for array in (rows, volts, codes))
         return [Snippet(int(at[0]), v, c) for at, v, c in zip(*pieces, strict=True) if len(at)]
 
-    @property
-    def rows_left_out(self) -> int:
-        """Rows about starts of slips and alarms that were too many to be kept one by one."""
-        return self._left_out + max(len(self._wanted(self.rows)) - self._room, 0)
-
     def _coarsen_to(self, rows: int) -> None:
         """Make bins longer until so many rows fit."""
         half = self._most_bins // 2
@@ -331,7 +357,6 @@ class Overview:
         """Move rows out of the tail, which then begins at ``decided``."""
         fit = wanted[: self._room]
         self._room -= len(fit)
-        self._left_out += len(wanted) - len(fit)
         if len(fit):
             self._kept.append(self._pick(fit))
         ahead = decided - (self.rows - len(self._tail[0]))

@@ -1,8 +1,10 @@
 """Figures of a report, the same for the HTML file and as pictures."""
 
 import io
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -31,15 +33,27 @@ PICTURE_BINS = 2000
 
 def svg(figure: Figure) -> str:
     """Return a figure as SVG, text as text, the same bytes for the same figure."""
+    stream = io.StringIO()
     with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': 'slip_detector'}):
-        stream = io.StringIO()
-        figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
+        _save(figure, stream, format='svg', metadata={'Date': None, 'Creator': None})
     return stream.getvalue()
 
 
 def png(figure: Figure, path: Path) -> None:
     """Write a figure as PNG."""
-    figure.savefig(path, dpi=120)
+    _save(figure, path, dpi=120)
+
+
+def _save(figure: Figure, to: Any, **settings: Any) -> None:
+    with warnings.catch_warnings():
+        # Names of files may have any character; one that the font lacks is drawn as a box.
+        warnings.filterwarnings('ignore', 'Glyph', UserWarning)
+        figure.savefig(to, **settings)
+
+
+def _plain(text: str) -> str:
+    """Return a text of the user's in which nothing is taken for a formula."""
+    return text.replace('$', r'\$')
 
 
 def filters_figure(variants: Sequence[Variant]) -> Figure:
@@ -56,7 +70,7 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
         # The gain of the whole, without the constant factor.
         gain = np.abs(response(sections, frequency, rate)) / config.gain
         delay_ms = 1e3 * group_delay_s(sections, frequency, rate)
-        line = {'color': color, 'linestyle': style, 'label': variant.name}
+        line = {'color': color, 'linestyle': style, 'label': _plain(variant.name)}
         gain_axis.plot(frequency, 20 * np.log10(np.maximum(gain, 1e-6)), **line)
         delay_axis.plot(frequency, delay_ms, **line)
         within = (frequency >= low) & (frequency <= (high or frequency[-1]))
@@ -100,7 +114,7 @@ def front_figure(trials: Sequence[Trial]) -> Figure:
         figures = f'{x:.0f} ms, {y:.2g} a minute, {missed_percent:.0f} % missed'
         axis.plot(
             x, y, '*', color=color, markersize=17, markeredgecolor='k', zorder=4,
-            label=f'{trial.mark}: {figures}',
+            label=f'{_plain(trial.mark)}: {figures}',
         )  # fmt: skip
     # Few and many false alarms both matter, and none is a value as well.
     axis.set_yscale('symlog', linthresh=1.0)
@@ -164,11 +178,13 @@ def timeline_figure(names: Sequence[str], overviews: Sequence[Overview]) -> Figu
                 time_s, bottom + scale * (lowest - base), bottom + scale * (highest - base),
                 color=COLORS[0], linewidth=0.6,
             )  # fmt: skip
-    axis.set_yticks(bottoms + heights / 2, [name for name, _ in lanes], fontsize=8)
+    axis.set_yticks(bottoms + heights / 2, [_plain(name) for name, _ in lanes], fontsize=8)
     axis.set(
         xlabel='time [s]', xlim=(0.0, max(last.duration_s, 1 / rate)), ylim=(bottoms[-1], 0.0)
     )
-    axis.set_title(f'{last.name} (grey: label; each channel from its lowest to its highest volts)')
+    axis.set_title(
+        f'{_plain(last.name)} (grey: label; each channel from its lowest to its highest volts)'
+    )
     return figure
 
 

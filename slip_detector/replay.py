@@ -28,9 +28,9 @@ from slip_detector.scores import (
     MOTION,
     REST,
     SLIP,
+    DecisionStatistic,
     ScoreCounts,
     ScoreTally,
-    decision_statistic,
     mean_delay,
 )
 from slip_detector.stages import StageWatch
@@ -39,7 +39,7 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 #: Values that the chain is given at a time: what it makes of them is to stay in the cache.
-BLOCK_VALUES = 65536
+BLOCK_VALUES = 131072
 
 
 class Rows(NamedTuple):
@@ -190,6 +190,7 @@ class Replay:
     ) -> None:
         self.config = config or EvaluationConfig()
         self.chain = SlipChain(chain_config)
+        self.statistic = DecisionStatistic(chain_config)
         self.tally = ScoreTally() if scores else None
         self.watch = StageWatch(chain_config) if stages else None
 
@@ -322,7 +323,7 @@ class _Run:
             if moving is not None:
                 kinds[moving] = MOTION
             kinds[:n_slip] = SLIP
-            self._tally.add(decision_statistic(result, self._chain.config), kinds)
+            self._tally.add(self._replay.statistic(result), kinds)
         if self._observer:
             self._observer.add(volts, result, truth)
         self._row += len(on)

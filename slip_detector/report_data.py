@@ -29,13 +29,17 @@ from slip_detector.config import ChainConfig
 from slip_detector.overview import KINDS, Event, Overview, Rows, Snippet, Volts
 
 #: Bins times channels, and rows times channels of snippets, of a whole report.
-MOST_CELLS, MOST_SNIPPET_CELLS = 2**20, 2**20
+MOST_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19
 
 #: More intervals of one decision than this are joined where no bin lies between.
 MOST_INTERVALS = 20_000
 
-#: Code of a bin without samples; the channel's range is 0 to the code before.
-NO_SAMPLE = 0xFFFF
+#: Multiples of it, modulo 1, lie evenly in 0 to 1, however many are taken.
+GOLDEN = 0.5 * 5**0.5 - 0.5
+
+#: Code of a bin without samples, and the highest code of the channel's range. More steps would be
+#: noise that takes room: a lane of the timeline has some 40 pixels.
+NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
 
 Recording = Sequence[Overview]
 
@@ -126,18 +130,19 @@ def bin_rows(recordings: Sequence[Recording]) -> list[int]:
 def chosen_snippets(recordings: Sequence[Recording]) -> list[list[list[Snippet]]]:
     """Choose the snippets that fit, for each recording and variant, in order.
 
-    Those come first that show a kind of event that comes first.
+    Those come first that show a kind of event that comes first; of one kind some from each part
+    of each recording.
     """
     candidates = [
-        (_rank(snippet, overview), r, v, snippet)
+        (_rank(snippet, overview), i * GOLDEN % 1.0, r, v, snippet)
         for r, variants in enumerate(recordings)
         for v, overview in enumerate(variants)
-        for snippet in overview.snippets
+        for i, snippet in enumerate(overview.snippets)
     ]
-    candidates.sort(key=lambda candidate: candidate[:3])
+    candidates.sort(key=lambda candidate: candidate[:4])
     chosen: list[list[list[Snippet]]] = [[[] for _ in variants] for variants in recordings]
     room = MOST_SNIPPET_CELLS
-    for _, r, v, snippet in candidates:
+    for _, _, r, v, snippet in candidates:
         if snippet.codes.size <= room:
             room -= snippet.codes.size
             chosen[r][v].append(snippet)
@@ -223,7 +228,7 @@ def pack(
                 'events': [_event(event) for event in overview.events],
             }
         )
-    return header, base64.b64encode(zlib.compress(b''.join(parts), 9)).decode()
+    return header, base64.b64encode(zlib.compress(b''.join(parts))).decode()
 
 
 def _event(event: Event) -> list[Any]:
@@ -239,7 +244,7 @@ def _scale(low: Volts, high: Volts) -> tuple[NDArray[np.float64], NDArray[np.flo
     highest = np.fmax.reduce(high, axis=0, initial=-np.inf).astype(np.float64)
     none = lowest > highest  # a channel without a single sample
     lowest[none] = highest[none] = 0.0
-    step = (highest - lowest) / (NO_SAMPLE - 1)
+    step = (highest - lowest) / MOST_CODE
     # A channel that is flat has one code; any step will do.
     return lowest, np.where(step > 0.0, step, 1.0)
 
@@ -248,7 +253,7 @@ def _as_codes(
     volts: Volts, lowest: NDArray[np.float64], step: NDArray[np.float64]
 ) -> NDArray[np.int64]:
     codes = (volts.astype(np.float64) - lowest) / step
-    rounded = np.rint(np.nan_to_num(codes)).clip(0, NO_SAMPLE - 1)
+    rounded = np.rint(np.nan_to_num(codes)).clip(0, MOST_CODE)
     return np.where(np.isnan(codes), NO_SAMPLE, rounded).astype(np.int64)
 
 

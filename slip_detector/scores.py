@@ -16,45 +16,62 @@ Ints = NDArray[np.int64]
 #: Kinds of rows: the robot rests (or nobody says whether it moves), it moves, there is slip.
 REST, MOTION, SLIP = range(3)
 
-#: Scores of one class differ by less than this share: by the last bits that float32 has beyond
-#: the sign, its exponent and the first ten of its mantissa.
+#: Scores of one class differ by less than this share.
 SCORE_RESOLUTION = 2.0**-10
-_DROPPED_BITS = 13
-_CLASSES = 1 << (31 - _DROPPED_BITS)
+
+# A class is the exponent of a score, as float64 has it, and the first ten bits of its mantissa; it
+# is 0 below 2^-126, and the last one from 2^129.
+_DROPPED_BITS = 42
+_LOWEST_CLASS = (1023 - 127) << 10
+_CLASSES = 1 << 18
 
 
 @compiled
 def _statistic(  # type: ignore[no-untyped-def]
-    level, valid, members, bounds, vote, threshold, ratios, statistic
+    level, flags, members, bounds, vote, threshold, among, statistic
 ):
-    """Write the largest statistic of the groups of each row; ``ratios`` is room to work in."""
+    """Write the largest statistic of the groups of each row; ``among`` is room to work in."""
+    first = flags.shape[1] - level.shape[1]
     for k in range(level.shape[0]):
+        row, marks = level[k], flags[k][first:]
         most = 0.0
         for g in range(bounds.size - 1):
-            n = 0
-            for j in range(bounds[g], bounds[g + 1]):
-                if valid[k, members[j]]:
-                    ratios[n] = level[k, members[j]] / threshold
-                    n += 1
             value = 0.0
-            if vote == VOTE_ALL:
-                if n:
-                    value = ratios[:n].min()
-            elif vote == VOTE_MEAN:
-                if n:
+            if vote == VOTE_ALL:  # As good as always: without branches.
+                least = np.inf
+                for j in range(bounds[g], bounds[g + 1]):
+                    mine = row[members[j]] if marks[members[j]] else np.inf
+                    least = mine if mine < least else least
+                value = least if least < np.inf else 0.0
+            else:
+                n = 0
+                for j in range(bounds[g], bounds[g + 1]):
+                    if marks[members[j]]:
+                        among[n] = row[members[j]]
+                        n += 1
+                if vote == VOTE_MEAN and n > 0:
                     total = 0.0
                     for j in range(n):
-                        total += np.log(ratios[j]) if ratios[j] > 0.0 else -np.inf
+                        total += np.log(among[j]) if among[j] > 0.0 else -np.inf
                     value = np.exp(total / n)
-            elif n >= vote:
-                ratios[:n].sort()
-                value = ratios[n - vote]
-            most = max(most, value)
-        statistic[k] = most
+                elif vote > 0 and n >= vote:
+                    among[:n].sort()
+                    value = among[n - vote]
+            most = value if value > most else most
+        statistic[k] = most / threshold
 
 
-def decision_statistic(result: SlipResult, config: ChainConfig) -> Floats:
-    """Return the number that the global decision holds against 1.
+@compiled
+def _count(bits, kinds, table):  # type: ignore[no-untyped-def]
+    """Add rows to the table by their kind and the class of their score, given by its bits."""
+    for k in range(bits.size):
+        # The bits of floats of one sign are ordered as the floats are.
+        at = (bits[k] >> _DROPPED_BITS) - _LOWEST_CLASS
+        table[kinds[k], min(max(at, 0), _CLASSES - 1)] += 1
+
+
+class DecisionStatistic:
+    """The number that the global decision holds against 1.
 
     Per group it is taken over level / threshold of the valid channels: the smallest for the vote
     ``all``, the k-th largest for a vote of k, the geometric mean for ``mean``; 0 where the group
@@ -63,32 +80,39 @@ def decision_statistic(result: SlipResult, config: ChainConfig) -> Floats:
 
     Parameters
     ----------
-    result : SlipResult
-        Of n rows, with its level.
-    config : ChainConfig
-        Of the chain that gave it.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Dimensionless; above 1 where ``result.slip``.
+    config
+        Of the chain.
     """
-    # One layout, whatever else the result holds: another would be compiled once more.
-    level, valid = np.ascontiguousarray(result.level), np.ascontiguousarray(result.valid)
-    groups = list(config.groups.values())
-    vote = {'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(config.vote), config.vote)
-    statistic = np.empty(len(level))
-    _statistic(
-        level,
-        valid,
-        np.array([channel - 1 for members in groups for channel in members]),
-        np.cumsum([0] + [len(members) for members in groups]),
-        vote,
-        config.threshold,
-        np.empty(max(map(len, groups))),
-        statistic,
-    )
-    return statistic
+
+    def __init__(self, config: ChainConfig) -> None:
+        groups = list(config.groups.values())
+        self._plan = (
+            # Unsigned, so that the kernel need not look for indices counted from the end.
+            np.array([channel - 1 for members in groups for channel in members], np.uint64),
+            np.cumsum([0] + [len(members) for members in groups]),
+            {'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(config.vote), config.vote),
+            config.threshold,
+            np.empty(max(map(len, groups))),
+        )
+
+    def __call__(self, result: SlipResult) -> Floats:
+        """Compute it for each row.
+
+        Parameters
+        ----------
+        result
+            Of the chain, n rows with their level.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Dimensionless; above 1 where ``result.slip``.
+        """
+        # One layout, whatever else the result holds: another would be compiled once more.
+        level = np.ascontiguousarray(result.level)
+        statistic = np.empty(len(level))
+        _statistic(level, result.flags, *self._plan, statistic)
+        return statistic
 
 
 class ScoreCounts:
@@ -120,8 +144,8 @@ class ScoreCounts:
     @property
     def score(self) -> Floats:
         """The least score of each class; shape (k,)."""
-        bits = (self.classes << _DROPPED_BITS).astype(np.uint32)
-        return bits.view(np.float32).astype(np.float64)
+        bits = (self.classes + _LOWEST_CLASS) << _DROPPED_BITS
+        return np.where(self.classes > 0, bits.view(np.float64), 0.0)
 
     def auc(self, against: Iterable[int] = (REST, MOTION)) -> float | None:
         """Return the area under the ROC curve of slip against rows of other kinds.
@@ -180,11 +204,9 @@ class ScoreTally:
         kind : array_like of int, shape (n,)
             :data:`REST`, :data:`MOTION` or :data:`SLIP`.
         """
-        largest = np.finfo(np.float32).max
-        single = np.minimum(np.asarray(score, np.float64), largest).astype(np.float32)
-        # The bits of floats of one sign are ordered as the floats are.
-        classes = (single.view(np.uint32) >> _DROPPED_BITS).astype(np.int64)
-        np.add.at(self.table.reshape(-1), np.asarray(kind, np.int64) * _CLASSES + classes, 1)
+        scores = np.ascontiguousarray(score, np.float64)
+        kinds = np.ascontiguousarray(kind, np.int64)
+        _count(scores.view(np.int64), kinds, self.table)
 
     def take(self) -> ScoreCounts:
         """Return what has been counted and forget it."""

@@ -13,7 +13,7 @@ from slip_detector.chain import COMPILED, SlipChain
 from slip_detector.config import ChainConfig, EvaluationConfig
 from slip_detector.events import ALREADY_ON, FALSE, STAGES, TRUE
 from slip_detector.replay import Replay, Rows, figures
-from slip_detector.scores import decision_statistic, false_positive_percent, first_on_delay_s
+from slip_detector.scores import DecisionStatistic, false_positive_percent, first_on_delay_s
 
 RATE_HZ = 400.0
 CONFIG = ChainConfig(
@@ -130,7 +130,7 @@ def test_figures_are_those_of_a_plain_evaluation_of_the_whole(recording, config,
         result = SlipChain(config).update(volts[part])
         on.append(result.slip)
         channels.append(result.channels)
-        statistic.append(decision_statistic(result, config))
+        statistic.append(DecisionStatistic(config)(result))
         rises += len(runs(result.slip))
         labels += [(part.start + a, part.start + b) for a, b in runs(truth[part])]
     on, channels, statistic = (np.concatenate(parts) for parts in (on, channels, statistic))

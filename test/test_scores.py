@@ -15,9 +15,9 @@ from slip_detector.scores import (
     REST,
     SCORE_RESOLUTION,
     SLIP,
+    DecisionStatistic,
     ScoreCounts,
     ScoreTally,
-    decision_statistic,
     false_positive_percent,
     first_on_delay_s,
     mean_delay,
@@ -72,7 +72,7 @@ def test_the_statistic_is_above_one_where_the_chain_says_slip_at_any_threshold(d
     threshold = float(np.quantile(levels, share)) if levels.size else 1.0
     config = replaced(config, threshold=threshold)
     result = SlipChain(config).update(volts)
-    statistic = decision_statistic(result, config)
+    statistic = DecisionStatistic(config)(result)
     assert statistic.shape == (len(volts),)
     ratio = result.level / threshold
     rounding = np.isclose(ratio, 1.0, rtol=1e-9) & result.valid
@@ -105,33 +105,33 @@ def test_the_statistic_is_above_one_where_the_chain_says_slip_at_any_threshold(d
 )
 def test_the_statistic_of_a_group_by_hand(vote, valid, expected):
     config = ChainConfig(channels=4, vote=vote, threshold=2.0)
-    result = SimpleNamespace(level=np.array([[1.0, 2.0, 8.0, 16.0]]), valid=np.array([valid]) == 1)
-    np.testing.assert_allclose(decision_statistic(result, config), [expected])
+    result = SimpleNamespace(level=np.array([[1.0, 2.0, 8.0, 16.0]]), flags=np.array([valid]) == 1)
+    np.testing.assert_allclose(DecisionStatistic(config)(result), [expected])
 
 
 def test_the_statistic_of_a_silent_channel_is_zero_in_the_geometric_mean():
     config = ChainConfig(channels=2, vote='mean', threshold=1.0)
-    result = SimpleNamespace(level=np.array([[0.0, 9.0]]), valid=np.ones((1, 2), bool))
-    assert decision_statistic(result, config) == [0.0]
+    result = SimpleNamespace(level=np.array([[0.0, 9.0]]), flags=np.ones((1, 2), bool))
+    assert DecisionStatistic(config)(result) == [0.0]
 
 
 def test_the_statistic_is_that_of_the_group_nearest_to_slip():
     groups = {'a': (1, 4), 'b': (2, 3)}
     config = ChainConfig(channels=4, groups=groups, threshold=1.0)
     level = np.array([[1.0, 2.0, 5.0, 9.0], [3.0, 0.0, 5.0, 4.0]])
-    result = SimpleNamespace(level=level, valid=np.ones((2, 4), bool))
-    np.testing.assert_array_equal(decision_statistic(result, config), [2.0, 3.0])
+    result = SimpleNamespace(level=level, flags=np.ones((2, 4), bool))
+    np.testing.assert_array_equal(DecisionStatistic(config)(result), [2.0, 3.0])
 
 
 def test_the_statistic_needs_the_level():
     result = SlipChain().update(np.zeros((3, 16)), level=False)
     with pytest.raises(ValueError, match='level was not kept'):
-        decision_statistic(result, ChainConfig())
+        DecisionStatistic(ChainConfig())(result)
 
 
 def test_the_statistic_of_no_rows_is_empty():
     result = SlipChain().update(np.zeros((0, 16)))
-    assert decision_statistic(result, ChainConfig()).shape == (0,)
+    assert DecisionStatistic(ChainConfig())(result).shape == (0,)
 
 
 # Area under the ROC curve.

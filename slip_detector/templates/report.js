@@ -268,6 +268,7 @@ function choose(what, value) {
     fillList();
   }
   markListed();
+  element('resolution').textContent = resolution();
   redraw();
 }
 
@@ -302,6 +303,7 @@ function start() {
   [view.from, view.to] = [0, Math.max(duration(), 10 / now().rate_hz)];
   fillKinds();
   fillList();
+  element('resolution').textContent = resolution();
   fromHash();
   redraw();
   new ResizeObserver(redraw).observe(element('drawing'));

@@ -57,12 +57,23 @@ function ratio(code) {
   return `${code === 1 ? '\u2264 ' : ''}${(2 ** octaves).toPrecision(2)}`;
 }
 
+// How fine the drawing can be.
+function resolution() {
+  const {bin_rows: bin, rate_hz: rate} = now(), events = eventsOf(view.recording);
+  if (bin === 1) return 'Each row is drawn when zoomed in.';
+  const snippets = now().variants[view.variant].snippets;
+  const fine = events.filter(([, start]) => snippets.some(
+    ([first, rows]) => start * rate >= first - 0.5 && start * rate < first + rows)).length;
+  return `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms; `
+    + `row by row about the start of ${fine} of ${events.length} events.`;
+}
+
 // ---- lanes: what is drawn from top to bottom
 
 function layOut() {
   const recording = now(), groups = recording.variants[view.variant].groups;
   const channels = recording.channels.length, free = window.innerHeight - 330;
-  const height = Math.max(14, Math.min(60, Math.floor(free / Math.max(channels, 1))));
+  const height = Math.max(18, Math.min(60, Math.floor(free / Math.max(channels, 1))));
   lanes = [{kind: 'axis', height: 22}, {kind: 'events', height: 16, name: 'events'}];
   if (recording.truth !== null) lanes.push({kind: 'truth', height: 16, name: 'label'});
   names.forEach((name, v) => lanes.push(
@@ -103,6 +114,7 @@ function prepare(target) {
 function redraw() {
   if (pending) return;
   pending = true;
+  canvas.ariaBusy = 'true';
   requestAnimationFrame(async () => {
     pending = false;
     const r = view.recording, data = await load(r);
@@ -145,6 +157,7 @@ function draw(data) {
   Object.assign(canvas.dataset, {
     fromS: view.from, toS: view.to, recording: view.recording, variant: view.variant,
   });
+  canvas.ariaBusy = String(pending);
   document.documentElement.dataset.readyMs ??= performance.now();
 }
 
@@ -294,7 +307,10 @@ function drawChannel(context, data, lane, xOfRow, scale, scales) {
   pieces(data, c, scale, (values, offset, first, stop, row, rows) => {
     const xOfIndex = (i) => xOfRow(row + i * rows);
     if (!scales || range) {
-      context.strokeStyle = rows === 1 || row ? INK : '#3d5a73';
+      // Wide bins are drawn as what they are; a line would pretend to know more.
+      const wide = xOfIndex(1) - xOfIndex(0), blocks = rows > 1 && wide > 3;
+      context.strokeStyle = '#3d5a73';
+      context.fillStyle = '#9db3c5';
       context.lineWidth = 1;
       context.beginPath();
       let drawing = false;
@@ -303,6 +319,11 @@ function drawChannel(context, data, lane, xOfRow, scale, scales) {
         const low = scales ? values.low[k] : values.levels[k], high = scales ? values.high[k] : low;
         if (scales ? low === NO_SAMPLE : low === 0) {
           drawing = false;
+          continue;
+        }
+        if (blocks) {
+          const y = yOfCode(high);
+          context.fillRect(xOfIndex(i), y - 0.5, wide, yOfCode(low) - y + 1);
           continue;
         }
         const x = xOfRow(row + (i + (rows > 1 ? 0.5 : 0)) * rows);
