@@ -218,7 +218,7 @@ def search_in_processes(
     """
     context = multiprocessing.get_context('spawn')
     stopping, errors = context.Event(), context.SimpleQueue()
-    # Ctrl-C goes to all processes of a terminal. This one alone is to hear it: what is blocked when
+    # Ctrl-C goes to all processes of a terminal. This one alone is to hear it: what is blocked as
     # the others start stays so for them, and comes here later.
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     processes = [
