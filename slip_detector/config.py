@@ -302,8 +302,8 @@ class DriverConfig(ParameterSet):
     )
     recording_labels: str = parameter(
         '',
-        'Path of a YAML file of the intervals with slip, or of a folder with <name>.labels.yaml '
-        'for each recording; empty: <name>.labels.yaml beside the recording, if it is there.',
+        'YAML file of the intervals with slip, or a folder of them; empty: <name>.labels.yaml '
+        'beside the recording, if it is there.',
     )
     recording_truth_topic: str = parameter(
         'slip_truth', 'Topic of a bag (Bool, on change) that says whether there is slip.'
@@ -321,8 +321,8 @@ class DriverConfig(ParameterSet):
     )
     recording_resample: bool = parameter(
         False,
-        'Whether slip_evaluate and slip_tune bring a recording of another rate to that of the '
-        'chain; the driver plays it at its own.',
+        'Whether slip_evaluate and slip_tune bring a recording to the rate of the chain; the '
+        'driver plays it at its own.',
     )
     recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
     recording_rate_key: str = parameter(

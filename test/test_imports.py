@@ -49,3 +49,12 @@ def test_the_nodes_do_without_plotting():
 def test_only_plots_imports_a_plotting_library():
     others = [name for name in CORE if name != 'slip_detector.plots']
     loaded_by(others, absent=['matplotlib'])
+
+
+def test_only_bags_need_what_reads_them():
+    bags = ['bags', 'writing']
+    others = [name for name in CORE if name not in [f'slip_detector.recordings.{b}' for b in bags]]
+    loaded = loaded_by(others, absent=['rosbags', 'lz4'])
+    assert 'slip_detector.recordings.bags' not in loaded_by(['slip_detector.sources'])
+    assert 'slip_detector.recordings' in loaded
+    assert 'rosbags' not in loaded_by(CORE)
