@@ -17,6 +17,7 @@ setup(
     name=NAME,
     version='0.2.0',
     packages=find_packages(exclude=['test']),
+    package_data={NAME: ['templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -44,6 +45,7 @@ setup(
             'colcon-common-extensions',
             'hypothesis',
             'mypy',
+            'playwright',
             'pytest>=7.4',
             'pytest-timeout',
             'ruff',

@@ -37,6 +37,9 @@ BOOL = np.dtype(np.bool_)  # as an object: looking the type up costs more than t
 # Numbers that a chain remembers, beside those of its channels.
 ENVELOPE_ROW, LEVEL_ROW, COMMON_V = range(3)
 
+# Place of the filter's sections in a chain's plan.
+SECTIONS = 3
+
 COMMON_MODES = ('none', 'mean', 'median')
 NO_COMMON_MODE, MEAN, MEDIAN = range(3)
 VOTE_ALL, VOTE_MEAN = 0, -1
@@ -502,6 +505,34 @@ class SlipChain:
         tiles = _aligned_zeros(self._tiles_shape)
         tiles[:, LAST] = tiles[:, FIRST] = np.nan
         self.state = ChainState(tiles, np.zeros(3))
+
+    def take_filters(self, other: 'SlipChain') -> None:
+        """Go on where another chain's filters are, with empty windows.
+
+        Parameters
+        ----------
+        other
+            Of the same channels, filters and common mode; its windows, threshold and vote may
+            differ.
+
+        Raises
+        ------
+        ValueError
+            When its filters are others.
+        """
+        for name in ('channels', 'disabled_channels', 'valid_range_v', 'common_mode'):
+            mine, its = getattr(self.config, name), getattr(other.config, name)
+            if mine != its:
+                raise ValueError(f'the other chain has {name} = {its}, allowed: {mine}')
+        if not np.array_equal(self._plan[SECTIONS], other._plan[SECTIONS]):
+            raise ValueError('the other chain has other filters, allowed: the same')
+        end = FIXED_SLOTS + 2 * len(self._plan[SECTIONS])
+        tiles = self.state.tiles
+        tiles[:] = 0.0
+        tiles[:, :end] = other.state.tiles[:, :end]
+        tiles[:, [ENVELOPE_HEAD, LEVEL_HEAD]] = 0.0
+        self.state.counters[:] = 0.0
+        self.state.counters[COMMON_V] = other.state.counters[COMMON_V]
 
     def update(self, volts: ArrayLike, *, envelope: bool = True, level: bool = True) -> SlipResult:
         """Take the next rows and decide on each.

@@ -341,9 +341,28 @@ class DriverConfig(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class EvaluationConfig(ParameterSet):
-    """Parameters of the evaluation: which rows of a recording are rows of motion."""
+    """Parameters of the evaluation: what counts as detected, and which rows are rows of motion."""
 
     NODE = 'slip_evaluate'
+
+    early_s: float = parameter(
+        0.0,
+        'An alarm that rises this long before the label of a slip still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    tail_s: float = parameter(
+        0.1,
+        'An alarm that rises this long after the end of a slip, while the windows still hold it, '
+        'still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    late_after_s: float = parameter(
+        0.1, 'A detection with a longer latency is late.', unit='s', low=0.0, high=10.0
+    )
 
     motion_key: str = parameter(
         '', 'Name of the array of velocities in a recording; empty: it has none.'

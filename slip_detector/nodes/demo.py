@@ -18,10 +18,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.config import DetectorConfig, DriverConfig
-from slip_detector.evaluation import false_positive_percent, first_on_delay_s, mean_delay
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.recordings import Rows
 from slip_detector.recordings.writing import write_recording
+from slip_detector.scores import false_positive_percent, first_on_delay_s, mean_delay
 from slip_detector.sources import Source, open_source, shared_folder
 
 #: The demonstration must not mix with the topics of a robot that runs beside it.
