@@ -13,6 +13,7 @@ import numpy as np
 
 from slip_detector import report
 from slip_detector.config import ChainConfig
+from slip_detector.evaluator import events
 from slip_detector.overview import Overview
 from slip_detector.replay import Replay, Rows
 from slip_detector.report_data import Variant
@@ -118,7 +119,7 @@ def _variants(duration_s: float, seed: int) -> list[Variant]:
         outcome = Replay(config, scores=False).run(
             _pieces(parts, round(duration_s * config.sample_rate_hz), random), observer=overview
         )
-        overview.set_events(outcome.slips, outcome.alarms)
+        overview.events = events(outcome)
         variants.append(Variant(name, config, [overview], {'hour': outcome.figures()}))
     return variants
 
