@@ -309,6 +309,5 @@ function start() {
 }
 
 if (typeof DecompressionStream === 'undefined') {
-  element('failure').hidden = false;
-  element('failure').textContent = 'This browser is too old for the timeline (it lacks DecompressionStream).';
+  fail('This browser is too old for the timeline: it lacks DecompressionStream.');
 } else start();
