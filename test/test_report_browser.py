@@ -245,7 +245,8 @@ def test_an_event_of_another_recording_opens_that(opened):
     # From before the slip until after its alarm.
     assert start < 15.0
     assert stop > 15.4
-    assert 'filter 12 ms, vote 388 ms' in page.locator('#event-list tr.chosen').nth(1).inner_text()
+    where = page.locator('#event-list tr.chosen').nth(1).inner_text()
+    assert where.replace('\xa0', ' ') == 'filter 12 ms, vote 388 ms'
 
 
 def test_an_event_can_be_linked_to(opened):
@@ -343,6 +344,16 @@ def test_where_bins_are_coarse_the_page_says_how_coarse(opened):
     assert 'row by row about the start of 3 of 3 events' in page.inner_text('#resolution')
     page = opened('one.html')
     assert 'Each row is drawn' in page.inner_text('#resolution')
+
+
+def test_data_that_are_broken_are_said_to_be(browser, folder):
+    text = (folder / 'one.html').read_text(encoding='utf-8')
+    broken = re.sub(r'(id="data-0">.{200}).{8}', r'\1AAAAAAAA', text)
+    (folder / 'broken.html').write_text(broken, encoding='utf-8')
+    page = browser.new_page()
+    page.goto((folder / 'broken.html').as_uri())
+    expect(page.locator('#failure')).to_contain_text('a.npz cannot be drawn')
+    page.close()
 
 
 def test_many_channels_without_labels_or_events(opened):

@@ -174,7 +174,7 @@ function fillList() {
     body.append(row);
     return row;
   };
-  const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)} ms`);
+  const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)}\u00a0ms`);
   let above = null;
   for (const [r, i, event] of rows.slice(0, listed)) {
     if (several && r !== above) across(header.recordings[r].name, 'name');

@@ -261,7 +261,8 @@ function sizeFor(sizes, scale) {
 function pieces(data, channel, scale, piece) {
   const variant = data.variants[view.variant], recording = now();
   const size = sizeFor(data.low, scale), rows = recording.bin_rows * 2 ** size;
-  const from = view.from * recording.rate_hz, to = view.to * recording.rate_hz;
+  // One more at either end, so that lines reach the edge.
+  const from = view.from * recording.rate_hz - rows, to = view.to * recording.rate_hz + rows;
   const bins = (start, stop) => {
     const n = data.low[size].n;
     const first = Math.max(0, Math.floor(start / rows)), end = Math.min(n, Math.ceil(stop / rows));
