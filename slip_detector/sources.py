@@ -64,8 +64,9 @@ class RecordingSource:
             if self._first_ns is None:
                 self._first_ns = int(rows.stamps_ns[0])
         self._rows = rows.take(slice(n, None))
-        volts, stamps_ns, truth = rows.take(slice(n))
-        return Samples(volts, truth, time_s=np.asarray((stamps_ns - (self._first_ns or 0)) * 1e-9))
+        now = rows.take(slice(n))
+        after_s = np.asarray((now.stamps_ns - (self._first_ns or 0)) * 1e-9)
+        return Samples(now.volts, now.truth, time_s=after_s)
 
 
 def find_scene(name: str) -> Path:

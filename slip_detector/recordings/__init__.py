@@ -83,6 +83,11 @@ def open_recording(path: 'str | Path', config: 'DriverConfig | None' = None) -> 
             return NpzRecording(path, config, labels)
         if path.suffix == '.csv':
             return CsvRecording(path, config, labels)
+        if path.suffix in BAG_ENDINGS or path.is_dir():
+            # Who reads no bags need not have what reads them.
+            from slip_detector.recordings.bags import BagRecording
+
+            return BagRecording(path, config, labels)
         raise ValueError(
             f'{path}: is {path.suffix or "without ending"}, allowed: {", ".join(ENDINGS)} or the '
             'folder of a bag'

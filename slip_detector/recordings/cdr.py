@@ -51,14 +51,15 @@ class Decoded(NamedTuple):
         Of the m messages.
     samples : ndarray of int, shape (m,)
         How many rows each message has; n in all.
-    refused : int
-        Messages left out: other channels or names than the first message has.
+    which : ndarray of int, shape (m,)
+        Which of the messages these are; one that cannot be decoded, or has other channels or
+        names than the first one, is left out.
     """
 
     volts: Floats
     stamps_ns: Stamps
     samples: Stamps
-    refused: int
+    which: NDArray[np.intp]
 
 
 class _Group(NamedTuple):
@@ -155,36 +156,40 @@ class Decoder:
         Raises
         ------
         ValueError
-            As :meth:`one`.
+            As :meth:`one`, for the first messages; when none has any channels.
         """
-        received = np.array(received_ns, dtype=np.int64)
+        try:
+            received = np.array(received_ns, dtype=np.int64)
+        except OverflowError:
+            raise ValueError('a message was received beyond the year 2262') from None
         lengths = np.array([len(raw) for raw in raws])
         groups: list[_Group] = []
         for length in np.unique(lengths).tolist():
             groups += self._groups(raws, received, np.flatnonzero(lengths == length))
         groups.sort(key=lambda group: int(group.which[0]))
         if not self.channels:
-            first = next((group for group in groups if group.volts.shape[2]), groups[0])
+            first = next((group for group in groups if group.volts.shape[2]), None)
+            if first is None:
+                raise ValueError(f'the field {self._field.path} is empty in every message')
             self.channels, self.names = first.volts.shape[2], first.names
         kept = [
             group
             for group in groups
-            if group.volts.shape[2] == self.channels > 0 and group.names == self.names
+            if group.volts.shape[2] == self.channels and group.names == self.names
         ]
-        refused = len(raws) - sum(len(group.which) for group in kept)
         if not kept:
             nothing = np.empty(0, dtype=np.int64)
-            return Decoded(np.empty((0, self.channels)), nothing, nothing, refused)
+            return Decoded(np.empty((0, self.channels)), nothing, nothing, nothing)
         samples = [np.full(len(group.which), group.volts.shape[1]) for group in kept]
         volts = [group.volts.reshape(-1, self.channels) for group in kept]
         if len(kept) == 1:
-            return Decoded(volts[0], kept[0].stamps_ns, samples[0], refused)
+            return Decoded(volts[0], kept[0].stamps_ns, samples[0], kept[0].which)
         which = np.concatenate([group.which for group in kept])
         n_of = np.concatenate(samples)
         order = np.argsort(which)
         of_rows = np.argsort(np.repeat(which, n_of), kind='stable')
         stamps_ns = np.concatenate([group.stamps_ns for group in kept])
-        return Decoded(np.concatenate(volts)[of_rows], stamps_ns[order], n_of[order], refused)
+        return Decoded(np.concatenate(volts)[of_rows], stamps_ns[order], n_of[order], which[order])
 
     def _groups(
         self, raws: Sequence[bytes], received_ns: Stamps, which: NDArray[np.intp]
@@ -200,7 +205,8 @@ class Decoder:
             if tried == len(layouts):
                 made = self._make_layout(raws[which[0]])
                 if made is None:
-                    return groups + [self._alone(raws[i], received_ns, i) for i in which.tolist()]
+                    alone = [self._alone(raws[i], received_ns, i) for i in which.tolist()]
+                    return groups + [group for group in alone if group is not None]
                 layouts.append(made)
             layout = layouts[tried]
             tried += 1
@@ -213,8 +219,14 @@ class Decoder:
                 which, block = which[~alike], block[~alike]
         return groups
 
-    def _alone(self, raw: bytes, received_ns: Stamps, i: int) -> _Group:
-        rows, stamp_ns, names = self.one(raw)
+    def _alone(self, raw: bytes, received_ns: Stamps, i: int) -> _Group | None:
+        """Decode one message; None where it cannot be done, but others could be before."""
+        try:
+            rows, stamp_ns, names = self.one(raw)
+        except ValueError:
+            if not self.channels:
+                raise
+            return None
         stamps_ns = received_ns[i : i + 1] if stamp_ns is None else np.array([stamp_ns])
         return _Group(np.array([i]), rows[np.newaxis], stamps_ns, names)
 
@@ -226,18 +238,24 @@ class Decoder:
         if sum(map(len, self._layouts.values())) >= MOST_LAYOUTS:
             return None
         try:
-            return self._layout_of(raw)
+            return self.layout_of(raw)
         except (ValueError, LookupError, struct.error):
             return None
 
-    def _layout_of(self, raw: bytes) -> _Layout | None:
+    def layout_of(self, raw: bytes) -> _Layout:
+        """Return where the numbers of a message stand.
+
+        Raises
+        ------
+        ValueError, LookupError, struct.error
+            When that cannot be told.
+        """
         walk = _Walk(raw, self._typestore)
         message = walk.message(self._msgtype)
-        if not 0 <= len(raw) - walk.position < HEADER_BYTES:  # some pad to a multiple of four
-            return None
         places = self._field(message)
-        if not places.size:
-            return None
+        # Some pad to a multiple of four.
+        if not places.size or not 0 <= len(raw) - walk.position < HEADER_BYTES:
+            raise ValueError('the message is empty or longer than its fields')
         stamp = getattr(getattr(message, 'header', None), 'stamp', None)
         fixed = np.array(walk.fixed, dtype=np.intp)
         return _Layout(
@@ -248,6 +266,57 @@ class Decoder:
             walk.order,
             _names(message, places.shape[1]),
         )
+
+
+class Encoder:
+    """Serialises rows as messages of JointState, which have all one layout.
+
+    Parameters
+    ----------
+    typestore
+        Of rosbags.
+    frame_id
+        Of the header of each.
+    names
+        Of the channels.
+    """
+
+    def __init__(self, typestore: Any, frame_id: str, names: Sequence[str]) -> None:
+        msgtype = 'sensor_msgs/msg/JointState'
+        types = typestore.types
+        stamp = types['builtin_interfaces/msg/Time'](sec=0, nanosec=0)
+        message = types[msgtype](
+            header=types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame_id),
+            name=list(names),
+            position=np.zeros(len(names)),
+            velocity=np.empty(0),
+            effort=np.empty(0),
+        )
+        raw = bytes(typestore.serialize_cdr(message, msgtype))
+        layout = Decoder(typestore, msgtype, 'position').layout_of(raw)
+        assert layout.stamp is not None
+        self._template = np.frombuffer(raw, np.uint8)
+        self._stamp, self._rows = layout.stamp, _place(layout.places[0, 0])
+
+    def many(self, volts: Floats, stamps_ns: Stamps) -> list[bytes]:
+        """Serialise rows.
+
+        Parameters
+        ----------
+        volts : ndarray, shape (n, c)
+            The rows.
+        stamps_ns : ndarray of int, shape (n,)
+            Their stamps.
+        """
+        n, length = len(volts), len(self._template)
+        block = np.tile(self._template, (n, 1))
+        parts = np.stack(np.divmod(stamps_ns, 1_000_000_000), axis=1)
+        for place, part in zip(self._stamp, parts.T, strict=True):
+            block[:, place : place + 4] = part.astype('<u4')[:, np.newaxis].view(np.uint8)
+        rows = np.ascontiguousarray(volts, dtype='<f8').view(np.uint8)
+        block[:, self._rows : self._rows + rows.shape[1]] = rows
+        content = block.tobytes()
+        return [content[i : i + length] for i in range(0, n * length, length)]
 
 
 def _group(

@@ -215,15 +215,15 @@ class Motion:
 
     def __init__(self, still_m: float) -> None:
         self._still_m = still_m
-        self._last: tuple[int, float] | None = None
+        self._last: tuple[Stamps, Floats] | None = None
         self._edges_ns: list[int] = []
 
     def add(self, stamps_ns: Stamps, positions_m: Floats) -> None:
-        """Take the next positions, (n,) each."""
+        """Take the next stamps, (n,), and positions, (n, axes)."""
         if self._last is not None:
-            stamps_ns = np.concatenate([[self._last[0]], stamps_ns])
-            positions_m = np.concatenate([[self._last[1]], positions_m])
-        moves = np.abs(np.diff(positions_m)) > self._still_m
+            stamps_ns = np.concatenate([self._last[0], stamps_ns])
+            positions_m = np.concatenate([self._last[1], positions_m])
+        moves = (np.abs(np.diff(positions_m, axis=0)) > self._still_m).any(axis=1)
         edges = np.diff(np.concatenate([[False], moves, [False]]).astype(np.int8))
         starts = stamps_ns[np.flatnonzero(edges == 1)].tolist()
         ends = stamps_ns[np.flatnonzero(edges == -1)].tolist()
@@ -232,7 +232,7 @@ class Motion:
             self._edges_ns.append(ends.pop(0))
         for start, end in zip(starts, ends, strict=True):
             self._edges_ns += [start, end]
-        self._last = int(stamps_ns[-1]), float(positions_m[-1])
+        self._last = stamps_ns[-1:], positions_m[-1:]
 
     def at(self, at_ns: Stamps) -> Bools:
         """Tell whether there is motion at each time, (n,)."""

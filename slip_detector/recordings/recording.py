@@ -35,11 +35,14 @@ class Rows(NamedTuple):
         When each was taken.
     truth : ndarray of bool, shape (n,), or None
         Whether there is slip, where it is known.
+    position_m : ndarray, shape (n,), or None
+        Position of the platform; written, but not read back but as the truth that it tells.
     """
 
     volts: Floats
     stamps_ns: Stamps
-    truth: 'Bools | None'
+    truth: 'Bools | None' = None
+    position_m: 'Floats | None' = None
 
     def take(self, which: 'NDArray[np.intp] | slice') -> 'Rows':
         """Return some of the rows."""
@@ -240,7 +243,8 @@ class Recording:
         first = 0
         last: Piece | None = None
         for rows in self.rows():
-            piece = Piece(*rows, last is None, np.arange(first, first + len(rows.volts)))
+            which = np.arange(first, first + len(rows.volts))
+            piece = _piece(rows, last is None, which)
             first += len(rows.volts)
             regular = timeline.arrive_all(rows.stamps_ns)
             for part in [piece] if regular else self._mended(piece, last, timeline, rate_hz):
@@ -283,5 +287,9 @@ class Recording:
                 stamps = np.array(stamps_ns[begin:end], dtype=np.int64)
                 mended = rows.take(at)._replace(stamps_ns=stamps)
                 new = begin > 0 or piece.new_stretch or starts[1:2] == [0]
-                parts.append(Piece(*mended, new, which[at]))
+                parts.append(_piece(mended, new, which[at]))
         return parts
+
+
+def _piece(rows: Rows, new_stretch: bool, which: Stamps) -> Piece:
+    return Piece(rows.volts, rows.stamps_ns, rows.truth, new_stretch, which)
