@@ -42,21 +42,30 @@ NO_LINES = Lines(np.zeros(0), np.zeros(0), np.zeros(0))
 
 @compiled
 def lines_at(t, lines):
-    """Return the sum of the lines at one instant or at many, in the amplitudes' unit."""
+    """Return the sum of the lines at one instant or at many, in the amplitudes' unit.
+
+    Parameters
+    ----------
+    t : float or ndarray, shape (n,)
+        The instants.
+    lines : Lines or ndarray, shape (3, k)
+        Its fields or, which is less for a call to take apart, rows in their order.
+    """
+    amplitude, rate_rad_s, phase_rad = lines[0], lines[1], lines[2]
     total = 0.0 * t
-    for k in range(lines.amplitude.size):
-        angle = lines.angular_rate_rad_s[k] * t + lines.phase_rad[k]
-        total = total + lines.amplitude[k] * np.sin(angle)
+    for k in range(amplitude.size):
+        total = total + amplitude[k] * np.sin(rate_rad_s[k] * t + phase_rad[k])
     return total
 
 
 @compiled
 def lines_rate_at(t, lines):
     """Return the exact derivative of :func:`lines_at`, per second."""
+    amplitude, rate_rad_s, phase_rad = lines[0], lines[1], lines[2]
     total = 0.0 * t
-    for k in range(lines.amplitude.size):
-        rate = lines.angular_rate_rad_s[k]
-        total = total + lines.amplitude[k] * rate * np.cos(rate * t + lines.phase_rad[k])
+    for k in range(amplitude.size):
+        rate = rate_rad_s[k]
+        total = total + amplitude[k] * rate * np.cos(rate * t + phase_rad[k])
     return total
 
 
