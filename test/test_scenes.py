@@ -227,7 +227,7 @@ def sizes(scene):
         'texture': len(plan.ridges.amplitudes),
         'roughness': len(plan.rough.heights) + len(plan.rough.integral),
         'object': plan.body.mass_kg + drive.load.size,
-        'rolling': drive.rolling.lasts_s,
+        'rolling': drive.rolling.size,
         'taps': drive.taps.begins_s.size,
         'tremor': drive.force_lines.size + drive.motion_lines.size,
         'bandwidth': plan.decay >= 0.0,

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from slip_detector.compiled import compiled
 from slip_detector.scenes.disturbances import (
-    RollingNumbers,
     TapNumbers,
     lines_at,
     lines_rate_at,
@@ -29,7 +28,7 @@ Floats = NDArray[np.float64]
 
 NO_LINES = np.zeros((3, 0))
 NO_TAPS = TapNumbers(np.zeros(0), 0.0, 1.0)
-NO_ROLLING = RollingNumbers(0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+NO_ROLLING = np.zeros(0)
 NO_LOAD = np.zeros((2, 0))
 
 
@@ -48,8 +47,10 @@ class DriveNumbers(NamedTuple):
     load : ndarray, shape (2, k)
         Force on the object; rows as the fields of
         :class:`slip_detector.scenes.motion.LoadNumbers`.
-    taps, rolling
-        Of these parts.
+    taps : TapNumbers
+        Of this part.
+    rolling : ndarray, shape (6,)
+        The fields of :class:`slip_detector.scenes.disturbances.RollingNumbers`.
     force_lines, motion_lines : ndarray, shape (3, k)
         The tremor's lines, in newtons and, on a plate, metres; rows as the fields of
         :class:`slip_detector.scenes.disturbances.Lines`.
@@ -65,7 +66,7 @@ class DriveNumbers(NamedTuple):
     centre_y_m: float
     load: Floats = NO_LOAD
     taps: TapNumbers = NO_TAPS
-    rolling: RollingNumbers = NO_ROLLING
+    rolling: Floats = NO_ROLLING
     force_lines: Floats = NO_LINES
     force_lines_from_n: float = 1.0
     motion_lines: Floats = NO_LINES
@@ -130,7 +131,7 @@ def drive_at(t, side, numbers):
     none = 0.0 * t
     force = normal_force_at(t, side, numbers)
     x, y = none + numbers.centre_x_m, none + numbers.centre_y_m
-    if numbers.rolling.lasts_s > 0.0:
+    if numbers.rolling.size:
         rolled_x, rolled_y = rolled_at(t, numbers.rolling)
         x, y = x + rolled_x, y + rolled_y
     if numbers.load.size:

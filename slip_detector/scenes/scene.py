@@ -188,7 +188,7 @@ class Scene:
             numbers = numbers._replace(taps=taps.numbers())
         rolling: Rolling | None = self.parts.get('rolling')
         if rolling:
-            numbers = numbers._replace(rolling=rolling.numbers())
+            numbers = numbers._replace(rolling=np.array(rolling.numbers()))
         if self._object:
             load = load_numbers(self._object.mass_kg * STANDARD_GRAVITY_M_S2, steps)
             numbers = numbers._replace(load=np.array(load))
