@@ -70,7 +70,7 @@ PARTS: dict[str, type[ParameterSet]] = {
 OF_THE_SCENE = ('steps', 'sample_rate_hz', 'step_s')
 
 #: A step is cut finer where the skin would ring faster: it takes so little of a radian.
-RINGING_RAD = 0.5
+RINGING_RAD = 0.4
 
 #: More steps than this for a second of scene are not to be waited for.
 MOST_STEPS_HZ = 2e6
