@@ -341,9 +341,28 @@ class DriverConfig(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class EvaluationConfig(ParameterSet):
-    """Parameters of the evaluation: which rows of a recording are rows of motion."""
+    """Parameters of the evaluation: what counts as detected, and which rows are rows of motion."""
 
     NODE = 'slip_evaluate'
+
+    early_s: float = parameter(
+        0.0,
+        'An alarm that rises this long before the label of a slip still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    tail_s: float = parameter(
+        0.1,
+        'An alarm that rises this long after the end of a slip, while the windows still hold it, '
+        'still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    late_after_s: float = parameter(
+        0.1, 'A detection with a longer latency is late.', unit='s', low=0.0, high=10.0
+    )
 
     motion_key: str = parameter(
         '', 'Name of the array of velocities in a recording; empty: it has none.'
@@ -367,3 +386,33 @@ class EvaluationConfig(ParameterSet):
                 "parameter motion_key is '', allowed: the name of an array, as motion_columns "
                 'names columns of it'
             )
+
+
+@dataclasses.dataclass(frozen=True)
+class TuneConfig(ParameterSet):
+    """Parameters of the search: what the tuner weighs against each other, in milliseconds.
+
+    The cost of a chain is the mean latency over the true slips, plus these.
+    """
+
+    NODE = 'slip_tune'
+
+    missed_costs_ms: float = parameter(
+        500.0, 'A missed slip counts as one detected so late.', unit='ms', low=1.0, high=1e6
+    )
+    false_alarm_costs_ms: float = parameter(
+        10.0, 'What each false alarm per minute costs.', unit='ms', low=0.0, high=1e6
+    )
+    auc_costs_ms: float = parameter(
+        100.0,
+        'What an area under the ROC curve of 0 would cost, 1 being free: few slips say little, '
+        'all their rows say more.',
+        unit='ms',
+        low=0.0,
+        high=1e6,
+    )
+    trade: bool = parameter(
+        False,
+        'Whether latency, misses or false alarms may get worse than with the given parameters '
+        'where the cost falls.',
+    )
