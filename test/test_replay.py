@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -357,3 +358,22 @@ def test_who_looks_on_sees_all_rows_and_gaps(scores):
 def test_a_label_of_another_length_is_refused():
     with pytest.raises(ValueError, match=r'truth has the shape \(3,\), allowed: \(4,\)'):
         Replay(CONFIG).run([Rows(np.zeros((4, 4)), np.zeros(3, bool))])
+
+
+def test_memory_does_not_grow_with_the_rows():
+    volts, truth = ridges((400, 600))
+    replay = Replay(CONFIG)
+
+    def peak(pieces):
+        tracemalloc.start()
+        try:
+            replay.run(Rows(volts, truth) for _ in range(pieces))
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    peak(1)
+    few, many = peak(10), peak(400)
+    # 390 slips and alarms more, of which each has some numbers for each channel.
+    assert many - few < 390 * 4000
+    assert 390 * volts.nbytes > 10 * (many - few)
