@@ -41,6 +41,7 @@ setup(
         'bags': ['rosbags>=0.11'],
         'ros': ros_wheels('jazzy'),
         'ros-kilted': ros_wheels('kilted'),
+        'tune': ['optuna>=4.0', 'tqdm'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',
@@ -50,6 +51,7 @@ setup(
             'pytest-timeout',
             'ruff',
             'types-PyYAML',
+            'types-tqdm',
         ],
     },
     zip_safe=True,
@@ -64,6 +66,7 @@ setup(
             f'slip_detector = {NAME}.nodes.run:detector',
             f'slip_demo = {NAME}.nodes.demo:main',
             f'slip_evaluate = {NAME}.evaluation:main',
+            f'slip_tune = {NAME}.tuning:main',
             f'slip_benchmark = {NAME}.benchmark:main',
         ],
     },
