@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recorded import read_recording
 
 from slip_detector.config import DriverConfig
 from slip_detector.recordings import (
@@ -14,7 +15,6 @@ from slip_detector.recordings import (
     is_recording,
     npz,
     open_recording,
-    read_recording,
     with_options,
 )
 from slip_detector.recordings.recording import Counts, Piece
