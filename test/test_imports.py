@@ -46,6 +46,11 @@ def test_the_nodes_do_without_plotting():
     assert 'matplotlib' not in loaded_by(NODES)
 
 
+def test_the_nodes_load_pyserial_only_for_a_serial_port():
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    assert 'serial' not in loaded_by(NODES)
+
+
 def test_only_plots_imports_a_plotting_library():
     others = [name for name in CORE if name != 'slip_detector.plots']
     loaded_by(others, absent=['matplotlib'])

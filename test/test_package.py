@@ -23,6 +23,7 @@ ROSDEP_KEYS = {
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
     'scipy': 'python3-scipy',
+    'serial': 'python3-serial',
     'yaml': 'python3-yaml',
 }
 

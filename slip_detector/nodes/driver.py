@@ -1,4 +1,4 @@
-"""The driver node: plays a source at its own pace."""
+"""The driver node: plays a source at its own pace, or passes on what a sensor sends."""
 
 import threading
 import time
@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.config import DriverConfig
+from slip_detector.live_source import LiveSource, open_live_source
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
 from slip_detector.sources import Samples, Source, open_source
@@ -25,6 +26,10 @@ LATE_S = 0.05
 #: How often the driver looks for those it waits for.
 POLL_S = 0.02
 
+#: What came from a sensor and was no sample is said at most so often; these counts are no fault.
+SAY_S = 1.0
+GOOD = ('frames', 'samples')
+
 #: How often it looks whether all has been played.
 LOOK_S = 0.1
 
@@ -33,28 +38,33 @@ class Driver(Node):
     """Publishes each sample when it is due, whatever became of the samples before.
 
     Sample k is due at start + k / rate; where the source knows better when it was taken (its
-    clock may be wrong, and samples may be lost), at that time.
+    clock may be wrong, and samples may be lost), at that time. The samples of a sensor (serial,
+    udp) are published as they come.
     """
 
     def __init__(self) -> None:
         super().__init__('slip_driver')
         self.config = config = declare(self, DriverConfig)
-        source = open_source(config)
+        live = config.source in ('serial', 'udp')
+        source = None if live else open_source(config)
         self._voltages = self.create_publisher(JointState, 'voltages', sensor_qos())
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
         self._last_truth: bool | None = None
         self._logged_s = -1.0
+        self._said_state = ''
+        self._said_faults: dict[str, int] = {}
         self._stop = threading.Event()
         self._failure: Exception | None = None
         # Also wakes the executor, should a signal's own wake-up get lost.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_S, self._look_for_end, clock=steady)
-        what = config.recording if config.source == 'recording' else f'scene {config.scene}'
-        self.get_logger().info(
-            f'playing {what}: {len(source.channel_names)} channels at '
-            f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
-        )
+        if source is not None:
+            what = config.recording if config.source == 'recording' else f'scene {config.scene}'
+            self.get_logger().info(
+                f'playing {what}: {len(source.channel_names)} channels at '
+                f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
+            )
         self._thread = threading.Thread(target=self._run, args=(source,), daemon=True)
         self._thread.start()
 
@@ -64,10 +74,15 @@ class Driver(Node):
         self._thread.join()
         super().destroy_node()
 
-    def _run(self, source: Source) -> None:
-        """Play in a thread of its own; the executor looks for its end."""
+    def _run(self, source: Source | None) -> None:
+        """Play or listen in a thread of its own; the executor looks for its end."""
         try:
-            self._play(source)
+            if not self._wait_for_subscribers():
+                return
+            if source is not None:
+                self._play(source)
+            else:
+                self._listen()
         except Exception as failure:
             self._failure = failure
 
@@ -76,13 +91,17 @@ class Driver(Node):
         if not self._thread.is_alive():
             raise self._failure or ExternalShutdownException()
 
-    def _play(self, source: Source) -> None:
-        """Play the source, again and again if asked to."""
+    def _wait_for_subscribers(self) -> bool:
+        """Wait for those who must miss nothing; false: the node was stopped meanwhile."""
         if self.config.wait_for_subscribers:
             self.get_logger().info(f'waiting for {self.config.wait_for_subscribers} subscribers')
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
             if self._stop.wait(POLL_S):
-                return
+                return False
+        return True
+
+    def _play(self, source: Source) -> None:
+        """Play the source, again and again if asked to."""
         # Stamps are the samples' own times, counted from here on the node's clock.
         first_stamp_ns = self.get_clock().now().nanoseconds
         start_s = time.monotonic()
@@ -128,11 +147,7 @@ class Driver(Node):
                     return i
             elif -ahead_s > LATE_S:
                 self._say_late(-ahead_s)
-            header = Header(
-                stamp=time_message(first_stamp_ns + round(float(taken_s[i]) * 1e9)),
-                frame_id=self.config.frame_id,
-            )
-            self._voltages.publish(JointState(header=header, name=names, position=volts))
+            header = self._send(first_stamp_ns + round(float(taken_s[i]) * 1e9), names, volts)
             if samples.position_m is not None:
                 position = [float(samples.position_m[i])]
                 self._position.publish(
@@ -142,6 +157,40 @@ class Driver(Node):
                 self._last_truth = bool(samples.truth[i])
                 self._truth.publish(Bool(data=self._last_truth))
         return len(samples.volts)
+
+    def _send(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> Header:
+        """Publish a sample; returns its header."""
+        header = Header(stamp=time_message(stamp_ns), frame_id=self.config.frame_id)
+        self._voltages.publish(JointState(header=header, name=names, position=volts))
+        return header
+
+    def _listen(self) -> None:
+        """Publish what a sensor sends, as it comes."""
+        names = [f'ch{i + 1}' for i in range(self.config.channels)]
+        clock = self.get_clock()
+        source = open_live_source(self.config, lambda: clock.now().nanoseconds)
+        try:
+            while not self._stop.is_set():
+                self._say_how_it_goes(source)
+                for stamps_ns, volts in source.read():
+                    for stamp_ns, row in zip(stamps_ns, volts, strict=True):
+                        self._send(stamp_ns, names, row)
+        finally:
+            source.close()
+
+    def _say_how_it_goes(self, source: LiveSource) -> None:
+        """Say when the sensor comes or goes, and now and then what was dropped or lost."""
+        if source.state != self._said_state:
+            self._said_state = source.state
+            logger = self.get_logger()
+            (logger.info if source.connected else logger.warning)(source.state)
+        now_s = time.monotonic()
+        if now_s - self._logged_s >= SAY_S:
+            faults = {k: n for k, n in source.counts.items() if n and k not in GOOD}
+            if faults != self._said_faults:
+                self._said_faults, self._logged_s = faults, now_s
+                words = ', '.join(f'{kind} {count}' for kind, count in sorted(faults.items()))
+                self.get_logger().warning(f'counted so far: {words}')
 
     def _say_late(self, late_s: float) -> None:
         now_s = time.monotonic()
