@@ -182,8 +182,10 @@ class Driver(Node):
         """Say when the sensor comes or goes, and now and then what was dropped or lost."""
         if source.state != self._said_state:
             self._said_state = source.state
-            logger = self.get_logger()
-            (logger.info if source.connected else logger.warning)(source.state)
+            if source.connected:
+                self.get_logger().info(source.state)
+            else:
+                self.get_logger().warning(source.state)
         now_s = time.monotonic()
         if now_s - self._logged_s >= SAY_S:
             faults = {k: n for k, n in source.counts.items() if n and k not in GOOD}
