@@ -78,9 +78,10 @@ class FrameDecoder:
     counts : Counter of str
         ``frames`` and ``samples`` taken; ``lost`` frames, by the sequence numbers; what was
         dropped, by reason: ``broken`` (not COBS, or too short), ``overlong``, ``checksum``,
-        ``kind``, ``channels``, ``length``, ``duplicate``, ``late`` (overtaken by a later one, and
-        lost until then); ``restarts`` of the sender's clock or numbering; ``garbage_bytes``, all
-        the bytes of what was dropped, except for duplicate and late frames.
+        ``kind``, ``channels``, ``length``, ``period`` (none between several samples),
+        ``duplicate``, ``late`` (overtaken by a later one, and lost until then); ``restarts`` of
+        the sender's clock or numbering; ``garbage_bytes``, all the bytes of what was dropped,
+        except for duplicate and late frames.
     """
 
     def __init__(self, channels: int, values: str, scale_v: float, offset_v: float) -> None:
@@ -144,12 +145,14 @@ class FrameDecoder:
             return 'overlong'
         if zlib.crc32(frame[: -CHECKSUM.size]) != CHECKSUM.unpack_from(frame, -CHECKSUM.size)[0]:
             return 'checksum'
-        kind, channels, n, *_ = HEADER.unpack_from(frame)
+        kind, channels, n, _, _, period_ns = HEADER.unpack_from(frame)
         if kind != self._kind:
             return 'kind'
         if channels != self._channels:
             return 'channels'
-        return '' if n and data_bytes == n * channels * self._value_bytes else 'length'
+        if not n or data_bytes != n * channels * self._value_bytes:
+            return 'length'
+        return '' if period_ns or n == 1 else 'period'
 
     def _in_order(self, sequence: int, time_us: int) -> bool | None:
         """Judge a frame by its number; None: drop it; else whether the clock begins anew."""
@@ -308,7 +311,7 @@ def encode(
     time_us
         When the first sample was taken; wraps at 2**32.
     period_ns
-        From sample to sample.
+        From sample to sample; 0 is allowed for one.
 
     Raises
     ------

@@ -15,8 +15,9 @@ from slip_detector.live_source import WAIT_S, LiveSamples, stamped
 #: A port that is gone is looked for after the first time, then after twice that, up to the last.
 RETRY_FIRST_S, RETRY_LAST_S = 0.1, 2.0
 
-#: What pyserial raises when a port goes away; not all of it is an error of its own.
-GONE = (OSError, termios.error)
+#: What pyserial raises when a port is gone or, ValueError, does not have the rate; it may be gone
+#: in the middle of setting the rate as well.
+GONE = (OSError, termios.error, ValueError)
 
 
 class SerialSource:
@@ -27,7 +28,7 @@ class SerialSource:
     Raises
     ------
     ValueError
-        When no port is named, or it cannot have the rate asked for.
+        When no port is named.
     """
 
     def __init__(self, config: DriverConfig, now_ns: Callable[[], int]) -> None:
@@ -82,11 +83,6 @@ class SerialSource:
             )
         except GONE as error:
             self._lose(error)
-        except ValueError:
-            raise ValueError(
-                f'parameter serial_baud is {config.serial_baud}, allowed: a rate that '
-                f'{config.serial_port} has'
-            ) from None
         else:
             self.connected = True
             self.state = f'listening to {config.serial_port} at {config.serial_baud} baud'
@@ -102,5 +98,5 @@ class SerialSource:
         self._retry_s = min(2 * self._retry_s, RETRY_LAST_S)
         self.connected = False
         number = getattr(error, 'errno', None)
-        reason = os.strerror(number) if number else 'it is gone'
+        reason = os.strerror(number) if number else ' '.join(str(error).split())
         self.state = f'{self._config.serial_port}: cannot be read ({reason}), trying again'

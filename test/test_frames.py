@@ -120,7 +120,7 @@ def test_what_is_encoded_is_decoded(data):
     row = st.lists(numbers.map(lambda x: max(x, low)), min_size=channels, max_size=channels)
     sent = data.draw(st.lists(row, min_size=n, max_size=n))
     scale_v, offset_v = data.draw(st.sampled_from([(1.0, 0.0), (-2.5e-6, 1.25), (1e-3, -5.0)]))
-    period_ns = data.draw(st.integers(0, 10**9))
+    period_ns = data.draw(st.integers(1, 10**9))
     receiver = FrameDecoder(channels, values, scale_v, offset_v)
     frame = encode(sent, values, data.draw(st.integers(0, 2**32 - 1)), 5, period_ns)
     (received,) = receiver.feed(cobs_encode(frame) + b'\0')
@@ -181,6 +181,30 @@ def test_a_corrupted_frame_is_never_taken_for_another(data):
     assert bool(received) != any(receiver.counts[reason] for reason in reasons)
 
 
+@pytest.mark.parametrize('seed', range(20))
+def test_of_a_line_damaged_all_over_only_sound_frames_are_taken_in_order(seed):
+    rng = random.Random(seed)
+    wanted = sent_by(*frames(60))
+    line = bytearray(on_the_line(frames(60)))
+    for _ in range(rng.randint(1, 60)):
+        at = rng.randrange(len(line))
+        kind = rng.randrange(4)
+        if kind == 0:
+            line[at] = rng.randrange(256)
+        elif kind == 1:
+            del line[at : at + rng.randint(1, 40)]
+        elif kind == 2:
+            line[at:at] = rng.randbytes(rng.randint(1, 20))
+        else:
+            again = rng.randrange(len(line))
+            line[at:at] = line[again : again + rng.randint(1, 100)]
+    receiver = decoder()
+    places = [wanted.index(row) for row in integers(receiver.feed(bytes(line)))]
+    assert places == sorted(set(places))
+    assert receiver.counts['frames'] == len(places)
+    assert receiver.counts['garbage_bytes'] > 0
+
+
 @pytest.mark.parametrize('bit', range(8 * len(frames(1)[0])))
 def test_every_flipped_bit_of_a_datagram_is_noticed(bit):
     frame = bytearray(frames(1)[0])
@@ -215,6 +239,7 @@ def with_checksum(header, data):
         (with_checksum((KINDS['int16'], 3, 1, 0, 0, 0), bytes(7)), 'length'),
         (with_checksum((KINDS['int16'], 3, 0, 0, 0, 0), b''), 'length'),
         (with_checksum((KINDS['int16'], 3, 1400, 0, 0, 0), bytes(8400)), 'overlong'),
+        (encode([[1, 2, 3], [4, 5, 6]], 'int16', 0, 0, 0), 'period'),
     ],
 )
 def test_a_sound_frame_of_another_make_is_dropped_and_counted(frame, reason):

@@ -182,5 +182,8 @@ def test_a_rate_that_the_port_does_not_have_is_named(port, monkeypatch):
         raise ValueError('Failed to set custom baud rate')
 
     monkeypatch.setattr(serial_source.serial, 'Serial', refuses)
-    with pytest.raises(ValueError, match='parameter serial_baud is 9601, allowed: a rate that'):
-        source_at(port.path, serial_baud=9601)
+    source = source_at(port.path, serial_baud=9601)
+    assert not source.connected
+    assert source.state == (
+        f'{port.path}: cannot be read (Failed to set custom baud rate), trying again'
+    )
