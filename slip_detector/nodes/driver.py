@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.config import DriverConfig
-from slip_detector.live_source import LiveSource, open_live_source
+from slip_detector.nodes.listening import Listening
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
 from slip_detector.sources import Samples, Source, open_source
@@ -26,10 +26,6 @@ LATE_S = 0.05
 #: How often the driver looks for those it waits for.
 POLL_S = 0.02
 
-#: What came from a sensor and was no sample is said at most so often; these counts are no fault.
-SAY_S = 1.0
-GOOD = ('frames', 'samples')
-
 #: How often it looks whether all has been played.
 LOOK_S = 0.1
 
@@ -38,8 +34,9 @@ class Driver(Node):
     """Publishes each sample when it is due, whatever became of the samples before.
 
     Sample k is due at start + k / rate; where the source knows better when it was taken (its
-    clock may be wrong, and samples may be lost), at that time. The samples of a sensor (serial,
-    udp) are published as they come.
+    clock may be wrong, and samples may be lost), at that time.
+
+    The samples of a sensor (serial, udp) are published as they come.
     """
 
     def __init__(self) -> None:
@@ -52,8 +49,6 @@ class Driver(Node):
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
         self._last_truth: bool | None = None
         self._logged_s = -1.0
-        self._said_state = ''
-        self._said_faults: dict[str, int] = {}
         self._stop = threading.Event()
         self._failure: Exception | None = None
         # Also wakes the executor, should a signal's own wake-up get lost.
@@ -82,7 +77,7 @@ class Driver(Node):
             if source is not None:
                 self._play(source)
             else:
-                self._listen()
+                Listening(self, self.config, self._send).run(self._stop)
         except Exception as failure:
             self._failure = failure
 
@@ -163,36 +158,6 @@ class Driver(Node):
         header = Header(stamp=time_message(stamp_ns), frame_id=self.config.frame_id)
         self._voltages.publish(JointState(header=header, name=names, position=volts))
         return header
-
-    def _listen(self) -> None:
-        """Publish what a sensor sends, as it comes."""
-        names = [f'ch{i + 1}' for i in range(self.config.channels)]
-        clock = self.get_clock()
-        source = open_live_source(self.config, lambda: clock.now().nanoseconds)
-        try:
-            while not self._stop.is_set():
-                self._say_how_it_goes(source)
-                for stamps_ns, volts in source.read():
-                    for stamp_ns, row in zip(stamps_ns, volts, strict=True):
-                        self._send(stamp_ns, names, row)
-        finally:
-            source.close()
-
-    def _say_how_it_goes(self, source: LiveSource) -> None:
-        """Say when the sensor comes or goes, and now and then what was dropped or lost."""
-        if source.state != self._said_state:
-            self._said_state = source.state
-            if source.connected:
-                self.get_logger().info(source.state)
-            else:
-                self.get_logger().warning(source.state)
-        now_s = time.monotonic()
-        if now_s - self._logged_s >= SAY_S:
-            faults = {k: n for k, n in source.counts.items() if n and k not in GOOD}
-            if faults != self._said_faults:
-                self._said_faults, self._logged_s = faults, now_s
-                words = ', '.join(f'{kind} {count}' for kind, count in sorted(faults.items()))
-                self.get_logger().warning(f'counted so far: {words}')
 
     def _say_late(self, late_s: float) -> None:
         now_s = time.monotonic()
