@@ -50,7 +50,7 @@ class DeviceClock:
         if not self._mapped or abs(wanted_ns) > STEP_NS:
             self._mapped, wanted_ns = True, 0
             self._offset_ns = self._smallest_ns = self._smallest_before_ns = delay_ns
-            self._newest_ns, self._window_ends_ns = times_ns[0], newest_ns + WINDOW_NS
+            self._window_ends_ns = newest_ns + WINDOW_NS
         start_ns, offset_ns = self._newest_ns, self._offset_ns
         slope = max(-SLEW, min(SLEW, wanted_ns / max(newest_ns - start_ns, 1)))
         self._newest_ns = newest_ns

@@ -32,8 +32,9 @@ CHECKSUM = struct.Struct('<I')
 #: No frame is longer: what comes later would be of no use to a grasp.
 LONGEST_BYTES = 8192
 
-#: A sender that begins again at a lower sequence number is believed after so much of its time.
-RESTART_US = 250_000
+#: A sender that begins again at a lower sequence number is believed after so much of its time, in
+#: which not too many frames in a row are missing.
+RESTART_US, RESTART_STEP = 250_000, 4
 
 #: A number on a line takes at most so many bytes, the comma included.
 NUMBER_BYTES = 32
@@ -186,7 +187,7 @@ class FrameDecoder:
 
         Those that were overtaken come among fresh ones, or stop; a sender that was reset goes on.
         """
-        if self._old_first_us < 0 or not 0 < (sequence - self._old_last) % _WRAP < _HALF:
+        if self._old_first_us < 0 or not 0 < (sequence - self._old_last) % _WRAP <= RESTART_STEP:
             self._old_first_us = time_us
         self._old_last = sequence
         return RESTART_US <= (time_us - self._old_first_us) % _WRAP < _HALF

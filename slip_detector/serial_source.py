@@ -93,7 +93,6 @@ class SerialSource:
             self._port = None
         # What was under way is lost, and the sensor may have been another one since.
         self._decoder.start_anew()
-        self._clock.start_anew()
         self._retry_at_s = time.monotonic() + self._retry_s
         self._retry_s = min(2 * self._retry_s, RETRY_LAST_S)
         self.connected = False

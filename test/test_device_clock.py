@@ -116,3 +116,6 @@ def test_samples_of_a_new_clock_are_mapped_anew():
     row = np.zeros((1, 2))
     received = [Received(row, [0], True), Received(row, [100], False)]
     assert [s.stamps_ns for s in stamped(received, clock, 10**9)] == [[10**9], [10**9 + 90]]
+    received = [Received(row, [200], True)]
+    at_ns = 10**9 + STEP_NS // 2
+    assert [s.stamps_ns for s in stamped(received, clock, at_ns)] == [[at_ns]]

@@ -311,6 +311,35 @@ def test_a_sender_that_began_again_is_believed_after_a_while():
     assert receiver.counts['lost'] == 0
 
 
+def test_frames_that_come_out_of_the_past_are_no_new_beginning():
+    receiver = decoder()
+    sent = frames(2000)
+    # Rising, and further apart than a sender takes to be believed; but most are missing between.
+    order = [1000, 100, 500, 900, 1001, *range(700, 100, -1), 1002]
+    received = [r for r in (receiver.frame(sent[k]) for k in order) if r]
+    assert integers(received) == sent_by(sent[1000], sent[1001], sent[1002])
+    assert receiver.counts['restarts'] == 0
+
+
+def test_a_sender_that_began_again_is_believed_though_frames_are_lost():
+    receiver = decoder()
+    assert all(map(receiver.frame, frames(10, first=5000)))
+    after = [frame for k, frame in enumerate(frames(400)) if k % 4 == 0]
+    received = [r for r in map(receiver.frame, after[:64]) if r]
+    # What came before the reset is no measure of what came since.
+    assert receiver.frame(frames(1, first=251)[0]) is None
+    assert receiver.counts['duplicate'] == 0
+    received += [r for r in map(receiver.frame, after[64:]) if r]
+    assert integers(received) == sent_by(*after[63:])  # From 252 ms on.
+
+
+def test_a_sender_that_does_not_count_is_not_heard():
+    receiver = decoder(channels=1)
+    received = [receiver.frame(encode([[k]], 'int16', 0, 1000 * k)) for k in range(1000)]
+    assert [r is not None for r in received] == [True] + [False] * 999
+    assert receiver.counts['duplicate'] == 999
+
+
 def test_old_frames_among_fresh_ones_are_no_new_beginning():
     receiver = decoder()
     old, fresh = frames(1000), frames(1000, first=2000)
@@ -436,6 +465,13 @@ def test_lines_at_a_rate_have_times_and_begin_anew_after_an_interruption():
     assert rows(received, 1)[:, 0].tolist() == [1, 2, 5, 6]
     assert [r.clock_anew for r in received] == [True, False, True, False]
     assert np.diff([r.times_ns[0] for r in received])[[0, 2]].tolist() == [2_500_000] * 2
+
+
+def test_after_an_interruption_of_an_endless_line_one_line_is_dropped():
+    receiver = LineDecoder(1, 0.0)
+    receiver.feed(b'\n' + b'9' * 100)
+    receiver.start_anew()
+    assert rows(receiver.feed(b'4\n5\n'), 1).tolist() == [[5]]
 
 
 def test_half_an_hour_of_noise_holds_no_line():

@@ -131,18 +131,36 @@ def test_a_port_that_stays_away_is_looked_for_ever_more_rarely(tmp_path, monkeyp
             assert 0.0 < seconds <= 0.1
             now_s[0] += seconds
 
-    def nothing_there(*_, **__):
+    class LooseContact:
+        in_waiting = 1
+
+        def __init__(self):
+            self._left = [b'one byte']
+
+        def read(self, _):
+            if not self._left:
+                raise OSError(errno.EIO, 'gone again')
+            return self._left.pop()
+
+        def close(self):
+            pass
+
+    def there_once(*_, **__):
         tried_s.append(now_s[0])
+        if len(tried_s) == 9:
+            return LooseContact()
         raise OSError(errno.ENOENT, 'no such port')
 
     monkeypatch.setattr(serial_source, 'time', Clock)
-    monkeypatch.setattr(serial_source.serial, 'Serial', nothing_there)
+    monkeypatch.setattr(serial_source.serial, 'Serial', there_once)
     source = source_at(tmp_path / 'nothing')
-    while len(tried_s) < 9:
+    while len(tried_s) < 12:
         source.read()
     steps_s = [later - earlier for earlier, later in itertools.pairwise(tried_s)]
     assert steps_s[:5] == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6])
-    assert steps_s[5:] == pytest.approx([RETRY_LAST_S] * 3)
+    assert steps_s[5:8] == pytest.approx([RETRY_LAST_S] * 3)
+    # Once it gave something it is soon looked for again.
+    assert steps_s[8:] == pytest.approx([0.1, 0.2, 0.4])
 
 
 def test_a_port_that_another_driver_reads_is_left_to_it(port):
