@@ -39,7 +39,8 @@ RESTART_US, RESTART_STEP = 250_000, 4
 #: A number on a line takes at most so many bytes, the comma included.
 NUMBER_BYTES = 32
 
-NUMBER = rb'[ \t]*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?[ \t]*'
+#: There is only one way to match each, so that a long line that is none takes no longer.
+NUMBER = rb'[ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?[ \t]*'
 
 _WRAP = 2**32
 _HALF = 2**31

@@ -378,6 +378,17 @@ def test_half_an_hour_of_noise_holds_no_frame():
     assert receiver.counts['broken'] + receiver.counts['checksum'] > 50_000
 
 
+def test_half_an_hour_of_noise_in_datagrams_holds_no_frame():
+    rng = random.Random(4)
+    receiver = decoder(channels=16)
+    came = 0
+    while came < HALF_AN_HOUR_BYTES:
+        noise = rng.randbytes(rng.randint(0, 3000))
+        came += len(noise)
+        assert receiver.frame(noise) is None
+    assert receiver.counts['garbage_bytes'] == came
+
+
 def test_a_frame_amid_noise_is_found():
     rng = random.Random(2)
     sent = frames(50)
@@ -441,6 +452,14 @@ def test_a_line_that_is_no_sample_is_dropped_and_counted(line, reason):
     assert rows(received).tolist() == [[7, 8, 9]]
     assert receiver.counts[reason] == 1
     assert receiver.counts['garbage_bytes'] == len(line)
+
+
+def test_a_long_line_that_is_nearly_right_is_refused_at_once():
+    receiver = LineDecoder(16, 0.0)
+    # A pattern that can match a number in several ways would try them all: 25 ** 16.
+    assert receiver.feed(b'\n' + b','.join([b'1' * 25] * 16) + b'x\n') == []
+    assert receiver.feed(b' ' * 400 + b'x\n') == []
+    assert receiver.counts['numbers'] == 2
 
 
 @given(MIXED_TEXT, st.lists(st.integers(0, 30)))
