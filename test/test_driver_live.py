@@ -97,14 +97,16 @@ class Listening:
         self.bench.wait_for(lambda: self.counted() == wanted, f'{wanted} to be counted')
 
 
-def check_stream(listening, integers, rate_hz=RATE_HZ):
-    """Check that all samples came, in order, stamped as evenly as they were taken."""
-    listening.wait_for(len(integers))
-    np.testing.assert_array_equal(listening.rows(), SCALE_V * integers)
-    names = [f'ch{i + 1}' for i in range(integers.shape[1])]
+def check_stream(listening, send, pieces, samples):
+    """Check that all ``INTEGERS`` come, in order, stamped as evenly as they were taken."""
+    due = range(0, len(INTEGERS), samples)
+    with sending(send, pieces, RATE_HZ / samples, listening.voltages, due):
+        listening.wait_for(len(INTEGERS))
+    np.testing.assert_array_equal(listening.rows(), SCALE_V * INTEGERS)
+    names = [f'ch{i + 1}' for i in range(16)]
     assert all(list(message.name) == names for message in listening.voltages)
     steps_s = np.diff(listening.stamps_ns()) * 1e-9
-    np.testing.assert_allclose(steps_s, 1 / rate_hz, rtol=0.1 + 1e-3)
+    np.testing.assert_allclose(steps_s, 1 / RATE_HZ, rtol=0.1 + 1e-3)
     assert listening.counted() == {}
     assert not listening.process.ended()
 
@@ -113,23 +115,21 @@ def check_stream(listening, integers, rate_hz=RATE_HZ):
 def test_a_clean_serial_stream_arrives_complete_and_in_order(bench, port, samples):
     listening, send = Listening.to_port(bench, port, frame_id='index_tip')
     pieces = [on_the_line(frame) for frame in make_frames(INTEGERS, RATE_HZ, samples)]
-    with sending(send, pieces, RATE_HZ / samples):
-        check_stream(listening, INTEGERS)
+    check_stream(listening, send, pieces, samples)
     assert listening.voltages[0].header.frame_id == 'index_tip'
 
 
 @pytest.mark.parametrize('samples', [1, 10])
 def test_a_clean_udp_stream_arrives_complete_and_in_order(bench, samples):
     listening, send = Listening.to_udp(bench)
-    with sending(send, make_frames(INTEGERS, RATE_HZ, samples), RATE_HZ / samples):
-        check_stream(listening, INTEGERS)
+    check_stream(listening, send, make_frames(INTEGERS, RATE_HZ, samples), samples)
 
 
 def test_a_stream_of_text_arrives_complete_and_in_order(bench, port):
     listening, send = Listening.to_port(bench, port, serial_format='text', text_rate_hz=380.0)
     volts = SCALE_V * INTEGERS[:1000]
     lines = [(','.join(map(repr, row.tolist())) + '\n').encode() for row in volts]
-    with sending(send, [b'of a line\n', *lines], 380.0):
+    with sending(send, [b'of a line\n', *lines], 380.0, listening.voltages, range(1001)):
         listening.wait_for(1000)
     np.testing.assert_array_equal(listening.rows(), volts)
     assert np.all(np.diff(listening.stamps_ns()) > 0)
@@ -183,17 +183,18 @@ def test_a_spoilt_serial_stream_gives_the_sound_samples_and_counts_the_rest(benc
     pieces += noise(rng)
     pieces += [b'\0', on_the_line(make_frames(INTEGERS[400:401], RATE_HZ, first=400)[0])]
     decoder = FrameDecoder(16, 'int16', SCALE_V, 0.0)
-    received = [samples for piece in pieces for samples in decoder.feed(piece)]
+    received = [decoder.feed(piece) for piece in pieces]
     check_spoilt(listening, send, pieces, received, decoder.counts)
 
 
 def test_a_spoilt_udp_stream_gives_the_sound_samples_and_counts_the_rest(bench):
     listening, send = Listening.to_udp(bench)
     rng = random.Random(6)
-    pieces = spoilt_frames(rng) + [rng.randbytes(rng.randint(0, 200)) for _ in range(400)]
-    pieces += make_frames(INTEGERS[400:401], RATE_HZ, first=400)
+    pieces = spoilt_frames(rng)
+    for k, frame in enumerate(make_frames(INTEGERS[:800], RATE_HZ)[400:]):
+        pieces += [rng.randbytes(rng.randint(0, 200)) for _ in range(k % 5)] + [frame]
     decoder = FrameDecoder(16, 'int16', SCALE_V, 0.0)
-    received = [samples for samples in map(decoder.frame, pieces) if samples]
+    received = [[samples] if samples else [] for samples in map(decoder.frame, pieces)]
     check_spoilt(listening, send, pieces, received, decoder.counts)
 
 
@@ -211,7 +212,7 @@ def test_noise_on_a_line_of_text_is_no_sample(bench, port):
     ]
     pieces += [*noise(rng), b'\n', sound]
     decoder = LineDecoder(16, 0.0)
-    received = [samples for piece in pieces for samples in decoder.feed(piece)]
+    received = [decoder.feed(piece) for piece in pieces]
     rows = pass_on(listening, send, pieces, received, decoder.counts)
     assert set(map(tuple, rows)) == {tuple(i + 0.5 for i in range(16))}
 
@@ -228,9 +229,13 @@ def check_spoilt(listening, send, pieces, received, counts):
 
 
 def pass_on(listening, send, pieces, received, counts):
-    """Send pieces; the node is to make of them what a decoder in the test does, and live on."""
-    wanted = np.concatenate([samples.volts for samples in received])
-    with sending(send, pieces, 2000.0):
+    """Send pieces; the node is to make of them what a decoder in the test does, and live on.
+
+    ``received`` is what comes of each piece.
+    """
+    wanted = np.concatenate([samples.volts for of_piece in received for samples in of_piece])
+    due = np.cumsum([0, *(len(of_piece) for of_piece in received)])
+    with sending(send, pieces, 2000.0, listening.voltages, due):
         listening.wait_for(len(wanted))
         listening.wait_for_counts(counts)
     np.testing.assert_array_equal(listening.rows(), wanted)
@@ -280,7 +285,8 @@ def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(b
 def test_a_sensor_that_was_reset_is_heard_again(bench):
     listening, send = Listening.to_udp(bench)
     frames = make_frames(INTEGERS[:1000], RATE_HZ)
-    with sending(send, frames[500:] + frames, RATE_HZ):
+    due = [*range(500), *[500] * 250, *range(500, 1250)]
+    with sending(send, frames[500:] + frames, RATE_HZ, listening.voltages, due):
         listening.wait_for(500 + 750)
     rows = listening.rows()
     np.testing.assert_array_equal(rows[:500], SCALE_V * INTEGERS[500:1000])

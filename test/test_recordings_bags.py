@@ -436,7 +436,8 @@ def test_without_rosbags_npz_is_read_and_a_bag_says_what_to_install(tmp_path):
         [sys.executable, '-c', code, str(tmp_path / 'a')],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert done.stdout.splitlines() == ['20', 'bags need the package rosbags: pip install rosbags']
+    said = f'{tmp_path / "a.mcap"}: bags need the package rosbags: pip install rosbags'
+    assert done.stdout.splitlines() == ['20', said]
 
 
 def test_the_first_messages_do_not_decide_what_the_later_ones_are(tmp_path, monkeypatch):

@@ -142,15 +142,16 @@ class Driver(Node):
                     return i
             elif -ahead_s > LATE_S:
                 self._say_late(-ahead_s)
+            # A state holds for what comes after it, in a bag too.
+            if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
+                self._last_truth = bool(samples.truth[i])
+                self._truth.publish(Bool(data=self._last_truth))
             header = self._send(first_stamp_ns + round(float(taken_s[i]) * 1e9), names, volts)
             if samples.position_m is not None:
                 position = [float(samples.position_m[i])]
                 self._position.publish(
                     JointState(header=header, name=['platform'], position=position)
                 )
-            if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
-                self._last_truth = bool(samples.truth[i])
-                self._truth.publish(Bool(data=self._last_truth))
         return len(samples.volts)
 
     def _send(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> Header:

@@ -37,7 +37,7 @@ class BagRecording(Recording):
 
     def __init__(self, path: Path, config: DriverConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config.recording_resample)
-        self._storage = Storage(path)
+        self._storage = self._naming(lambda: Storage(path))
         self._topic = topic = self._rows_topic(config.recording_topic)
         self._typestore = self._naming(lambda: typestore_of(topic))
         self._field = config.recording_field or self._usual_field(topic)
