@@ -46,10 +46,11 @@ LEAST_SHARING = 3
 #: each side: a tenth of the amplitude is what contact and sensor vary by from day to day.
 NEIGHBOURS = 3
 
-#: How sure it must be that a chain is better than one that is nearer to the given.
+#: How sure it must be that a chain is better than one that is nearer to the given: that of one
+#: standard error, as is custom.
 CONFIDENCE = 0.68
 
-#: Areas under the ROC curve that differ by less are the same: rows between two thresholds are ties.
+#: Areas under the ROC curve that differ by less are the same.
 AUC_STEP = 1e-3
 
 #: What gets worse than with the given parameters counts so many times.

@@ -24,6 +24,9 @@ STARTUP_TRIALS = 12
 #: Endings of a path that is a journal; with a ``://`` it is the URL of a database.
 JOURNALS = ('.journal', '.log', '.jsonl')
 
+#: Packages whose errors tell of a database.
+DATABASES = ('sqlalchemy', 'sqlite3', 'psycopg', 'psycopg2')
+
 Result = TypeVar('Result')
 
 
@@ -44,15 +47,14 @@ def open_storage(where: str) -> Any:
     from optuna.storages import JournalStorage, RDBStorage
     from optuna.storages.journal import JournalFileBackend
 
+    if '://' not in where and Path(where).suffix not in JOURNALS:
+        raise ValueError(
+            f'storage {where}: is not known, allowed: a path that ends in {", ".join(JOURNALS)}, '
+            'or a URL such as sqlite:///study.db or postgresql://user@host/study'
+        )
     with _in_one_line(where):
         if '://' in where:
             return RDBStorage(where, engine_kwargs=_patience(where))
-        if Path(where).suffix not in JOURNALS:
-            raise ValueError(
-                f'storage {where}: is not known, allowed: a path that ends in '
-                f'{", ".join(JOURNALS)}, or a URL such as sqlite:///study.db or '
-                'postgresql://user@host/study'
-            )
         return JournalStorage(JournalFileBackend(where))
 
 
@@ -65,14 +67,11 @@ def _in_one_line(where: str) -> Iterator[None]:
     """Turn what the storages raise, each in its own way, into a line that names the storage."""
     try:
         yield
-    except (OSError, optuna.exceptions.OptunaError, ImportError) as error:
+    except (OSError, ValueError, KeyError, ImportError, optuna.exceptions.OptunaError) as error:
         raise ValueError(f'storage {where}: {_first_line(error)}') from None
-    except ValueError:
-        raise
     except Exception as error:
-        # Optuna passes on what SQLAlchemy, its drivers and json say of a storage that is broken,
-        # locked or of another program; they share no base class that is here to be imported.
-        if type(error).__module__.split('.')[0] in ('sqlalchemy', 'json', 'sqlite3', 'psycopg2'):
+        # SQLAlchemy, which is not always there, and the drivers below it.
+        if type(error).__module__.split('.')[0] in DATABASES:
             raise ValueError(f'storage {where}: {_first_line(error)}') from None
         raise
 

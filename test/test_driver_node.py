@@ -6,13 +6,14 @@ import time
 import numpy as np
 import pytest
 from harness import ROOT, Bench, ended_quietly
+from recorded import read_recording
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig, DriverConfig
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.recordings import Rows, read_recording
+from slip_detector.recordings import Rows
 from slip_detector.recordings.writing import write_recording
 from slip_detector.sources import open_source
 

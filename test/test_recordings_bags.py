@@ -13,11 +13,12 @@ from hypothesis.extra import numpy as hnp
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
+from recorded import read_recording
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from slip_detector.config import DriverConfig
-from slip_detector.recordings import Rows, bags, open_recording, read_recording
+from slip_detector.recordings import Rows, bags, open_recording
 from slip_detector.recordings.writing import write_recording
 
 NAMES = ('left', 'right', 'tip')

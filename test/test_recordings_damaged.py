@@ -116,15 +116,15 @@ def test_a_file_that_is_taken_out_of_a_bag_whose_recorder_died_is_read(tmp_path,
         assert not lost
 
 
-def test_a_damaged_chunk_costs_no_other(tmp_path):
+@pytest.mark.parametrize('end', [None, -30])
+def test_a_damaged_chunk_costs_no_other(tmp_path, end):
     written, file = write_bag(tmp_path / 'a', StoragePlugin.MCAP, CompressionMode.STORAGE, 30000)
     content = bytearray(file.read_bytes())
     pattern = b'zstd.{8}' + re.escape(bytes.fromhex('28b52ffd'))
     frames = [match.start() for match in re.finditer(pattern, content, re.DOTALL)]
     assert len(frames) > 2
     content[frames[1] + 12] ^= 1  # The second chunk is no zstd any more.
-    # Without its end, so that the records are read one by one.
-    file.write_bytes(content[:-30])
+    file.write_bytes(content[:end])
     read, lost = read_of(file)
     assert f'{file.name} is damaged at byte ' in lost
     assert 15000 < len(read.volts) < 30000
@@ -171,3 +171,29 @@ def test_no_bytes_end_in_anything_but_rows_or_one_line(tmp_path_factory, ending,
         said = str(error)
         assert said.startswith(f'{path}: ')
         assert '\n' not in said
+
+
+@pytest.mark.parametrize('mode', [CompressionMode.FILE, CompressionMode.MESSAGE])
+@pytest.mark.parametrize('plugin', PLUGINS)
+def test_no_damage_to_a_folder_ends_in_anything_but_rows_or_one_line(tmp_path, plugin, mode):
+    _, file = write_bag(tmp_path / 'a', plugin, mode, n=50)
+    metadata = file.parent / 'metadata.yaml'
+    random = np.random.default_rng(3)
+    outcomes = set()
+    for damaged in (file, metadata):
+        content = damaged.read_bytes()
+        for _ in range(60):
+            broken = bytearray(content)
+            for place in random.integers(0, len(broken), 4):
+                broken[place] = random.integers(0, 256)
+            damaged.write_bytes(broken)
+            try:
+                recording = open_recording(tmp_path / 'a')
+                outcomes.add(sum(len(piece.volts) for piece in recording.pieces()))
+                assert '\n' not in recording.counts.lost
+            except ValueError as error:
+                said = str(error)
+                assert said.startswith(f'{tmp_path / "a"}: ')
+                assert '\n' not in said
+        damaged.write_bytes(content)
+    assert 50 in outcomes

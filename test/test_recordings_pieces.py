@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recorded import read_recording
 
 from slip_detector.config import DriverConfig
 from slip_detector.recordings import (
@@ -14,7 +15,6 @@ from slip_detector.recordings import (
     is_recording,
     npz,
     open_recording,
-    read_recording,
     with_options,
 )
 from slip_detector.recordings.recording import Counts, Piece
@@ -163,6 +163,21 @@ def test_what_the_new_rate_cannot_hold_is_taken_out(tmp_path):
     read, *_ = resampled(save(tmp_path / 'a.npz', volts, rate_hz=1000.0), 380.0)
     # 250 Hz would fold to 130 Hz, where the chain listens.
     assert np.abs(read[100:-100] - 4.3).max() < 1e-3
+
+
+@pytest.mark.parametrize(('from_hz', 'to_hz'), [(1000.0, 380.0), (380.0, 1000.0), (400.0, 390.0)])
+def test_the_passband_is_flat_and_the_stopband_far_down(from_hz, to_hz):
+    half_hz = min(from_hz, to_hz) / 2
+    n = int(4 * from_hz)
+    tones_hz = np.array([0.1, 0.4, 0.6, 0.95, 0.97, 1.0]) * half_hz
+    volts = np.sin(2 * np.pi * np.outer(np.arange(n) / from_hz, tones_hz))
+    piece = Piece(volts, np.arange(n), None, True, np.arange(n))
+    out = np.concatenate([part.volts for part in Resampler(from_hz, to_hz).pieces(iter([piece]))])
+    at_s = np.arange(len(out)) / to_hz
+    inner = (at_s > 1) & (at_s < 3)
+    wanted = np.sin(2 * np.pi * np.outer(at_s, tones_hz))
+    assert np.abs(out - wanted)[inner, :3].max() < 1e-3
+    assert np.abs(out[inner, 3:]).max() < 10 ** (-70 / 20)
 
 
 @given(

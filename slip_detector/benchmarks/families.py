@@ -29,7 +29,8 @@ from slip_detector.search import Objective
 from slip_detector.sources import find_scene
 from slip_detector.sweep import Statistics
 from slip_detector.tracks import Track, held_out, track_of
-from slip_detector.tuning import Settings, Verdict, judge, load, settings_of
+from slip_detector.tuning import Settings, load, settings_of
+from slip_detector.verdict import Verdict, judge
 from slip_detector.workers import SEARCHED, Problem, search
 
 #: The paper's plates; a family plays each with each of its seeds.
@@ -134,7 +135,7 @@ def real(folder: Path, config: Path, seeds: Sequence[int], trials: int = TRIALS)
         When the recordings or the parameters cannot be read; names them.
     """
     settings = settings_of(str(config))
-    tracks = load([str(folder)], settings)
+    tracks = load([str(folder)], settings).tracks
     by_seed = {}
     for seed in seeds:
         verdicts = [

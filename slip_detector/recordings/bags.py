@@ -99,7 +99,7 @@ class BagRecording(Recording):
         """Yield the messages of a topic, decoded, and when each was received."""
         messages = self._storage.messages({topic.name})
         n = FIRST_MESSAGES
-        while some := list(islice(messages, n)):
+        while some := self._naming(lambda: list(islice(messages, n))):  # noqa: B023
             _, received, raws = zip(*some, strict=True)
             decoded = self._naming(lambda: decoder.many(raws, received))  # noqa: B023
             yield decoded, np.array(received, dtype=np.int64)

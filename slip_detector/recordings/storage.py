@@ -94,29 +94,31 @@ class Storage:
     def messages(self, topics: set[str]) -> Iterator[Message]:
         """Yield the messages of some topics, in the order in which they were received."""
         self.lost = []
+        last_ns = -1
         if self._whole:
-            yield from self._messages_of_whole(topics)
-            return
+            try:
+                for message in self._messages_of_whole(topics):
+                    last_ns = message[1]
+                    yield message
+                return
+            except Exception as error:  # A damaged place shows when it is reached.
+                why = ' '.join(str(error).split())
+                self.lost.append(f'{self._path.name} is damaged ({why})')
         per_message = str(_metadata(self._path).get('compression_mode')).lower() == 'message'
         with self._readers() as readers:
             for reader in readers:
                 for topic, received_ns, raw in reader.messages(topics):
-                    if per_message:
-                        raw = zstd().decompress(raw)  # noqa: PLW2901
-                    yield topic, received_ns, raw
+                    if received_ns > last_ns:
+                        yield topic, received_ns, _decompressed(raw) if per_message else raw
                 if reader.lost:
                     self.lost.append(f'{reader.name} {reader.lost}')
 
     def _messages_of_whole(self, topics: set[str]) -> Iterator[Message]:
-        try:
-            with self._rosbag2.Reader(self._path) as reader:
-                wanted = [one for one in reader.connections if one.topic in topics]
-                if wanted:
-                    for connection, received_ns, raw in reader.messages(wanted):
-                        yield connection.topic, received_ns, raw
-        except Exception as error:
-            # What is behind a damaged place does not become readable by asking again.
-            self.lost.append(f'{self._path.name} is damaged ({" ".join(str(error).split())})')
+        with self._rosbag2.Reader(self._path) as reader:
+            wanted = [one for one in reader.connections if one.topic in topics]
+            if wanted:
+                for connection, received_ns, raw in reader.messages(wanted):
+                    yield connection.topic, received_ns, raw
 
     @contextlib.contextmanager
     def _readers(self) -> 'Iterator[list[DamagedMcap | DamagedDatabase]]':
@@ -177,6 +179,14 @@ def _metadata(path: Path) -> dict[str, Any]:
         return dict(document['rosbag2_bagfile_information'])
     except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError):
         return {}
+
+
+def _decompressed(raw: bytes) -> bytes:
+    """Decompress a message; one that is damaged is empty, and left out when it is decoded."""
+    try:
+        return bytes(zstd().decompress(raw))
+    except Exception:
+        return b''
 
 
 def _counts(metadata: dict[str, Any]) -> list[tuple[str, int]]:
