@@ -285,7 +285,9 @@ class DriverConfig(ParameterSet):
     NODE = 'slip_driver'
 
     source: str = parameter(
-        'scene', 'Where the samples come from.', choices=('scene', 'recording')
+        'scene',
+        'Where the samples come from.',
+        choices=('scene', 'recording', 'serial', 'udp'),
     )
     scene: str = parameter('plate_400um', 'A scene that comes with the package, or a path.')
     seed: int = parameter(0, 'Seed of the noise; one seed is one trial.', low=0, high=2**31 - 1)
@@ -302,8 +304,8 @@ class DriverConfig(ParameterSet):
     )
     recording_labels: str = parameter(
         '',
-        'Path of a YAML file of the intervals with slip, or of a folder with <name>.labels.yaml '
-        'for each recording; empty: <name>.labels.yaml beside the recording, if it is there.',
+        'YAML file of the intervals with slip, or a folder of them; empty: <name>.labels.yaml '
+        'beside the recording, if it is there.',
     )
     recording_truth_topic: str = parameter(
         'slip_truth', 'Topic of a bag (Bool, on change) that says whether there is slip.'
@@ -321,8 +323,8 @@ class DriverConfig(ParameterSet):
     )
     recording_resample: bool = parameter(
         False,
-        'Whether slip_evaluate and slip_tune bring a recording of another rate to that of the '
-        'chain; the driver plays it at its own.',
+        'Whether slip_evaluate and slip_tune bring a recording to the rate of the chain; the '
+        'driver plays it at its own.',
     )
     recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
     recording_rate_key: str = parameter(
@@ -337,6 +339,43 @@ class DriverConfig(ParameterSet):
         0, 'Begin when so many subscribe to voltages, lest they miss the first.', low=0, high=1000
     )
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
+    channels: int = parameter(16, 'Channels that the sensor sends (serial, udp).', low=1, high=255)
+    frame_values: str = parameter(
+        'int16',
+        'How a frame carries a value (docs/frame.md).',
+        choices=('int16', 'int24', 'int32', 'uint16', 'uint24', 'uint32'),
+    )
+    frame_scale_v: float = parameter(
+        1e-3, 'Volts for each unit of a value in a frame.', unit='V', low=-1e9, high=1e9
+    )
+    frame_offset_v: float = parameter(
+        0.0, 'Volts of the value 0 in a frame.', unit='V', low=-1e9, high=1e9
+    )
+    serial_port: str = parameter(
+        '', 'The port, for source: serial; best a name of it that stays, in /dev/serial/by-id.'
+    )
+    serial_baud: int = parameter(
+        115200, 'Rate of the port; without effect on USB.', unit='baud', low=50, high=20_000_000
+    )
+    serial_format: str = parameter(
+        'frame',
+        'What comes from the port: binary frames, or lines of text, which have no checksum.',
+        choices=('frame', 'text'),
+    )
+    text_rate_hz: float = parameter(
+        0.0,
+        'Rate at which the sensor takes lines of text; 0: unknown, stamped when they arrive.',
+        unit='Hz',
+        low=0.0,
+        high=1e6,
+    )
+    udp_bind_address: str = parameter(
+        '127.0.0.1', 'Own address to listen on; 0.0.0.0: all, to be had from outside.'
+    )
+    udp_port: int = parameter(47380, 'Port to listen on.', low=1, high=65535)
+    udp_senders: tuple[str, ...] = parameter(
+        ('127.0.0.1',), 'Addresses that may send; those of others are dropped.'
+    )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -146,10 +146,8 @@ class Evaluator:
                 f'{", ".join(config.channel_names)}, the parameter channel_names'
             )
         if require_truth and not recording.has_truth:
-            there = ', '.join(recording.array_names())
             raise ValueError(
-                f'{path}: has no label {self._driver_config.recording_truth_key}, '
-                + (f'there are: {there}' if there else 'allowed: one, or a file of labels')
+                f'{path}: {self._no_truth(recording)}, or a file of labels (--labels)'
             )
         wanted_hz = config.sample_rate_hz
         # One of another rate is resampled, or reading it says what is wrong.
@@ -159,6 +157,15 @@ class Evaluator:
             rate_hz,
             recording.channel_names,
             recording,
+        )
+
+    def _no_truth(self, recording: Recording) -> str:
+        config, there = self._driver_config, ', '.join(recording.array_names())
+        if there:
+            return f'has no label {config.recording_truth_key}, there are: {there}; allowed: one'
+        return (
+            f'has no topic {config.recording_truth_topic} or {config.recording_position_topic} '
+            'that tells the slips, allowed: one'
         )
 
     def evaluate(self, path: Path, most_cells: int | None = None) -> Evaluation:

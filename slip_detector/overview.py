@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain import SlipResult
 from slip_detector.config import ChainConfig
-from slip_detector.events import ALREADY_ON, FALSE, STAGES, Alarm, TrueSlip
 
 Bools = NDArray[np.bool_]
 Rows = NDArray[np.int64]
@@ -22,12 +21,6 @@ Codes = NDArray[np.uint8]
 
 #: Kinds of events, those first that a reader looks for.
 KINDS = ('false alarm', 'missed', 'late', 'detected')
-
-#: What is said of a missed slip, by where it was lost.
-LOST = {
-    **{stage: f'lost at: {stage}' for stage in STAGES},
-    ALREADY_ON: 'the decision was ON before it began',
-}
 
 #: How much before and after the start of a slip or an alarm is kept row by row.
 BEFORE_S, AFTER_S = 0.15, 0.3
@@ -227,26 +220,6 @@ class Overview:
             intervals.end(self.rows)
         self.rows += round(seconds * self.sample_rate_hz)
         self._coarsen_to(self.rows)
-
-    def set_events(self, slips: Sequence[TrueSlip], alarms: Sequence[Alarm]) -> None:
-        """Make the events of a replay's slips and false alarms, in order of time."""
-        events = [
-            Event(
-                'missed' if slip.alarm is None else 'late' if slip.late else 'detected',
-                slip.start_s,
-                slip.end_s,
-                slip.latency_s,
-                slip.stages_s or {},
-                LOST.get(slip.lost_at or '', ''),
-            )
-            for slip in slips
-        ]
-        events += [
-            Event('false alarm', alarm.start_s, alarm.end_s)
-            for alarm in alarms
-            if alarm.kind == FALSE
-        ]
-        self.events = sorted(events, key=lambda event: event.start_s)
 
     def bins(self, bin_rows: int) -> tuple[Volts, Volts, Codes]:
         """Return the lowest and highest volts and the highest level's code of each bin.

@@ -155,12 +155,12 @@ def timeline_figure(names: Sequence[str], overviews: Sequence[Overview]) -> Figu
     places = iter(zip(bottoms + 0.1, heights - 0.2, strict=True))
 
     bottom, height = next(places)
-    for event in last.events:
-        marker, color = EVENT_STYLES[KINDS.index(event.kind)]
-        axis.plot(event.start_s, bottom + height / 2, marker, color=color, markersize=5)
+    for kind, (marker, color) in zip(KINDS, EVENT_STYLES, strict=True):
+        starts_s = [event.start_s for event in last.events if event.kind == kind]
+        middle = np.full(len(starts_s), bottom + height / 2)
+        axis.plot(starts_s, middle, marker, color=color, markersize=5, label=kind)
     if last.truth is not None:
-        for start, stop in last.truth / rate:
-            axis.axvspan(start, stop, color='0.92', zorder=0, linewidth=0)
+        _bars(axis, last.truth, rate, (bottoms[-1], -bottoms[-1]), '0.92')
         _bars(axis, last.truth, rate, next(places), '0.5')
     for overview in overviews:
         _bars(axis, overview.slip, rate, next(places), COLORS[1])
@@ -185,12 +185,15 @@ def timeline_figure(names: Sequence[str], overviews: Sequence[Overview]) -> Figu
     axis.set_title(
         f'{_plain(last.name)} (grey: label; each channel from its lowest to its highest volts)'
     )
+    if last.events:
+        figure.legend(loc='outside lower right', ncols=len(KINDS), fontsize=8, frameon=False)
     return figure
 
 
 def _bars(axis: Axes, rows: Rows, rate: float, place: tuple[float, float], color: str) -> None:
     spans = [(start / rate, (stop - start) / rate) for start, stop in rows.tolist()]
-    axis.broken_barh(spans, place, facecolors=color)
+    # With an edge: what is narrower than a pixel must not vanish.
+    axis.broken_barh(spans, place, color=color, linewidth=0.5, zorder=0.5)
 
 
 def _picture_bins(overview: Overview) -> tuple[Floats, Floats, Floats]:

@@ -41,6 +41,10 @@ Floats = NDArray[np.float64]
 #: Values that the chain is given at a time: what it makes of them is to stay in the cache.
 BLOCK_VALUES = 131072
 
+#: The block that begins with a slip is as short: mostly its alarm is in it, and then the rows
+#: after it go without the envelope.
+WATCHED_ROWS = 64
+
 
 class Rows(NamedTuple):
     """A piece of a recording: n rows of c channels.
@@ -274,9 +278,11 @@ class _Run:
         if piece.new_stretch and self._rows:
             self._begin_stretch(piece.stamps_ns)
         # A block ends before each slip: the chain is then as it was when the slip began.
-        starts = np.flatnonzero(truth[1:] & ~truth[:-1]) + 1
-        cuts = sorted({*range(0, n, self._block_rows), *starts.tolist(), n})
-        for a, b in itertools.pairwise(cuts):
+        starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
+        cuts = {*range(0, n, self._block_rows), *starts.tolist(), n}
+        if self._watch:
+            cuts.update(row for row in (starts + WATCHED_ROWS).tolist() if row < n)
+        for a, b in itertools.pairwise(sorted(cuts)):
             moving = None if piece.moving is None else piece.moving[a:b]
             self._block(volts[a:b], truth[a:b], moving)
         if piece.stamps_ns is not None:
@@ -399,6 +405,7 @@ class _Run:
         delays_s = tuple(
             None if row < 0 else (row - slip.start) / rate_hz for row in slip.first_on.tolist()
         )
+        known = [delay for delay in delays_s if delay is not None]
         own = slip.stages if latency is not None and latency >= 0 else None
         return TrueSlip(
             start_s=slip.start / rate_hz,
@@ -411,5 +418,5 @@ class _Run:
             on_at_start=slip.on_at_start,
             on_while=slip.on_while,
             channel_delays_s=delays_s,
-            delay_s=mean_delay(delays_s)[0],
+            delay_s=sum(known) / len(known) if known else None,
         )

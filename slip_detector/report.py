@@ -13,6 +13,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from slip_detector.evaluation_tables import cell
 from slip_detector.overview import Overview
 from slip_detector.report_data import Trial, Variant, bin_rows, chosen_snippets, front, pack
 
@@ -124,7 +125,9 @@ def figures_text(variants: Sequence[Variant]) -> str:
         lines += [
             '  '.join([_heading(name).ljust(width), *(f'{cell:>12}' for cell in cells)])
             for name in names
-            for cells in [[_cell(variant.figures.get(row, {}).get(name)) for variant in variants]]
+            for cells in [
+                [_cell(name, variant.figures.get(row, {}).get(name)) for variant in variants]
+            ]
         ]
         lines.append('')
     return '\n'.join([*lines, f'{UNDEFINED}: not defined', ''])
@@ -210,7 +213,7 @@ def _figure_table(variants: Sequence[Variant], names: Sequence[str]) -> str:
             [
                 row if v == 0 else '',
                 *([variant.name] if several else []),
-                *(_cell(variant.figures.get(row, {}).get(name)) for name in names),
+                *(_cell(name, variant.figures.get(row, {}).get(name)) for name in names),
             ]
             for v, variant in enumerate(variants)
         ]
@@ -239,8 +242,9 @@ def _front(trials: Sequence[Trial]) -> str:
     rows = [
         [
             f'{trial.number} ({trial.mark})' if trial.mark else f'{trial.number}',
-            _cell(None if trial.latency_s is None else 1e3 * trial.latency_s),
-            *map(_cell, (trial.false_alarms_per_minute, trial.missed_percent)),
+            _cell('latency_ms', None if trial.latency_s is None else 1e3 * trial.latency_s),
+            _cell('false_alarms_per_minute', trial.false_alarms_per_minute),
+            _cell('missed_percent', trial.missed_percent),
             ', '.join(f'{name} {_value(value)}' for name, value in trial.parameters.items()),
         ]
         for trial in best[:MOST_LISTED]
@@ -309,10 +313,10 @@ def _heading(name: str) -> str:
     return ' '.join('AUC' if word == 'auc' else word for word in words) + unit
 
 
-def _cell(value: float | str | None) -> str:
+def _cell(name: str, value: float | str | None) -> str:
     if value is None:
         return UNDEFINED
-    return f'{value:.4g}' if isinstance(value, float) else str(value)
+    return value if isinstance(value, str) else cell(name, value)
 
 
 def _value(value: Any) -> str:

@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 import yaml
 
+from slip_detector import recordings
 from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig
 from slip_detector.evaluation import main, recording_sets
 from slip_detector.evaluation_tables import SECTIONS, as_tables
 from slip_detector.evaluator import events
 from slip_detector.events import Alarm
+from slip_detector.recordings.writing import write_recording
 from slip_detector.replay import Replay, Rows
 from slip_detector.scores import REST, SLIP, DecisionStatistic, ScoreTally
 
@@ -227,6 +229,60 @@ def test_bad_samples_and_gaps_are_counted(capsys, tmp_path):
     assert (figures['gaps'], figures['long_gaps']) == (2, 0)
 
 
+def bag(path, n=600, truth=True):
+    """Write the recording of :func:`write` as a bag."""
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    source = write(path.parents[1] / 'source' / 'a.npz')
+    with np.load(source) as file:
+        rows = recordings.Rows(
+            file['volts'][:n],
+            np.rint(np.arange(n) * 1e9 / RATE_HZ).astype(np.int64),
+            file['slip'][:n] if truth else None,
+        )
+    write_recording(path, [rows], RATE_HZ, [f'ch{i + 1}' for i in range(16)])
+    return source
+
+
+@pytest.mark.parametrize('name', ['a.mcap', 'a.db3', 'a'])
+def test_a_bag_and_an_npz_of_the_same_rows_have_the_same_figures(capsys, tmp_path, name):
+    source = bag(tmp_path / 'bags' / name)
+    expected = report_of(capsys, source)['source']
+    # A folder of bags is a set, one that is a bag is a recording.
+    for given_path in (tmp_path / 'bags', tmp_path / 'bags' / name):
+        found = report_of(capsys, given_path)['bags']
+        assert list(found['recordings']) == [name]
+        for figure in ('rows', 'slips', 'alarms', 'auc_all', 'mean_delay_ms', 'long_gaps'):
+            assert found[figure] == expected[figure]
+
+
+def test_a_bag_that_was_cut_off_is_evaluated_and_says_so(capsys, tmp_path):
+    path = tmp_path / 'bags' / 'a.mcap'
+    bag(path)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    figures = report_of(capsys, path)['bags']
+    assert 0 < figures['rows'] < 600
+    (of_file,) = figures['recordings'].values()
+    assert 'is lost' in of_file['lost']
+    assert main([str(path)]) == 0
+    assert f'a.mcap: {of_file["lost"]}' in capsys.readouterr().out.splitlines()
+
+
+def test_a_bag_without_labels_or_topic_says_what_is_missing(capsys, tmp_path):
+    path = tmp_path / 'bags' / 'a.mcap'
+    bag(path, truth=False)
+    assert complaint(capsys, path) == (
+        f'{path}: has no topic slip_truth or platform_position that tells the slips, allowed: '
+        'one, or a file of labels (--labels)'
+    )
+    assert '/voltages' in complaint(capsys, path, '--topic', 'nowhere')
+    assert complaint(capsys, path, '--field', 'nothing').startswith(f'{path}: ')
+    labels = tmp_path / 'a.labels.yaml'
+    labels.write_text('slip_s:\n- [0.5, 1.0]\n')
+    figures = report_of(capsys, path, '--labels', labels)['bags']
+    assert (figures['slips'], figures['slip_rows']) == (1, 190)
+
+
 def test_what_was_lost_of_a_recording_is_said(capsys):
     figures = Replay(ChainConfig()).run([]).figures()
     counts = dict.fromkeys(['bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'], 0)
@@ -372,7 +428,8 @@ def test_a_recording_that_does_not_suit_is_named(capsys, tmp_path):
     )
     unlabelled = write(tmp_path / 'unlabelled.npz', slip=None)
     assert complaint(capsys, unlabelled) == (
-        f'{unlabelled}: has no label slip, there are: sample_rate_hz, volts'
+        f'{unlabelled}: has no label slip, there are: sample_rate_hz, volts; allowed: one, or a '
+        'file of labels (--labels)'
     )
     broken = tmp_path / 'broken.npz'
     broken.write_bytes(unlabelled.read_bytes()[:-100])

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig
-from slip_detector.events import FALSE, TRUE, Alarm, TrueSlip
-from slip_detector.overview import THRESHOLD_CODE, Event, Overview, level_codes
+from slip_detector.overview import THRESHOLD_CODE, Overview, level_codes
 
 CONFIG = ChainConfig(
     channels=3,
@@ -184,22 +183,3 @@ def test_no_rows_are_no_error():
     assert overview.rows == 0
     assert overview.snippets == []
     assert len(overview.bins(1)[0]) == 0
-
-
-def test_events_are_those_of_the_replay_in_order_of_time():
-    times = {'on_at_start': False, 'on_while': True, 'channel_delays_s': (), 'delay_s': None}
-    stages = {'filter': 0.01, 'envelope': 0.02, 'decision': 0.015, 'vote': 0.005}
-    slips = [
-        TrueSlip(1.0, 2.0, 1, 0.05, False, stages, None, **times),
-        TrueSlip(3.0, 4.0, 2, 0.3, True, None, None, **times),
-        TrueSlip(5.0, 6.0, None, None, False, None, 'vote', **times),
-    ]
-    alarms = [Alarm(0.5, 0.6, FALSE, None), Alarm(1.05, 2.0, TRUE, 0), Alarm(3.3, 4.0, TRUE, 1)]
-    overview = Overview('a.npz', CONFIG)
-    overview.set_events(slips, alarms)
-    assert overview.events == [
-        Event('false alarm', 0.5, 0.6),
-        Event('detected', 1.0, 2.0, 0.05, stages),
-        Event('late', 3.0, 4.0, 0.3),
-        Event('missed', 5.0, 6.0, note='lost at: vote'),
-    ]

@@ -25,6 +25,7 @@ ROSDEP_KEYS = {
     'numpy': 'python3-numpy',
     'rosbags': 'python3-rosbags-pip',
     'scipy': 'python3-scipy',
+    'serial': 'python3-serial',
     'yaml': 'python3-yaml',
 }
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -45,6 +46,8 @@ def recordings(draw):
         shift = int(rng.integers(-10, 10))
         truth[max(start + shift, 0) : end + shift] = rng.random() < 0.8
     volts[rng.random(volts.shape) < 0.002] = np.nan
+    for start in rng.integers(0, n, 20):  # A channel that leaves in the midst of ridges.
+        volts[start : start + 30, rng.integers(0, 4)] = np.nan
     stamps_ns = np.round(time_s * 1e9).astype(np.int64)
     breaks = sorted(rng.integers(1, n, draw(st.integers(0, 2), label='gaps')).tolist())
     for at in breaks:
@@ -275,6 +278,16 @@ def test_the_recordings_own_rate_turns_rows_into_times():
     assert its.quiet_s == pytest.approx(1.01 * ours.quiet_s)
 
 
+def test_late_is_later_than_the_limit():
+    volts, truth = ridges((400, 600))
+    latency_s = Replay(CONFIG).run([Rows(volts, truth)]).slips[0].latency_s
+    for limit_s, late in ((latency_s, False), (latency_s - 1 / RATE_HZ, True)):
+        config = EvaluationConfig(late_after_s=limit_s)
+        outcome = Replay(CONFIG, config).run([Rows(volts, truth)])
+        assert outcome.slips[0].late == late
+        assert (outcome.figures()['late_filter_ms'] is None) == (not late)
+
+
 def test_a_replay_used_again_remembers_nothing():
     volts, truth = ridges((400, 600))
     replay = Replay(CONFIG)
@@ -357,3 +370,23 @@ def test_who_looks_on_sees_all_rows_and_gaps(scores):
 def test_a_label_of_another_length_is_refused():
     with pytest.raises(ValueError, match=r'truth has the shape \(3,\), allowed: \(4,\)'):
         Replay(CONFIG).run([Rows(np.zeros((4, 4)), np.zeros(3, bool))])
+
+
+def test_memory_does_not_grow_with_the_rows():
+    volts, truth = ridges((400, 600))
+    replay = Replay(CONFIG)
+
+    def peak(pieces):
+        tracemalloc.start()
+        try:
+            replay.run(Rows(volts, truth) for _ in range(pieces))
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    peak(1)
+    more = 200 if COMPILED else 10
+    growth = peak(2 + more) - peak(2)
+    # For each slip and its alarm there are some numbers for each channel.
+    assert growth < more * 4000
+    assert growth < 0.1 * more * volts.nbytes

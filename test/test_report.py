@@ -205,7 +205,7 @@ def test_events_are_in_the_header(page):
 def test_figures_are_in_the_table_and_what_is_undefined_is_said_to_be(page):
     text = '|'.join(text for text in page.texts if text.strip())
     assert 'latency median [ms]' in text
-    assert '|a.npz|given|3|1|34.57|' in text
+    assert '|a.npz|given|3|1|34.6|' in text
     assert f'|tuned|3|0|{report.UNDEFINED}|' in text
     assert f'{report.UNDEFINED}: not defined' in text
 
@@ -237,7 +237,7 @@ def test_pictures_hold_the_same_figures(tmp_path, variants):
     for path in paths[:-1]:
         assert path.read_bytes().startswith(b'\x89PNG')
     text = paths[-1].read_text(encoding='utf-8')
-    assert re.search(rf'latency median \[ms\] +34.57 +{report.UNDEFINED}\n', text)
+    assert re.search(rf'latency median \[ms\] +34.6 +{report.UNDEFINED}\n', text)
     assert [p.name for p in report.write_pictures(tmp_path / 'one', variants[:1])][-2:] == [
         'filters.png', 'figures.txt',
     ]  # fmt: skip

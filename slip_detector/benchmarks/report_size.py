@@ -1,23 +1,22 @@
 """How large the report of an hour is, and how soon a browser has drawn it."""
 
 import contextlib
+import importlib
 import importlib.util
 import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from slip_detector import report
 from slip_detector.config import ChainConfig
+from slip_detector.evaluator import events
 from slip_detector.overview import Overview
 from slip_detector.replay import Replay, Rows
 from slip_detector.report_data import Variant
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
 
 #: Names under which systems have browsers that can run without a screen.
 BROWSERS = (
@@ -60,10 +59,15 @@ def why_no_browser() -> str:
 
 
 @contextlib.contextmanager
-def browser() -> Iterator['Browser']:
-    """Run the system's browser; see :func:`why_no_browser` first."""
-    from playwright.sync_api import sync_playwright
+def browser() -> Iterator[Any]:
+    """Run the system's browser; see :func:`why_no_browser` first.
 
+    Yields
+    ------
+    playwright.sync_api.Browser
+    """
+    # By name: the package does not depend on it, only this measurement and the tests do.
+    sync_playwright = importlib.import_module('playwright.sync_api').sync_playwright
     path = next(path for path in map(shutil.which, BROWSERS) if path)
     with sync_playwright() as playwright:
         running = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
@@ -115,7 +119,7 @@ def _variants(duration_s: float, seed: int) -> list[Variant]:
         outcome = Replay(config, scores=False).run(
             _pieces(parts, round(duration_s * config.sample_rate_hz), random), observer=overview
         )
-        overview.set_events(outcome.slips, outcome.alarms)
+        overview.events = events(outcome)
         variants.append(Variant(name, config, [overview], {'hour': outcome.figures()}))
     return variants
 

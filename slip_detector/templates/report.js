@@ -162,40 +162,39 @@ function fillKinds() {
 
 function fillList() {
   const rows = list(), several = header.recordings.length > 1;
-  const heads = ['', ...(several ? ['recording'] : []), 'start', 'length', 'latency'];
-  const head = make('tr');
-  head.append(...heads.map((text, i) => make('th', text, i && text === 'recording' ? 'text' : '')));
+  const heads = ['', 'start', 'length', 'latency'], head = make('tr');
+  head.append(...heads.map((text) => make('th', text)));
   document.querySelector('#event-list thead').replaceChildren(head);
   const body = document.querySelector('#event-list tbody');
   body.replaceChildren();
-  const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)} ms`);
+  const across = (text, className) => {
+    const row = make('tr'), cell = make('td', text, className);
+    cell.colSpan = heads.length;
+    row.append(cell);
+    body.append(row);
+    return row;
+  };
+  const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)}\u00a0ms`);
+  let above = null;
   for (const [r, i, event] of rows.slice(0, listed)) {
+    if (several && r !== above) across(header.recordings[r].name, 'name');
+    above = r;
     const [kind, start, end, latency, parts, note] = event, row = make('tr');
     const link = make('a', `${KINDS[kind][1]} ${KINDS[kind][0]}`, `kind-${kind}`);
     link.href = `#event-${view.variant}-${r}-${i}`;
     const first = make('td');
     first.append(link);
     row.append(first);
-    if (several) row.append(make('td', header.recordings[r].name, 'text name'));
     row.append(make('td', clock(start)), make('td', ms(end - start)), make('td', ms(latency)));
     body.append(row);
     row.dataset.event = `${r}-${i}`;
     const where = Object.entries(parts).map(([name, s]) => `${name} ${ms(s)}`);
     if (note) where.push(note);
-    if (where.length) {
-      const more = make('tr'), cell = make('td', where.join(', '), 'where');
-      cell.colSpan = heads.length;
-      more.append(cell);
-      more.dataset.event = row.dataset.event;
-      body.append(more);
-    }
+    if (where.length) across(where.join(', '), 'where').dataset.event = row.dataset.event;
   }
   if (!rows.length) {
     const known = header.recordings.some((_, r) => eventsOf(r).length);
-    const cell = make('td', known ? 'none of the kinds that are ticked' : 'no events');
-    cell.colSpan = heads.length;
-    body.append(make('tr'));
-    body.lastChild.append(cell);
+    across(known ? 'none of the kinds that are ticked' : 'no events');
   }
   element('more').hidden = rows.length <= listed;
   element('more').textContent = `show more (${rows.length - listed} left)`;
@@ -310,6 +309,5 @@ function start() {
 }
 
 if (typeof DecompressionStream === 'undefined') {
-  element('failure').hidden = false;
-  element('failure').textContent = 'This browser is too old for the timeline (it lacks DecompressionStream).';
+  fail('This browser is too old for the timeline: it lacks DecompressionStream.');
 } else start();

@@ -28,10 +28,15 @@ const now = () => header.recordings[view.recording];
 const duration = () => now().rows / now().rate_hz;
 const eventsOf = (r, v = view.variant) => header.recordings[r].variants[v].events;
 
-async function load(r) {
-  const node = element(`data-${r}`);
-  recordings[r] ??= inflate(node.textContent).then((bytes) => decode(header.recordings[r], bytes));
+function load(r) {
+  recordings[r] ??= inflate(element(`data-${r}`).textContent)
+    .then((bytes) => decode(header.recordings[r], bytes));
   return recordings[r];
+}
+
+function fail(text) {
+  element('failure').hidden = false;
+  element('failure').textContent = text;
 }
 
 // ---- text
@@ -60,25 +65,29 @@ function ratio(code) {
 // How fine the drawing can be.
 function resolution() {
   const {bin_rows: bin, rate_hz: rate} = now(), events = eventsOf(view.recording);
-  if (bin === 1) return 'Each row is drawn when zoomed in.';
+  const grouped = new Set(now().variants.flatMap((v) => v.groups.flatMap((group) => group.members)));
+  const disabled = now().channels.length - grouped.size;
+  const without = disabled ? ` Disabled channels, ${disabled} of them, are left out.` : '';
+  if (bin === 1) return `Each row is drawn when zoomed in.${without}`;
   const snippets = now().variants[view.variant].snippets;
   const fine = events.filter(([, start]) => snippets.some(
     ([first, rows]) => start * rate >= first - 0.5 && start * rate < first + rows)).length;
   return `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms; `
-    + `row by row about the start of ${fine} of ${events.length} events.`;
+    + `row by row about the start of ${fine} of ${events.length} events.${without}`;
 }
 
 // ---- lanes: what is drawn from top to bottom
 
 function layOut() {
   const recording = now(), groups = recording.variants[view.variant].groups;
-  const channels = recording.channels.length, free = window.innerHeight - 330;
-  const height = Math.max(18, Math.min(60, Math.floor(free / Math.max(channels, 1))));
+  const free = window.innerHeight - 330;
+  const grouped = recording.variants.flatMap((v) => v.groups.flatMap((group) => group.members));
+  const left = new Set(grouped.map((member) => member - 1));
+  const height = Math.max(18, Math.min(60, Math.floor(free / Math.max(left.size, 1))));
   lanes = [{kind: 'axis', height: 22}, {kind: 'events', height: 16, name: 'events'}];
   if (recording.truth !== null) lanes.push({kind: 'truth', height: 16, name: 'label'});
   names.forEach((name, v) => lanes.push(
     {kind: 'slip', height: 16, variant: v, name: names.length > 1 ? `slip ${name}` : 'slip'}));
-  const left = new Set(recording.channels.keys());
   groups.forEach((group, g) => {
     lanes.push({kind: 'group', height: 14, group: g, name: group.name});
     for (const member of group.members) {
@@ -86,6 +95,7 @@ function layOut() {
       lanes.push({kind: 'channel', height, channel: member - 1, name: recording.channels[member - 1]});
     }
   });
+  // Disabled here, not in the other variant.
   for (const channel of left) {
     lanes.push({kind: 'channel', height, channel, name: `${recording.channels[channel]} (off)`});
   }
@@ -117,8 +127,14 @@ function redraw() {
   canvas.ariaBusy = 'true';
   requestAnimationFrame(async () => {
     pending = false;
-    const r = view.recording, data = await load(r);
-    if (r === view.recording) draw(data);
+    const r = view.recording;
+    try {
+      const data = await load(r);
+      if (r === view.recording) draw(data);
+    } catch (error) {
+      fail(`${header.recordings[r].name} cannot be drawn: ${error.message}`);
+      throw error;
+    }
   });
 }
 
@@ -245,7 +261,8 @@ function sizeFor(sizes, scale) {
 function pieces(data, channel, scale, piece) {
   const variant = data.variants[view.variant], recording = now();
   const size = sizeFor(data.low, scale), rows = recording.bin_rows * 2 ** size;
-  const from = view.from * recording.rate_hz, to = view.to * recording.rate_hz;
+  // One more at either end, so that lines reach the edge.
+  const from = view.from * recording.rate_hz - rows, to = view.to * recording.rate_hz + rows;
   const bins = (start, stop) => {
     const n = data.low[size].n;
     const first = Math.max(0, Math.floor(start / rows)), end = Math.min(n, Math.ceil(stop / rows));
