@@ -3,9 +3,10 @@
 What is reported is parted from what is tuned on before a search begins.
 
 :func:`families` gives, by the name of the family, ``given`` and ``tuned``, each with
-``latency_median_ms``, ``false_alarms_per_minute``, ``recall`` and ``slips`` on seeds that the
-search has not seen; ``kept``: why the given parameters were kept, else empty; ``better``: whether
-latency and false alarms are both better; and ``parameters``: what was searched, as tuned.
+``slips``, ``recall``, ``false_alarms_per_minute``, ``latency_median_ms`` of the slips detected and
+``latency_median_all_ms`` of all, a missed one later than any, on seeds that the search has not
+seen; ``kept``: why the given parameters were kept, else empty; ``better``: whether
+the latency of all and the false alarms are both better; and ``parameters``: what was searched, as tuned.
 
 :func:`real` leaves each recording out of one search and scores it with the chain found there. It
 gives the area under the ROC curve of slip against motion over all recordings: ``given``, without
@@ -23,7 +24,7 @@ import numpy as np
 
 from slip_detector.config import ChainConfig
 from slip_detector.parameter_sets import read_yaml
-from slip_detector.replay import Replay, Rows, figures
+from slip_detector.replay import Replay, Rows
 from slip_detector.scenes.scene import Scene
 from slip_detector.scores import MOTION, ScoreTally
 from slip_detector.search import Found, Objective
@@ -31,14 +32,14 @@ from slip_detector.sources import find_scene
 from slip_detector.sweep import Statistics
 from slip_detector.tracks import Track, held_out, track_of
 from slip_detector.tuning import Settings, load, settings_of
-from slip_detector.verdict import Verdict, judge
+from slip_detector.verdict import Verdict, judge, pooled
 from slip_detector.workers import SEARCHED, Problem, search
 
 #: The paper's plates; a family plays each with each of its seeds.
 PLATES = ('plate_400um', 'plate_440um', 'plate_480um')
 
-TUNED_ON = range(500, 506)
-REPORTED_ON = range(600, 610)
+TUNED_ON = range(900, 906)
+REPORTED_ON = range(1000, 1010)
 
 #: Of what is tuned on, so much is held out once more to judge what is handed back.
 SHARE = 1 / 3
@@ -50,7 +51,13 @@ TRIALS = 200
 TAPS_S = (2.0, 2.6, 7.3, 8.0)
 ROLLING_S = 6.6
 
-FIGURES = ('slips', 'recall', 'false_alarms_per_minute', 'latency_median_ms')
+FIGURES = (
+    'slips',
+    'recall',
+    'false_alarms_per_minute',
+    'latency_median_ms',
+    'latency_median_all_ms',
+)
 
 
 def scenes() -> dict[str, list[dict[str, Any]]]:
@@ -120,7 +127,7 @@ def families(
         both = {}
         for which, chain in (('given', settings.chain), ('tuned', verdict.chain)):
             replay = Replay(chain, settings.evaluation, scores=False, stages=False)
-            whole = figures([replay.run(track.rows(), track.sample_rate_hz) for track in tracks])
+            whole = pooled([replay.run(track.rows(), track.sample_rate_hz) for track in tracks])
             both[which] = {figure: whole[figure] for figure in FIGURES}
         parameters = verdict.chain.to_parameters()
         result[name] = {
@@ -128,7 +135,7 @@ def families(
             'kept': verdict.kept,
             'better': all(
                 _less(both['tuned'][figure], both['given'][figure])
-                for figure in ('latency_median_ms', 'false_alarms_per_minute')
+                for figure in ('latency_median_all_ms', 'false_alarms_per_minute')
             ),
             'parameters': {parameter: parameters[parameter] for parameter in SEARCHED},
         }

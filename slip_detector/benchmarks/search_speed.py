@@ -39,7 +39,7 @@ LEAST_AGREEMENT = 0.9
 
 
 #: Trials of each search, and minutes of the recording.
-TRIALS, MINUTES = 100, 6.0
+TRIALS, MINUTES = 100, 15.0
 
 
 def slips_and_noise(minutes: float, seed: int = 0) -> Track:
