@@ -46,7 +46,7 @@ LEAST_SHARING = 3
 #: each side: a tenth of the amplitude is what contact and sensor vary by from day to day.
 NEIGHBOURS = 3
 
-#: How sure it must be that a chain is better than one that is nearer to the given: a search has many
+#: How sure it must be that a chain is better than one nearer to the given: a search has many
 #: chances to be lucky.
 CONFIDENCE = 0.99
 

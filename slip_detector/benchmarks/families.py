@@ -5,8 +5,8 @@ What is reported is parted from what is tuned on before a search begins.
 :func:`families` gives, by the name of the family, ``given`` and ``tuned``, each with
 ``slips``, ``recall``, ``false_alarms_per_minute``, ``latency_median_ms`` of the slips detected and
 ``latency_median_all_ms`` of all, a missed one later than any, on seeds that the search has not
-seen; ``kept``: why the given parameters were kept, else empty; ``better``: whether
-the latency of all and the false alarms are both better; and ``parameters``: what was searched, as tuned.
+seen; ``kept``: why the given parameters were kept, else empty; ``better``: whether the latency of
+all and the false alarms are both better; and ``parameters``: what was searched, as tuned.
 
 :func:`real` leaves each recording out of one search and scores it with the chain found there. It
 gives the area under the ROC curve of slip against motion over all recordings: ``given``, without
