@@ -23,9 +23,11 @@ ROSDEP_KEYS = {
     'mpmath': 'python3-mpmath',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
+    'optuna': 'python3-optuna-pip',
     'rosbags': 'python3-rosbags-pip',
     'scipy': 'python3-scipy',
     'serial': 'python3-serial',
+    'tqdm': 'python3-tqdm',
     'yaml': 'python3-yaml',
 }
 
