@@ -452,6 +452,6 @@ class TuneConfig(ParameterSet):
     )
     trade: bool = parameter(
         False,
-        'Whether latency, misses or false alarms may get worse than with the given parameters '
-        'where the cost falls.',
+        'Whether latency, misses, false alarms or area may get worse than with the given '
+        'parameters where the cost falls.',
     )

@@ -46,6 +46,9 @@ SHARE = 1 / 3
 
 TRIALS = 200
 
+#: Of each search on real recordings, one for each recording and seed.
+REAL_TRIALS = 100
+
 #: When something knocks and when the contact rolls: while the plate is held, before and after the
 #: slide.
 TAPS_S = (2.0, 2.6, 7.3, 8.0)
@@ -146,7 +149,9 @@ def _less(a: float | None, b: float | None) -> bool:
     return a is not None and (b is None or a < b)
 
 
-def real(folder: Path, config: Path, seeds: Sequence[int], trials: int = TRIALS) -> dict[str, Any]:
+def real(
+    folder: Path, config: Path, seeds: Sequence[int], trials: int = REAL_TRIALS
+) -> dict[str, Any]:
     """Leave each recording of a folder out once, tune on the others, and score it.
 
     Raises

@@ -88,7 +88,7 @@ def measure(
 
             assert recordings is not None
             assert config is not None
-            seeds, trials = (range(1), 4) if quick else (range(REAL_SEEDS), families.TRIALS)
+            seeds, trials = (range(1), 4) if quick else (range(REAL_SEEDS), families.REAL_TRIALS)
             result['real'] = families.real(recordings, config, seeds, trials)
         else:
             result[part] = _MEASURES[part](quick)
