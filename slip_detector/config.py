@@ -276,6 +276,9 @@ class DetectorConfig(ChainConfig):
     )
     publish_groups: bool = parameter(True, 'Whether slip/group/... is published.')
     publish_channels: bool = parameter(True, 'Whether slip/channel/... is published.')
+    autostart: bool = parameter(
+        True, 'Whether the node configures and activates itself; else a lifecycle manager does.'
+    )
 
 
 @dataclasses.dataclass(frozen=True)
