@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 #: start, and in the long run. A long memory averages the jitter out and still follows a drift.
 FIRST_MEMORY, LONG_MEMORY = 16, 256
 
-#: A sample further ahead of the grid, in periods, is no jitter: the grid is wrong, and moved.
+#: A sample further ahead of the grid, in periods, is no jitter: the grid begins anew.
 LARGEST_JITTER = 2.0
 
 #: Jitter is forgotten over so many samples.
@@ -102,6 +102,9 @@ class Timeline:
         self._dropped_first_ns = None
         period_ns = self.period_ns
         behind = (step_ns - self._until_next_ns) / period_ns - (rows - 1)
+        if behind < -LARGEST_JITTER:
+            self._begin(stamp_ns)
+            return NEXT
         missing = 0
         if behind >= GAP_PERIODS:
             missing = max(0, round(behind - max(0.0, self._jitter - GAP_PERIODS)))
@@ -145,7 +148,6 @@ class Timeline:
         n = self._memory
         if n < LONG_MEMORY:
             self._memory = min(n + rows, LONG_MEMORY)
-        behind = max(behind, -LARGEST_JITTER)
         # A late one may be one behind a gap; an early one can only be jitter.
         off = -behind if behind < 0.0 else min(behind, GAP_PERIODS)
         jitter = self._jitter * (1.0 - 1.0 / JITTER_MEMORY)

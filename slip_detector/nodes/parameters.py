@@ -27,6 +27,8 @@ def declare(
 
     Parameters
     ----------
+    node, config_class
+        Which fields are declared on which node.
     fixed
         What cannot be changed while the node runs; None: nothing can.
 
@@ -127,7 +129,7 @@ def changed(config: ConfigType, parameters: list[Parameter]) -> ConfigType:
 
 
 def _ours(name: str) -> bool:
-    return name.split('.')[0] not in OF_RCLPY
+    return name.partition('.')[0] not in OF_RCLPY
 
 
 def _value(parameter: Parameter) -> Any:
@@ -137,7 +139,7 @@ def _value(parameter: Parameter) -> Any:
 def _descriptor(
     config_class: type[ParameterSet], name: str, value: Any, read_only: bool
 ) -> ParameterDescriptor:
-    field = next(f for f in dataclasses.fields(config_class) if f.name == name.split('.')[0])
+    field = next(f for f in dataclasses.fields(config_class) if f.name == name.partition('.')[0])
     unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
     descriptor = ParameterDescriptor(
         name=name,
