@@ -4,8 +4,10 @@ import time
 from typing import Any
 
 import numpy as np
+from lifecycle_msgs.srv import ChangeState
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
@@ -27,6 +29,8 @@ LOOKS, LOOKS_IN_VAIN = 10, 8
 #: One line of a kind on the log in this time.
 LOG_PERIOD_NS = 1_000_000_000
 
+RCLError = rclpy_implementation.RCLError
+
 #: Only while the node starts is it asked whether to start by itself.
 FIXED = ('autostart',)
 
@@ -42,30 +46,38 @@ class Detector(LifecycleNode):
         super().__init__('slip_detector', allow_undeclared_parameters=True)
         # As the parameters have it; what runs may be a moment behind.
         self.config = declare(self, DetectorConfig, FIXED)
+        self._check(self.config)
         follow_changes(self, lambda: self.config, self._check, self._take)
         self._logged_ns: dict[str, int] = {}
-        self._problem = ''
         self._outputs: Outputs | None = None
         self._subscription: Any = None
         self._timers_made: list[Timer] = []
         # A thread that has built a chain wakes the executor, which swaps it in between two rows.
         self._built = self.create_guard_condition(self._swap)
+        # rclpy lets a transition that is not possible in the present state end the process.
+        self._change_state = self._service_change_state.callback
+        self._service_change_state.callback = self._on_change_state
         if self.config.autostart:
-            if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-                raise ValueError(self._problem)
+            self.trigger_configure()
             self.trigger_activate()
 
     # The life of the node.
 
+    def _on_change_state(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        """Answer a request to change the state, also an impossible one."""
+        try:
+            return self._change_state(request, response)
+        except RCLError as error:
+            self.get_logger().warning(f'refused: {" ".join(str(error).split())}')
+            response.success = False
+            return response
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the chain and the topics."""
         config = self.config
-        try:
-            self._chain = LiveChain(config, self._built.trigger)
-        except ValueError as error:
-            self._problem = str(error)
-            self.get_logger().error(self._problem)
-            return TransitionCallbackReturn.FAILURE
+        self._chain = LiveChain(config, self._built.trigger)
         self._health = Health(config)
         self._outputs = Outputs(self, config)
         disabled = len(config.disabled_channels)
