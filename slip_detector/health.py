@@ -74,6 +74,7 @@ class Health:
         # Of the samples' own times: the last one before this summary's, and the last one.
         self._stamp_before_ns: int | None = None
         self._stamp_ns: int | None = None
+        self._rows_between = 0
         self._spent_s = self._longest_s = self._age_s = 0.0
 
     def note_rows(
@@ -99,10 +100,11 @@ class Health:
         """
         self._rows.append(rows)
         self._valid.append(valid)
+        self.totals['rows'] += len(rows)
         if self._stamp_before_ns is None:
             self._stamp_before_ns = stamp_ns
         else:
-            self.totals['rows'] += len(rows)
+            self._rows_between += len(rows)
         self._stamp_ns = stamp_ns
         self._age_s = age_s
         self._spent_s += spent_s
@@ -111,6 +113,7 @@ class Health:
     def restart(self) -> None:
         """Measure the rate anew: the samples' times have leapt."""
         self._stamp_before_ns = self._stamp_ns = None
+        self._rows_between = 0
 
     def summary(
         self, passed_s: float, *, silent_s: float, slip: bool, valid: bool
@@ -134,17 +137,15 @@ class Health:
         ]
         self._totals_before = self.totals.copy()
         self._rows, self._valid = [], []
-        self._stamp_before_ns = self._stamp_ns
+        self._stamp_before_ns, self._rows_between = self._stamp_ns, 0
         self._spent_s = self._longest_s = 0.0
         return statuses
 
     def rate_hz(self) -> float | None:
         """Return the rate of the rows since the last summary, by their stamps; None: unknown."""
-        rows = self.totals['rows'] - self._totals_before['rows']
-        if self._stamp_ns is None or self._stamp_before_ns is None:
+        if self._stamp_ns is None or self._stamp_before_ns is None or not self._rows_between:
             return None
-        span_ns = self._stamp_ns - self._stamp_before_ns
-        return rows * 1e9 / span_ns if span_ns > 0 and rows else None
+        return self._rows_between * 1e9 / (self._stamp_ns - self._stamp_before_ns)
 
     def _input(self, now: Counter[str], silent_s: float) -> Status:
         config = self.config
