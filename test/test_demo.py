@@ -13,10 +13,9 @@ from slip_detector.config import DetectorConfig
 pytest.importorskip('rclpy', reason='needs rclpy')
 
 
-@pytest.fixture(scope='module')
-def finished(tmp_path_factory):
-    out = tmp_path_factory.mktemp('demo')
-    command = [sys.executable, '-m', 'slip_detector.nodes.demo', '--out', str(out)]
+def played(out, *words):
+    """Let a demonstration write to a folder and return what it prints."""
+    command = [sys.executable, '-m', 'slip_detector.nodes.demo', '--out', str(out), *words]
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(os.getpid() % 100 + 1)}
     done = subprocess.run(
         command,
@@ -27,13 +26,20 @@ def finished(tmp_path_factory):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return out, done.stdout
+    return done.stdout
+
+
+@pytest.fixture(scope='module')
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp('demo')
+    return out, played(out)
 
 
 def test_every_figure_is_there_and_plausible(finished):
     figures = json.loads((finished[0] / 'demo.json').read_text())
     assert list(figures['channel_delay_ms']) == list(DetectorConfig().names)
     assert list(figures['group_delay_ms']) == list(DetectorConfig().groups)
+    assert figures['motion']['end_s'] - figures['motion']['start_s'] == pytest.approx(2.5, abs=0.1)
     channels = figures['channel_delay_ms'].values()
     # The plate moves for 2.5 s: all channels feel it, none before it starts.
     assert all(0.0 < delay < 2500.0 for delay in channels)
@@ -51,6 +57,22 @@ def test_the_table_names_every_channel_group_and_figure(finished):
 
 def test_the_picture_is_a_picture(finished):
     assert (finished[0] / 'demo.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told(tmp_path):
+    text = played(tmp_path, '--scene', 'taps')
+    assert 'first ON: undefined, as nothing moves' in text
+    for word in ('False positives', '% of the rest', 'p99'):
+        assert word in text
+    figures = json.loads((tmp_path / 'demo.json').read_text())
+    assert figures['motion'] is None
+    assert set(figures['channel_delay_ms'].values()) == {None}
+    assert set(figures['group_delay_ms'].values()) == {None}
+    for name in ('mean_delay_ms', 'sd_delay_ms', 'global_delay_ms'):
+        assert figures[name] is None
+    assert 0.0 <= figures['false_positive_percent'] <= 100.0
+    assert 0.0 < figures['latency_ms']['median'] <= figures['latency_ms']['p99']
+    assert (tmp_path / 'demo.png').read_bytes().startswith(b'\x89PNG')
 
 
 def test_a_scene_that_is_not_there_ends_in_one_line():

@@ -134,22 +134,29 @@ def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
     """Compute the paper's figures of merit from what the witness received.
 
     Delays are from the stamp of the last sample at which the plate still stood (Eq. 9) to the
-    receipt of the first ON after it, as a grasp controller has them.
+    receipt of the first ON after it, as a grasp controller has them; None where there is none,
+    and where nothing moves.
     """
-    start_s, end_s = motion(witness)
+    times_s = np.array(witness.stamps_s)
+    span_s = motion(witness)
+    truth, moves = np.zeros(len(times_s), dtype=bool), None
+    if span_s:
+        moves = {'start_s': span_s[0] - times_s[0], 'end_s': span_s[1] - times_s[0]}
+        truth = (times_s >= span_s[0]) & (times_s <= span_s[1])
 
     def delay_ms(topic: str) -> float | None:
+        if not span_s:
+            return None
         changes = witness.changes[topic]
         times = np.array([at_s for at_s, _ in changes])
-        delay_s = first_on_delay_s(np.array([on for _, on in changes]), times, start_s)
+        delay_s = first_on_delay_s(np.array([on for _, on in changes]), times, span_s[0])
         return None if delay_s is None else delay_s * 1e3
 
-    times_s = np.array(witness.stamps_s)
     slip = state_at(witness.changes['slip'], times_s)
-    truth = (times_s >= start_s) & (times_s <= end_s)
     channels = {name: delay_ms(f'slip/channel/{name}') for name in config.names}
     mean, sd = mean_delay(list(channels.values()))
     return {
+        'motion': moves,
         'channel_delay_ms': channels,
         'mean_delay_ms': mean,
         'sd_delay_ms': sd,
@@ -163,13 +170,16 @@ def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
     }
 
 
-def motion(witness: Witness) -> tuple[float, float]:
-    """Return when the plate started and when it stopped, by its position (Eq. 9)."""
+def motion(witness: Witness) -> tuple[float, float] | None:
+    """Return when the plate started and when it stopped, by its position (Eq. 9).
+
+    It is None where nothing moves.
+    """
     if not witness.latencies_s:
         raise RuntimeError('no decision was received')
     moved = np.flatnonzero(np.diff(witness.positions_m))
     if not moved.size:
-        raise RuntimeError('the plate of this scene does not move: there is no delay to measure')
+        return None
     stamps_s = witness.position_stamps_s
     return stamps_s[moved[0]], stamps_s[moved[-1] + 1]
 
@@ -187,13 +197,11 @@ def rounded(value: Any) -> Any:
     return value if value is None else round(float(value), 3)
 
 
-def table(result: dict[str, Any]) -> str:
-    """Lay the figures out as text."""
-
+def _delay_lines(result: dict[str, Any]) -> list[str]:
     def ms(value: float | None) -> str:
         return 'none' if value is None else f'{value:.1f} ms'
 
-    lines = ['Delay from the start of the plate to the receipt of the first ON']
+    lines = []
     names = list(result['channel_delay_ms'])
     for first in range(0, len(names), 4):
         row = names[first : first + 4]
@@ -206,6 +214,16 @@ def table(result: dict[str, Any]) -> str:
         f'{name} {ms(delay)}' for name, delay in result['group_delay_ms'].items()
     ))  # fmt: skip
     lines.append(f'  slip    {ms(result["global_delay_ms"])}')
+    return lines
+
+
+def table(result: dict[str, Any]) -> str:
+    """Lay the figures out as text."""
+    lines = ['Delay from the start of the plate to the receipt of the first ON']
+    if result['motion'] is None:
+        lines[0] += ': undefined, as nothing moves'
+    else:
+        lines += _delay_lines(result)
     share = result['false_positive_percent']
     at_rest = 'undefined, there is no rest' if share is None else f'{share:.2f} % of the rest'
     lines.append(f'False positives  {at_rest}')
@@ -255,6 +273,7 @@ def _draw(witness: Witness, config: DetectorConfig, path: Path) -> None:
     from slip_detector.plots import draw_trial
 
     times_s = np.array(witness.stamps_s)
+    span_s = motion(witness)
     draw_trial(
         path,
         times_s - times_s[0],
@@ -262,7 +281,7 @@ def _draw(witness: Witness, config: DetectorConfig, path: Path) -> None:
         config,
         {name: state_at(witness.changes[f'slip/group/{name}'], times_s) for name in config.groups},
         state_at(witness.changes['slip'], times_s),
-        tuple(at_s - times_s[0] for at_s in motion(witness)),
+        (span_s[0] - times_s[0], span_s[1] - times_s[0]) if span_s else None,
     )
 
 
