@@ -36,6 +36,8 @@ setup(
     extras_require={
         # A robot may lack Numba: the chain then runs interpreted.
         'numba': ['numba>=0.57'],
+        # It reads and writes bags; npz and csv need none of it.
+        'bags': ['rosbags>=0.11'],
         'ros': ros_wheels('jazzy'),
         'ros-kilted': ros_wheels('kilted'),
         'test': [

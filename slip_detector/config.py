@@ -292,7 +292,41 @@ class DriverConfig(ParameterSet):
     )
     scene: str = parameter('plate_400um', 'A scene that comes with the package, or a path.')
     seed: int = parameter(0, 'Seed of the noise; one seed is one trial.', low=0, high=2**31 - 1)
-    recording: str = parameter('', 'Path of the recording to play (npz or csv).')
+    recording: str = parameter(
+        '', 'Path of the recording to play: npz, csv, mcap, db3, or the folder of a bag.'
+    )
+    recording_topic: str = parameter(
+        '', 'Topic of a bag that has the samples; empty: voltages, in whichever namespace it is.'
+    )
+    recording_field: str = parameter(
+        '',
+        'Field of its messages that has the channels, as pac or pillars[].fz; empty: position '
+        'of a JointState, data of a MultiArray.',
+    )
+    recording_labels: str = parameter(
+        '',
+        'Path of a YAML file of the intervals with slip, or of a folder with <name>.labels.yaml '
+        'for each recording; empty: <name>.labels.yaml beside the recording, if it is there.',
+    )
+    recording_truth_topic: str = parameter(
+        'slip_truth', 'Topic of a bag (Bool, on change) that says whether there is slip.'
+    )
+    recording_position_topic: str = parameter(
+        'platform_position',
+        'Topic of a bag whose position changes while there is slip (Eq. 9), where no Bool says.',
+    )
+    recording_still_m: float = parameter(
+        0.0,
+        'A change of that position from message to message up to this is rest.',
+        unit='m',
+        low=0.0,
+        high=1.0,
+    )
+    recording_resample: bool = parameter(
+        False,
+        'Whether slip_evaluate and slip_tune bring a recording of another rate to that of the '
+        'chain; the driver plays it at its own.',
+    )
     recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
     recording_rate_key: str = parameter(
         'sample_rate_hz', 'Name of the number in an npz recording that is its rate.'

@@ -20,7 +20,7 @@ from scipy import stats
 
 from slip_detector.chain import SlipChain, SlipResult
 from slip_detector.config import ChainConfig, DriverConfig, EvaluationConfig
-from slip_detector.recordings import Recording, read_recording
+from slip_detector.recordings import Whole, read_recording
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -273,7 +273,7 @@ class Evaluator:
         statistic = decision_statistic(chain.update(recording.volts, envelope=False), config)
         return Scored(statistic, recording.truth, self._moving(recording, path))
 
-    def _moving(self, recording: Recording, path: Path) -> Bools | None:
+    def _moving(self, recording: Whole, path: Path) -> Bools | None:
         """Tell the rows of motion, shape (n,), from the recording's velocities."""
         key, arrays = self._config.motion_key, recording.arrays
         if not key:
