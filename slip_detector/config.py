@@ -257,6 +257,16 @@ class ChainConfig(ParameterSet):
 class DetectorConfig(ChainConfig):
     """Parameters of the detector node: the chain's and those of its input and topics."""
 
+    input_type: str = parameter(
+        'sensor_msgs/msg/JointState',
+        'Message type of the topic voltages.',
+        allows='any that is installed, as package/msg/Type',
+    )
+    input_field: str = parameter(
+        'position',
+        'Where in it the channels are.',
+        allows='a field, or a path as wrench.force.x, pillars[].fz or tactiles[0].pressure',
+    )
     max_gap_s: float = parameter(
         0.1,
         'A shorter gap in the input is bridged with the last row, a longer one resets the chain.',

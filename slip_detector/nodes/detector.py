@@ -10,14 +10,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
-from sensor_msgs.msg import JointState
 
 from slip_detector.config import DetectorConfig
 from slip_detector.filters import design
 from slip_detector.health import Health
 from slip_detector.live_chain import LiveChain
 from slip_detector.nodes.diagnostics import Diagnostics
-from slip_detector.nodes.messages import sensor_qos, stamp_ns
+from slip_detector.nodes.inputs import Input
+from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import OF_THE_TOPICS, Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.timeline import Timeline
@@ -129,8 +129,10 @@ class Detector(LifecycleNode):
         return self._outputs
 
     def _listen(self) -> None:
+        self._input = Input(self._running)
+        self._input.replayed = self._time_is_replayed()
         self._subscription = self.create_subscription(
-            JointState, 'voltages', self._on_voltages, sensor_qos()
+            self._input.message_class, 'voltages', self._on_voltages, sensor_qos()
         )
 
     def _forget_input(self) -> None:
@@ -144,13 +146,16 @@ class Detector(LifecycleNode):
         self._looks_in_vain = 0
         self._heard_s = float('-inf')
 
+    def _time_is_replayed(self) -> bool:
+        return bool(self.get_parameter('use_sim_time').value)
+
     # Timers. A clock that is set back, or that nobody publishes, must not stop the heart. Only
     # where time is replayed does the timeout follow it.
 
     def _start_timers(self) -> None:
         config = self._running
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._replayed = bool(self.get_parameter('use_sim_time').value)
+        self._replayed = self._input.replayed = self._time_is_replayed()
         self._timers_made = [
             self.create_timer(1 / config.heartbeat_hz, self._topics.beat, clock=steady),
             self.create_timer(
@@ -201,8 +206,9 @@ class Detector(LifecycleNode):
 
     @staticmethod
     def _check(config: DetectorConfig) -> None:
-        """Raise a ValueError if the filters cannot be built."""
+        """Raise a ValueError if the filters cannot be built or the input cannot be read."""
         design(config)
+        Input(config)
 
     def _take(self, config: DetectorConfig) -> None:
         """Run on other parameters: at once, or when their chain has been built."""
@@ -229,54 +235,67 @@ class Detector(LifecycleNode):
             self._outputs = Outputs(self, config)
         if self._subscription is None:
             return
-        if differ & {'sample_rate_hz', 'channels', 'channel_names'}:
+        if differ & {'input_type', 'input_field'}:
+            self.destroy_subscription(self._subscription)
+            self._listen()
+        if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
             self._forget_input()
         self._timeline.max_gap_s = config.max_gap_s
-        replayed = bool(self.get_parameter('use_sim_time').value)
-        if differ & {'heartbeat_hz', 'input_timeout_s', *OF_THE_TOPICS} or (
-            replayed != self._replayed
-        ):
+        of_timers = {'heartbeat_hz', 'input_timeout_s', *OF_THE_TOPICS}
+        if differ & of_timers or self._replayed != self._time_is_replayed():
             self._stop_timers()
             self._start_timers()
 
     # The input.
 
-    def _on_voltages(self, message: JointState) -> None:
-        """Check a sample, run it through the chain and publish what changed."""
+    def _on_voltages(self, message: Any, info: dict[str, int]) -> None:
+        """Check the samples of a message, run them through the chain, publish what changed."""
         began_s = time.perf_counter()
-        row = np.array(message.position, ndmin=2)
-        config = self._chain.config
-        if row.shape[1] != config.channels:
+        config, source = self._chain.config, self._input
+        try:
+            rows = source.rows(message)
+        except ValueError as error:
+            self._drop('field', str(error))
+            return
+        n, channels = rows.shape
+        if not n:  # a batch of none
+            return
+        if channels != config.channels:
             self._drop(
-                'channels',
-                f'a message has {row.shape[1]} channels, allowed: {config.channels}',
+                'channels', f'a message has {channels} channels, allowed: {config.channels}'
             )
             return
-        if message.name != self._names and not self._take_names(message.name):
+        if source.has_names and message.name != self._names and not self._take_names(message.name):
             return
-        at_ns = stamp_ns(message.header.stamp)
-        arrival = self._timeline.arrive(at_ns, len(row))
-        if arrival.missing or arrival.reset or not arrival.accepted:
+        at_ns = source.stamp_ns(message, info)
+        if at_ns is None:
+            # Replayed, and without times of their own: one after the other, whenever they come.
+            at_ns = self.get_clock().now().nanoseconds
+        else:
+            arrival = self._timeline.arrive(at_ns, n)
             if not arrival.accepted:
                 self._drop('backwards', 'the stamp of a message is not after the one before')
                 return
-            row = self._mend(row, arrival.missing)
+            if arrival.missing or arrival.reset:
+                rows = self._mend(rows, arrival.missing)
         self._heard = True
         topics = self._topics
         listened = topics.envelope_wanted
-        result = self._chain.update(row, level=listened)
-        self._last_row = row[-1:]
-        self._frame_id = message.header.frame_id
-        period_ns = self._timeline.period_ns
-        for i in range(len(row)):
-            ahead_ns = round((len(row) - 1 - i) * period_ns)
-            topics.announce(result.flags[i], at_ns - ahead_ns, self._frame_id)
+        result = self._chain.update(rows, level=listened)
+        self._last_row = rows[-1:]
+        self._frame_id = source.frame_id(message)
+        if len(rows) == 1:
+            topics.announce(result.flags[0], at_ns, self._frame_id)
+        else:
+            period_ns = self._timeline.period_ns
+            for i, flags in enumerate(result.flags, 1 - len(rows)):
+                topics.announce(flags, at_ns + round(i * period_ns), self._frame_id)
         if listened:
-            topics.show_envelope(message.header, result)
+            topics.show_envelope(at_ns, self._frame_id, result)
         self._heard_s = time.monotonic()
         age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
         spent_s = time.perf_counter() - began_s
-        self._health.note_rows(row, result.valid, at_ns, age_s, spent_s)
+        self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
     def _take_names(self, names: list[str]) -> bool:
         """Take the names of the first sample for those of all; refuse others later."""
@@ -288,15 +307,15 @@ class Detector(LifecycleNode):
         self._drop('names', f'the channels of a message are {_short(names)}, allowed: {wanted}')
         return False
 
-    def _mend(self, row: NDArray[np.float64], missing: int) -> NDArray[np.float64]:
+    def _mend(self, rows: NDArray[np.float64], missing: int) -> NDArray[np.float64]:
         """Bridge a short gap with the last row, start anew after a long one."""
         if missing and self._last_row is not None:
             self._log('bridged', f'{missing} samples missing, bridged with the last one', missing)
-            return np.concatenate([np.repeat(self._last_row, missing, axis=0), row])
+            return np.concatenate([np.repeat(self._last_row, missing, axis=0), rows])
         self._log('reset', 'the input had a gap or its clock was set, the chain starts anew')
         self._chain.reset()
         self._health.restart()
-        return row
+        return rows
 
     def _drop(self, kind: str, what: str) -> None:
         self._log(kind, f'{what}: dropped')

@@ -113,11 +113,11 @@ class Outputs:
             self._slip_valid.publish(self._messages[valid])
         self._valid = valid
 
-    def show_envelope(self, header: Header, result: SlipResult) -> None:
+    def show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
         """Publish what is held against the threshold, of the last row."""
         self._envelope.publish(
             JointState(
-                header=header,
+                header=Header(stamp=time_message(at_ns), frame_id=frame_id),
                 name=self._names,
                 position=result.level[-1],
                 effort=result.channels[-1].astype(np.float64),
