@@ -350,6 +350,13 @@ class DriverConfig(ParameterSet):
         0, 'Begin when so many subscribe to voltages, lest they miss the first.', low=0, high=1000
     )
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
+    samples_per_message: int = parameter(
+        1,
+        'More than one: samples come in batches, as a std_msgs/Float32MultiArray of the layout '
+        'sample, channel.',
+        low=1,
+        high=10_000,
+    )
 
 
 @dataclasses.dataclass(frozen=True)

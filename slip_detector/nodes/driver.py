@@ -14,6 +14,7 @@ from std_msgs.msg import Bool, Header
 from slip_detector.config import DriverConfig
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
+from slip_detector.nodes.voltages import Voltages
 from slip_detector.sources import Samples, Source, open_source
 
 #: Samples read from the source at a time.
@@ -40,7 +41,7 @@ class Driver(Node):
         super().__init__('slip_driver')
         self.config = config = declare(self, DriverConfig)
         source = open_source(config)
-        self._voltages = self.create_publisher(JointState, 'voltages', sensor_qos())
+        self._voltages = Voltages(self, config.samples_per_message)
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
         self._last_truth: bool | None = None
@@ -102,6 +103,7 @@ class Driver(Node):
                 played += self._publish(source, samples, taken_s, start_s, first_stamp_ns)
                 end_s = float(taken_s[-1]) + period_s
             elif not self.config.loop:
+                self._voltages.flush()
                 break
             else:
                 repetition += 1
@@ -132,8 +134,8 @@ class Driver(Node):
                 stamp=time_message(first_stamp_ns + round(float(taken_s[i]) * 1e9)),
                 frame_id=self.config.frame_id,
             )
-            self._voltages.publish(JointState(header=header, name=names, position=volts))
-            if samples.position_m is not None:
+            self._voltages.publish(header, names, volts)
+            if samples.position_m is not None and self._position.get_subscription_count():
                 position = [float(samples.position_m[i])]
                 self._position.publish(
                     JointState(header=header, name=['platform'], position=position)
