@@ -22,9 +22,9 @@ from slip_detector.nodes.outputs import OF_THE_TOPICS, Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.timeline import Timeline
 
-#: The input is looked at this often in ``input_timeout_s``, and given up after so many looks in
-#: vain: between 0.8 and 0.9 of the timeout after its last sample.
-LOOKS, LOOKS_IN_VAIN = 10, 8
+#: The input is looked at this often in ``input_timeout_s``, and given up when this share of it has
+#: passed since a look that found some: between 0.8 and 0.9 of the timeout after the last sample.
+LOOKS, GIVEN_UP_AFTER = 10, 0.75
 
 #: One line of a kind on the log in this time.
 LOG_PERIOD_NS = 1_000_000_000
@@ -143,7 +143,6 @@ class Detector(LifecycleNode):
         self._frame_id = ''
         self._last_row: NDArray[np.float64] | None = None
         self._heard = False
-        self._looks_in_vain = 0
         self._heard_s = float('-inf')
 
     def _time_is_replayed(self) -> bool:
@@ -155,13 +154,16 @@ class Detector(LifecycleNode):
     def _start_timers(self) -> None:
         config = self._running
         steady = Clock(clock_type=ClockType.STEADY_TIME)
+        # When a look last found some input, by the clock that the timeout follows.
+        self._looked_ns, self._given_up = 0, False
         self._replayed = self._input.replayed = self._time_is_replayed()
+        self._timeout_clock = self.get_clock() if self._replayed else steady
         self._timers_made = [
             self.create_timer(1 / config.heartbeat_hz, self._topics.beat, clock=steady),
             self.create_timer(
                 config.input_timeout_s / LOOKS,
                 self._look_for_input,
-                clock=self.get_clock() if self._replayed else steady,
+                clock=self._timeout_clock,
             ),
             self.create_timer(1.0, self._report, clock=steady),
         ]
@@ -174,11 +176,15 @@ class Detector(LifecycleNode):
 
     def _look_for_input(self) -> None:
         """Withdraw the decisions when no sample comes any more."""
-        if self._heard:
-            self._heard, self._looks_in_vain = False, 0
+        now_ns = self._timeout_clock.now().nanoseconds
+        if self._heard or now_ns < self._looked_ns:  # heard, or the clock was set back
+            self._heard, self._looked_ns, self._given_up = False, now_ns, False
             return
-        self._looks_in_vain += 1
-        if self._looks_in_vain == LOOKS_IN_VAIN and self._last_row is not None:
+        silent_s = (now_ns - self._looked_ns) * 1e-9
+        if silent_s < GIVEN_UP_AFTER * self._running.input_timeout_s or self._given_up:
+            return
+        self._given_up = True
+        if self._last_row is not None:
             self._log('silent', 'no input any more')
             self._topics.withdraw()
 
