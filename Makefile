@@ -43,7 +43,7 @@ test: $(addprefix $(CHECKS)/,lint types pytest numpy1 interpreted colcon)
 
 $(VENV)/installed: setup.py
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --editable '.[bags,numba,$(EXTRA),test]'
+	$(BIN)/python -m pip install --quiet --editable '.[bags,numba,tune,$(EXTRA),test]'
 	touch $@
 
 $(OLDER)/installed: setup.py

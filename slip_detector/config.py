@@ -315,8 +315,8 @@ class DriverConfig(ParameterSet):
     )
     recording_labels: str = parameter(
         '',
-        'Path of a YAML file of the intervals with slip, or of a folder with <name>.labels.yaml '
-        'for each recording; empty: <name>.labels.yaml beside the recording, if it is there.',
+        'YAML file of the intervals with slip, or a folder of them; empty: <name>.labels.yaml '
+        'beside the recording, if it is there.',
     )
     recording_truth_topic: str = parameter(
         'slip_truth', 'Topic of a bag (Bool, on change) that says whether there is slip.'
@@ -334,8 +334,8 @@ class DriverConfig(ParameterSet):
     )
     recording_resample: bool = parameter(
         False,
-        'Whether slip_evaluate and slip_tune bring a recording of another rate to that of the '
-        'chain; the driver plays it at its own.',
+        'Whether slip_evaluate and slip_tune bring a recording to the rate of the chain; the '
+        'driver plays it at its own.',
     )
     recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
     recording_rate_key: str = parameter(
@@ -361,9 +361,28 @@ class DriverConfig(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class EvaluationConfig(ParameterSet):
-    """Parameters of the evaluation: which rows of a recording are rows of motion."""
+    """Parameters of the evaluation: what counts as detected, and which rows are rows of motion."""
 
     NODE = 'slip_evaluate'
+
+    early_s: float = parameter(
+        0.0,
+        'An alarm that rises this long before the label of a slip still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    tail_s: float = parameter(
+        0.1,
+        'An alarm that rises this long after the end of a slip, while the windows still hold it, '
+        'still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    late_after_s: float = parameter(
+        0.1, 'A detection with a longer latency is late.', unit='s', low=0.0, high=10.0
+    )
 
     motion_key: str = parameter(
         '', 'Name of the array of velocities in a recording; empty: it has none.'
@@ -387,3 +406,33 @@ class EvaluationConfig(ParameterSet):
                 "parameter motion_key is '', allowed: the name of an array, as motion_columns "
                 'names columns of it'
             )
+
+
+@dataclasses.dataclass(frozen=True)
+class TuneConfig(ParameterSet):
+    """Parameters of the search: what the tuner weighs against each other, in milliseconds.
+
+    The cost of a chain is the mean latency over the true slips, plus these.
+    """
+
+    NODE = 'slip_tune'
+
+    missed_costs_ms: float = parameter(
+        500.0, 'A missed slip counts as one detected so late.', unit='ms', low=1.0, high=1e6
+    )
+    false_alarm_costs_ms: float = parameter(
+        10.0, 'What each false alarm per minute costs.', unit='ms', low=0.0, high=1e6
+    )
+    auc_costs_ms: float = parameter(
+        100.0,
+        'What an area under the ROC curve of 0 would cost, 1 being free: few slips say little, '
+        'all their rows say more.',
+        unit='ms',
+        low=0.0,
+        high=1e6,
+    )
+    trade: bool = parameter(
+        False,
+        'Whether latency, misses or false alarms may get worse than with the given parameters '
+        'where the cost falls.',
+    )

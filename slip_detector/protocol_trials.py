@@ -9,13 +9,9 @@ from numpy.typing import NDArray
 
 from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig
-from slip_detector.evaluation import (
-    RATE_TOLERANCE,
-    false_positive_percent,
-    first_on_delay_s,
-    mean_delay,
-)
+from slip_detector.recordings import RATE_TOLERANCE
 from slip_detector.scenes.scene import load_scene
+from slip_detector.scores import false_positive_percent, first_on_delay_s, mean_delay
 from slip_detector.sources import Samples, Source, find_scene
 
 Bools = NDArray[np.bool_]

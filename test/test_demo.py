@@ -5,12 +5,16 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from harness import DEADLINE_S
 
-from slip_detector.config import DetectorConfig
+from slip_detector.config import DetectorConfig, DriverConfig
+from slip_detector.recordings import open_recording
+from slip_detector.sources import open_source
 
 pytest.importorskip('rclpy', reason='needs rclpy')
+pytest.importorskip('rosbags', reason='needs rosbags')
 
 
 def played(out, *words):
@@ -32,7 +36,7 @@ def played(out, *words):
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp('demo')
-    return out, played(out)
+    return out, played(out, '--record', str(out / 'trial.mcap'))
 
 
 def test_every_figure_is_there_and_plausible(finished):
@@ -73,6 +77,29 @@ def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told(tmp_path)
     assert 0.0 <= figures['false_positive_percent'] <= 100.0
     assert 0.0 < figures['latency_ms']['median'] <= figures['latency_ms']['p99']
     assert (tmp_path / 'demo.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_recording_is_the_trial_with_its_labels(finished):
+    wanted = open_source(DriverConfig()).read(100_000)
+    recording = open_recording(finished[0] / 'trial.mcap')
+    pieces = list(recording.pieces(DetectorConfig().sample_rate_hz))
+    assert np.concatenate([piece.volts for piece in pieces]).tobytes() == wanted.volts.tobytes()
+    np.testing.assert_array_equal(np.concatenate([piece.truth for piece in pieces]), wanted.truth)
+    assert recording.channel_names == DetectorConfig().names
+    assert recording.counts.gaps == recording.counts.dropped == 0
+    assert str(finished[0] / 'trial.mcap') in finished[1]
+
+
+def test_a_recording_that_is_there_already_is_not_overwritten(tmp_path):
+    path = tmp_path / 'a.npz'
+    path.write_text('precious')
+    command = [sys.executable, '-m', 'slip_detector.nodes.demo', '--record', str(path)]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE_S, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr == f'slip_demo: {path}: is there already, allowed: a new path\n'
+    assert path.read_text() == 'precious'
 
 
 def test_a_scene_that_is_not_there_ends_in_one_line():

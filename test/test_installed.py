@@ -43,6 +43,13 @@ def test_the_installed_package_is_the_one_that_runs_and_finds_its_scenes(tmp_pat
         assert Path(line).resolve().is_relative_to(Path(PREFIX).resolve())
 
 
+def test_what_reports_are_made_of_is_installed(tmp_path):
+    code = 'import slip_detector.report as r; print(*(len(r._read(n)) for n in r.SCRIPTS))'
+    command = [sys.executable, '-c', code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert all(int(size) > 1000 for size in done.stdout.split())
+
+
 @pytest.mark.parametrize('name', ['slip_benchmark', 'slip_demo', 'slip_evaluate'])
 def test_the_command_lines_run(name):
     done = run(name, '--help')

@@ -469,7 +469,16 @@ def test_the_pictures_are_written_and_show_something(capsys, tmp_path):
         (['--protocol', 'paper', 'a.npz'], 2, '--protocol simulates its trials, allowed: no REC'),
         (['--trials', '3', 'a.npz'], 2, '--trials is for simulated trials, allowed: with --prot'),
         (['--seed', '3', 'a.npz'], 2, '--seed is for simulated trials, allowed: with --protocol'),
-        (['a.npz', '--plot'], 2, '--plot is for simulated trials, allowed: with --protocol'),
+        (
+            ['--protocol', 'paper', '--report', 'a.html'],
+            2,
+            '--report is for recordings, allowed: without --protocol',
+        ),
+        (
+            ['--protocol', 'paper', '--topic', 'a'],
+            2,
+            '--topic is for recordings, allowed: without --protocol',
+        ),
         (['--protocol', 'mine'], 2, "argument --protocol: invalid choice: 'mine' (choose from "),
         (
             ['--protocol', 'paper', '--trials', '0'],

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from recorded import read_recording
 
 from slip_detector.config import DriverConfig
-from slip_detector.recordings import read_recording
 
 VOLTS = np.array([[4.3, 4.31], [4.25, 4.3], [4.2, 4.29]])
 

@@ -13,11 +13,12 @@ from hypothesis.extra import numpy as hnp
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
+from recorded import read_recording
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from slip_detector.config import DriverConfig
-from slip_detector.recordings import Rows, bags, open_recording, read_recording
+from slip_detector.recordings import Rows, bags, open_recording
 from slip_detector.recordings.writing import write_recording
 
 NAMES = ('left', 'right', 'tip')
@@ -436,7 +437,8 @@ def test_without_rosbags_npz_is_read_and_a_bag_says_what_to_install(tmp_path):
         [sys.executable, '-c', code, str(tmp_path / 'a')],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert done.stdout.splitlines() == ['20', 'bags need the package rosbags: pip install rosbags']
+    said = f'{tmp_path / "a.mcap"}: bags need the package rosbags: pip install rosbags'
+    assert done.stdout.splitlines() == ['20', said]
 
 
 def test_the_first_messages_do_not_decide_what_the_later_ones_are(tmp_path, monkeypatch):

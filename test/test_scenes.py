@@ -226,10 +226,10 @@ def sizes(scene):
         'friction': len(plan.patches) + state.patches.size + plan.friction.model,
         'texture': len(plan.ridges.amplitudes),
         'roughness': len(plan.rough.heights) + len(plan.rough.integral),
-        'object': plan.body.mass_kg + drive.load.force_n.size,
-        'rolling': drive.rolling.lasts_s,
+        'object': plan.body.mass_kg + drive.load.size,
+        'rolling': drive.rolling.size,
         'taps': drive.taps.begins_s.size,
-        'tremor': drive.force_lines.amplitude.size + drive.motion_lines.amplitude.size,
+        'tremor': drive.force_lines.size + drive.motion_lines.size,
         'bandwidth': plan.decay >= 0.0,
     }
 

@@ -57,6 +57,7 @@ from slip_detector.scenes.integrators import (
     shows_shears,
     solve,
 )
+from slip_detector.scenes.motion import LoadNumbers
 from slip_detector.scenes.scene import OF_THE_SCENE, Scene
 from slip_detector.sources import find_scene, shared_folder
 
@@ -230,7 +231,7 @@ def _stretch(ode: Ode) -> tuple[int, int]:
         start_s = 0.5 * ode.scene.duration_s
     if ode.with_object:
         # What pulls at it is the last thing before the grip opens.
-        load = ode.drive.load
+        load = LoadNumbers(*ode.drive.load)
         pulled = np.flatnonzero(np.diff(load.force_n) != 0.0)
         start_s = float(load.corners_s[pulled[1]]) if len(pulled) > 1 else start_s
     first = max(round((start_s - STRETCH_S[0]) * rate_hz), 0)

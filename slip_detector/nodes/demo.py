@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.config import DetectorConfig, DriverConfig
-from slip_detector.evaluation import false_positive_percent, first_on_delay_s, mean_delay
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.sources import open_source, shared_folder
+from slip_detector.recordings import Rows
+from slip_detector.recordings.writing import write_recording
+from slip_detector.scores import false_positive_percent, first_on_delay_s, mean_delay
+from slip_detector.sources import Source, open_source, shared_folder
 
 #: The demonstration must not mix with the topics of a robot that runs beside it.
 NAMESPACE = 'slip_demo'
@@ -27,6 +30,9 @@ NAMESPACE = 'slip_demo'
 DISCOVERY_TIMEOUT_S = 60.0
 SCENE_TIMEOUT_S = 120.0
 DRAIN_S = 0.5
+
+#: Samples that are written at a time.
+RECORD_ROWS = 4096
 
 
 class Witness(Node):
@@ -190,6 +196,22 @@ def state_at(changes: list[tuple[float, bool]], times_s: Any) -> Any:
     return np.array([on for _, on in changes])[np.maximum(last, 0)] & (last >= 0)
 
 
+def record(path: str, source: Source, start_ns: int) -> None:
+    """Write what a source plays, with its labels, as if the first sample were taken at start."""
+
+    def pieces() -> Iterator[Rows]:
+        played = 0
+        while n := len((samples := source.read(RECORD_ROWS)).volts):
+            time_s = samples.time_s
+            if time_s is None:
+                time_s = np.arange(played, played + n) / source.sample_rate_hz
+            stamps_ns = start_ns + np.rint(time_s * 1e9).astype(np.int64)
+            played += n
+            yield Rows(samples.volts, stamps_ns, samples.truth, samples.position_m)
+
+    write_recording(path, pieces(), source.sample_rate_hz, source.channel_names)
+
+
 def rounded(value: Any) -> Any:
     """Round all figures to what a clock of a shared machine can tell."""
     if isinstance(value, dict):
@@ -240,13 +262,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog='slip_demo', description=__doc__)
     parser.add_argument('--scene', default='plate_400um', help='name or path of the scene')
     parser.add_argument('--seed', type=int, default=0, help='seed of its noise')
+    parser.add_argument(
+        '--record',
+        metavar='FILE',
+        help='write the trial with its labels: .mcap, .db3, .npz, .csv, or a folder that is a bag',
+    )
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
     arguments = parser.parse_args()
     # Two processes on one machine need no network.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     try:
         # What is wrong is to be said before anything is started.
-        open_source(DriverConfig(scene=arguments.scene, seed=arguments.seed))
+        source = open_source(DriverConfig(scene=arguments.scene, seed=arguments.seed))
+        if arguments.record:
+            record(arguments.record, source, time.time_ns())
         arguments.out.mkdir(parents=True, exist_ok=True)
         parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
         witness, config = play(arguments, parameter_file)
@@ -254,7 +283,8 @@ def main() -> None:
         (arguments.out / 'demo.json').write_text(json.dumps(rounded(result), indent=2) + '\n')
         _draw(witness, config, arguments.out / 'demo.png')
         print(table(result))
-        print(f'Written: {arguments.out / "demo.json"}, {arguments.out / "demo.png"}')
+        written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]
+        print(f'Written: {", ".join([*written, *filter(None, [arguments.record])])}')
     except (KeyboardInterrupt, ExternalShutdownException):
         sys.exit(130)
     except (ValueError, RuntimeError, OSError) as error:

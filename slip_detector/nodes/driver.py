@@ -134,15 +134,16 @@ class Driver(Node):
                 stamp=time_message(first_stamp_ns + round(float(taken_s[i]) * 1e9)),
                 frame_id=self.config.frame_id,
             )
+            # A state holds for what comes after it, in a bag too.
+            if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
+                self._last_truth = bool(samples.truth[i])
+                self._truth.publish(Bool(data=self._last_truth))
             self._voltages.publish(header, names, volts)
-            if samples.position_m is not None and self._position.get_subscription_count():
+            if samples.position_m is not None:
                 position = [float(samples.position_m[i])]
                 self._position.publish(
                     JointState(header=header, name=['platform'], position=position)
                 )
-            if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
-                self._last_truth = bool(samples.truth[i])
-                self._truth.publish(Bool(data=self._last_truth))
         return len(samples.volts)
 
     def _say_late(self, late_s: float) -> None:

@@ -2,12 +2,7 @@
 
 import argparse
 import dataclasses
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from slip_detector.config import DriverConfig
 from slip_detector.recordings.csv_files import CsvRecording
@@ -34,7 +29,6 @@ __all__ = [
     'add_options',
     'is_recording',
     'open_recording',
-    'read_recording',
     'with_options',
 ]
 
@@ -94,47 +88,6 @@ def open_recording(path: 'str | Path', config: 'DriverConfig | None' = None) -> 
         )
     except OSError as error:
         raise ValueError(f'{path}: cannot be read ({error.strerror or error})') from None
-
-
-class Whole(NamedTuple):
-    """A recording in one piece.
-
-    Attributes
-    ----------
-    volts : ndarray, shape (n, c)
-    sample_rate_hz : float
-    channel_names : tuple of str, length c
-    truth : ndarray of bool, shape (n,), or None
-    arrays : mapping
-        All arrays of the file by name, for those who look for more than that.
-    """
-
-    volts: NDArray[np.float64]
-    sample_rate_hz: float
-    channel_names: tuple[str, ...]
-    truth: 'NDArray[np.bool_] | None'
-    arrays: Mapping[str, NDArray[Any]]
-
-
-def read_recording(path: 'str | Path', config: 'DriverConfig | None' = None) -> Whole:
-    """Read all rows of a recording as they were recorded.
-
-    Raises
-    ------
-    ValueError
-        As :func:`open_recording`, and when the rows are broken.
-    """
-    recording = open_recording(path, config)
-    rows = list(recording.rows())
-    truth = [part.truth for part in rows if part.truth is not None]
-    arrays = {name: recording.array(name) for name in recording.array_names()}
-    return Whole(
-        np.concatenate([part.volts for part in rows]),
-        recording.sample_rate_hz,
-        recording.channel_names,
-        np.concatenate(truth) if truth else None,
-        {name: array for name, array in arrays.items() if array is not None},
-    )
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -37,7 +37,7 @@ class BagRecording(Recording):
 
     def __init__(self, path: Path, config: DriverConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config.recording_resample)
-        self._storage = Storage(path)
+        self._storage = self._naming(lambda: Storage(path))
         self._topic = topic = self._rows_topic(config.recording_topic)
         self._typestore = self._naming(lambda: typestore_of(topic))
         self._field = config.recording_field or self._usual_field(topic)
@@ -99,7 +99,7 @@ class BagRecording(Recording):
         """Yield the messages of a topic, decoded, and when each was received."""
         messages = self._storage.messages({topic.name})
         n = FIRST_MESSAGES
-        while some := list(islice(messages, n)):
+        while some := self._naming(lambda: list(islice(messages, n))):  # noqa: B023
             _, received, raws = zip(*some, strict=True)
             decoded = self._naming(lambda: decoder.many(raws, received))  # noqa: B023
             yield decoded, np.array(received, dtype=np.int64)

@@ -417,8 +417,9 @@ class _Walk:
 
     def _text(self) -> str:
         length = self._length()
-        self.fixed.extend(range(self.position, self.position + length))
-        return self._take(length)[:-1].decode()
+        text = self._take(length)
+        self.fixed.extend(range(self.position - length, self.position))
+        return text[:-1].decode()
 
     def _number(self, name: str, real: bool) -> Any:
         places = self._places(name, 1)

@@ -53,17 +53,22 @@ Message = tuple[str, int, bytes]
 class DamagedMcap:
     """An MCAP file without its end.
 
+    Parameters
+    ----------
+    path
+        Of the file.
+    name
+        That a person knows it by.
+
     Attributes
     ----------
-    name : str
-        Of the file.
     topics : list of Topic
     lost : str
         Where the file was cut off.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path, self.name = path, path.name
+    def __init__(self, path: Path, name: str) -> None:
+        self._path, self.name = path, name
         self.lost = ''
         self.topics: list[Topic] = []
         self._channels: dict[int, Topic] = {}
@@ -95,7 +100,7 @@ class DamagedMcap:
         size = self._path.stat().st_size
         with open(self._path, 'rb') as file:
             if file.read(len(_MAGIC)) != _MAGIC:
-                raise ValueError(f'{self._path}: is broken or not mcap')
+                raise ValueError(f'{self.name}: is broken or not mcap')
             while True:
                 begin = file.tell()
                 head = file.read(_RECORD.size)
@@ -178,19 +183,24 @@ def zstd() -> Any:
 
 
 class DamagedDatabase:
-    """A database without its end.
+    """A database without its end; of whole pages.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    name
+        That a person knows it by.
 
     Attributes
     ----------
-    name : str
-        Of the file.
     topics : list of Topic
     lost : str
         Where the file was cut off.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path, self.name = path, path.name
+    def __init__(self, path: Path, name: str) -> None:
+        self._path, self.name = path, name
         self.lost = ''
         self._names: dict[int, str] = {}
         self.topics = []
@@ -198,17 +208,16 @@ class DamagedDatabase:
         with contextlib.closing(self._connection()) as connection:
             with contextlib.suppress(sqlite3.Error):  # Older bags have none.
                 query = 'SELECT topic_type, encoding, encoded_message_definition'
-                for name, encoding, text in connection.execute(
-                    f'{query} FROM message_definitions'
-                ):
-                    definitions[str(name)] = (str(encoding), str(text))
+                for row in connection.execute(f'{query} FROM message_definitions'):
+                    msgtype, encoding, text = map(str, row)
+                    definitions[msgtype] = (encoding, text)
             try:
-                for key, name, msgtype in connection.execute('SELECT id, name, type FROM topics'):
-                    self._names[key] = str(name)
-                    encoding, text = definitions.get(str(msgtype), ('', ''))
-                    self.topics.append(Topic(str(name), str(msgtype), encoding, text))
+                for key, *row in connection.execute('SELECT id, name, type FROM topics'):
+                    topic, msgtype = map(str, row)
+                    self._names[key] = topic
+                    self.topics.append(Topic(topic, msgtype, *definitions.get(msgtype, ('', ''))))
             except sqlite3.Error as error:
-                raise ValueError(f'{path}: is broken or not db3 ({error})') from None
+                raise ValueError(f'{name}: is broken or not db3 ({error})') from None
 
     def messages(self, topics: set[str]) -> Iterator[Message]:
         """Yield the messages of some topics in the order in which they were written."""
@@ -217,9 +226,9 @@ class DamagedDatabase:
             try:
                 query = 'SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'
                 for key, received_ns, raw in connection.execute(query):
-                    name = self._names.get(key)
-                    if name in topics and isinstance(raw, bytes) and isinstance(received_ns, int):
-                        yield name, received_ns, raw
+                    topic = self._names.get(key)
+                    if topic in topics and isinstance(raw, bytes) and isinstance(received_ns, int):
+                        yield topic, received_ns, raw
             except sqlite3.Error:
                 self.lost = f'is cut off or damaged, {self._path.stat().st_size} bytes are left'
 
@@ -230,6 +239,6 @@ class DamagedDatabase:
             connection = sqlite3.connect(place, uri=True)
             connection.execute('PRAGMA writable_schema = ON')
         except sqlite3.Error as error:
-            raise ValueError(f'{self._path}: is broken or not db3 ({error})') from None
+            raise ValueError(f'{self.name}: is broken or not db3 ({error})') from None
         connection.text_factory = lambda text: text.decode(errors='replace')
         return connection

@@ -39,7 +39,7 @@ class Labels:
 
     def __init__(self, path: Path, intervals: list[Interval]) -> None:
         self.path, self.intervals = path, intervals
-        self._edges_ns = np.array([edge * 1e9 for one in intervals for edge in one[:2]])
+        self._edges_ns = np.rint([edge * 1e9 for one in intervals for edge in one[:2]])
 
     def at(self, after_ns: Stamps) -> Bools:
         """Tell where there is slip: from a start on, up to but without its end.
@@ -197,8 +197,8 @@ def states_at(changes_ns: Stamps, states: Bools, at_ns: Stamps) -> Bools:
     ndarray of bool, shape (n,)
         False before the first: nobody had said that there was slip.
     """
-    last = np.searchsorted(changes_ns, at_ns, side='right') - 1
-    return np.asarray(states[np.maximum(last, 0)] & (last >= 0))
+    from_none_on = np.concatenate([[False], states])
+    return np.asarray(from_none_on[np.searchsorted(changes_ns, at_ns, side='right')])
 
 
 class Motion:

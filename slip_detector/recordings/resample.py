@@ -23,7 +23,7 @@ class Resampler:
     """Interpolates rows with a windowed sinc, which also keeps out what the new rate cannot hold.
 
     Within a stretch rows are taken to be evenly spaced, as the chain takes them. The weights of
-    each row add up to one, so that a baseline stays what it is; before the first row and after
+    each row add up to one: a baseline stays what it is, to the bit. Before the first row and after
     the last one of a stretch the input is taken to be constant. A bad value (not a number,
     infinite) is held out by the last good one of its channel, and the rows nearest to it are bad
     in its place. The result does not depend on how the rows are cut into pieces.
@@ -80,18 +80,20 @@ class Resampler:
     def _interpolated(self, stretch: '_Stretch', base: NDArray[np.int64], rest: Floats) -> Floats:
         """Return the weighted sums about the places, (m, c).
 
-        Summed tap by tap: the same order, hence the same bits, for any number of rows.
+        Summed tap by tap: the same order, hence the same bits, for any number of rows. Summed as
+        what they differ from the row before: a channel that repeats one value does so still.
         """
         total = np.zeros(len(base))
-        volts = np.zeros((len(base), stretch.channels))
+        before = stretch.good_at(base)
+        differences = np.zeros_like(before)
         for tap in range(-self._half + 1, self._half + 1):
             away = rest - tap  # in rows of the input
             share = away / self._half
             window = 0.42 + 0.5 * np.cos(np.pi * share) + 0.08 * np.cos(2 * np.pi * share)
             weight = np.sinc(self._edge * away) * window
             total += weight
-            volts += weight[:, np.newaxis] * stretch.good_at(base + tap)
-        return np.asarray(volts / total[:, np.newaxis])
+            differences += weight[:, np.newaxis] * (stretch.good_at(base + tap) - before)
+        return np.asarray(before + differences / total[:, np.newaxis])
 
 
 class _Stretch:
@@ -108,7 +110,6 @@ class _Stretch:
         self.known = len(piece.volts)
         self.given = 0
         self._new = True
-        self.channels = piece.volts.shape[1]
 
     def add(self, piece: 'Piece') -> None:
         """Append the next rows."""
@@ -131,9 +132,11 @@ class _Stretch:
         self._good = np.concatenate([self._good, np.repeat(self._good[-1:], n, axis=0)])
 
     def good_at(self, places: NDArray[np.int64]) -> Floats:
+        """Return the rows at the places, bad values replaced."""
         return np.asarray(self._good[places - self._first + self._half])
 
     def bad_at(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Tell which values of the rows at the places are bad."""
         return np.asarray(self._bad[np.minimum(places, self.known - 1) - self._first])
 
     def piece(

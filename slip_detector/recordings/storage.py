@@ -21,6 +21,12 @@ _DAMAGED: dict[str, type[DamagedMcap | DamagedDatabase]] = {
 #: Ending of a file that the recorder compressed as a whole.
 _COMPRESSED = '.zstd'
 
+#: Bytes that are copied at a time.
+_STEP = 1 << 20
+
+#: Where the head of a database says how long its pages are.
+_PAGE_SIZE_AT = 16
+
 #: Parts the definitions of several types in one text.
 _RULE = '=' * 80 + '\n'
 
@@ -77,11 +83,7 @@ class Storage:
                 self._whole = True
         except Exception:  # A cut file fails in many ways.
             self._whole = False
-            metadata = _metadata(path)
-            counts = [
-                (topic['topic_metadata']['name'], topic['message_count'])
-                for topic in metadata.get('topics_with_message_count', [])
-            ]
+            counts = _counts(_metadata(path))
             with self._readers() as readers:
                 topics = [topic for reader in readers for topic in reader.topics]
                 self.lost = [f'{reader.name} {reader.lost}' for reader in readers if reader.lost]
@@ -92,38 +94,43 @@ class Storage:
     def messages(self, topics: set[str]) -> Iterator[Message]:
         """Yield the messages of some topics, in the order in which they were received."""
         self.lost = []
+        last_ns = -1
         if self._whole:
-            yield from self._messages_of_whole(topics)
-            return
-        per_message = _metadata(self._path).get('compression_mode', '').lower() == 'message'
+            try:
+                for message in self._messages_of_whole(topics):
+                    last_ns = message[1]
+                    yield message
+                return
+            except Exception as error:  # A damaged place shows when it is reached.
+                why = ' '.join(str(error).split())
+                self.lost.append(f'{self._path.name} is damaged ({why})')
+        per_message = str(_metadata(self._path).get('compression_mode')).lower() == 'message'
         with self._readers() as readers:
             for reader in readers:
                 for topic, received_ns, raw in reader.messages(topics):
-                    if per_message:
-                        raw = zstd().decompress(raw)  # noqa: PLW2901
-                    yield topic, received_ns, raw
+                    if received_ns > last_ns:
+                        yield topic, received_ns, _decompressed(raw) if per_message else raw
                 if reader.lost:
                     self.lost.append(f'{reader.name} {reader.lost}')
 
     def _messages_of_whole(self, topics: set[str]) -> Iterator[Message]:
-        try:
-            with self._rosbag2.Reader(self._path) as reader:
-                wanted = [one for one in reader.connections if one.topic in topics]
-                if wanted:
-                    for connection, received_ns, raw in reader.messages(wanted):
-                        yield connection.topic, received_ns, raw
-        except Exception as error:
-            # What is behind a damaged place does not become readable by asking again.
-            self.lost.append(f'{self._path.name} is damaged ({" ".join(str(error).split())})')
+        with self._rosbag2.Reader(self._path) as reader:
+            wanted = [one for one in reader.connections if one.topic in topics]
+            if wanted:
+                for connection, received_ns, raw in reader.messages(wanted):
+                    yield connection.topic, received_ns, raw
 
     @contextlib.contextmanager
     def _readers(self) -> 'Iterator[list[DamagedMcap | DamagedDatabase]]':
         """Open what is there of the files one by one."""
         with tempfile.TemporaryDirectory() as folder:
-            files = [_unpacked(file, Path(folder)) for file in _files(self._path)]
+            files = [_readable(file, Path(folder)) for file in _files(self._path)]
             if not files:
-                raise ValueError(f'{self._path}: has no files of a bag, allowed: .mcap or .db3')
-            yield [_DAMAGED[file.suffix](file) for file in files]
+                raise ValueError('has no files of a bag, allowed: .mcap or .db3')
+            names = [file.name.removesuffix(_COMPRESSED) for file in _files(self._path)]
+            yield [
+                _DAMAGED[file.suffix](file, name) for file, name in zip(files, names, strict=True)
+            ]
 
 
 def typestore_of(topic: Topic) -> Any:
@@ -161,7 +168,8 @@ def typestore_of(topic: Topic) -> Any:
 
 def _topic(connection: Any) -> Topic:
     encoding = {'MSG': 'ros2msg', 'IDL': 'ros2idl'}.get(connection.msgdef.format.name, '')
-    return Topic(connection.topic, connection.msgtype, encoding, connection.msgdef.data)
+    name, msgtype = str(connection.topic), str(connection.msgtype)
+    return Topic(name, msgtype, encoding, connection.msgdef.data)
 
 
 def _metadata(path: Path) -> dict[str, Any]:
@@ -173,6 +181,25 @@ def _metadata(path: Path) -> dict[str, Any]:
         return {}
 
 
+def _decompressed(raw: bytes) -> bytes:
+    """Decompress a message; one that is damaged is empty, and left out when it is decoded."""
+    try:
+        return bytes(zstd().decompress(raw))
+    except Exception:
+        return b''
+
+
+def _counts(metadata: dict[str, Any]) -> list[tuple[str, int]]:
+    """Return the topics and how many messages each has, as far as that is known."""
+    try:
+        return [
+            (str(topic['topic_metadata']['name']), int(topic['message_count']))
+            for topic in metadata['topics_with_message_count']
+        ]
+    except (KeyError, TypeError, ValueError):
+        return []
+
+
 def _files(path: Path) -> list[Path]:
     """Return the files of a bag in the order of their numbers."""
     if path.is_file():
@@ -182,13 +209,34 @@ def _files(path: Path) -> list[Path]:
     return sorted(files, key=lambda file: [int(n) for n in re.findall(r'\d+', file.name)])
 
 
-def _unpacked(file: Path, folder: Path) -> Path:
-    """Decompress a file as far as that goes."""
-    if file.suffix != _COMPRESSED:
-        return file
-    unpacked = folder / file.stem
-    decompress = zstd().ZstdDecompressor().decompress
-    with open(file, 'rb') as packed, open(unpacked, 'wb') as plain, contextlib.suppress(Exception):
-        while part := packed.read(1 << 20):
-            plain.write(decompress(part))
-    return unpacked
+def _readable(file: Path, folder: Path) -> Path:
+    """Return the file itself, or a copy in the folder that can be read.
+
+    What was compressed as a whole is decompressed as far as that goes. A database is cut to whole
+    pages, as SQLite fills up one that is cut with zeros and takes them for content.
+    """
+    if file.suffix == _COMPRESSED:
+        unpacked = folder / file.stem
+        decompress = zstd().ZstdDecompressor().decompress
+        with (
+            open(file, 'rb') as packed,
+            open(unpacked, 'wb') as plain,
+            contextlib.suppress(Exception),  # What came before the cut is kept.
+        ):
+            while part := packed.read(_STEP):
+                plain.write(decompress(part))
+        file = unpacked
+    if file.suffix == '.db3':
+        with open(file, 'rb') as database:
+            database.seek(_PAGE_SIZE_AT)
+            page = int.from_bytes(database.read(2), 'big') or 1
+            page = 65536 if page == 1 else page
+            left = file.stat().st_size // page * page
+            if left < file.stat().st_size:
+                database.seek(0)
+                cut = folder / f'whole_pages_of_{file.name}'
+                with open(cut, 'wb') as copy:
+                    while left and (part := database.read(min(_STEP, left))):
+                        left -= copy.write(part)
+                file = cut
+    return file

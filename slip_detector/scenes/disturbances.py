@@ -42,21 +42,30 @@ NO_LINES = Lines(np.zeros(0), np.zeros(0), np.zeros(0))
 
 @compiled
 def lines_at(t, lines):
-    """Return the sum of the lines at one instant or at many, in the amplitudes' unit."""
+    """Return the sum of the lines at one instant or at many, in the amplitudes' unit.
+
+    Parameters
+    ----------
+    t : float or ndarray, shape (n,)
+        The instants.
+    lines : Lines or ndarray, shape (3, k)
+        Its fields or, which is less for a call to take apart, rows in their order.
+    """
+    amplitude, rate_rad_s, phase_rad = lines[0], lines[1], lines[2]
     total = 0.0 * t
-    for k in range(lines.amplitude.size):
-        angle = lines.angular_rate_rad_s[k] * t + lines.phase_rad[k]
-        total = total + lines.amplitude[k] * np.sin(angle)
+    for k in range(amplitude.size):
+        total = total + amplitude[k] * np.sin(rate_rad_s[k] * t + phase_rad[k])
     return total
 
 
 @compiled
 def lines_rate_at(t, lines):
     """Return the exact derivative of :func:`lines_at`, per second."""
+    amplitude, rate_rad_s, phase_rad = lines[0], lines[1], lines[2]
     total = 0.0 * t
-    for k in range(lines.amplitude.size):
-        rate = lines.angular_rate_rad_s[k]
-        total = total + lines.amplitude[k] * rate * np.cos(rate * t + lines.phase_rad[k])
+    for k in range(amplitude.size):
+        rate = rate_rad_s[k]
+        total = total + amplitude[k] * rate * np.cos(rate * t + phase_rad[k])
     return total
 
 
@@ -234,7 +243,7 @@ def tap_force_at(t, side, numbers):
 
 
 class RollingNumbers(NamedTuple):
-    """What the compiled code needs of :class:`Rolling`; where nothing rolls it lasts 0."""
+    """What the compiled code needs of :class:`Rolling`."""
 
     start_s: float
     duration_s: float
@@ -293,14 +302,15 @@ def rolled_at(t, numbers):
     """Return how far the centre of contact is from where it is at rest: x and y.
 
     It moves along a smooth step, so its velocity is zero at both ends and has no jump. It is
-    exactly zero before the start and after the last way back.
+    exactly zero before the start and after the last way back. ``numbers`` are RollingNumbers or
+    one array with the fields in their order.
     """
-    one_way = numbers.duration_s + numbers.hold_s
-    since = np.minimum(np.maximum(t - numbers.start_s, 0.0), numbers.lasts_s)
+    start_s, duration_s, hold_s, lasts_s = numbers[0], numbers[1], numbers[2], numbers[3]
+    one_way = duration_s + hold_s
+    since = np.minimum(np.maximum(t - start_s, 0.0), lasts_s)
     within = since - 2.0 * one_way * np.floor(since / (2.0 * one_way))
-    share = _smooth_step(within / numbers.duration_s)
-    share = share - _smooth_step((within - one_way) / numbers.duration_s)
-    return share * numbers.x_m, share * numbers.y_m
+    share = _smooth_step(within / duration_s) - _smooth_step((within - one_way) / duration_s)
+    return share * numbers[4], share * numbers[5]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 
 from slip_detector.compiled import compiled
 from slip_detector.scenes.disturbances import (
-    NO_LINES,
-    Lines,
-    RollingNumbers,
     TapNumbers,
     lines_at,
     lines_rate_at,
@@ -22,8 +19,6 @@ from slip_detector.scenes.disturbances import (
 )
 from slip_detector.scenes.motion import (
     ForceNumbers,
-    LoadNumbers,
-    PlateNumbers,
     force_at,
     load_at,
     plate_at,
@@ -31,9 +26,10 @@ from slip_detector.scenes.motion import (
 
 Floats = NDArray[np.float64]
 
+NO_LINES = np.zeros((3, 0))
 NO_TAPS = TapNumbers(np.zeros(0), 0.0, 1.0)
-NO_ROLLING = RollingNumbers(0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
-NO_LOAD = LoadNumbers(np.zeros(0), np.zeros(0))
+NO_ROLLING = np.zeros(0)
+NO_LOAD = np.zeros((2, 0))
 
 
 class DriveNumbers(NamedTuple):
@@ -41,33 +37,40 @@ class DriveNumbers(NamedTuple):
 
     Attributes
     ----------
-    force, plate
-        The normal force and the plate's motion that the steps ask for.
+    force : ForceNumbers
+        The normal force that the steps ask for.
+    plate : ndarray, shape (4, k)
+        The plate's motion; rows as the fields of
+        :class:`slip_detector.scenes.motion.PlateNumbers`.
     centre_x_m, centre_y_m : float
         Where the contact is at rest.
-    load
-        Force on the object.
-    taps, rolling
-        Of these parts.
-    force_lines, motion_lines : Lines
-        The tremor's, in newtons and, on a plate, metres.
+    load : ndarray, shape (2, k)
+        Force on the object; rows as the fields of
+        :class:`slip_detector.scenes.motion.LoadNumbers`.
+    taps : TapNumbers
+        Of this part.
+    rolling : ndarray, shape (6,)
+        The fields of :class:`slip_detector.scenes.disturbances.RollingNumbers`.
+    force_lines, motion_lines : ndarray, shape (3, k)
+        The tremor's lines, in newtons and, on a plate, metres; rows as the fields of
+        :class:`slip_detector.scenes.disturbances.Lines`.
     force_lines_from_n : float
         The normal force from which on all of the tremor's force is there.
-    load_lines : Lines
+    load_lines : ndarray, shape (3, k)
         Inertia of the object in a hand that trembles, in newtons.
     """
 
     force: ForceNumbers
-    plate: PlateNumbers
+    plate: Floats
     centre_x_m: float
     centre_y_m: float
-    load: LoadNumbers = NO_LOAD
+    load: Floats = NO_LOAD
     taps: TapNumbers = NO_TAPS
-    rolling: RollingNumbers = NO_ROLLING
-    force_lines: Lines = NO_LINES
+    rolling: Floats = NO_ROLLING
+    force_lines: Floats = NO_LINES
     force_lines_from_n: float = 1.0
-    motion_lines: Lines = NO_LINES
-    load_lines: Lines = NO_LINES
+    motion_lines: Floats = NO_LINES
+    load_lines: Floats = NO_LINES
 
 
 class Drive(NamedTuple):
@@ -101,7 +104,7 @@ def normal_force_at(t, side, numbers):
     force = force_at(t, side, numbers.force)
     if numbers.taps.begins_s.size:
         force = force + tap_force_at(t, side, numbers.taps)
-    if numbers.force_lines.amplitude.size:
+    if numbers.force_lines.size:
         # A hand that does not touch does not press; its tremor comes in with the contact.
         share = np.minimum(force / numbers.force_lines_from_n, 1.0)
         force = force + share * lines_at(t, numbers.force_lines)
@@ -128,14 +131,14 @@ def drive_at(t, side, numbers):
     none = 0.0 * t
     force = normal_force_at(t, side, numbers)
     x, y = none + numbers.centre_x_m, none + numbers.centre_y_m
-    if numbers.rolling.lasts_s > 0.0:
+    if numbers.rolling.size:
         rolled_x, rolled_y = rolled_at(t, numbers.rolling)
         x, y = x + rolled_x, y + rolled_y
-    if numbers.load.force_n.size:
+    if numbers.load.size:
         load = load_at(t, numbers.load) + lines_at(t, numbers.load_lines)
         return Drive(force, x, y, none, none, load)
     velocity, position = plate_at(t, side, numbers.plate)
-    if numbers.motion_lines.amplitude.size:
+    if numbers.motion_lines.size:
         velocity = velocity + lines_rate_at(t, numbers.motion_lines)
         position = position + lines_at(t, numbers.motion_lines)
     return Drive(force, x, y, velocity, position, none)

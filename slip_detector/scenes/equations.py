@@ -17,6 +17,7 @@ from slip_detector.scenes.contact import spread_load
 from slip_detector.scenes.drive import drive_at
 from slip_detector.scenes.friction import COULOMB, LIGHTEST_LOAD_N, bristle_force
 from slip_detector.scenes.mechanics import FINGERS, Plan
+from slip_detector.scenes.motion import LoadNumbers, PlateNumbers
 from slip_detector.scenes.scene import Scene
 from slip_detector.scenes.texture import ridges_between, roughness_between
 
@@ -385,11 +386,13 @@ class Ode:
     def moving_s(self) -> float:
         """Return when plate or object begins to be moved; infinite where none is."""
         if self.with_object:
-            pulled = np.flatnonzero(self.drive.load.force_n)
-            return float(self.drive.load.corners_s[pulled[0] - 1]) if len(pulled) else math.inf
+            load = LoadNumbers(*self.drive.load)
+            pulled = np.flatnonzero(load.force_n)
+            return float(load.corners_s[pulled[0] - 1]) if len(pulled) else math.inf
         # The piece that ends with the first velocity there is.
-        moved = np.flatnonzero(self.drive.plate.velocity_m_s)
-        return float(self.drive.plate.starts_s[moved[0] - 1]) if len(moved) else math.inf
+        plate = PlateNumbers(*self.drive.plate)
+        moved = np.flatnonzero(plate.velocity_m_s)
+        return float(plate.starts_s[moved[0] - 1]) if len(moved) else math.inf
 
     def position_m(self, t: float, y: Floats) -> float:
         """Return where the surface is."""

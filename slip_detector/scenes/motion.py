@@ -204,12 +204,16 @@ class PlateNumbers(NamedTuple):
 
 @compiled
 def plate_at(t, side, numbers):
-    """Return the velocity and the position of the plate along x."""
-    k = piece_at(side, numbers.starts_s)
-    since = t - numbers.starts_s[k]
-    gained = numbers.acceleration_m_s2[k] * since
-    way = (numbers.velocity_m_s[k] + 0.5 * gained) * since
-    return numbers.velocity_m_s[k] + gained, numbers.position_m[k] + way
+    """Return the velocity and the position of the plate along x.
+
+    ``numbers`` are PlateNumbers or, which is less for a call to take apart, one array with the
+    fields as its rows.
+    """
+    starts_s, acceleration, velocity, position = numbers[0], numbers[1], numbers[2], numbers[3]
+    k = piece_at(side, starts_s)
+    since = t - starts_s[k]
+    gained = acceleration[k] * since
+    return velocity[k] + gained, position[k] + (velocity[k] + 0.5 * gained) * since
 
 
 def plate_numbers(motion: Motion, steps: list[Step]) -> PlateNumbers:
@@ -264,8 +268,8 @@ class LoadNumbers(NamedTuple):
 
 @compiled
 def load_at(t, numbers):
-    """Return the force on the object along x."""
-    return np.interp(t, numbers.corners_s, numbers.force_n)
+    """Return the force on the object along x; ``numbers`` as those of :func:`plate_at`."""
+    return np.interp(t, numbers[0], numbers[1])
 
 
 def load_numbers(weight_n: float, steps: list[Step]) -> LoadNumbers:

@@ -31,7 +31,9 @@ from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2, FreeObject, 
 from slip_detector.scenes.friction import Friction, FrictionNumbers, well_posed_or_say
 from slip_detector.scenes.mechanics import STAGES, Plan, State, advance
 from slip_detector.scenes.motion import (
+    LoadNumbers,
     Motion,
+    PlateNumbers,
     Step,
     force_numbers,
     held_force,
@@ -68,7 +70,7 @@ PARTS: dict[str, type[ParameterSet]] = {
 OF_THE_SCENE = ('steps', 'sample_rate_hz', 'step_s')
 
 #: A step is cut finer where the skin would ring faster: it takes so little of a radian.
-RINGING_RAD = 0.5
+RINGING_RAD = 0.4
 
 #: More steps than this for a second of scene are not to be waited for.
 MOST_STEPS_HZ = 2e6
@@ -178,7 +180,7 @@ class Scene:
         """Collect what is done to the fingertip; parts that are not named stay left out."""
         numbers = DriveNumbers(
             force_numbers(self.motion, steps),
-            plate_numbers(self.motion, steps),
+            np.array(plate_numbers(self.motion, steps)),
             *self.contact.centre_m,
         )
         taps: Taps | None = self.parts.get('taps')
@@ -186,23 +188,25 @@ class Scene:
             numbers = numbers._replace(taps=taps.numbers())
         rolling: Rolling | None = self.parts.get('rolling')
         if rolling:
-            numbers = numbers._replace(rolling=rolling.numbers())
+            numbers = numbers._replace(rolling=np.array(rolling.numbers()))
         if self._object:
             load = load_numbers(self._object.mass_kg * STANDARD_GRAVITY_M_S2, steps)
-            numbers = numbers._replace(load=load)
+            numbers = numbers._replace(load=np.array(load))
         tremor: Tremor | None = self.parts.get('tremor')
         if tremor:
             hand = HandMotion(tremor, of_tremor)
             lines = hand.motion_lines
             numbers = numbers._replace(
-                force_lines=hand.force_lines,
+                force_lines=np.array(hand.force_lines),
                 force_lines_from_n=TREMOR_PEAK * tremor.force_rms_n,
-                motion_lines=lines,
+                motion_lines=np.array(lines),
             )
             if self._object:
                 # In the frame of a hand that trembles the object's mass pulls the other way.
                 inertia_n = self._object.mass_kg * lines.amplitude * lines.angular_rate_rad_s**2
-                numbers = numbers._replace(load_lines=lines._replace(amplitude=inertia_n))
+                numbers = numbers._replace(
+                    load_lines=np.array(lines._replace(amplitude=inertia_n))
+                )
         return numbers
 
     def _build_disturbances(self, children: dict[str, np.random.Generator]) -> None:
@@ -253,7 +257,7 @@ class Scene:
     @property
     def largest_velocity_m_s(self) -> float:
         """Return how fast the plate moves at most, in either direction; 0 where it stands."""
-        return float(np.abs(self.drive_numbers.plate.velocity_m_s).max())
+        return float(np.abs(PlateNumbers(*self.drive_numbers.plate).velocity_m_s).max())
 
     def _largest_force_n(self, steps: list[Step]) -> float:
         """Return the largest normal force that the steps and the disturbances can bring about."""
@@ -351,7 +355,8 @@ class Scene:
     def corners_s(self) -> Floats:
         """Return the times at which what is done to the fingertip has a corner, rising."""
         numbers, taps = self.drive_numbers, self.drive_numbers.taps
-        corners = [numbers.force.starts_s, numbers.plate.starts_s, numbers.load.corners_s]
+        corners = [numbers.force.starts_s, PlateNumbers(*numbers.plate).starts_s]
+        corners.append(LoadNumbers(*numbers.load).corners_s)
         corners += [taps.begins_s, taps.begins_s + taps.duration_s]
         if 'rolling' in self.parts:
             corners.append(self.parts['rolling'].corners_s(self.duration_s))
