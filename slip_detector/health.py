@@ -75,7 +75,8 @@ class Health:
         self._stamp_before_ns: int | None = None
         self._stamp_ns: int | None = None
         self._rows_between = 0
-        self._spent_s = self._longest_s = self._age_s = 0.0
+        self._spent_s = self._longest_s = 0.0
+        self._ages_s: list[float] = []
 
     def note_rows(
         self,
@@ -94,7 +95,7 @@ class Health:
         stamp_ns
             When the last of them was sampled.
         age_s
-            How long ago that was by the node's clock.
+            How long ago that was, by the node's clock, when they had been decided on.
         spent_s
             How long it took.
         """
@@ -106,7 +107,7 @@ class Health:
         else:
             self._rows_between += len(rows)
         self._stamp_ns = stamp_ns
-        self._age_s = age_s
+        self._ages_s.append(age_s)
         self._spent_s += spent_s
         self._longest_s = max(self._longest_s, spent_s)
 
@@ -139,6 +140,7 @@ class Health:
         self._rows, self._valid = [], []
         self._stamp_before_ns, self._rows_between = self._stamp_ns, 0
         self._spent_s = self._longest_s = 0.0
+        self._ages_s = []
         return statuses
 
     def rate_hz(self) -> float | None:
@@ -177,7 +179,8 @@ class Health:
         status.values = {
             'configured rate [Hz]': f'{wanted_hz:g}',
             'measured rate [Hz]': _number(rate_hz, '.2f'),
-            'age of the last sample [ms]': f'{self._age_s * 1e3:.2f}' if self._rows else '-',
+            AGE_KEYS[0]: _milliseconds(self._ages_s, 50),
+            AGE_KEYS[1]: _milliseconds(self._ages_s, 99),
             'silent for [s]': '-' if math.isinf(silent_s) else f'{silent_s:.1f}',
             'samples': str(self.totals['rows']),
             **{VALUES[kind]: str(self.totals[kind]) for kind in VALUES},
@@ -261,6 +264,9 @@ VALUES: Mapping[str, str] = {
     'field': 'dropped, no such field',
 }
 
+#: How old the samples are when they have been decided on.
+AGE_KEYS = ('age of the samples, median [ms]', 'age of the samples, 99 % below [ms]')
+
 ADVICE: Mapping[str, str] = {
     'not a number': 'the sensor or its driver sends no value',
     'at the lower rail': 'unplugged, broken or overloaded?',
@@ -274,6 +280,10 @@ def listed(names: Sequence[str]) -> str:
     if len(names) <= LISTED:
         return ', '.join(names)
     return f'{", ".join(names[:LISTED])} and {len(names) - LISTED} more'
+
+
+def _milliseconds(times_s: list[float], percentile: float) -> str:
+    return f'{np.percentile(times_s, percentile) * 1e3:.3f}' if times_s else '-'
 
 
 def _number(value: float | None, how: str) -> str:

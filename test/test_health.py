@@ -76,7 +76,7 @@ def test_silence_is_an_error_and_the_rate_undefined():
     status, channels, decisions = summed(health, silent_s=3.21, valid=False)
     assert 'no samples for 3.2 s' in status.message
     assert status.values['measured rate [Hz]'] == '-'
-    assert status.values['age of the last sample [ms]'] == '-'
+    assert status.values['age of the samples, median [ms]'] == '-'
     assert channels.level == decisions.level == Level.ERROR
     assert decisions.values['time per row [ms]'] == '-'
 
