@@ -91,7 +91,8 @@ class Timeline:
     def arrive(self, stamp_ns: int, rows: int = 1) -> Arrival:
         """Judge the next sample by its stamp in nanoseconds.
 
-        Of a batch of ``rows`` samples it is the stamp of the last one.
+        Of a batch of ``rows`` samples it is the stamp of the last one; a batch comes or is
+        missing as a whole.
         """
         if self._last_ns is None:
             self._begin(stamp_ns)
@@ -101,7 +102,8 @@ class Timeline:
             return self._backwards(stamp_ns)
         self._dropped_first_ns = None
         period_ns = self.period_ns
-        behind = (step_ns - self._until_next_ns) / period_ns - (rows - 1)
+        # In periods of the messages.
+        behind = ((step_ns - self._until_next_ns) / period_ns - (rows - 1)) / rows
         if behind < -LARGEST_JITTER:
             self._begin(stamp_ns)
             return NEXT
@@ -112,8 +114,8 @@ class Timeline:
                 self._begin(stamp_ns)
                 return NEW_STRETCH
             behind -= missing
-        self._follow(stamp_ns, behind, rows + missing)
-        return Arrival(True, missing, False) if missing else NEXT
+        self._follow(stamp_ns, behind, rows)
+        return Arrival(True, missing * rows, False) if missing else NEXT
 
     def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
         """Take samples all at once if each is simply the next; else take none of them.
@@ -141,22 +143,22 @@ class Timeline:
         self._dropped_first_ns = None
 
     def _follow(self, stamp_ns: int, behind: float, rows: int) -> None:
-        """Bring the line nearer to a stamp that is ``behind`` it, in periods, by ``rows`` rows.
+        """Bring the line nearer to the stamp of a message that is ``behind`` it.
 
-        The gains are those of a least-squares line through the last ``memory`` samples.
+        The gains are those of a least-squares line through the last ``memory`` messages.
         """
         n = self._memory
         if n < LONG_MEMORY:
-            self._memory = min(n + rows, LONG_MEMORY)
+            self._memory = n + 1
         # A late one may be one behind a gap; an early one can only be jitter.
         off = -behind if behind < 0.0 else min(behind, GAP_PERIODS)
         jitter = self._jitter * (1.0 - 1.0 / JITTER_MEMORY)
         self._jitter = off if off > jitter else jitter
-        per_row = 1.0 / (n * (n + 1))
+        gain = 1.0 / (n * (n + 1))
         period_ns = self.period_ns
         # From this stamp back to where the line has it, and on to the next.
-        on_line_ns = -behind * (1.0 - 2 * (2 * n - 1) * per_row) * period_ns
-        period_ns *= 1.0 + behind * 6.0 * per_row
+        on_line_ns = -behind * (1.0 - 2 * (2 * n - 1) * gain) * rows * period_ns
+        period_ns *= 1.0 + behind * 6.0 * gain
         slowest_ns, fastest_ns = self._bounds_ns
         if not fastest_ns <= period_ns <= slowest_ns:
             period_ns = min(max(period_ns, fastest_ns), slowest_ns)

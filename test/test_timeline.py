@@ -173,18 +173,16 @@ def test_large_jitter_costs_a_few_rows_but_never_the_place_on_the_line(seed):
     assert not any(arrival.reset for arrival in judged)
 
 
-@given(st.lists(st.integers(1, 40), min_size=2, max_size=60), st.data())
-def test_batches_are_judged_as_their_samples_are(sizes, data):
-    lost = data.draw(st.integers(1, len(sizes) - 1))
+@given(st.integers(1, 40), st.integers(2, 40), st.data())
+def test_batches_come_or_are_missing_as_a_whole(rows, n, data):
+    lost = data.draw(st.integers(1, n - 1))
+    late_ns = data.draw(st.integers(0, rows * PERIOD_NS // 3))
     timeline = Timeline(PERIOD_S, 1.0)
-    last = 0
-    for number, rows in enumerate(sizes):
-        last += rows
-        arrival = None
+    for number in range(n + 1):
         if number != lost:
-            arrival = timeline.arrive(START_NS + last * PERIOD_NS, rows)
-            wanted = sizes[lost] if number == lost + 1 else 0
-            assert arrival == (True, wanted, False)
+            at_ns = START_NS + number * rows * PERIOD_NS
+            arrival = timeline.arrive(at_ns + late_ns * (number == 1), rows)
+            assert arrival == (True, rows if number == lost + 1 else 0, False)
 
 
 @given(st.lists(st.integers(-2, 45), max_size=60), st.lists(st.integers(0, 60), max_size=4))

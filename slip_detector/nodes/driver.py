@@ -126,7 +126,8 @@ class Driver(Node):
             due_s = start_s + float(taken_s[i]) / self.config.rate
             ahead_s = due_s - time.monotonic()
             if ahead_s > 0.0:
-                if self._stop.wait(ahead_s):
+                # Waking up costs more than all else.
+                if self._voltages.completed_by_next and self._stop.wait(ahead_s):
                     return i
             elif -ahead_s > LATE_S:
                 self._say_late(-ahead_s)

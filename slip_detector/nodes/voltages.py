@@ -41,6 +41,11 @@ class Voltages:
         """Return how many listen."""
         return int(self._publisher.get_subscription_count())
 
+    @property
+    def completed_by_next(self) -> bool:
+        """Whether the next sample goes out at once: it is alone, or the last of its message."""
+        return len(self._rows) + 1 >= self._per_message
+
     def publish(self, header: Header, names: list[str], volts: NDArray[np.float64]) -> None:
         """Publish a sample, or keep it for the message it goes with."""
         if self._per_message > 1:
