@@ -8,6 +8,8 @@ import contextlib
 import itertools
 import math
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -303,7 +305,7 @@ def test_a_parameter_changed_in_the_middle_of_a_slip(bench):
     sensor.goes_on()
 
 
-def test_disk_full_while_recording(bench, tmp_path):
+def test_disk_full_where_the_log_goes(bench):
     # /dev/full takes nothing, as a full disk.
     with contextlib.ExitStack() as stack:
         full = stack.enter_context(open('/dev/full', 'w'))
@@ -312,3 +314,29 @@ def test_disk_full_while_recording(bench, tmp_path):
         sensor.play(sensor.says_slip, 'slip')
         sensor.fell_in_time()
         sensor.play(sensor.says_slip, 'slip again')
+
+
+#: Records a scene where files may not grow beyond 64 KiB, as on a disk that fills up.
+RECORD = """
+import resource, sys, time
+from slip_detector.config import DriverConfig
+from slip_detector.nodes.demo import record
+from slip_detector.sources import open_source
+source = open_source(DriverConfig())
+resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536))
+try:
+    record(sys.argv[1], source, time.time_ns())
+except ValueError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize('name', ['trial.mcap', 'trial', 'trial.npz', 'trial.csv'])
+def test_disk_full_while_recording(tmp_path, name):
+    path = tmp_path / name
+    done = subprocess.run(
+        [sys.executable, '-c', RECORD, str(path)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f'{path}: cannot be written (File too large)\n'
+    # Half a recording would pass for a whole one.
+    assert not list(tmp_path.iterdir())
