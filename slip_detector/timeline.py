@@ -18,8 +18,11 @@ JITTER_MEMORY = 2048
 #: A clock may be off by this share and is followed; what is more is samples that are missing.
 LARGEST_RATE_ERROR = 0.15
 
+#: A step of more than this many periods is a gap, less is jitter, where nothing more is known.
+GAP_PERIODS = 1.5
+
 #: A sample this many periods behind the grid is one behind a gap, where jitter does not say more.
-GAP_PERIODS = 0.5
+BEHIND_A_GAP = 0.5
 
 #: Jitter taken for possible before the stamps have shown theirs, in periods.
 FIRST_JITTER = 0.75
@@ -108,8 +111,8 @@ class Timeline:
             self._begin(stamp_ns)
             return NEXT
         missing = 0
-        if behind >= GAP_PERIODS:
-            missing = max(0, round(behind - max(0.0, self._jitter - GAP_PERIODS)))
+        if behind >= BEHIND_A_GAP:
+            missing = max(0, round(behind - max(0.0, self._jitter - BEHIND_A_GAP)))
             if missing and step_ns - (rows - 1) * period_ns > self.max_gap_s * 1e9:
                 self._begin(stamp_ns)
                 return NEW_STRETCH
@@ -151,7 +154,7 @@ class Timeline:
         if n < LONG_MEMORY:
             self._memory = n + 1
         # A late one may be one behind a gap; an early one can only be jitter.
-        off = -behind if behind < 0.0 else min(behind, GAP_PERIODS)
+        off = -behind if behind < 0.0 else min(behind, BEHIND_A_GAP)
         jitter = self._jitter * (1.0 - 1.0 / JITTER_MEMORY)
         self._jitter = off if off > jitter else jitter
         gain = 1.0 / (n * (n + 1))

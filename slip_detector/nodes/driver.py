@@ -1,4 +1,4 @@
-"""The driver node: plays a source at its own pace."""
+"""The driver node: plays a source at its own pace, or passes on what a sensor sends."""
 
 import threading
 import time
@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.config import DriverConfig
+from slip_detector.nodes.listening import Listening
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.voltages import Voltages
@@ -35,12 +36,15 @@ class Driver(Node):
 
     Sample k is due at start + k / rate; where the source knows better when it was taken (its
     clock may be wrong, and samples may be lost), at that time.
+
+    The samples of a sensor (serial, udp) are published as they come.
     """
 
     def __init__(self) -> None:
         super().__init__('slip_driver')
         self.config = config = declare(self, DriverConfig)
-        source = open_source(config)
+        live = config.source in ('serial', 'udp')
+        source = None if live else open_source(config)
         self._voltages = Voltages(self, config.samples_per_message)
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
@@ -51,11 +55,12 @@ class Driver(Node):
         # Also wakes the executor, should a signal's own wake-up get lost.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_S, self._look_for_end, clock=steady)
-        what = config.recording if config.source == 'recording' else f'scene {config.scene}'
-        self.get_logger().info(
-            f'playing {what}: {len(source.channel_names)} channels at '
-            f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
-        )
+        if source is not None:
+            what = config.recording if config.source == 'recording' else f'scene {config.scene}'
+            self.get_logger().info(
+                f'playing {what}: {len(source.channel_names)} channels at '
+                f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
+            )
         self._thread = threading.Thread(target=self._run, args=(source,), daemon=True)
         self._thread.start()
 
@@ -65,10 +70,15 @@ class Driver(Node):
         self._thread.join()
         super().destroy_node()
 
-    def _run(self, source: Source) -> None:
-        """Play in a thread of its own; the executor looks for its end."""
+    def _run(self, source: Source | None) -> None:
+        """Play or listen in a thread of its own; the executor looks for its end."""
         try:
-            self._play(source)
+            if not self._wait_for_subscribers():
+                return
+            if source is not None:
+                self._play(source)
+            else:
+                Listening(self, self.config, self._send).run(self._stop)
         except Exception as failure:
             self._failure = failure
 
@@ -77,13 +87,17 @@ class Driver(Node):
         if not self._thread.is_alive():
             raise self._failure or ExternalShutdownException()
 
-    def _play(self, source: Source) -> None:
-        """Play the source, again and again if asked to."""
+    def _wait_for_subscribers(self) -> bool:
+        """Wait for those who must miss nothing; false: the node was stopped meanwhile."""
         if self.config.wait_for_subscribers:
             self.get_logger().info(f'waiting for {self.config.wait_for_subscribers} subscribers')
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
             if self._stop.wait(POLL_S):
-                return
+                return False
+        return True
+
+    def _play(self, source: Source) -> None:
+        """Play the source, again and again if asked to."""
         # Stamps are the samples' own times, counted from here on the node's clock.
         first_stamp_ns = self.get_clock().now().nanoseconds
         start_s = time.monotonic()
@@ -131,21 +145,23 @@ class Driver(Node):
                     return i
             elif -ahead_s > LATE_S:
                 self._say_late(-ahead_s)
-            header = Header(
-                stamp=time_message(first_stamp_ns + round(float(taken_s[i]) * 1e9)),
-                frame_id=self.config.frame_id,
-            )
             # A state holds for what comes after it, in a bag too.
             if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
                 self._last_truth = bool(samples.truth[i])
                 self._truth.publish(Bool(data=self._last_truth))
-            self._voltages.publish(header, names, volts)
+            header = self._send(first_stamp_ns + round(float(taken_s[i]) * 1e9), names, volts)
             if samples.position_m is not None:
                 position = [float(samples.position_m[i])]
                 self._position.publish(
                     JointState(header=header, name=['platform'], position=position)
                 )
         return len(samples.volts)
+
+    def _send(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> Header:
+        """Publish a sample; returns its header."""
+        header = Header(stamp=time_message(stamp_ns), frame_id=self.config.frame_id)
+        self._voltages.publish(header, names, volts)
+        return header
 
     def _say_late(self, late_s: float) -> None:
         now_s = time.monotonic()
