@@ -9,7 +9,7 @@ NAME = 'slip_detector'
 
 def ros_wheels(distribution: str) -> list[str]:
     """List the wheels that stand in for a ROS 2 installation on a bare machine."""
-    packages = ('rclpy', 'rmw-fastrtps-cpp', 'std-msgs', 'sensor-msgs')
+    packages = ('rclpy', 'rmw-fastrtps-cpp', 'std-msgs', 'sensor-msgs', 'diagnostic-msgs')
     return [f'ros-{distribution}-{package}' for package in packages]
 
 

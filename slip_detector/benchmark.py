@@ -14,9 +14,8 @@ counts, which is the one that nothing disturbed.
 
 With these come the keys of :mod:`slip_detector.benchmarks.chain_speed`, and ``precision`` with the
 keys of :mod:`slip_detector.benchmarks.chain_precision`, unless ``--part`` leaves them out. Those
-of ``scenes`` and ``extremes`` are in the modules :mod:`slip_detector.benchmarks.scenes` and
-:mod:`slip_detector.benchmarks.extremes`, those of ``tune`` in
-:mod:`slip_detector.benchmarks.tune`.
+of ``scenes``, ``extremes``, ``tune`` and ``soak`` are in the modules of these names in
+:mod:`slip_detector.benchmarks`.
 """
 
 import argparse
@@ -272,6 +271,38 @@ def run_extremes(words: argparse.Namespace) -> Report:
     return Report(result, extremes.table(result))
 
 
+def add_soak(commands: Commands) -> None:
+    """Add the subcommand ``soak``."""
+    command = commands.add_parser(
+        'soak',
+        parents=[shared_options()],
+        help='drivers and detectors left to themselves',
+        description='Run drivers and detectors as processes and watch what they lose, how their '
+        'memory and latency grow and what they take of the processor. Says of each figure what '
+        'is wanted and whether it is met; the exit code is 0 either way.',
+    )
+    command.add_argument('--seconds', type=float, help='how long (default: 11 minutes)')
+    command.add_argument('--fingers', type=int, default=1, help='so many of each')
+    command.add_argument(
+        '--samples-per-message',
+        type=int,
+        default=1,
+        metavar='N',
+        help='let the drivers send batches',
+    )
+    command.set_defaults(run=run_soak)
+
+
+def run_soak(words: argparse.Namespace) -> Report:
+    """Let the nodes run."""
+    from slip_detector.benchmarks import soak
+
+    seconds = words.seconds or (soak.QUICK_SECONDS if words.quick else soak.SECONDS)
+    result = {'machine': machine(), 'quick': words.quick}
+    result |= soak.measure(seconds, words.fingers, words.samples_per_message)
+    return Report(result, '\n\n'.join((heading(result), soak.table(result))))
+
+
 def add_tune(commands: Commands) -> None:
     """Add the subcommand ``tune``."""
     command = commands.add_parser(
@@ -313,7 +344,13 @@ def run_tune(words: argparse.Namespace) -> Report:
 
 #: The subcommands: each function adds one, with its options and, as ``run``, what it does. What
 #: a subcommand imports is imported when it runs.
-COMMANDS: tuple[Callable[..., None], ...] = (add_chain, add_scenes, add_extremes, add_tune)
+COMMANDS: tuple[Callable[..., None], ...] = (
+    add_chain,
+    add_scenes,
+    add_extremes,
+    add_tune,
+    add_soak,
+)
 
 
 def _terminated(number: int, frame: FrameType | None) -> None:

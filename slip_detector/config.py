@@ -257,6 +257,16 @@ class ChainConfig(ParameterSet):
 class DetectorConfig(ChainConfig):
     """Parameters of the detector node: the chain's and those of its input and topics."""
 
+    input_type: str = parameter(
+        'sensor_msgs/msg/JointState',
+        'Message type of the topic voltages.',
+        allows='any that is installed, as package/msg/Type',
+    )
+    input_field: str = parameter(
+        'position',
+        'Where in it the channels are.',
+        allows='a field, or a path as wrench.force.x, pillars[].fz or tactiles[0].pressure',
+    )
     max_gap_s: float = parameter(
         0.1,
         'A shorter gap in the input is bridged with the last row, a longer one resets the chain.',
@@ -276,6 +286,9 @@ class DetectorConfig(ChainConfig):
     )
     publish_groups: bool = parameter(True, 'Whether slip/group/... is published.')
     publish_channels: bool = parameter(True, 'Whether slip/channel/... is published.')
+    autostart: bool = parameter(
+        True, 'Whether the node configures and activates itself; else a lifecycle manager does.'
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -339,6 +352,13 @@ class DriverConfig(ParameterSet):
         0, 'Begin when so many subscribe to voltages, lest they miss the first.', low=0, high=1000
     )
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
+    samples_per_message: int = parameter(
+        1,
+        'More than one: samples come in batches, as a std_msgs/Float32MultiArray of the layout '
+        'sample, channel.',
+        low=1,
+        high=10_000,
+    )
     channels: int = parameter(16, 'Channels that the sensor sends (serial, udp).', low=1, high=255)
     frame_values: str = parameter(
         'int16',

@@ -5,8 +5,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-#: A step of more than this many periods is a gap; less is jitter of the stamps.
+#: The grid is a line fitted to the stamps of about so many samples: to the first ones after a
+#: start, and in the long run. A long memory averages the jitter out and still follows a drift.
+FIRST_MEMORY, LONG_MEMORY = 16, 256
+
+#: A sample further ahead of the grid, in periods, is no jitter: the grid begins anew.
+LARGEST_JITTER = 2.0
+
+#: Jitter is forgotten over so many samples.
+JITTER_MEMORY = 2048
+
+#: A clock may be off by this share and is followed; what is more is samples that are missing.
+LARGEST_RATE_ERROR = 0.15
+
+#: A step of more than this many periods is a gap, less is jitter, where nothing more is known.
 GAP_PERIODS = 1.5
+
+#: A sample this many periods behind the grid is one behind a gap, where jitter does not say more.
+BEHIND_A_GAP = 0.5
+
+#: Jitter taken for possible before the stamps have shown theirs, in periods.
+FIRST_JITTER = 0.75
 
 
 class Arrival(NamedTuple):
@@ -35,6 +54,11 @@ BACKWARDS = Arrival(False, 0, False)
 class Timeline:
     """Judges samples by their stamps.
 
+    Samples are expected on an even grid that follows the stamps: a line fitted to them with a
+    fading memory. So a stamp may be off by half a period, and the clock behind the stamps by
+    ``LARGEST_RATE_ERROR``, without a sample being taken for two. Where jitter is larger still, as
+    samples ahead of the grid show, it takes a larger delay to be a gap.
+
     A stamp that is not after the one before is dropped. When the dropped ones themselves run
     forward for longer than ``max_gap_s``, the clock was set back (or a bag started again) and a
     new stretch begins; else one such step would silence the detector for good.
@@ -45,31 +69,56 @@ class Timeline:
         Time from sample to sample.
     max_gap_s
         Longest gap that is bridged.
+
+    Attributes
+    ----------
+    period_ns : float
+        Time from sample to sample by the stamps.
     """
 
     def __init__(self, period_s: float, max_gap_s: float) -> None:
-        self._period_ns = period_s * 1e9
-        self._gap_ns = GAP_PERIODS * self._period_ns
-        self._max_gap_ns = max_gap_s * 1e9
+        self.period_ns = period_s * 1e9
+        self._bounds_ns = (
+            (1.0 + LARGEST_RATE_ERROR) * self.period_ns,
+            (1.0 - LARGEST_RATE_ERROR) * self.period_ns,
+        )
+        self.max_gap_s = max_gap_s
         self._last_ns: int | None = None
+        # Since the last one, so that floats tell nanoseconds apart.
+        self._until_next_ns = 0.0
+        self._memory = FIRST_MEMORY
+        self._jitter = FIRST_JITTER
         self._dropped_first_ns: int | None = None
         self._dropped_last_ns = 0
 
-    def arrive(self, stamp_ns: int) -> Arrival:
-        """Judge the next sample by its stamp in nanoseconds."""
+    def arrive(self, stamp_ns: int, rows: int = 1) -> Arrival:
+        """Judge the next sample by its stamp in nanoseconds.
+
+        Of a batch of ``rows`` samples it is the stamp of the last one; a batch comes or is
+        missing as a whole.
+        """
         if self._last_ns is None:
-            self._last_ns = stamp_ns
+            self._begin(stamp_ns)
             return NEXT
         step_ns = stamp_ns - self._last_ns
         if step_ns <= 0:
             return self._backwards(stamp_ns)
-        self._last_ns = stamp_ns
         self._dropped_first_ns = None
-        if step_ns < self._gap_ns:
+        period_ns = self.period_ns
+        # In periods of the messages.
+        behind = ((step_ns - self._until_next_ns) / period_ns - (rows - 1)) / rows
+        if behind < -LARGEST_JITTER:
+            self._begin(stamp_ns)
             return NEXT
-        if step_ns > self._max_gap_ns:
-            return NEW_STRETCH
-        return Arrival(True, round(step_ns / self._period_ns) - 1, False)
+        missing = 0
+        if behind >= BEHIND_A_GAP:
+            missing = max(0, round(behind - max(0.0, self._jitter - BEHIND_A_GAP)))
+            if missing and step_ns - (rows - 1) * period_ns > self.max_gap_s * 1e9:
+                self._begin(stamp_ns)
+                return NEW_STRETCH
+            behind -= missing
+        self._follow(stamp_ns, behind, rows)
+        return Arrival(True, missing * rows, False) if missing else NEXT
 
     def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
         """Take samples all at once if each is simply the next; else take none of them.
@@ -77,29 +126,54 @@ class Timeline:
         Parameters
         ----------
         stamps_ns : ndarray of int, shape (n,)
-            At least one.
+            One of each sample.
 
         Returns
         -------
         bool
             False: they are to be judged one by one.
         """
-        steps_ns = np.diff(stamps_ns)
-        last_ns = self._last_ns
-        if last_ns is not None and not 0 < int(stamps_ns[0]) - last_ns < self._gap_ns:
-            return False
-        if not ((steps_ns > 0) & (steps_ns < self._gap_ns)).all():
-            return False
-        self._last_ns = int(stamps_ns[-1])
+        before = dict(vars(self))
+        if all(self.arrive(stamp_ns) is NEXT for stamp_ns in stamps_ns.tolist()):
+            return True
+        vars(self).update(before)
+        return False
+
+    def _begin(self, stamp_ns: int) -> None:
+        self._last_ns = stamp_ns
+        self._until_next_ns = self.period_ns
+        self._memory = FIRST_MEMORY
         self._dropped_first_ns = None
-        return True
+
+    def _follow(self, stamp_ns: int, behind: float, rows: int) -> None:
+        """Bring the line nearer to the stamp of a message that is ``behind`` it.
+
+        The gains are those of a least-squares line through the last ``memory`` messages.
+        """
+        n = self._memory
+        if n < LONG_MEMORY:
+            self._memory = n + 1
+        # A late one may be one behind a gap; an early one can only be jitter.
+        off = -behind if behind < 0.0 else min(behind, BEHIND_A_GAP)
+        jitter = self._jitter * (1.0 - 1.0 / JITTER_MEMORY)
+        self._jitter = off if off > jitter else jitter
+        gain = 1.0 / (n * (n + 1))
+        period_ns = self.period_ns
+        # From this stamp back to where the line has it, and on to the next.
+        on_line_ns = -behind * (1.0 - 2 * (2 * n - 1) * gain) * rows * period_ns
+        period_ns *= 1.0 + behind * 6.0 * gain
+        slowest_ns, fastest_ns = self._bounds_ns
+        if not fastest_ns <= period_ns <= slowest_ns:
+            period_ns = min(max(period_ns, fastest_ns), slowest_ns)
+        self.period_ns = period_ns
+        self._until_next_ns = on_line_ns + period_ns
+        self._last_ns = stamp_ns
 
     def _backwards(self, stamp_ns: int) -> Arrival:
         if self._dropped_first_ns is None or stamp_ns <= self._dropped_last_ns:
             self._dropped_first_ns = stamp_ns
         self._dropped_last_ns = stamp_ns
-        if stamp_ns - self._dropped_first_ns <= self._max_gap_ns:
+        if stamp_ns - self._dropped_first_ns <= self.max_gap_s * 1e9:
             return BACKWARDS
-        self._last_ns = stamp_ns
-        self._dropped_first_ns = None
+        self._begin(stamp_ns)
         return NEW_STRETCH

@@ -33,7 +33,7 @@ _domains = itertools.count(os.getpid() % 100)
 class Process:
     """An executable of the package, its output kept."""
 
-    def __init__(self, name, *words, domain, parameters=None):
+    def __init__(self, name, *words, domain, parameters=None, output=None):
         command = [sys.executable, '-m', 'slip_detector.nodes.run', name, '--ros-args']
         for key, value in (parameters or {}).items():
             command += ['-p', f'{key}:={value}']
@@ -45,7 +45,7 @@ class Process:
         }
         self._process = subprocess.Popen(
             [*command, *map(str, words)],
-            stdout=self._log,
+            stdout=output or self._log,
             stderr=subprocess.STDOUT,
             env=environment,
         )
@@ -91,8 +91,9 @@ class Bench:
         self.executor.add_node(self.node)
         self.processes = []
 
-    def start(self, name, *words, parameters=None):
-        process = Process(name, *words, domain=self.domain, parameters=parameters)
+    def start(self, name, *words, parameters=None, output=None):
+        """Start an executable; its output is kept, or goes to a file."""
+        process = Process(name, *words, domain=self.domain, parameters=parameters, output=output)
         self.processes.append(process)
         return process
 

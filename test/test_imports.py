@@ -37,6 +37,7 @@ def loaded_by(modules, absent=()):
 
 def test_only_nodes_import_rclpy_and_messages():
     ros = ['rclpy', 'std_msgs', 'sensor_msgs', 'rcl_interfaces', 'builtin_interfaces']
+    ros += ['diagnostic_msgs', 'lifecycle_msgs']
     assert len(CORE) >= 10
     loaded_by(CORE, absent=ros)
 

@@ -365,7 +365,7 @@ def why_not_ros() -> str:
     )  # fmt: skip
     if probe.returncode == 0:
         return ''
-    return f'rclpy cannot be imported ({_last_line(probe.stderr)})'
+    return f'rclpy cannot be imported ({last_line(probe.stderr)})'
 
 
 def end_to_end(seconds: float) -> dict[str, Any]:
@@ -391,14 +391,14 @@ def end_to_end(seconds: float) -> dict[str, Any]:
     except subprocess.TimeoutExpired:
         raise RuntimeError('the measurement end to end did not end in time') from None
     finally:
-        _end_session(process)
+        end_session(process)
     if process.returncode:
-        raise RuntimeError(f'the measurement end to end failed: {_last_line(errors)}')
+        raise RuntimeError(f'the measurement end to end failed: {last_line(errors)}')
     result: dict[str, Any] = json.loads(output)
     return result
 
 
-def _end_session(process: 'subprocess.Popen[str]') -> None:
+def end_session(process: 'subprocess.Popen[str]') -> None:
     """End a process gently, then whatever is left of its session."""
     if process.poll() is None:
         process.terminate()
@@ -409,7 +409,8 @@ def _end_session(process: 'subprocess.Popen[str]') -> None:
     process.wait()
 
 
-def _last_line(text: str) -> str:
+def last_line(text: str) -> str:
+    """Return the last line that a process said."""
     lines = text.strip().splitlines()
     return lines[-1] if lines else 'it said nothing'
 

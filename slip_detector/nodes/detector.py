@@ -1,209 +1,338 @@
 """The detector node: samples in, slip out."""
 
 import time
-from collections import Counter
+from typing import Any
 
 import numpy as np
+from lifecycle_msgs.srv import ChangeState
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.node import Node
-from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Header
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.timer import Timer
 
-from slip_detector.chain import SlipChain, SlipResult
 from slip_detector.config import DetectorConfig
-from slip_detector.fields import FieldReader
-from slip_detector.nodes.messages import (
-    event_qos,
-    sensor_qos,
-    stamp_ns,
-    state_qos,
-    time_message,
-)
-from slip_detector.nodes.parameters import declare
+from slip_detector.filters import design
+from slip_detector.health import Health
+from slip_detector.live_chain import LiveChain
+from slip_detector.nodes.diagnostics import Diagnostics
+from slip_detector.nodes.inputs import Input
+from slip_detector.nodes.messages import sensor_qos
+from slip_detector.nodes.outputs import OF_THE_TOPICS, Outputs
+from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.timeline import Timeline
 
-#: The promised longest silence of ``slip``, in periods of the heartbeat.
-DEADLINE_BEATS = 2.0
-
-#: The input is looked at this often in ``input_timeout_s``, and given up after so many looks in
-#: vain: between 0.8 and 0.9 of the timeout after its last sample.
-LOOKS, LOOKS_IN_VAIN = 10, 8
+#: The input is looked at this often in ``input_timeout_s``, and given up when this share of it has
+#: passed since a look that found some: between 0.8 and 0.9 of the timeout after the last sample.
+LOOKS, GIVEN_UP_AFTER = 10, 0.75
 
 #: One line of a kind on the log in this time.
 LOG_PERIOD_NS = 1_000_000_000
 
+RCLError = rclpy_implementation.RCLError
 
-class Detector(Node):
-    """Runs the chain on each sample and publishes what changed."""
+#: Only while the node starts is it asked whether to start by itself.
+FIXED = ('autostart',)
+
+
+class Detector(LifecycleNode):
+    """Runs the chain on each sample and publishes what changed.
+
+    A managed node: *configure* builds the chain and the topics, *activate* subscribes to the
+    input. Inactive, it publishes nothing and has no subscription and no timer.
+    """
 
     def __init__(self) -> None:
-        super().__init__('slip_detector')
-        self.config = config = declare(self, DetectorConfig)
-        self.counts: Counter[str] = Counter()
+        super().__init__('slip_detector', allow_undeclared_parameters=True)
+        # As the parameters have it; what runs may be a moment behind.
+        self.config = declare(self, DetectorConfig, FIXED)
+        self._check(self.config)
+        follow_changes(self, lambda: self.config, self._check, self._take)
         self._logged_ns: dict[str, int] = {}
-        self._chain = SlipChain(config)
-        self._read = FieldReader('position')
+        self._outputs: Outputs | None = None
+        self._subscription: Any = None
+        self._timers_made: list[Timer] = []
+        # A thread that has built a chain wakes the executor, which swaps it in between two rows.
+        self._built = self.create_guard_condition(self._swap)
+        # rclpy lets a transition that is not possible in the present state end the process.
+        self._change_state = self._service_change_state.callback
+        self._service_change_state.callback = self._on_change_state
+        if self.config.autostart:
+            self.trigger_configure()
+            self.trigger_activate()
+
+    # The life of the node.
+
+    def _on_change_state(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        """Answer a request to change the state, also an impossible one."""
+        try:
+            return self._change_state(request, response)
+        except RCLError as error:
+            self.get_logger().warning(f'refused: {" ".join(str(error).split())}')
+            response.success = False
+            return response
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Build the chain and the topics."""
+        config = self.config
+        self._chain = LiveChain(config, self._built.trigger)
+        self._health = Health(config)
+        self._outputs = Outputs(self, config)
+        disabled = len(config.disabled_channels)
+        self.get_logger().info(
+            f'{config.channels - disabled} channels at {config.sample_rate_hz:g} Hz, '
+            f'groups {", ".join(config.groups)}'
+        )
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to listen."""
+        self._chain.reset()
+        self._forget_input()
+        self._diagnostics = Diagnostics(self)
+        self._listen()
+        self._start_timers()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Say that nothing is known any more, and be quiet."""
+        self._stop_timers()
+        self.destroy_subscription(self._subscription)
+        self._subscription = None
+        self._diagnostics.destroy()
+        self._topics.withdraw()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take the topics down."""
+        self._topics.destroy()
+        self._outputs = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Leave nothing, from whatever state."""
+        if self._subscription is not None:
+            self.on_deactivate(state)
+        if self._outputs is not None:
+            self.on_cleanup(state)
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """After a failed transition, begin anew unconfigured."""
+        return self.on_shutdown(state)
+
+    @property
+    def _topics(self) -> Outputs:
+        assert self._outputs is not None, 'not configured'
+        return self._outputs
+
+    def _listen(self) -> None:
+        self._input = Input(self._running)
+        self._input.replayed = self._time_is_replayed()
+        self._subscription = self.create_subscription(
+            self._input.message_class, 'voltages', self._on_voltages, sensor_qos()
+        )
+
+    def _forget_input(self) -> None:
+        """Expect samples of which nothing is known yet."""
+        config = self.config
         self._timeline = Timeline(1 / config.sample_rate_hz, config.max_gap_s)
-        self._period_ns = 1e9 / config.sample_rate_hz
         self._names: list[str] | None = list(config.channel_names) or None
         self._frame_id = ''
         self._last_row: NDArray[np.float64] | None = None
         self._heard = False
-        self._looks_in_vain = 0
+        self._heard_s = float('-inf')
 
-        beat = state_qos(DEADLINE_BEATS / config.heartbeat_hz)
-        self._slip = self._publisher(Bool, 'slip', beat)
-        self._slip_valid = self._publisher(Bool, 'slip_valid', beat)
-        self._onset = self._publisher(Header, 'slip_onset', event_qos())
-        self._envelope = self._publisher(JointState, '~/envelope', sensor_qos())
-        groups = config.groups if config.publish_groups else ()
-        channels = config.names if config.publish_channels else ()
-        disabled = {channel - 1 for channel in config.disabled_channels}
-        n_groups = len(config.groups)
-        # Column of the result's flags -> who hears of its changes.
-        self._listeners: dict[int, Publisher] = {0: self._slip}
-        for g, name in enumerate(groups):
-            self._listeners[1 + g] = self._publisher(Bool, f'slip/group/{name}', state_qos())
-        for c, name in enumerate(channels):
-            if c not in disabled:
-                self._listeners[1 + 2 * n_groups + c] = self._publisher(
-                    Bool, f'slip/channel/{name}', state_qos()
-                )
-        self._can_vote = slice(1 + n_groups, 1 + 2 * n_groups)
-        self._messages = (Bool(data=False), Bool(data=True))
-        self._all_off = np.zeros(1 + 2 * n_groups + 2 * config.channels, np.bool_)
-        self._flags = self._all_off
-        self._flags_bytes = self._flags.tobytes()
-        self._valid = False
-        for publisher in (*self._listeners.values(), self._slip_valid):
-            publisher.publish(self._messages[False])
+    def _time_is_replayed(self) -> bool:
+        return bool(self.get_parameter('use_sim_time').value)
 
-        self.create_subscription(JointState, 'voltages', self._on_voltages, sensor_qos())
-        # A clock that is set back, or that nobody publishes, must not stop the heart. Only where
-        # time is replayed does the timeout follow it.
+    # Timers. A clock that is set back, or that nobody publishes, must not stop the heart. Only
+    # where time is replayed does the timeout follow it.
+
+    def _start_timers(self) -> None:
+        config = self._running
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        replayed = self.get_parameter('use_sim_time').value
-        self.create_timer(1 / config.heartbeat_hz, self._beat, clock=steady)
-        self.create_timer(
-            config.input_timeout_s / LOOKS,
-            self._look_for_input,
-            clock=self.get_clock() if replayed else steady,
-        )
-        self.get_logger().info(
-            f'{config.channels - len(disabled)} channels at {config.sample_rate_hz:g} Hz, '
-            f'groups {", ".join(config.groups)}'
-        )
+        # When a look last found some input, by the clock that the timeout follows.
+        self._looked_ns, self._given_up = 0, False
+        self._replayed = self._input.replayed = self._time_is_replayed()
+        self._timeout_clock = self.get_clock() if self._replayed else steady
+        self._timers_made = [
+            self.create_timer(1 / config.heartbeat_hz, self._topics.beat, clock=steady),
+            self.create_timer(
+                config.input_timeout_s / LOOKS,
+                self._look_for_input,
+                clock=self._timeout_clock,
+            ),
+            self.create_timer(1.0, self._report, clock=steady),
+        ]
+        self._reported_s = time.monotonic()
 
-    def _publisher(self, message_type: type, topic: str, qos: QoSProfile) -> Publisher:
-        """Create a publisher that does not look for subscribers with another QoS.
-
-        rclpy would do so in each turn of the executor, which for 24 publishers costs more than
-        all else together; such a subscriber is warned on its own side as well.
-        """
-        events = PublisherEventCallbacks(use_default_callbacks=False)
-        return self.create_publisher(message_type, topic, qos, event_callbacks=events)
-
-    def _on_voltages(self, message: JointState) -> None:
-        """Check a sample, run it through the chain and publish what changed."""
-        row = self._read(message)
-        if row.shape[1] != self.config.channels:
-            self._drop(
-                'channels',
-                f'a message has {row.shape[1]} channels, allowed: {self.config.channels}',
-            )
-            return
-        if message.name != self._names and not self._take_names(message.name):
-            return
-        at_ns = stamp_ns(message.header.stamp)
-        arrival = self._timeline.arrive(at_ns)
-        if arrival.missing or arrival.reset or not arrival.accepted:
-            if not arrival.accepted:
-                self._drop('backwards', 'the stamp of a message is not after the one before')
-                return
-            row = self._mend(row, arrival.missing)
-        self._heard = True
-        listened = self._envelope.get_subscription_count() > 0
-        result = self._chain.update(row, envelope=False, level=listened)
-        self._last_row = row[-1:]
-        self._frame_id = message.header.frame_id
-        first_ns = at_ns - round((len(row) - 1) * self._period_ns)
-        for i in range(len(row)):
-            self._announce(result.flags[i], first_ns + round(i * self._period_ns))
-        if listened:
-            self._publish_envelope(message, result)
-
-    def _take_names(self, names: list[str]) -> bool:
-        """Take the names of the first sample for those of all; refuse others later."""
-        if self._names is None and len(names) in (0, self.config.channels):
-            self._names = list(names)
-            return True
-        wanted = f'{self.config.channels} names' if self._names is None else _short(self._names)
-        self._drop('names', f'the channels of a message are {_short(names)}, allowed: {wanted}')
-        return False
-
-    def _mend(self, row: NDArray[np.float64], missing: int) -> NDArray[np.float64]:
-        """Bridge a short gap with the last row, start anew after a long one."""
-        if missing and self._last_row is not None:
-            self._log('bridged', f'{missing} samples missing, bridged with the last one', missing)
-            return np.concatenate([np.repeat(self._last_row, missing, axis=0), row])
-        self._log('reset', 'the input had a gap or its clock was set, the chain starts anew')
-        self._chain.reset()
-        return row
-
-    def _announce(self, flags: NDArray[np.bool_], at_ns: int) -> None:
-        """Publish each decision that differs from the last."""
-        flags_bytes = flags.tobytes()
-        if flags_bytes != self._flags_bytes:
-            before, self._flags, self._flags_bytes = self._flags, flags, flags_bytes
-            for column in np.flatnonzero(flags != before).tolist():
-                publisher = self._listeners.get(column)
-                if publisher is not None:
-                    publisher.publish(self._messages[bool(flags[column])])
-            if flags[0] and not before[0]:
-                self._onset.publish(Header(stamp=time_message(at_ns), frame_id=self._frame_id))
-        valid = bool(self._flags[self._can_vote].any())
-        if valid != self._valid:
-            self._valid = valid
-            self._slip_valid.publish(self._messages[valid])
-
-    def _publish_envelope(self, message: JointState, result: SlipResult) -> None:
-        self._envelope.publish(
-            JointState(
-                header=message.header,
-                name=self.config.names,
-                position=result.level[-1],
-                effort=result.channels[-1].astype(np.float64),
-            )
-        )
-
-    def _beat(self) -> None:
-        self._slip.publish(self._messages[bool(self._flags[0])])
-        self._slip_valid.publish(self._messages[self._valid])
+    def _stop_timers(self) -> None:
+        for timer in self._timers_made:
+            self.destroy_timer(timer)
+        self._timers_made = []
 
     def _look_for_input(self) -> None:
         """Withdraw the decisions when no sample comes any more."""
-        if self._heard:
-            self._heard, self._looks_in_vain = False, 0
+        now_ns = self._timeout_clock.now().nanoseconds
+        if self._heard or now_ns < self._looked_ns:  # heard, or the clock was set back
+            self._heard, self._looked_ns, self._given_up = False, now_ns, False
             return
-        self._looks_in_vain += 1
-        if self._looks_in_vain == LOOKS_IN_VAIN and self._last_row is not None:
+        silent_s = (now_ns - self._looked_ns) * 1e-9
+        if silent_s < GIVEN_UP_AFTER * self._running.input_timeout_s or self._given_up:
+            return
+        self._given_up = True
+        if self._last_row is not None:
             self._log('silent', 'no input any more')
-            self._announce(self._all_off, 0)
+            self._topics.withdraw()
+
+    def _report(self) -> None:
+        """Publish the diagnostics."""
+        now_s = time.monotonic()
+        health, topics = self._health, self._topics
+        health.totals['onsets'] = topics.onsets
+        statuses = health.summary(
+            now_s - self._reported_s,
+            silent_s=now_s - self._heard_s,
+            slip=topics.slip,
+            valid=topics.valid,
+        )
+        self._reported_s = now_s
+        self._diagnostics.publish(statuses, self._frame_id)
+
+    # Parameters.
+
+    @property
+    def _running(self) -> DetectorConfig:
+        config = self._chain.config
+        assert isinstance(config, DetectorConfig)
+        return config
+
+    @staticmethod
+    def _check(config: DetectorConfig) -> None:
+        """Raise a ValueError if the filters cannot be built or the input cannot be read."""
+        design(config)
+        Input(config)
+
+    def _take(self, config: DetectorConfig) -> None:
+        """Run on other parameters: at once, or when their chain has been built."""
+        self.config = config
+        if self._outputs is None:
+            return
+        before = self._running
+        if self._chain.change(config):
+            self._rearrange(before)
+
+    def _swap(self) -> None:
+        before = self._running
+        if self._outputs is not None and self._chain.swap():
+            self.get_logger().info('the new filters have taken over')
+            self._rearrange(before)
+
+    def _rearrange(self, before: DetectorConfig) -> None:
+        """Make all that depends on parameters fit those that run now."""
+        config = self._running
+        differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
+        self._health.config = config
+        if differ & set(OF_THE_TOPICS):
+            self._topics.destroy()
+            self._outputs = Outputs(self, config)
+        if self._subscription is None:
+            return
+        if differ & {'input_type', 'input_field'}:
+            self.destroy_subscription(self._subscription)
+            self._listen()
+        if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
+            self._forget_input()
+        self._timeline.max_gap_s = config.max_gap_s
+        of_timers = {'heartbeat_hz', 'input_timeout_s', *OF_THE_TOPICS}
+        if differ & of_timers or self._replayed != self._time_is_replayed():
+            self._stop_timers()
+            self._start_timers()
+
+    # The input.
+
+    def _on_voltages(self, message: Any, info: dict[str, int]) -> None:
+        """Check the samples of a message, run them through the chain, publish what changed."""
+        began_s = time.perf_counter()
+        config, source = self._chain.config, self._input
+        try:
+            rows = source.rows(message)
+        except ValueError as error:
+            self._drop('field', str(error))
+            return
+        n, channels = rows.shape
+        if not n:  # a batch of none
+            return
+        if channels != config.channels:
+            self._drop(
+                'channels', f'a message has {channels} channels, allowed: {config.channels}'
+            )
+            return
+        if source.has_names and message.name != self._names and not self._take_names(message.name):
+            return
+        at_ns = source.stamp_ns(message, info)
+        if at_ns is None:
+            # Replayed, and without times of their own: one after the other, whenever they come.
+            at_ns = self.get_clock().now().nanoseconds
+        else:
+            arrival = self._timeline.arrive(at_ns, n)
+            if not arrival.accepted:
+                self._drop('backwards', 'the stamp of a message is not after the one before')
+                return
+            if arrival.missing or arrival.reset:
+                rows = self._mend(rows, arrival.missing)
+        self._heard = True
+        topics = self._topics
+        listened = topics.envelope_wanted
+        result = self._chain.update(rows, level=listened)
+        self._last_row = rows[-1:]
+        self._frame_id = source.frame_id(message)
+        if len(rows) == 1:
+            topics.announce(result.flags[0], at_ns, self._frame_id)
+        else:
+            period_ns = self._timeline.period_ns
+            for i, flags in enumerate(result.flags, 1 - len(rows)):
+                topics.announce(flags, at_ns + round(i * period_ns), self._frame_id)
+        if listened:
+            topics.show_envelope(at_ns, self._frame_id, result)
+        self._heard_s = time.monotonic()
+        age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
+        spent_s = time.perf_counter() - began_s
+        self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
+
+    def _take_names(self, names: list[str]) -> bool:
+        """Take the names of the first sample for those of all; refuse others later."""
+        channels = self._chain.config.channels
+        if self._names is None and len(names) in (0, channels):
+            self._names = list(names)
+            return True
+        wanted = f'{channels} names' if self._names is None else _short(self._names)
+        self._drop('names', f'the channels of a message are {_short(names)}, allowed: {wanted}')
+        return False
+
+    def _mend(self, rows: NDArray[np.float64], missing: int) -> NDArray[np.float64]:
+        """Bridge a short gap with the last row, start anew after a long one."""
+        if missing and self._last_row is not None:
+            self._log('bridged', f'{missing} samples missing, bridged with the last one', missing)
+            return np.concatenate([np.repeat(self._last_row, missing, axis=0), rows])
+        self._log('reset', 'the input had a gap or its clock was set, the chain starts anew')
+        self._chain.reset()
+        self._health.restart()
+        return rows
 
     def _drop(self, kind: str, what: str) -> None:
         self._log(kind, f'{what}: dropped')
 
     def _log(self, kind: str, what: str, count: int = 1) -> None:
         """Count, and say so at most once a second and kind."""
-        self.counts[kind] += count
+        self._health.totals[kind] += count
         now_ns = time.monotonic_ns()
         if now_ns - self._logged_ns.get(kind, -LOG_PERIOD_NS) >= LOG_PERIOD_NS:
             self._logged_ns[kind] = now_ns
-            self.get_logger().warning(f'{what} ({self.counts[kind]} so far)')
+            self.get_logger().warning(f'{what} ({self._health.totals[kind]} so far)')
 
 
 def _short(names: list[str]) -> str:

@@ -15,6 +15,7 @@ from slip_detector.config import DriverConfig
 from slip_detector.nodes.listening import Listening
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
+from slip_detector.nodes.voltages import Voltages
 from slip_detector.sources import Samples, Source, open_source
 
 #: Samples read from the source at a time.
@@ -44,7 +45,7 @@ class Driver(Node):
         self.config = config = declare(self, DriverConfig)
         live = config.source in ('serial', 'udp')
         source = None if live else open_source(config)
-        self._voltages = self.create_publisher(JointState, 'voltages', sensor_qos())
+        self._voltages = Voltages(self, config.samples_per_message)
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
         self._last_truth: bool | None = None
@@ -116,6 +117,7 @@ class Driver(Node):
                 played += self._publish(source, samples, taken_s, start_s, first_stamp_ns)
                 end_s = float(taken_s[-1]) + period_s
             elif not self.config.loop:
+                self._voltages.flush()
                 break
             else:
                 repetition += 1
@@ -138,7 +140,8 @@ class Driver(Node):
             due_s = start_s + float(taken_s[i]) / self.config.rate
             ahead_s = due_s - time.monotonic()
             if ahead_s > 0.0:
-                if self._stop.wait(ahead_s):
+                # Waking up costs more than all else.
+                if self._voltages.completed_by_next and self._stop.wait(ahead_s):
                     return i
             elif -ahead_s > LATE_S:
                 self._say_late(-ahead_s)
@@ -157,7 +160,7 @@ class Driver(Node):
     def _send(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> Header:
         """Publish a sample; returns its header."""
         header = Header(stamp=time_message(stamp_ns), frame_id=self.config.frame_id)
-        self._voltages.publish(JointState(header=header, name=names, position=volts))
+        self._voltages.publish(header, names, volts)
         return header
 
     def _say_late(self, late_s: float) -> None:

@@ -2,7 +2,13 @@
 
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 
 
 def stamp_ns(stamp: Time) -> int:
@@ -36,13 +42,11 @@ def event_qos() -> QoSProfile:
     )
 
 
-def state_qos(deadline_s: float | None = None, depth: int = 1) -> QoSProfile:
+def state_qos(depth: int = 1) -> QoSProfile:
     """Return the profile of states: who subscribes later gets the last one at once.
 
     Parameters
     ----------
-    deadline_s
-        Longest time from message to message that the publisher promises.
     depth
         How many a subscriber keeps that must not miss a change while it is busy.
     """
@@ -51,5 +55,23 @@ def state_qos(deadline_s: float | None = None, depth: int = 1) -> QoSProfile:
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        deadline=Duration() if deadline_s is None else Duration(seconds=deadline_s),
     )
+
+
+def beating_qos(deadline_s: float) -> QoSProfile:
+    """Return the profile of states that are repeated.
+
+    A subscriber that asks for the same, or for longer times, is told when they stop coming
+    (deadline) and when nobody is left who could send them (liveliness). Each message counts as
+    a sign of life, and nothing else does: a process that hangs is not alive.
+
+    Parameters
+    ----------
+    deadline_s
+        Longest time from message to message that the publisher promises.
+    """
+    profile = state_qos()
+    profile.deadline = Duration(seconds=deadline_s)
+    profile.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC
+    profile.liveliness_lease_duration = Duration(seconds=deadline_s)
+    return profile

@@ -2,20 +2,35 @@
 
 import dataclasses
 import sys
+from collections.abc import Callable, Collection
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from slip_detector.parameter_sets import OF_RCLPY, ConfigType, allowed, default_of
+from slip_detector.parameter_sets import OF_RCLPY, ConfigType, ParameterSet, allowed, default_of
 
 
-def declare(node: Node, config_class: type[ConfigType]) -> ConfigType:
+def declare(
+    node: Node, config_class: type[ConfigType], fixed: Collection[str] | None = None
+) -> ConfigType:
     """Declare all fields of a configuration on a node, with the values the user gave.
 
     Values are checked here and not by rclpy, which ignores unknown names, refuses ``100`` for a
     floating-point parameter and has no empty list.
+
+    Parameters
+    ----------
+    node, config_class
+        Which fields are declared on which node.
+    fixed
+        What cannot be changed while the node runs; None: nothing can.
 
     Raises
     ------
@@ -25,25 +40,112 @@ def declare(node: Node, config_class: type[ConfigType]) -> ConfigType:
     # rclpy offers given values only one by one and for declared names; an unknown name would
     # pass unseen. Its own declare_parameter reads the same attribute.
     given: dict[str, Parameter] = node._parameter_overrides
-    values = {
-        name: [] if parameter.type_ == Parameter.Type.NOT_SET else parameter.value
-        for name, parameter in given.items()
-        if name.split('.')[0] not in OF_RCLPY
-    }
+    values = {name: _value(parameter) for name, parameter in given.items() if _ours(name)}
     config = config_class.from_parameters(values)
-    fields = {field.name: field for field in dataclasses.fields(config)}
     for name, value in config.to_parameters().items():
-        field = fields[name.split('.')[0]]
-        node.declare_parameter(name, value, _descriptor(field, value), ignore_override=True)
+        read_only = fixed is None or name in fixed
+        descriptor = _descriptor(config_class, name, value, read_only)
+        node.declare_parameter(name, value, descriptor, ignore_override=True)
     return config
 
 
-def _descriptor(field: 'dataclasses.Field[Any]', value: Any) -> ParameterDescriptor:
+def follow_changes(
+    node: Node,
+    current: Callable[[], ParameterSet],
+    check: Callable[[Any], None],
+    take: Callable[[Any], None],
+) -> None:
+    """Let the parameter services change a node's configuration, as a set or not at all.
+
+    The node must allow undeclared parameters: then a wrong name comes to the check, which knows
+    better what was meant than rclpy does, and groups can be added and deleted.
+
+    Parameters
+    ----------
+    node
+        Its parameters have been declared.
+    current
+        Returns the configuration as the parameters have it.
+    check
+        Raises a ValueError when a configuration, valid as such, cannot be run.
+    take
+        Is given the new configuration once the parameters have changed.
+    """
+
+    def converted(parameters: list[Parameter]) -> list[Parameter]:
+        """Write numbers as their fields have them: 1 for a floating-point parameter is 1.0."""
+        try:
+            values = changed(current(), parameters).to_parameters()
+        except ValueError:
+            return parameters  # Whoever checks them says why not.
+        return [
+            Parameter(parameter.name, value=values[parameter.name])
+            if parameter.name in values
+            else parameter
+            for parameter in parameters
+        ]
+
+    def checked(parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            check(changed(current(), parameters))
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def taken(parameters: list[Parameter]) -> None:
+        config = changed(current(), parameters)
+        for parameter in parameters:
+            name = parameter.name
+            if name.startswith('groups.') and node.has_parameter(name):  # A new one has none.
+                descriptor = _descriptor(type(config), name, parameter.value, read_only=False)
+                node.set_descriptor(name, descriptor)
+        take(config)
+
+    node.add_pre_set_parameters_callback(converted)
+    node.add_on_set_parameters_callback(checked)
+    node.add_post_set_parameters_callback(taken)
+
+
+def changed(config: ConfigType, parameters: list[Parameter]) -> ConfigType:
+    """Return a configuration with some parameters changed.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, a value that is not allowed, or a parameter that cannot be deleted.
+    """
+    values = config.to_parameters()
+    for parameter in parameters:
+        name = parameter.name
+        if not _ours(name):
+            continue
+        if parameter.type_ == Parameter.Type.NOT_SET and name in values:
+            if not name.startswith('groups.'):
+                raise ValueError(f'parameter {name} cannot be deleted, allowed: groups.<name>')
+            del values[name]
+        else:
+            values[name] = _value(parameter)
+    return type(config).from_parameters(values)
+
+
+def _ours(name: str) -> bool:
+    return name.partition('.')[0] not in OF_RCLPY
+
+
+def _value(parameter: Parameter) -> Any:
+    return [] if parameter.type_ == Parameter.Type.NOT_SET else parameter.value
+
+
+def _descriptor(
+    config_class: type[ParameterSet], name: str, value: Any, read_only: bool
+) -> ParameterDescriptor:
+    field = next(f for f in dataclasses.fields(config_class) if f.name == name.partition('.')[0])
     unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
     descriptor = ParameterDescriptor(
+        name=name,
         description=f'{field.metadata["meaning"]}{unit}',
         additional_constraints=allowed(field),
-        read_only=True,
+        read_only=read_only,
         # An empty list has no type, and a vote is a number or a word.
         dynamic_typing=isinstance(value, list) or field.name == 'vote',
     )

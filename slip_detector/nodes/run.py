@@ -38,6 +38,8 @@ def run(executable: str) -> int:
     import rclpy
     from rclpy.executors import ExternalShutdownException
 
+    from slip_detector.nodes.executor import SampleExecutor
+
     def on_unraisable(problem: Any) -> None:
         # What rclpy leaves half-made when a signal takes the context away is nobody's concern.
         if not initialised or rclpy.ok():
@@ -51,7 +53,7 @@ def run(executable: str) -> int:
         rclpy.init()
         initialised = True
         node = make()
-        rclpy.spin(node)
+        SampleExecutor(node).spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except ValueError as error:

@@ -1,0 +1,41 @@
+"""The detector's health on ``/diagnostics``."""
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+
+from slip_detector.health import Status
+
+
+class Diagnostics:
+    """Publishes what a health says, as ``<node>: <part>``."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._publisher = node.create_publisher(
+            DiagnosticArray,
+            '/diagnostics',
+            10,
+            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
+        )
+        self._name = node.get_fully_qualified_name().lstrip('/')
+
+    def destroy(self) -> None:
+        """Take the publisher down."""
+        self._node.destroy_publisher(self._publisher)
+
+    def publish(self, statuses: list[Status], hardware: str) -> None:
+        """Publish all statuses, stamped now."""
+        array = DiagnosticArray()
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        for status in statuses:
+            array.status.append(
+                DiagnosticStatus(
+                    level=bytes([status.level]),
+                    name=f'{self._name}: {status.name}',
+                    message=status.message,
+                    hardware_id=hardware,
+                    values=[KeyValue(key=key, value=text) for key, text in status.values.items()],
+                )
+            )
+        self._publisher.publish(array)

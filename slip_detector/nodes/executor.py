@@ -1,0 +1,105 @@
+"""An executor that takes samples straight from the middleware."""
+
+from typing import Any
+
+from rclpy.executors import (
+    ExternalShutdownException,
+    ShutdownException,
+    SingleThreadedExecutor,
+    TimeoutException,
+)
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+
+#: Messages taken in a row before timers and services are looked after.
+AT_MOST = 32
+
+#: Services are looked after this often while messages are waited for.
+POLL_NS = 50_000_000
+
+
+class SampleExecutor(SingleThreadedExecutor):
+    """Spins one node whose subscriptions are busy and whose callbacks are plain functions.
+
+    For each message rclpy's executor gathers all entities of the node anew (a managed node has a
+    dozen services), makes a task, a coroutine and a wait set, and wakes itself twice: several
+    times the cost of the message. Here only the subscriptions are waited for, until the next
+    timer is due, and a message goes straight to its callback. All else is left to rclpy, whenever
+    a timer is due and at least every ``POLL_NS``; and altogether, while there is no subscription.
+    """
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(context=node.context)
+        self.add_node(node)
+        self._node = node
+        self._wait_set: Any = None
+        self._waited_for = (0, 0)
+
+    def spin(self) -> None:
+        """Execute callbacks until the context is shut down."""
+        while self.context.ok():
+            self.turn()
+
+    def turn(self) -> None:
+        """Wait for something to do, and do it.
+
+        Raises
+        ------
+        ExternalShutdownException
+            When the context was shut down meanwhile.
+        """
+        node = self._node
+        subscriptions = list(node.subscriptions)
+        if not subscriptions:
+            self.spin_once()
+            return
+        of_node, timers = list(node.guards), list(node.timers)
+        guards = [*of_node, self._guard, self._sigint_gc]
+        sizes = (len(subscriptions), len(guards))
+        if sizes != self._waited_for:
+            self._wait_set = rclpy_implementation.WaitSet(*sizes, 0, 0, 0, 0, self.context.handle)
+            self._waited_for = sizes
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for subscription in subscriptions:
+            wait_set.add_subscription(subscription.handle)
+        for guard in guards:
+            wait_set.add_guard_condition(guard.handle)
+        due_ns = [timer.time_until_next_call() for timer in timers]
+        wait_set.wait(max(0, min([POLL_NS, *due_ns])))
+        if not self.context.ok():
+            raise ExternalShutdownException
+        ready = wait_set.get_ready_entities('subscription')
+        triggered = wait_set.get_ready_entities('guard_condition')
+        for guard in of_node:
+            if guard.handle.pointer in triggered:
+                guard.trigger()  # The wait has taken it from rclpy.
+        for subscription in subscriptions:
+            if subscription.handle.pointer in ready:
+                self._take_from(subscription)
+        if triggered or not ready or any(timer.is_ready() for timer in timers):
+            self._execute_others()
+
+    @staticmethod
+    def _take_from(subscription: Any) -> None:
+        take, message_type = subscription.handle.take_message, subscription.msg_type
+        with_info = subscription._callback_type is subscription.CallbackType.WithMessageInfo
+        for _ in range(AT_MOST):
+            taken = take(message_type, subscription.raw)
+            if taken is None:
+                return
+            if with_info:
+                subscription.callback(*taken)
+            else:
+                subscription.callback(taken[0])
+
+    def _execute_others(self) -> None:
+        """Let rclpy do what is ready."""
+        while True:
+            try:
+                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0)
+            except (TimeoutException, ShutdownException):
+                return
+            handler()
+            if handler.exception() is not None:
+                raise handler.exception()

@@ -1,0 +1,141 @@
+"""What the detector publishes: each decision when it changes, slip and its validity on and on."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Header
+
+from slip_detector.chain import SlipResult
+from slip_detector.config import DetectorConfig
+from slip_detector.nodes.messages import (
+    beating_qos,
+    event_qos,
+    sensor_qos,
+    state_qos,
+    time_message,
+)
+
+#: The promised longest silence of ``slip``, in periods of the heartbeat.
+DEADLINE_BEATS = 2.0
+
+#: Parameters that the topics depend on.
+OF_THE_TOPICS = (
+    'channels',
+    'channel_names',
+    'disabled_channels',
+    'groups',
+    'heartbeat_hz',
+    'publish_groups',
+    'publish_channels',
+)
+
+
+class Outputs:
+    """The publishers of one configuration, and the decisions they said last."""
+
+    def __init__(self, node: Node, config: DetectorConfig) -> None:
+        self._node, self._names = node, config.names
+        self._publishers: list[Publisher] = []
+        beat = beating_qos(DEADLINE_BEATS / config.heartbeat_hz)
+        self._slip = self._publisher(Bool, 'slip', beat)
+        self._slip_valid = self._publisher(Bool, 'slip_valid', beat)
+        self._onset = self._publisher(Header, 'slip_onset', event_qos())
+        self._envelope = self._publisher(JointState, '~/envelope', sensor_qos())
+        groups = config.groups if config.publish_groups else ()
+        channels = config.names if config.publish_channels else ()
+        disabled = {channel - 1 for channel in config.disabled_channels}
+        n_groups = len(config.groups)
+        # Column of the result's flags -> who hears of its changes.
+        self._listeners: dict[int, Publisher] = {0: self._slip}
+        for g, name in enumerate(groups):
+            self._listeners[1 + g] = self._publisher(Bool, f'slip/group/{name}', state_qos())
+        for c, name in enumerate(channels):
+            if c not in disabled:
+                self._listeners[1 + 2 * n_groups + c] = self._publisher(
+                    Bool, f'slip/channel/{name}', state_qos()
+                )
+        self._can_vote = slice(1 + n_groups, 1 + 2 * n_groups)
+        self._messages = (Bool(data=False), Bool(data=True))
+        self._all_off = np.zeros(1 + 2 * n_groups + 2 * config.channels, np.bool_)
+        self._flags, self._flags_bytes = self._all_off, self._all_off.tobytes()
+        self._valid = False
+        self.onsets = 0
+        for publisher in (self._slip_valid, *self._listeners.values()):
+            publisher.publish(self._messages[False])
+
+    def destroy(self) -> None:
+        """Take the topics down."""
+        for publisher in self._publishers:
+            self._node.destroy_publisher(publisher)
+
+    @property
+    def slip(self) -> bool:
+        """What was said last."""
+        return bool(self._flags[0])
+
+    @property
+    def valid(self) -> bool:
+        """Whether any group could vote."""
+        return self._valid
+
+    @property
+    def envelope_wanted(self) -> bool:
+        """Whether somebody subscribes to the envelope."""
+        return bool(self._envelope.get_subscription_count())
+
+    def withdraw(self) -> None:
+        """Say, to those who come later too, that nothing is known."""
+        self.announce(self._all_off, 0, '')
+
+    def announce(self, flags: NDArray[np.bool_], at_ns: int, frame_id: str) -> None:
+        """Publish each decision on a sample that differs from the last."""
+        flags_bytes = flags.tobytes()
+        if flags_bytes == self._flags_bytes:
+            return
+        before, self._flags, self._flags_bytes = self._flags, flags, flags_bytes
+        valid = bool(flags[self._can_vote].any())
+        if valid < self._valid:  # First of all, lest an OFF be taken for one that counts.
+            self._slip_valid.publish(self._messages[valid])
+        for column in np.flatnonzero(flags != before).tolist():
+            publisher = self._listeners.get(column)
+            if publisher is not None:
+                publisher.publish(self._messages[bool(flags[column])])
+        if flags[0] and not before[0]:
+            self.onsets += 1
+            self._onset.publish(Header(stamp=time_message(at_ns), frame_id=frame_id))
+        if valid > self._valid:
+            self._slip_valid.publish(self._messages[valid])
+        self._valid = valid
+
+    def show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
+        """Publish what is held against the threshold, of the last row."""
+        self._envelope.publish(
+            JointState(
+                header=Header(stamp=time_message(at_ns), frame_id=frame_id),
+                name=self._names,
+                position=result.level[-1],
+                effort=result.channels[-1].astype(np.float64),
+            )
+        )
+
+    def beat(self) -> None:
+        """Repeat ``slip`` and ``slip_valid``."""
+        self._slip.publish(self._messages[self.slip])
+        self._slip_valid.publish(self._messages[self._valid])
+
+    def _publisher(self, message_type: Any, topic: str, qos: QoSProfile) -> Publisher:
+        """Create a publisher that does not look for subscribers with another QoS.
+
+        rclpy would do so in each turn of the executor, which for 24 publishers costs more than
+        all else together; such a subscriber is warned on its own side as well.
+        """
+        events = PublisherEventCallbacks(use_default_callbacks=False)
+        publisher = self._node.create_publisher(message_type, topic, qos, event_callbacks=events)
+        self._publishers.append(publisher)
+        return publisher

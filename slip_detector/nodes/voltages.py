@@ -1,0 +1,76 @@
+"""What the driver publishes its samples with, one by one or in batches."""
+
+from array import array
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
+
+from slip_detector.fields import BATCH_LABELS
+from slip_detector.nodes.messages import sensor_qos
+
+
+class Voltages:
+    """Publishes samples on ``voltages``.
+
+    Parameters
+    ----------
+    node
+        The driver.
+    samples_per_message
+        1: a ``JointState`` for each, with stamp and names; more: so many in a
+        ``Float32MultiArray``, which has neither.
+    """
+
+    def __init__(self, node: Node, samples_per_message: int) -> None:
+        self._per_message = samples_per_message
+        # One message for all samples: to make one takes as long as to send it.
+        self._message = JointState()
+        self._rows: list[NDArray[np.float64]] = []
+        self._publisher = node.create_publisher(
+            JointState if samples_per_message == 1 else Float32MultiArray,
+            'voltages',
+            sensor_qos(),
+            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
+        )
+
+    def get_subscription_count(self) -> int:
+        """Return how many listen."""
+        return int(self._publisher.get_subscription_count())
+
+    @property
+    def completed_by_next(self) -> bool:
+        """Whether the next sample goes out at once: it is alone, or the last of its message."""
+        return len(self._rows) + 1 >= self._per_message
+
+    def publish(self, header: Header, names: list[str], volts: NDArray[np.float64]) -> None:
+        """Publish a sample, or keep it for the message it goes with."""
+        if self._per_message > 1:
+            self._rows.append(volts)
+            if len(self._rows) == self._per_message:
+                self.flush()
+            return
+        message = self._message
+        message.header = header
+        if message.name != names:
+            message.name = names
+        message.position = array('d', volts.tobytes())
+        self._publisher.publish(message)
+
+    def flush(self) -> None:
+        """Publish the samples that were kept, however few."""
+        if not self._rows:
+            return
+        rows = np.array(self._rows, np.float32)
+        self._rows = []
+        message = Float32MultiArray(data=array('f', rows.tobytes()))
+        samples, channels = rows.shape
+        strides = (samples * channels, channels)
+        message.layout.dim = [
+            MultiArrayDimension(label=label, size=size, stride=stride)
+            for label, size, stride in zip(BATCH_LABELS, rows.shape, strides, strict=True)
+        ]
+        self._publisher.publish(message)
