@@ -35,6 +35,15 @@ SCENE = 'grasp'
 #: From sample to command, unless told otherwise: what the nodes take, and some more.
 TRANSPORT_S = 4e-3
 
+#: What is compared: no controller, a grip that is always at the limit, the controller, and the
+#: controller with a detector that has the paper's parameters.
+UNCONTROLLED, AT_LIMIT, CONTROLLER, PAPER = (
+    'no controller',
+    'always at the limit',
+    'controller',
+    "controller, paper's detector",
+)
+
 #: The fingertips that hold the object.
 FINGERS = 2.0
 
@@ -230,10 +239,10 @@ def conditions(
     """Return what is compared, by its name: the detector's and the controller's parameters."""
     paper = ChainConfig(sample_rate_hz=chain.sample_rate_hz)
     return {
-        'no controller': (chain, dataclasses.replace(grasp, limit_n=grasp.grip_n)),
-        'always at the limit': (chain, dataclasses.replace(grasp, grip_n=grasp.limit_n)),
-        'controller': (chain, grasp),
-        "controller, paper's defaults": (paper, grasp),
+        UNCONTROLLED: (chain, dataclasses.replace(grasp, limit_n=grasp.grip_n)),
+        AT_LIMIT: (chain, dataclasses.replace(grasp, grip_n=grasp.limit_n)),
+        CONTROLLER: (chain, grasp),
+        PAPER: (paper, grasp),
     }
 
 

@@ -10,7 +10,11 @@ from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig, GraspConfig
 from slip_detector.grasp import GraspLaw
 from slip_detector.grasp_loop import (
+    AT_LIMIT,
+    CONTROLLER,
+    PAPER,
     RANGES,
+    UNCONTROLLED,
     Trial,
     conditions,
     figures,
@@ -36,13 +40,13 @@ def played():
 
 
 def test_an_object_that_gets_heavier_is_never_dropped_and_hardly_slides(played):
-    found = figures(played['controller'], GRASP.limit_n)
+    found = figures(played[CONTROLLER], GRASP.limit_n)
     assert found['dropped'] == 0
     assert found['worst_slide_mm'] < 5.0
     assert found['mean_slide_mm'] < 2.0
-    limit = figures(played['always at the limit'], GRASP.limit_n)
+    limit = figures(played[AT_LIMIT], GRASP.limit_n)
     assert found['needed_percent'] < found['force_percent'] < 0.8 * limit['force_percent']
-    for trial in played['controller']:
+    for trial in played[CONTROLLER]:
         # It did slip, slip said so, the grip rose, and at the end the object is at rest.
         assert trial.sliding.any()
         assert len(trial.onsets_s)
@@ -61,7 +65,7 @@ def test_the_figures_of_the_readme_are_as_good_as_is_wanted():
 
 
 def test_without_a_controller_it_is_dropped(played):
-    found = figures(played['no controller'], GRASP.limit_n)
+    found = figures(played[UNCONTROLLED], GRASP.limit_n)
     assert found['dropped'] == len(SEEDS)
     assert found['slide_mm'] == [None] * len(SEEDS)
     assert found['mean_slide_mm'] is None
@@ -69,15 +73,15 @@ def test_without_a_controller_it_is_dropped(played):
 
 
 def test_a_grip_at_the_limit_holds_and_spends_more(played):
-    found = figures(played['always at the limit'], GRASP.limit_n)
+    found = figures(played[AT_LIMIT], GRASP.limit_n)
     assert found['dropped'] == 0
     assert found['worst_slide_mm'] < 0.1
     assert found['force_percent'] > 90.0
 
 
 def test_the_papers_defaults_slide_further_and_squeeze_harder(played):
-    ours = figures(played['controller'], GRASP.limit_n)
-    theirs = figures(played["controller, paper's defaults"], GRASP.limit_n)
+    ours = figures(played[CONTROLLER], GRASP.limit_n)
+    theirs = figures(played[PAPER], GRASP.limit_n)
     assert theirs['dropped'] or theirs['mean_slide_mm'] > ours['mean_slide_mm']
     assert theirs['force_percent'] > ours['force_percent']
 

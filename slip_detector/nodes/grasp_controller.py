@@ -86,7 +86,7 @@ class GraspController(Node):
             self._say(trusted)
         before_n = self._law.force_n
         force_n = self._law.update(time.monotonic(), self._slip, trusted)
-        if self._slip and force_n > before_n:
+        if self._slip and force_n > before_n >= self.config.grip_n:
             self.get_logger().info(f'slip: grip raised to {force_n:.2f} N')
         if self._heard:
             message = JointState(name=['grip'], effort=[force_n])
