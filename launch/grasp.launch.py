@@ -15,20 +15,23 @@ from launch_ros.substitutions import FindPackageShare
 
 def nodes(context):
     """Start the nodes; what no argument says is as the parameter file has it."""
-    config, scene, seed = (
-        LaunchConfiguration(name).perform(context) for name in ('config', 'scene', 'seed')
+    config, source, scene, seed = (
+        LaunchConfiguration(name).perform(context)
+        for name in ('config', 'source', 'scene', 'seed')
     )
     if not Path(config).is_file():
         # The nodes would run on their defaults, unasked.
         raise FileNotFoundError(f'config is {config!r}, allowed: the path of a parameter file')
     # The detector misses nothing while it starts, and nothing falls while the controller does.
-    given = {'wait_for_subscribers': 1, 'wait_for_grip': True}
+    given = {'source': 'scene', 'wait_for_subscribers': 1, 'wait_for_grip': True}
     if scene:
         given['scene'] = ParameterValue(scene, value_type=str)
     if seed:
-        given['seed'] = ParameterValue(seed, value_type=int)
+        if not seed.isdecimal():
+            raise ValueError(f'seed is {seed!r}, allowed: a whole number from 0')
+        given['seed'] = int(seed)
     executables = {'slip_detector': {}, 'grasp_controller': {}}
-    if scene != 'none':
+    if source != 'none':
         executables['slip_driver'] = given
     return [
         Node(
@@ -52,10 +55,17 @@ def generate_launch_description():
                 'config', default_value=own_config, description='Parameter file of all nodes.'
             ),
             DeclareLaunchArgument(
+                'source',
+                default_value='scene',
+                choices=['scene', 'none'],
+                description='scene: a driver plays an object in a grip; none: no driver, your '
+                'sensor publishes and your gripper follows grip_force.',
+            ),
+            DeclareLaunchArgument(
                 'scene',
                 default_value='',
-                description='Scene with an object, its name or path; none: no driver, your sensor '
-                'publishes and your gripper follows; empty: as in the parameter file.',
+                description='Scene with an object, its name or path; empty: as in the parameter '
+                'file.',
             ),
             DeclareLaunchArgument('seed', default_value='', description='Seed of its noise.'),
             OpaqueFunction(function=nodes),

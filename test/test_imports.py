@@ -13,7 +13,9 @@ CORE = sorted(
     for module in pkgutil.walk_packages(slip_detector.__path__, 'slip_detector.')
     if not module.name.startswith('slip_detector.nodes')
 )
-NODES = ['slip_detector.nodes.detector', 'slip_detector.nodes.driver', 'slip_detector.nodes.run']
+NODES = [
+    f'slip_detector.nodes.{name}' for name in ('detector', 'driver', 'grasp_controller', 'run')
+]
 
 WITHOUT = """
 import importlib, sys
@@ -47,5 +49,5 @@ def test_the_nodes_do_without_plotting():
 
 
 def test_only_plots_imports_a_plotting_library():
-    others = [name for name in CORE if name != 'slip_detector.plots']
+    others = [name for name in CORE if not name.startswith('slip_detector.plots')]
     loaded_by(others, absent=['matplotlib'])
