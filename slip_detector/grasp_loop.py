@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 SCENE = 'grasp'
 
 #: From sample to command, unless told otherwise: what the nodes take, and some more.
-TRANSPORT_S = 4e-3
+TRANSPORT_S = 5e-3
 
 #: What is compared: no controller, a grip that is always at the limit, the controller, and the
 #: controller with a detector that has the paper's parameters.
