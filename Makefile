@@ -21,9 +21,10 @@ COLCON := build/colcon-$(ROS)
 SOURCES := $(shell find slip_detector launch config resource -type f -not -path '*/__pycache__/*')
 PACKAGE := $(SOURCES) setup.py setup.cfg pyproject.toml package.xml
 TESTS := $(shell find test -name '*.py') README.md
-CHAIN_TESTS := test/test_chain.py test/test_config.py test/test_filters.py test/test_fingertip.py
-SCENE_TESTS := $(addprefix test/test_,$(addsuffix .py,contact disturbances electronics free_object \
-	friction mechanics motion scenes texture))
+CHAIN_TESTS := $(addprefix test/test_,$(addsuffix .py,chain chain_bad_samples chain_interface \
+	chain_votes config filters fingertip parameter_sets))
+SCENE_TESTS := $(addprefix test/test_,$(addsuffix .py,contact disturbances drive electronics \
+	free_object friction mechanics motion scene_files scenes texture))
 
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -50,7 +51,7 @@ test: $(addprefix $(CHECKS)/,lint types pytest numpy1 interpreted colcon)
 
 $(VENV)/installed: setup.py
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --editable '.[numba,$(EXTRA),test]'
+	$(BIN)/python -m pip install --quiet --editable '.[bags,numba,tune,$(EXTRA),test]'
 	touch $@
 
 $(OLDER)/installed: setup.py

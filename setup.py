@@ -17,6 +17,7 @@ setup(
     name=NAME,
     version='0.2.0',
     packages=find_packages(exclude=['test']),
+    package_data={NAME: ['templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -36,16 +37,21 @@ setup(
     extras_require={
         # A robot may lack Numba: the chain then runs interpreted.
         'numba': ['numba>=0.57'],
+        # It reads and writes bags; npz and csv need none of it.
+        'bags': ['rosbags>=0.11'],
         'ros': ros_wheels('jazzy'),
         'ros-kilted': ros_wheels('kilted'),
+        'tune': ['optuna>=4.0', 'tqdm'],
         'test': [
             'colcon-common-extensions',
             'hypothesis',
             'mypy',
+            'playwright',
             'pytest>=7.4',
             'pytest-timeout',
             'ruff',
             'types-PyYAML',
+            'types-tqdm',
         ],
     },
     zip_safe=True,
@@ -62,6 +68,7 @@ setup(
             f'slip_demo = {NAME}.nodes.demo:main',
             f'slip_grasp = {NAME}.nodes.grasp_demo:main',
             f'slip_evaluate = {NAME}.evaluation:main',
+            f'slip_tune = {NAME}.tuning:main',
             f'slip_benchmark = {NAME}.benchmark:main',
         ],
     },

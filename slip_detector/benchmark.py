@@ -28,15 +28,14 @@ import platform
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bools = NDArray[np.bool_]
+#: What the subcommands are added to.
+Commands: TypeAlias = 'argparse._SubParsersAction[argparse.ArgumentParser]'
 
 
 class Bound(NamedTuple):
@@ -104,41 +103,22 @@ def gc_off() -> Iterator[None]:
             gc.enable()
 
 
-def match(
-    stamps_ns: NDArray[np.int64], states: Bools, received: list[tuple[int, bool]]
-) -> list[int | None]:
-    """Find the receipt of each change.
+def verdicts(
+    bounds: Mapping[str, Bound], values: Mapping[str, float | None]
+) -> dict[str, dict[str, Any]]:
+    """Hold each claim's figure against what is wanted of it: ``value``, ``bound`` and ``met``.
 
-    Parameters
-    ----------
-    stamps_ns : ndarray, shape (n,)
-        When the sample of each change was sent, in order.
-    states : ndarray of bool, shape (n,)
-        What each change is to.
-    received
-        Time of receipt in nanoseconds and state, in order, each differing from the one before.
-
-    Returns
-    -------
-    list of int or None
-        Latency of each change in nanoseconds; None where it was lost.
+    Value and met are None where it was not measured.
     """
-    # As long as nothing is lost, the k-th received is the k-th change, however late. After a
-    # loss a receipt belongs to the change before the next of its kind.
-    lost_some = len(received) < len(stamps_ns)
-    latencies_ns: list[int | None] = []
-    next_one = 0
-    for k, (stamp_ns, state) in enumerate(zip(stamps_ns.tolist(), states.tolist(), strict=True)):
-        j = next_one
-        while j < len(received) and (received[j][0] < stamp_ns or received[j][1] != state):
-            j += 1
-        last = not lost_some or k + 2 >= len(stamps_ns)
-        if j < len(received) and (last or received[j][0] < stamps_ns[k + 2]):
-            latencies_ns.append(received[j][0] - stamp_ns)
-            next_one = j + 1
-        else:
-            latencies_ns.append(None)
-    return latencies_ns
+    return {
+        claim: {
+            'value': value,
+            'bound': str(bound),
+            'met': None if value is None else bound.met(value),
+        }
+        for claim, bound in bounds.items()
+        for value in (values[claim],)
+    }
 
 
 def heading(result: dict[str, Any]) -> str:
@@ -171,10 +151,30 @@ class Report(NamedTuple):
     text: str
 
 
-def add_chain(commands: 'argparse._SubParsersAction[argparse.ArgumentParser]') -> None:
+def shared_options(picture: str = '') -> argparse.ArgumentParser:
+    """Return the options that all subcommands have, to be a parent of a subcommand's parser.
+
+    Parameters
+    ----------
+    picture
+        What ``--plot`` without a file writes; a subcommand that draws nothing has no such option.
+    """
+    options = argparse.ArgumentParser(add_help=False)
+    options.add_argument('--json', action='store_true', help='print one JSON object instead')
+    options.add_argument('--quick', action='store_true', help='short and rough, for tests')
+    if picture:
+        options.add_argument(
+            '--plot', metavar='FILE', nargs='?', const=picture,
+            help='draw the error against run time (default FILE: %(const)s)',
+        )  # fmt: skip
+    return options
+
+
+def add_chain(commands: Commands) -> None:
     """Add the subcommand ``chain``."""
     command = commands.add_parser(
         'chain',
+        parents=[shared_options('out/chain_work_precision.png')],
         help='run time and numerical error of the chain',
         description='Measure the run time of the chain in blocks, row by row and by number of '
         'channels, each against a rival in the same run, and the latency and processor time of '
@@ -182,16 +182,10 @@ def add_chain(commands: 'argparse._SubParsersAction[argparse.ArgumentParser]') -
         'reference of 50 digits, beside that of float32 and of polynomials. Says of each figure '
         'what is wanted and whether it is met; the exit code is 0 either way.',
     )
-    command.add_argument('--json', action='store_true', help='print one JSON object instead')
-    command.add_argument('--quick', action='store_true', help='short and rough, for tests')
     command.add_argument('--without-ros', action='store_true', help='leave the nodes out')
     command.add_argument(
         '--part', choices=('all', 'speed', 'precision'), default='all', help='only one of the two'
     )
-    command.add_argument(
-        '--plot', metavar='FILE', nargs='?', const='out/chain_work_precision.png',
-        help='draw the error against run time and edges (default: %(const)s)',
-    )  # fmt: skip
     command.set_defaults(run=run_chain)
 
 
@@ -203,12 +197,14 @@ def run_chain(words: argparse.Namespace) -> Report:
     ValueError
         When a picture is asked for of what is not measured.
     """
-    from slip_detector.benchmarks import chain_precision, chain_speed
+    from slip_detector.benchmarks import chain_precision, chain_precision_table, chain_speed
 
     if words.plot and words.part == 'speed':
         raise ValueError('--plot draws the precision, allowed: --part all or precision')
     if words.plot:  # what cannot be written is said before the measurement
-        Path(words.plot).parent.mkdir(parents=True, exist_ok=True)
+        from slip_detector.plots import draw_chain_precision, writable_picture
+
+        picture = writable_picture(words.plot)
     result = {'machine': machine(), 'quick': words.quick}
     texts = [heading(result)]
     if words.part != 'precision':
@@ -216,32 +212,25 @@ def run_chain(words: argparse.Namespace) -> Report:
         texts.append(chain_speed.table(result))
     if words.part != 'speed':
         precision = result['precision'] = chain_precision.measure(words.quick)
-        texts.append(chain_precision.table(precision))
+        texts.append(chain_precision_table.table(precision))
     if words.plot:
-        from slip_detector.plots import draw_chain_precision
-
-        draw_chain_precision(Path(words.plot), precision)
+        draw_chain_precision(picture, precision)
     return Report(result, '\n\n'.join(texts))
 
 
-def add_scenes(commands: 'argparse._SubParsersAction[argparse.ArgumentParser]') -> None:
+def add_scenes(commands: Commands) -> None:
     """Add the subcommand ``scenes``."""
     command = commands.add_parser(
         'scenes',
+        parents=[shared_options('out/scenes_work_precision.png')],
         help='error of the simulated fingertip against run time',
         description="Measure errors and run times of the live stepper and of SciPy's integrators "
         'on the shipped scenes against a tight reference, and what each part of a scene costs. '
         'Says of each figure what is wanted and whether it is met; the exit code is 0 either way.',
     )
-    command.add_argument('--json', action='store_true', help='print one JSON object instead')
-    command.add_argument('--quick', action='store_true', help='short and rough, for tests')
     command.add_argument(
         '--scene', action='append', default=[], metavar='NAME', help='only this one; repeatable'
     )
-    command.add_argument(
-        '--plot', metavar='FILE', nargs='?', const='out/scenes_work_precision.png',
-        help='draw error against run time; out/scenes_work_precision.png without a FILE',
-    )  # fmt: skip
     command.set_defaults(run=run_scenes)
 
 
@@ -249,28 +238,27 @@ def run_scenes(words: argparse.Namespace) -> Report:
     """Measure the scenes."""
     from slip_detector.benchmarks import scenes
 
+    if words.plot:  # what cannot be written is said before the measurement
+        from slip_detector.plots import draw_scenes_precision, writable_picture
+
+        picture = writable_picture(words.plot)
     result = {'machine': machine(), 'quick': words.quick}
     result |= scenes.measure(words.quick, tuple(words.scene))
     if words.plot:
-        from slip_detector.plots import draw_scenes_precision
-
-        path = Path(words.plot)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draw_scenes_precision(path, result)
+        draw_scenes_precision(picture, result)
     return Report(result, '\n\n'.join((heading(result), scenes.table(result))))
 
 
-def add_extremes(commands: 'argparse._SubParsersAction[argparse.ArgumentParser]') -> None:
+def add_extremes(commands: Commands) -> None:
     """Add the subcommand ``extremes``."""
     command = commands.add_parser(
         'extremes',
+        parents=[shared_options()],
         help='stiff and extreme cases of the simulated fingertip',
         description='Run the simulated fingertip at its extremes: whether all stays finite and '
         'bounded, whether friction creates energy, the error against a tight reference, and what '
-        'is refused in which words.',
+        'is refused in which words. --quick runs a minute in place of an hour.',
     )
-    command.add_argument('--json', action='store_true', help='print one JSON object instead')
-    command.add_argument('--quick', action='store_true', help='without the hour')
     command.set_defaults(run=run_extremes)
 
 

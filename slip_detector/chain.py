@@ -22,6 +22,9 @@ BLOCK_ROWS = 32
 TILE_LANES = 32
 VECTOR_LANES = 8  # doubles in the widest vector register
 
+#: Up to so many channels are ordered for the median by exchanges, a block of rows at a time.
+EXCHANGED_CHANNELS = 32
+
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
@@ -36,6 +39,9 @@ BOOL = np.dtype(np.bool_)  # as an object: looking the type up costs more than t
 
 # Numbers that a chain remembers, beside those of its channels.
 ENVELOPE_ROW, LEVEL_ROW, COMMON_V = range(3)
+
+# Place of the filter's sections in a chain's plan.
+SECTIONS = 3
 
 COMMON_MODES = ('none', 'mean', 'median')
 NO_COMMON_MODE, MEAN, MEDIAN = range(3)
@@ -61,6 +67,35 @@ def _check_samples(volts, start, rows, a, b, low, high, flat_rows, tile, flags, 
 
 
 @compiled
+def exchange(a, b):
+    """Put the larger of each pair of values into ``a``, the smaller into ``b``."""
+    for i in range(a.size):
+        u, v = a[i], b[i]
+        a[i] = u if u > v else v
+        b[i] = v if u > v else u
+
+
+@compiled
+def _medians(volts, start, rows, tiles, deviations, shared):
+    """Write the medians of rows in which all channels count, side by side in vector registers.
+
+    A sort of one row has a branch that no processor foresees for each pair.
+    """
+    channels, lanes = volts.shape[1], tiles.shape[2]
+    for i in range(channels):
+        first, lane = tiles[i // lanes, FIRST, i % lanes], deviations[i]
+        for k in range(rows):
+            lane[k] = volts[start + k, i] - first
+    # The larger half is enough: what is left is below it.
+    for i in range(channels // 2 + 1):
+        for j in range(channels - 1, i, -1):
+            exchange(deviations[j - 1][:rows], deviations[j][:rows])
+    low, high = deviations[channels // 2], deviations[(channels - 1) // 2]
+    for k in range(rows):
+        shared[k] = 0.5 * (low[k] + high[k])
+
+
+@compiled
 def _common_mode(
     volts, start, rows, low, high, kind, tiles, flags, valid, counters, deviations, shared
 ):
@@ -71,22 +106,35 @@ def _common_mode(
     starts late is taken to have followed the others until then.
     """
     lanes = tiles.shape[2]
+    if kind == MEDIAN and deviations.shape[1] == BLOCK_ROWS:
+        whole = True
+        for i in range(volts.shape[1]):
+            whole &= not np.isnan(tiles[i // lanes, FIRST, i % lanes])
+        for k in range(rows):
+            marks = flags[start + k][valid:]
+            for i in range(marks.size):
+                whole &= marks[i]
+        if whole:
+            _medians(volts, start, rows, tiles, deviations, shared)
+            counters[COMMON_V] = shared[rows - 1]
+            return
     for k in range(rows):
         row, marks = volts[start + k], flags[start + k][valid:]
         n = 0
         for i in range(row.size):
             first = tiles[i // lanes, FIRST, i % lanes]
             if marks[i] and not np.isnan(first):
-                deviations[n] = row[i] - first
+                deviations[n, 0] = row[i] - first
                 n += 1
         if n and kind == MEAN:
             total = 0.0
             for i in range(n):
-                total += deviations[i]
+                total += deviations[i, 0]
             counters[COMMON_V] = total / n
         elif n:
-            deviations[:n].sort()
-            middle = 0.5 * (deviations[(n - 1) // 2] + deviations[n // 2])
+            values = deviations[:n, 0]
+            values.sort()
+            middle = 0.5 * (values[(n - 1) // 2] + values[n // 2])
             counters[COMMON_V] = middle
         shared[k] = counters[COMMON_V]
         for i in range(row.size):
@@ -481,10 +529,11 @@ class SlipChain:
         settings[ENVELOPE_ROWS], settings[LEVEL_ROWS] = envelope_rows, level_rows
         settings[VOTE] = {'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(config.vote), config.vote)
         self._result_shape = (len(members), config.channels)
+        exchanged = config.common_mode == 'median' and len(enabled) <= EXCHANGED_CHANNELS
         self._plan = (
             # Room to work in, overwritten by each call.
             _aligned_zeros((2, BLOCK_ROWS, lanes)),
-            np.zeros(len(enabled)),
+            np.zeros((len(enabled), BLOCK_ROWS if exchanged else 1)),
             np.zeros((BLOCK_ROWS, 1 + len(members))),
             sections,
             # Unsigned, so that the kernel need not look for indices counted from the end.
@@ -502,6 +551,34 @@ class SlipChain:
         tiles = _aligned_zeros(self._tiles_shape)
         tiles[:, LAST] = tiles[:, FIRST] = np.nan
         self.state = ChainState(tiles, np.zeros(3))
+
+    def take_filters(self, other: 'SlipChain') -> None:
+        """Go on where another chain's filters are, with empty windows.
+
+        Parameters
+        ----------
+        other
+            Of the same channels, filters and common mode; its windows, threshold and vote may
+            differ.
+
+        Raises
+        ------
+        ValueError
+            When its filters are others.
+        """
+        for name in ('channels', 'disabled_channels', 'valid_range_v', 'common_mode'):
+            mine, its = getattr(self.config, name), getattr(other.config, name)
+            if mine != its:
+                raise ValueError(f'the other chain has {name} = {its}, allowed: {mine}')
+        if not np.array_equal(self._plan[SECTIONS], other._plan[SECTIONS]):
+            raise ValueError('the other chain has other filters, allowed: the same')
+        end = FIXED_SLOTS + 2 * len(self._plan[SECTIONS])
+        tiles = self.state.tiles
+        tiles[:] = 0.0
+        tiles[:, :end] = other.state.tiles[:, :end]
+        tiles[:, [ENVELOPE_HEAD, LEVEL_HEAD]] = 0.0
+        self.state.counters[:] = 0.0
+        self.state.counters[COMMON_V] = other.state.counters[COMMON_V]
 
     def update(self, volts: ArrayLike, *, envelope: bool = True, level: bool = True) -> SlipResult:
         """Take the next rows and decide on each.

@@ -289,7 +289,41 @@ class DriverConfig(ParameterSet):
     )
     scene: str = parameter('plate_400um', 'A scene that comes with the package, or a path.')
     seed: int = parameter(0, 'Seed of the noise; one seed is one trial.', low=0, high=2**31 - 1)
-    recording: str = parameter('', 'Path of the recording to play (npz or csv).')
+    recording: str = parameter(
+        '', 'Path of the recording to play: npz, csv, mcap, db3, or the folder of a bag.'
+    )
+    recording_topic: str = parameter(
+        '', 'Topic of a bag that has the samples; empty: voltages, in whichever namespace it is.'
+    )
+    recording_field: str = parameter(
+        '',
+        'Field of its messages that has the channels, as pac or pillars[].fz; empty: position '
+        'of a JointState, data of a MultiArray.',
+    )
+    recording_labels: str = parameter(
+        '',
+        'YAML file of the intervals with slip, or a folder of them; empty: <name>.labels.yaml '
+        'beside the recording, if it is there.',
+    )
+    recording_truth_topic: str = parameter(
+        'slip_truth', 'Topic of a bag (Bool, on change) that says whether there is slip.'
+    )
+    recording_position_topic: str = parameter(
+        'platform_position',
+        'Topic of a bag whose position changes while there is slip (Eq. 9), where no Bool says.',
+    )
+    recording_still_m: float = parameter(
+        0.0,
+        'A change of that position from message to message up to this is rest.',
+        unit='m',
+        low=0.0,
+        high=1.0,
+    )
+    recording_resample: bool = parameter(
+        False,
+        'Whether slip_evaluate and slip_tune bring a recording to the rate of the chain; the '
+        'driver plays it at its own.',
+    )
     recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
     recording_rate_key: str = parameter(
         'sample_rate_hz', 'Name of the number in an npz recording that is its rate.'
@@ -321,11 +355,11 @@ class GraspConfig(ParameterSet):
         10.0, 'Largest grip force that is commanded.', unit='N', low=0.001, high=1000.0
     )
     step_factor: float = parameter(
-        1.7, 'Slip raises the force by this factor ...', low=1.0, high=100.0
+        1.6, 'Slip raises the force by this factor ...', low=1.0, high=100.0
     )
     step_n: float = parameter(0.0, '... and by this much more.', unit='N', low=0.0, high=1000.0)
     repeat_s: float = parameter(
-        0.06,
+        0.08,
         'While slip lasts, or comes again, the force is raised again after this time.',
         unit='s',
         low=0.0,
@@ -388,9 +422,28 @@ class GraspConfig(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class EvaluationConfig(ParameterSet):
-    """Parameters of the evaluation: which rows of a recording are rows of motion."""
+    """Parameters of the evaluation: what counts as detected, and which rows are rows of motion."""
 
     NODE = 'slip_evaluate'
+
+    early_s: float = parameter(
+        0.0,
+        'An alarm that rises this long before the label of a slip still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    tail_s: float = parameter(
+        0.1,
+        'An alarm that rises this long after the end of a slip, while the windows still hold it, '
+        'still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    late_after_s: float = parameter(
+        0.1, 'A detection with a longer latency is late.', unit='s', low=0.0, high=10.0
+    )
 
     motion_key: str = parameter(
         '', 'Name of the array of velocities in a recording; empty: it has none.'
@@ -414,3 +467,33 @@ class EvaluationConfig(ParameterSet):
                 "parameter motion_key is '', allowed: the name of an array, as motion_columns "
                 'names columns of it'
             )
+
+
+@dataclasses.dataclass(frozen=True)
+class TuneConfig(ParameterSet):
+    """Parameters of the search: what the tuner weighs against each other, in milliseconds.
+
+    The cost of a chain is the mean latency over the true slips, plus these.
+    """
+
+    NODE = 'slip_tune'
+
+    missed_costs_ms: float = parameter(
+        500.0, 'A missed slip counts as one detected so late.', unit='ms', low=1.0, high=1e6
+    )
+    false_alarm_costs_ms: float = parameter(
+        10.0, 'What each false alarm per minute costs.', unit='ms', low=0.0, high=1e6
+    )
+    auc_costs_ms: float = parameter(
+        100.0,
+        'What an area under the ROC curve of 0 would cost, 1 being free: few slips say little, '
+        'all their rows say more.',
+        unit='ms',
+        low=0.0,
+        high=1e6,
+    )
+    trade: bool = parameter(
+        False,
+        'Whether latency, misses or false alarms may get worse than with the given parameters '
+        'where the cost falls.',
+    )

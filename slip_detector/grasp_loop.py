@@ -22,7 +22,6 @@ from slip_detector.config import ChainConfig, GraspConfig
 from slip_detector.grasp import GraspLaw
 from slip_detector.parameter_sets import read_yaml
 from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
-from slip_detector.scenes.motion import Load, steps_from
 from slip_detector.scenes.scene import Scene
 from slip_detector.sources import find_scene
 
@@ -206,8 +205,8 @@ def play(
         rows.append((now_s, command_n, force_n, slip, bool(sliding[0]), float(position_m[0])))
         next_s = now_s + 1.0 / scene.sample_rate_hz
     times, commands, forces, slips, slidings, positions = np.array(rows).T
-    load = Load(body.mass_kg * STANDARD_GRAVITY_M_S2, steps_from(description['steps']))
-    needed_n = load.at(times) / (FINGERS * friction.static_coefficient)
+    load_n = np.interp(times, *scene.drive_numbers.load)
+    needed_n = load_n / (FINGERS * friction.static_coefficient)
     return Trial(
         times, commands, forces, slips > 0.0, slidings > 0.0, positions, needed_n, body.length_m
     )

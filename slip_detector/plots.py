@@ -1,7 +1,8 @@
 """Figures; the only file that imports a plotting library."""
 
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ matplotlib.use('Agg')  # files only: a robot has no screen
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
@@ -31,6 +34,31 @@ RATE_MARKERS = ('o', 's', '^', 'D', 'v', 'P')
 ENLARGED_S = (-0.04, 0.16)
 
 
+def writable_picture(name: str | Path) -> Path:
+    """Return the path of a picture that is to be drawn later; its folder is made.
+
+    Raises
+    ------
+    OSError
+        When its folder cannot be made.
+    ValueError
+        When no picture can be written there.
+    """
+    path = Path(name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise ValueError(f'{path}: cannot be written, allowed: a file in a folder of your own')
+    kinds = sorted(FigureCanvasAgg.get_supported_filetypes())
+    if path.suffix and path.suffix[1:].lower() not in kinds:
+        raise ValueError(f'{path}: has the ending {path.suffix}, allowed: .{", .".join(kinds)}')
+    return path
+
+
+def _save(figure: Figure, path: Path) -> None:
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
 def draw_trial(
     path: Path,
     time_s: Floats,
@@ -38,7 +66,7 @@ def draw_trial(
     config: ChainConfig,
     groups: Mapping[str, Bools],
     slip: Bools,
-    motion_s: tuple[float, float],
+    motion_s: tuple[float, float] | None,
     title: str = '',
 ) -> None:
     """Draw a trial like the paper's Figs. 5 and 6: channels by group, and the decisions.
@@ -58,7 +86,7 @@ def draw_trial(
     slip : ndarray of bool, shape (n,)
         The global decision.
     motion_s
-        When the plate started and stopped.
+        When the plate started and stopped; None where nothing moves.
     title
         What is shown.
     """
@@ -83,6 +111,14 @@ def draw_trial(
     axes[-1].set_ylabel('slip')
     axes[-1].set_xlabel('time [s]')
     axes[-1].set_xlim(time_s[0], time_s[-1])
+    if motion_s:
+        _mark_motion(axes, motion_s)
+    if title:
+        figure.suptitle(title)
+    _save(figure, path)
+
+
+def _mark_motion(axes: Sequence[Axes], motion_s: tuple[float, float]) -> None:
     for axis in axes:
         axis.axvspan(*motion_s, color='0.92', zorder=0)
         axis.axvline(motion_s[0], color='k', linestyle='--', linewidth=1)
@@ -104,10 +140,6 @@ def draw_trial(
         color='0.4',
         fontsize=9,
     )
-    if title:
-        figure.suptitle(title)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
 
 
 def _draw_decision(axis: Axes, time_s: Floats, on: Bools, color: str) -> None:
@@ -181,8 +213,7 @@ def draw_stages(
     for axis in axes[:, 1]:
         axis.axvspan(0.0, ENLARGED_S[1] * 1e3, color='0.92', zorder=0)
     figure.suptitle(title)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def draw_windows(
@@ -218,8 +249,7 @@ def draw_windows(
         axis.set_ylim(bottom=0.0)
         axis.grid(color='0.9', linewidth=0.5)
     share.legend(loc='center left', bbox_to_anchor=(1.0, 0.5))
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def draw_decisions(
@@ -277,8 +307,7 @@ def draw_decisions(
         xlabel='time since the start of the plate [ms]',
         xlim=tuple(edge_s * 1e3 for edge_s in ENLARGED_S),
     )
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def draw_bands(
@@ -320,8 +349,7 @@ def draw_bands(
     axis.grid(axis='y', color='0.9', linewidth=0.5)
     axis.set_axisbelow(True)
     axis.legend(loc='lower center', bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def _column(parts: Mapping[str, Mapping[str, Any]], key: str) -> Floats:
@@ -394,8 +422,7 @@ def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
     for axis in (work, low):
         axis.grid(color='0.9', linewidth=0.5)
         axis.set_axisbelow(True)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    _save(figure, path)
 
 
 def draw_scenes_precision(path: Path, result: Mapping[str, Any]) -> None:
@@ -463,5 +490,4 @@ def draw_scenes_precision(path: Path, result: Mapping[str, Any]) -> None:
                label='a stretch about the onset')
     )  # fmt: skip
     figure.legend(handles=handles, loc='outside upper center', ncols=len(handles), frameon=False)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    _save(figure, path)

@@ -27,7 +27,10 @@ LABELS = {
 }
 NEEDED_COLOR = '0.55'
 
-#: Above the highest slide that is shown, in its units: there the panels are cut.
+#: The panel of the displacement is so many times as high as the object slides.
+SHOWN_SLIDES = 4.0
+
+#: Where the dropped ones are drawn, in units of the longest slide.
 HEADROOM = 1.35
 
 
@@ -119,8 +122,8 @@ def _draw_slip(axis: Axes, trial: Trial) -> None:
 
 
 def _draw_place(axis: Axes, trials: Mapping[str, Trial], position: Floats | None) -> None:
-    shown = [name for name in (CONTROLLER, PAPER) if not trials[name].dropped]
-    most_mm = max([1.0, *(trials[name].position_m[-1] * 1e3 for name in shown)])
+    # What slides further leaves the panel; how far it came is in the legend.
+    most_mm = max(SHOWN_SLIDES * float(trials[CONTROLLER].position_m[-1]) * 1e3, 0.1)
     for name in (UNCONTROLLED, PAPER, CONTROLLER):
         trial = trials[name]
         end = ': dropped' if trial.dropped else f': {trial.position_m[-1] * 1e3:.2f} mm'
@@ -132,7 +135,7 @@ def _draw_place(axis: Axes, trials: Mapping[str, Trial], position: Floats | None
     if position is not None:
         label = f'controller, live: {position[-1, 1] * 1e3:.2f} mm'
         axis.plot(position[:, 0], position[:, 1] * 1e3, 'k:', linewidth=1.6, label=label)
-    axis.set(ylabel='displacement [mm]', ylim=(-0.03 * most_mm, HEADROOM * most_mm))
+    axis.set(ylabel='displacement [mm]', ylim=(-0.03 * most_mm, most_mm))
     axis.legend(loc='upper left', fontsize=9, frameon=False)
 
 

@@ -41,49 +41,30 @@ left out.
     The pictures that were written.
 """
 
-import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import signal
 
-from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig
-from slip_detector.evaluation import (
-    RATE_TOLERANCE,
-    false_positive_percent,
-    first_on_delay_s,
-    mean_delay,
+from slip_detector.protocol_figures import draw
+from slip_detector.protocol_trials import (
+    BANDS_HZ,
+    PAPER_DELAY_MS,
+    PAPER_FALSE_POSITIVE_PERCENT,
+    SCENES,
+    WINDOWS_S,
+    Trial,
+    band_name,
+    evaluate_plates,
+    simulate,
+    with_band,
+    with_windows,
 )
-from slip_detector.filters import design
-from slip_detector.scenes.scene import load_scene
-from slip_detector.sources import Samples, Source, find_scene
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-
-#: The plates by their spatial period in micrometres (Section 3), and their scenes.
-SCENES = {'400': 'plate_400um', '440': 'plate_440um', '480': 'plate_480um'}
 
 #: Trials on each plate (Section 3).
 TRIALS = 10
-
-#: Table 2: mean and standard deviation of the delay over the trials of each plate.
-PAPER_DELAY_MS = {'400': (36.02, 3.91), '440': (41.78, 10.78), '480': (48.90, 9.91)}
-
-#: The paper's share of the time without slip at which its detector was ON.
-PAPER_FALSE_POSITIVE_PERCENT = 1.01
-
-#: Fig. 4: lengths of both windows; the last is the paper's choice.
-WINDOWS_S = (0.02, 0.03, 0.04)
-
-#: Fig. 7: the band-passes that go without the high stop-band.
-BANDS_HZ = ((10.0, 100.0), (10.0, 150.0))
-
-ROWS_PER_READ = 4096
 
 
 class Bound(NamedTuple):
@@ -134,229 +115,6 @@ MEANINGS = {
     'bands.10-100.least_shortening_ms': 'delay saved by [10, 100] Hz, least of the plates [ms]',
     'bands.10-150.least_shortening_ms': 'delay saved by [10, 150] Hz, least of the plates [ms]',
 }
-
-
-class Trial(NamedTuple):
-    """A trial to its end.
-
-    Attributes
-    ----------
-    volts : ndarray, shape (n, c)
-    position_m : ndarray, shape (n,)
-        Of the platform.
-    sample_rate_hz : float
-    start, end : int
-        The last row at which the plate still stood (Eq. 9), and the first at which it stood again.
-    """
-
-    volts: Floats
-    position_m: Floats
-    sample_rate_hz: float
-    start: int
-    end: int
-
-    @property
-    def time_s(self) -> Floats:
-        """When each row was taken, from 0; shape (n,)."""
-        return np.arange(len(self.volts)) / self.sample_rate_hz
-
-    @property
-    def moving(self) -> Bools:
-        """Whether the plate moves, from ``start`` to ``end``; shape (n,)."""
-        rows = np.arange(len(self.volts))
-        return np.asarray((rows >= self.start) & (rows <= self.end))
-
-    @property
-    def motion_s(self) -> tuple[float, float]:
-        """Times of ``start`` and ``end``."""
-        return self.start / self.sample_rate_hz, self.end / self.sample_rate_hz
-
-
-def trial_of(samples: Samples, sample_rate_hz: float) -> Trial:
-    """Make a trial of all its samples.
-
-    Raises
-    ------
-    ValueError
-        When the position of the platform is not known or never changes.
-    """
-    if samples.position_m is None:
-        raise ValueError('the platform has no position, allowed: a source that gives it')
-    moved = np.flatnonzero(np.diff(samples.position_m))
-    if not moved.size:
-        raise ValueError('the platform does not move, allowed: a trial in which it does')
-    start, end = int(moved[0]), int(moved[-1]) + 1
-    return Trial(samples.volts, samples.position_m, sample_rate_hz, start, end)
-
-
-def play(source: Source) -> Trial:
-    """Read a source to its end.
-
-    Raises
-    ------
-    ValueError
-        As :func:`trial_of`.
-    """
-    parts = [source.read(ROWS_PER_READ)]
-    while len(parts[-1].volts) == ROWS_PER_READ:
-        parts.append(source.read(ROWS_PER_READ))
-    positions = [part.position_m for part in parts if part.position_m is not None]
-    whole = Samples(
-        np.concatenate([part.volts for part in parts]),
-        position_m=np.concatenate(positions) if len(positions) == len(parts) else None,
-    )
-    return trial_of(whole, source.sample_rate_hz)
-
-
-def simulate(scene: str, seeds: Iterable[int]) -> list[Trial]:
-    """Play a scene once for each seed.
-
-    Parameters
-    ----------
-    scene
-        Its name or path.
-    seeds
-        Of the noise.
-
-    Raises
-    ------
-    ValueError
-        When there is no such scene, it cannot be read, or its plate does not move; names it.
-    """
-    path = find_scene(scene)
-    sources = [load_scene(path, np.random.default_rng(seed)) for seed in seeds]
-    try:
-        return [play(source) for source in sources]
-    except ValueError as error:
-        raise ValueError(f'{path}: {error}') from None
-
-
-class Outcome(NamedTuple):
-    """What a chain made of a trial.
-
-    Attributes
-    ----------
-    delays_s : tuple of float or None
-        By enabled channel: from the start of the plate to the first ON while it moves.
-    on : ndarray of bool, shape (n,)
-        The global decision.
-    moving : ndarray of bool, shape (n,)
-        Whether the plate moves.
-    """
-
-    delays_s: tuple[float | None, ...]
-    on: Bools
-    moving: Bools
-
-
-def outcome(trial: Trial, chain: SlipChain) -> Outcome:
-    """Run a trial through a chain from its first row.
-
-    An ON that comes when the plate stands again is none of the motion: such a channel has no
-    delay.
-
-    Raises
-    ------
-    ValueError
-        When the trial does not suit the chain.
-    """
-    config = chain.config
-    rate, wanted = trial.sample_rate_hz, config.sample_rate_hz
-    if abs(rate - wanted) > RATE_TOLERANCE * wanted:
-        raise ValueError(
-            f'the trial has {rate:g} Hz where the parameter sample_rate_hz is {wanted:g} Hz, '
-            f'allowed: at most {RATE_TOLERANCE:.0%} apart'
-        )
-    if trial.volts.shape[1] != config.channels:
-        raise ValueError(
-            f'the trial has {trial.volts.shape[1]} channels, allowed: {config.channels}, the '
-            'parameter channels'
-        )
-    chain.reset()
-    result = chain.update(trial.volts, envelope=False, level=False)
-    moving, time_s = trial.moving, trial.time_s
-    delays_s = tuple(
-        first_on_delay_s(result.channels[:, c] & moving, time_s, trial.motion_s[0])
-        for c in range(config.channels)
-        if c + 1 not in config.disabled_channels
-    )
-    return Outcome(delays_s, result.slip, moving)
-
-
-def figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Return the figures of merit of trials; the keys are in the module's docstring.
-
-    Parameters
-    ----------
-    outcomes
-        At least one.
-    """
-    delays_ms = [_in_ms(mean_delay(one.delays_s)[0]) for one in outcomes]
-    mean_ms, sd_ms = mean_delay(delays_ms)
-    return {
-        'mean_delay_ms': mean_ms,
-        'sd_delay_ms': sd_ms,
-        'trial_delays_ms': delays_ms,
-        'detected': sum(bool((one.on & one.moving).any()) for one in outcomes),
-        'trials': len(outcomes),
-        'false_positive_percent': false_positive_percent(
-            np.concatenate([one.on for one in outcomes]),
-            np.concatenate([one.moving for one in outcomes]),
-        ),
-        'channels_without_on': sum(one.delays_s.count(None) for one in outcomes),
-    }
-
-
-def _in_ms(seconds: float | None) -> float | None:
-    return None if seconds is None else seconds * 1e3
-
-
-def evaluate_plates(
-    plates: Mapping[str, Sequence[Trial]], config: ChainConfig
-) -> dict[str, dict[str, Any]]:
-    """Run trials through one chain.
-
-    Parameters
-    ----------
-    plates
-        The trials by plate, at least one on each; see :func:`simulate` and, for other sources than
-        the scenes that come with the package, :func:`play`.
-    config
-        The chain's.
-
-    Returns
-    -------
-    dict
-        ``plates`` and ``all``, as the module's docstring has them.
-
-    Raises
-    ------
-    ValueError
-        When the chain cannot be built or a trial does not suit it; names the plate.
-    """
-    chain = SlipChain(config)
-    outcomes: dict[str, list[Outcome]] = {}
-    for plate, trials in plates.items():
-        try:
-            outcomes[plate] = [outcome(trial, chain) for trial in trials]
-        except ValueError as error:
-            raise ValueError(f'plate {plate}: {error}') from None
-    return {
-        'plates': {plate: figures(mine) for plate, mine in outcomes.items()},
-        'all': figures([one for mine in outcomes.values() for one in mine]),
-    }
-
-
-def with_windows(config: ChainConfig, window_s: float) -> ChainConfig:
-    """Return the configuration with both windows of one length."""
-    return dataclasses.replace(config, envelope_window_s=window_s, decision_window_s=window_s)
-
-
-def with_band(config: ChainConfig, passband_hz: tuple[float, float]) -> ChainConfig:
-    """Return the configuration with another pass-band and no stop-band above its own."""
-    top_hz = config.passband_hz[1] or np.inf  # 0: a high-pass, above which there is nothing.
-    kept = tuple(pair for pair in config.stopbands_hz if pair[0] < top_hz)
-    return dataclasses.replace(config, passband_hz=passband_hz, stopbands_hz=kept)
 
 
 def evaluate_protocol(
@@ -496,145 +254,6 @@ def _make(folder: Path) -> None:
         raise ValueError(f'{folder}: cannot be made ({error.strerror})') from None
 
 
-def stages(trial: Trial, config: ChainConfig, channel: int) -> dict[str, Floats]:
-    """Return the signals of one channel after each stage of the chain (Eq. 1-8).
-
-    Parameters
-    ----------
-    trial
-        Without bad samples.
-    config
-        The chain's.
-    channel
-        Counted from 1, enabled.
-
-    Returns
-    -------
-    dict
-        By what the signal is and its unit, in the order of the stages: arrays of shape (n,). The
-        last two are the chain's own envelope and the level that it holds against the threshold.
-
-    Raises
-    ------
-    ValueError
-        When the chain cannot be built.
-    """
-    result = SlipChain(config).update(trial.volts)
-    # As the chain does: what counts is the deviation from the first row (the baseline).
-    deviations = trial.volts - trial.volts[0]
-    volts = deviations[:, channel - 1]
-    if config.common_mode != 'none':
-        enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
-        volts = volts - getattr(np, config.common_mode)(deviations[:, enabled], axis=1)
-    filtered = signal.sosfilt(design(config), volts)
-    rectified = np.abs(filtered) if config.rectify == 'full' else np.maximum(filtered, 0.0)
-    unit = 'V' if config.exponent == 1 else f'V$^{config.exponent}$'
-    return {
-        'raw [V]': trial.volts[:, channel - 1],
-        f'filtered,\ntimes {config.gain:g} [V]': filtered,
-        f'rectified,\nto the power\nof {config.exponent} [{unit}]': rectified**config.exponent,
-        f'RMS envelope\n[{unit}]': result.envelope[:, channel - 1],
-        f'mean of the\nenvelope [{unit}]': result.level[:, channel - 1],
-    }
-
-
-def draw(
-    folder: Path,
-    plates: Mapping[str, Sequence[Trial]],
-    config: ChainConfig,
-    result: Mapping[str, Any],
-) -> list[Path]:
-    """Draw the counterparts of the paper's Figs. 2, 4, 5, 6 and 7.
-
-    Parameters
-    ----------
-    folder
-        Where to; is there.
-    plates
-        The trials by plate. The first of the first plate stands for all in Figs. 2 and 5.
-    config
-        The chain's.
-    result
-        Of :func:`evaluate_protocol` on these.
-
-    Returns
-    -------
-    list of Path
-        The pictures.
-
-    Raises
-    ------
-    ValueError
-        When a picture cannot be written; names it.
-    """
-    from slip_detector import plots
-
-    chain = SlipChain(config)
-    decisions = {
-        plate: np.array([outcome(trial, chain).on for trial in trials])
-        for plate, trials in plates.items()
-    }
-    first_plate, (trial, *_) = next(iter(plates.items()))
-    chain.reset()
-    decided = chain.update(trial.volts, envelope=False, level=False)
-    channel = next(c for c in range(1, config.channels + 1) if c not in config.disabled_channels)
-    of_trial = f'plate of {first_plate} µm, trial with the seed {result["seeds"][0]}'
-    paths = {number: folder / f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)}
-    try:
-        plots.draw_stages(
-            paths[2],
-            trial.time_s,
-            stages(trial, config, channel),
-            decided.channels[:, channel - 1],
-            config.threshold,
-            trial.motion_s,
-            f'{config.names[channel - 1]} from stage to stage; {of_trial}',
-        )
-        plots.draw_windows(paths[4], _by_plate(result['windows']), PAPER_FALSE_POSITIVE_PERCENT)
-        plots.draw_trial(
-            paths[5],
-            trial.time_s,
-            trial.volts,
-            config,
-            dict(zip(config.groups, decided.groups.T, strict=True)),
-            decided.slip,
-            trial.motion_s,
-            f'Channels by group, decisions of the groups and of all; {of_trial}',
-        )
-        plots.draw_decisions(
-            paths[6],
-            {plate: trials[0].time_s for plate, trials in plates.items()},
-            {plate: trials[0].position_m for plate, trials in plates.items()},
-            decisions,
-            {plate: trials[0].motion_s for plate, trials in plates.items()},
-        )
-        plots.draw_bands(
-            paths[7],
-            _by_plate(
-                {
-                    'as configured': result,
-                    **{_band(name): part for name, part in result['bands'].items()},
-                }
-            ),
-            PAPER_DELAY_MS,
-        )
-    except OSError as error:
-        raise ValueError(f'{folder}: cannot be written to ({error.strerror})') from None
-    return list(paths.values())
-
-
-def _by_plate(variants: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return the figures by plate and variant."""
-    plates = next(iter(variants.values()))['plates']
-    return {
-        plate: {name: part['plates'][plate] for name, part in variants.items()} for plate in plates
-    }
-
-
-def _band(name: str) -> str:
-    return f'[{name.replace("-", ", ")}] Hz, no high stop-band'
-
-
 def table(result: Mapping[str, Any]) -> str:
     """Lay the figures out as text, the paper's beside ours, what is wanted at the end."""
     plates, paper = result['plates'], result['paper']
@@ -687,7 +306,7 @@ def table(result: Mapping[str, Any]) -> str:
     lines += ['', 'Mean delay [ms] by the length of both windows (as Fig. 4)', '']
     lines += _aligned([heads, *windows])
     bands = [_variant('as configured', result)]
-    bands += [_variant(_band(name), part) for name, part in result['bands'].items()]
+    bands += [_variant(band_name(name), part) for name, part in result['bands'].items()]
     lines += ['', 'Mean delay [ms] by band (as Fig. 7)', '']
     lines += _aligned([heads, *bands])
     lines += ['', 'Wanted', '']

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.config import DriverConfig
-from slip_detector.recordings import Recording, read_recording
+from slip_detector.recordings import Recording, Rows, open_recording
 
 
 class Samples(NamedTuple):
@@ -41,20 +41,32 @@ class Source(Protocol):
 
 
 class RecordingSource:
-    """A recording as a :class:`Source`."""
+    """A recording as a :class:`Source`: its rows as they were recorded, each at its time.
+
+    Parameters
+    ----------
+    recording
+        Is read in pieces, however long it is.
+    """
 
     def __init__(self, recording: Recording) -> None:
-        self._recording, self._next = recording, 0
         self.sample_rate_hz = recording.sample_rate_hz
         self.channel_names = recording.channel_names
+        self._pieces = recording.rows()
+        self._rows = Rows(np.empty((0, len(self.channel_names))), np.empty(0, np.int64), None)
+        self._first_ns: int | None = None
 
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples; fewer than asked for at the end."""
-        rows = slice(self._next, self._next + n)
-        samples = self._recording.volts[rows]
-        self._next += len(samples)
-        truth = self._recording.truth
-        return Samples(samples, None if truth is None else truth[rows])
+        rows = self._rows
+        while len(rows.volts) < n and (more := next(self._pieces, None)) is not None:
+            rows = rows.then(more) if len(rows.volts) else more
+            if self._first_ns is None:
+                self._first_ns = int(rows.stamps_ns[0])
+        self._rows = rows.take(slice(n, None))
+        now = rows.take(slice(n))
+        after_s = np.asarray((now.stamps_ns - (self._first_ns or 0)) * 1e-9)
+        return Samples(now.volts, now.truth, time_s=after_s)
 
 
 def find_scene(name: str) -> Path:
@@ -108,7 +120,7 @@ def open_source(config: DriverConfig, repetition: int = 0) -> Source:
     if config.source == 'recording':
         if not config.recording:
             raise ValueError("parameter recording is '', allowed: a path, as source is recording")
-        return RecordingSource(read_recording(config.recording, config))
+        return RecordingSource(open_recording(config.recording, config))
     # A driver that plays a recording need not load the simulation.
     from slip_detector.scenes.scene import load_scene
 

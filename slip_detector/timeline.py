@@ -2,6 +2,9 @@
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 #: A step of more than this many periods is a gap; less is jitter of the stamps.
 GAP_PERIODS = 1.5
 
@@ -67,6 +70,29 @@ class Timeline:
         if step_ns > self._max_gap_ns:
             return NEW_STRETCH
         return Arrival(True, round(step_ns / self._period_ns) - 1, False)
+
+    def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
+        """Take samples all at once if each is simply the next; else take none of them.
+
+        Parameters
+        ----------
+        stamps_ns : ndarray of int, shape (n,)
+            At least one.
+
+        Returns
+        -------
+        bool
+            False: they are to be judged one by one.
+        """
+        steps_ns = np.diff(stamps_ns)
+        last_ns = self._last_ns
+        if last_ns is not None and not 0 < int(stamps_ns[0]) - last_ns < self._gap_ns:
+            return False
+        if not ((steps_ns > 0) & (steps_ns < self._gap_ns)).all():
+            return False
+        self._last_ns = int(stamps_ns[-1])
+        self._dropped_first_ns = None
+        return True
 
     def _backwards(self, stamp_ns: int) -> Arrival:
         if self._dropped_first_ns is None or stamp_ns <= self._dropped_last_ns:

@@ -1,36 +1,26 @@
 """The benchmark: what it prints, that its rivals decide alike, and how its parts judge."""
 
-import contextlib
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
-from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import ROOT, run
 
 from slip_detector import benchmark
-from slip_detector.benchmark import Bound, least_times_s, match
-from slip_detector.benchmarks import chain_speed
+from slip_detector.benchmark import Bound, least_times_s
+from slip_detector.benchmarks import chain_precision, chain_speed, scenes
 from slip_detector.benchmarks.chain_speed import (
     QUICK_INTERPRETED,
     WANTED,
     NumpyChain,
     volts,
-    why_not_ros,
 )
 from slip_detector.chain import SlipChain
 from slip_detector.compiled import COMPILED
 from slip_detector.config import ChainConfig
-
-ROOT = Path(benchmark.__file__).parents[1]
-
-# No figure is judged by its size: machines are noisy. These only end a run that hangs.
-PATIENCE_S = 240.0
-END_PATIENCE_S = 60.0
 
 COUNTS = ['16', '64', '1024', '10000']
 
@@ -40,30 +30,6 @@ def result():
     return {'machine': benchmark.machine(), 'quick': True} | chain_speed.measure(
         quick=True, with_ros=False
     )
-
-
-def start(*words):
-    environment = os.environ | {
-        'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')]),
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-    }
-    return subprocess.Popen(
-        [sys.executable, '-m', 'slip_detector.benchmark', *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-    )
-
-
-def run(*words):
-    process = start(*words)
-    try:
-        output, errors = process.communicate(timeout=PATIENCE_S)
-    finally:
-        process.kill()
-        process.wait()
-    return process.returncode, output, errors
 
 
 def test_every_section_has_its_figures(result):
@@ -203,27 +169,6 @@ def test_the_sides_take_turns():
     assert all(0 <= time_s < 1 for time_s in times_s)
 
 
-STAMPS = np.array([0, 100, 200, 300], dtype=np.int64)
-STATES = np.array([True, False, True, False])
-
-
-@pytest.mark.parametrize(
-    ('received', 'wanted'),
-    [
-        ([(5, True), (106, False), (207, True), (308, False)], [5, 6, 7, 8]),
-        # A stall: all arrive, the first ones after the next ones were sent.
-        ([(290, True), (291, False), (292, True), (308, False)], [290, 191, 92, 8]),
-        # Lost changes go in pairs: the one back is no change to who missed the one there.
-        ([(207, True), (308, False)], [None, None, 7, 8]),
-        ([(5, True), (308, False)], [5, None, None, 8]),
-        ([(5, True), (106, False)], [5, 6, None, None]),
-        ([], [None, None, None, None]),
-    ],
-)
-def test_each_receipt_is_matched_to_its_sample(received, wanted):
-    assert match(STAMPS, STATES, received) == wanted
-
-
 def test_json_is_one_object_on_stdout():
     code, output, errors = run('chain', '--quick', '--without-ros', '--json')
     assert code == 0, errors
@@ -260,71 +205,31 @@ def test_without_rclpy_the_reason_is_said(tmp_path):
     assert 'no such thing here' in output
 
 
-@pytest.fixture(scope='module')
-def ros():
-    reason = why_not_ros()
-    if reason:
-        pytest.skip(reason)
+@pytest.mark.parametrize('command', ['chain', 'scenes'])
+@pytest.mark.parametrize(
+    ('picture', 'said'),
+    [('folder', 'folder: cannot be written'), ('picture.doc', 'has the ending .doc, allowed: .')],
+)
+def test_a_picture_that_cannot_be_written_is_said_before_the_measurement(
+    command, picture, said, tmp_path, monkeypatch, capsys
+):
+    def measured(*_):
+        raise AssertionError('it was measured')
+
+    for part in (chain_speed, chain_precision, scenes):
+        monkeypatch.setattr(part, 'measure', measured)
+    (tmp_path / 'folder').mkdir()
+    assert benchmark.main([command, '--quick', '--plot', str(tmp_path / picture)]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith('slip_benchmark: ')
+    assert said in error
+    assert error.count('\n') == 1
 
 
-@pytest.mark.usefixtures('ros')
-def test_end_to_end():
-    code, output, errors = run('chain', '--quick', '--part', 'speed', '--json')
-    assert code == 0, errors
-    result = json.loads(output)
-    part = result['end_to_end']
-    assert set(part) == {
-        'rate_hz', 'samples', 'changes', 'detector', 'relay', 'latency_ratio', 'cpu_ratio',
-    }  # fmt: skip
-    assert part['samples'] == 4 * 380
-    # The tone toggles slip four times a period.
-    assert part['changes'] == pytest.approx(4 * 12 * 4, rel=0.1)
-    for name in ('detector', 'relay'):
-        node = part[name]
-        assert set(node) == {'median_ms', 'p99_ms', 'cpu_percent', 'lost'}
-        assert 0 < node['median_ms'] <= node['p99_ms']
-        assert node['cpu_percent'] > 0
-        assert node['lost'] < part['changes'] / 2
-    assert part['latency_ratio'] == pytest.approx(
-        part['detector']['median_ms'] / part['relay']['median_ms']
-    )
-    assert result['end_to_end_left_out'] == ''
-    assert result['wanted']['end_to_end.cpu_ratio']['value'] == part['cpu_ratio']
-    text = chain_speed.table(result)
-    assert 'left out' not in text
-    for label in ('ratio of the medians', 'ratio of processor times'):
-        assert any(label in line and '<= 1.5' in line for line in text.splitlines())
-
-
-def processes_marked(mark):
-    """Return the processes that have inherited the environment of a run."""
-    found = []
-    for folder in Path('/proc').iterdir():
-        with contextlib.suppress(OSError):  # Another user's, or gone meanwhile.
-            words = (folder / 'cmdline').read_bytes()
-            if b'slip_detector.nodes' in words and mark in (folder / 'environ').read_bytes():
-                found.append(words)
-    return found
-
-
-@pytest.mark.usefixtures('ros')
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_run_leaves_no_process(number, monkeypatch):
-    mark = f'SLIP_BENCHMARK_TEST={os.getpid()}-{number}'
-    monkeypatch.setenv(*mark.split('='))
-    process = start('chain', '--quick', '--part', 'speed')
-    try:
-        deadline_s = time.monotonic() + PATIENCE_S
-        while len(processes_marked(mark.encode())) < 3:  # Meter, detector and relay.
-            assert process.poll() is None
-            assert time.monotonic() < deadline_s
-            time.sleep(0.1)
-        process.send_signal(number)
-        output, errors = process.communicate(timeout=END_PATIENCE_S)
-    finally:
-        process.kill()
-        process.wait()
-    assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[number]
-    assert 'Traceback' not in errors
-    assert output == ''
-    assert processes_marked(mark.encode()) == []
+def test_a_claim_that_was_not_measured_is_neither_met_nor_not():
+    bounds = {'a': Bound('<', 1.0), 'b': Bound('>=', 2.0), 'c': Bound('<=', 3.0)}
+    assert benchmark.verdicts(bounds, {'a': 1.0, 'b': 2.0, 'c': None}) == {
+        'a': {'value': 1.0, 'bound': '< 1', 'met': False},
+        'b': {'value': 2.0, 'bound': '>= 2', 'met': True},
+        'c': {'value': None, 'bound': '<= 3', 'met': None},
+    }

@@ -12,15 +12,15 @@ from scipy import signal
 
 from slip_detector import benchmark
 from slip_detector.benchmarks import chain_precision, chain_reference
-from slip_detector.benchmarks.chain_precision import (
+from slip_detector.benchmarks.chain_errors import volts
+from slip_detector.benchmarks.chain_precision import RATES, WANTED, errors_of
+from slip_detector.benchmarks.chain_precision_table import table
+from slip_detector.benchmarks.chain_rivals import (
     METHODS,
-    RATES,
     RUNNING_SUMS,
-    WANTED,
     WITH_RUNNING_SUMS,
-    errors_of,
+    is_stable,
     run,
-    volts,
 )
 from slip_detector.chain import SlipChain
 from slip_detector.config import LOWEST_EDGE, ChainConfig
@@ -301,13 +301,13 @@ def test_rivals_compute_in_their_type(name):
     ],
 )
 def test_stability_is_told_by_where_the_poles_are(roots, stable):
-    assert chain_precision.is_stable(np.real(np.poly(roots))) is stable
+    assert is_stable(np.real(np.poly(roots))) is stable
 
 
 def test_poles_that_lie_together_next_to_the_circle_are_told_apart():
     polynomial = np.poly([1 - 2.0**-13] * 4)  # of 52 bits: exact
-    assert chain_precision.is_stable(polynomial)
-    assert not chain_precision.is_stable(np.array([1.0, -4.0, 6.0, -4.0, 1.0]))
+    assert is_stable(polynomial)
+    assert not is_stable(np.array([1.0, -4.0, 6.0, -4.0, 1.0]))
 
 
 # --- what is printed -----------------------------------------------------------------------
@@ -335,7 +335,7 @@ def test_the_claims_are_the_chains_worst_errors(precision):
 
 
 def test_the_table_says_what_each_method_does(precision):
-    text = chain_precision.table(precision)
+    text = table(precision)
     lines = text.splitlines()
     assert max(map(len, lines)) <= 99
     for word in ('50 digits', 'unstable', 'refused: parameter', '(wanted <= 1e-07: met)'):
@@ -351,7 +351,7 @@ def test_the_table_says_honestly_what_is_bad(precision):
     entry = precision['rates'][0]
     methods = entry['methods'] | {'chain': entry['methods']['chain'] | {'state': 'lost'}}
     extreme = precision['extremes'][0] | {'finite': False, 'error': None}
-    text = chain_precision.table(
+    text = table(
         precision
         | {
             'rates': [entry | {'methods': methods}],
@@ -376,7 +376,7 @@ def test_the_command_prints_and_draws_the_precision_alone(
     assert parsed['precision'] == json.loads(json.dumps(precision))
     assert picture.read_bytes().startswith(b'\x89PNG')
     assert benchmark.main(words) == 0
-    assert chain_precision.table(precision) in capsys.readouterr().out
+    assert table(precision) in capsys.readouterr().out
 
 
 def test_a_picture_of_what_is_not_measured_is_an_error(capsys):

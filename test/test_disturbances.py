@@ -1,6 +1,8 @@
 """Disturbances: each does what its parameters say, and nothing else."""
 
+import itertools
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -20,6 +22,10 @@ from slip_detector.scenes.disturbances import (
     Rolling,
     Taps,
     Tremor,
+    lines_at,
+    lines_rate_at,
+    rolled_at,
+    tap_force_at,
 )
 from slip_detector.scenes.electronics import Electronics, Frontend
 
@@ -51,16 +57,25 @@ def times_s(duration_s, rate_hz=RATE_HZ):
     return np.arange(round(duration_s * rate_hz)) / rate_hz
 
 
+def tapped_n(taps, time_s):
+    return tap_force_at(time_s, time_s, taps.numbers())
+
+
+def rolled_m(rolling, time_s):
+    """Return how far the centre of contact has moved, shape (n, 2)."""
+    return np.transpose(rolled_at(time_s, rolling.numbers()))
+
+
 def closed_forms(seed):
     hum = HumVoltage(Hum(harmonics=[0.3, 0.0, 0.1]), trial(seed))
     hand = HandMotion(Tremor(), trial(seed))
     return {
         'hum': hum.volts,
-        'tremor force': hand.force_n,
-        'tremor position': hand.position_m,
-        'tremor velocity': hand.velocity_m_s,
-        'taps': Taps(times_s=[0.1, 0.3, 0.52]).force_n,
-        'rolling': Rolling(start_s=0.1, duration_s=0.1, hold_s=0.03, repeats=2).centre_m,
+        'tremor force': lambda t: lines_at(t, hand.force_lines),
+        'tremor position': lambda t: lines_at(t, hand.motion_lines),
+        'tremor velocity': lambda t: lines_rate_at(t, hand.motion_lines),
+        'taps': partial(tapped_n, Taps(times_s=[0.1, 0.3, 0.52])),
+        'rolling': partial(rolled_m, Rolling(start_s=0.1, duration_s=0.1, hold_s=0.03, repeats=2)),
     }
 
 
@@ -150,7 +165,10 @@ def test_tremor_lies_in_its_band_with_the_rms_asked_for(low_hz, ratio, seed):
 def test_in_the_long_run_tremor_has_the_rms_and_the_band_asked_for(seed):
     hand = HandMotion(Tremor(force_rms_n=0.3, motion_rms_m=2e-5), trial(seed))
     t = times_s(2000.0, 100.0)
-    for values, rms in ((hand.force_n(t), 0.3), (hand.position_m(t), 2e-5)):
+    for values, rms in (
+        (lines_at(t, hand.force_lines), 0.3),
+        (lines_at(t, hand.motion_lines), 2e-5),
+    ):
         assert np.sqrt(np.mean(values**2)) == pytest.approx(rms, rel=0.01)
         hz, amplitude = spectrum(values * np.hanning(len(t)), 100.0)
         outside = (hz < 1.9) | (hz > 20.1)
@@ -161,7 +179,7 @@ def test_tremor_beats_slowly():
     hand = HandMotion(Tremor(force_rms_n=0.3), trial())
     t = times_s(200.0, 100.0)
     # RMS over 2 s, the longest period of the band four times.
-    over_2s = np.sqrt(np.mean(hand.force_n(t).reshape(-1, 200) ** 2, axis=1))
+    over_2s = np.sqrt(np.mean(lines_at(t, hand.force_lines).reshape(-1, 200) ** 2, axis=1))
     assert over_2s.max() > 1.3 * over_2s.min()
 
 
@@ -169,9 +187,9 @@ def test_tremor_beats_slowly():
 def test_the_velocity_of_tremor_is_the_derivative_of_its_position(seed, start_s):
     hand = HandMotion(Tremor(motion_rms_m=1e-3), trial(seed))
     h, t = 1e-4, start_s + times_s(0.5)
-    x = [hand.position_m(t + k * h) for k in (-2, -1, 1, 2)]
+    x = [lines_at(t + k * h, hand.motion_lines) for k in (-2, -1, 1, 2)]
     slope_m_s = (x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * h)
-    np.testing.assert_allclose(hand.velocity_m_s(t), slope_m_s, atol=1e-9)
+    np.testing.assert_allclose(lines_rate_at(t, hand.motion_lines), slope_m_s, atol=1e-9)
 
 
 def test_force_and_motion_of_tremor_are_independent_of_each_other():
@@ -179,11 +197,11 @@ def test_force_and_motion_of_tremor_are_independent_of_each_other():
     both = HandMotion(Tremor(), trial())
     force = HandMotion(Tremor(motion_rms_m=0.0), trial())
     motion = HandMotion(Tremor(force_rms_n=0.0), trial())
-    np.testing.assert_array_equal(force.force_n(t), both.force_n(t))
-    np.testing.assert_array_equal(motion.position_m(t), both.position_m(t))
-    assert not force.position_m(t).any()
-    assert not force.velocity_m_s(t).any()
-    assert not motion.force_n(t).any()
+    np.testing.assert_array_equal(lines_at(t, force.force_lines), lines_at(t, both.force_lines))
+    np.testing.assert_array_equal(lines_at(t, motion.motion_lines), lines_at(t, both.motion_lines))
+    assert not lines_at(t, force.motion_lines).any()
+    assert not lines_rate_at(t, force.motion_lines).any()
+    assert not lines_at(t, motion.force_lines).any()
     assert not set(both.force_lines.phase_rad) & set(both.motion_lines.phase_rad)
 
 
@@ -208,7 +226,7 @@ def taps(draw):
 @given(taps())
 def test_taps_are_half_sines_and_nothing_outside_their_time(tapping):
     t = times_s(2.0, 5000.0)
-    force_n = tapping.force_n(t)
+    force_n = tapped_n(tapping, t)
     expected_n = np.zeros(len(t))
     for begin_s in tapping.times_s:
         u = (t - begin_s) / tapping.duration_s
@@ -221,11 +239,19 @@ def test_taps_are_half_sines_and_nothing_outside_their_time(tapping):
 def test_a_tap_has_its_impulse_and_its_peak():
     tapping = Taps(times_s=[0.2, 0.21], duration_s=0.01, peak_force_n=3.0)
     t = times_s(0.5, 1e5)
-    force_n = tapping.force_n(t)
+    force_n = tapped_n(tapping, t)
     assert np.sum(force_n) / 1e5 == pytest.approx(2 * (2 / np.pi * 3.0 * 0.01), rel=1e-5)
     assert force_n.max() == pytest.approx(3.0)
     assert force_n.min() >= 0.0
     assert not force_n[(t < 0.2 - 1e-9) | (t > 0.22 + 1e-9)].any()
+
+
+def test_at_the_ends_of_a_tap_the_side_says_what_is_meant():
+    numbers = Taps(times_s=[0.25], duration_s=0.5, peak_force_n=2.0).numbers()
+    assert tap_force_at(0.75, 0.8, numbers) == 0.0
+    assert tap_force_at(0.75, 0.5, numbers) == pytest.approx(0.0, abs=1e-15)
+    assert tap_force_at(0.5, 0.7, numbers) == 2.0
+    assert tap_force_at(0.5, 0.1, numbers) == 0.0
 
 
 # Rolling.
@@ -248,19 +274,19 @@ def test_rolling_goes_to_the_far_end_and_returns_each_time(rolling):
     cycles_s = cycle_s * np.arange(rolling.repeats)
     rests_s = np.linspace(0, rolling.hold_s, 5)
     for rest_s in rests_s:
-        far_m = rolling.centre_m(there_s + rest_s + cycles_s)
+        far_m = rolled_m(rolling, there_s + rest_s + cycles_s)
         np.testing.assert_allclose(far_m, np.tile(rolling.distance_m, (len(far_m), 1)), atol=1e-12)
-        np.testing.assert_allclose(rolling.centre_m(back_s + rest_s + cycles_s), 0.0, atol=1e-12)
+        np.testing.assert_allclose(rolled_m(rolling, back_s + rest_s + cycles_s), 0.0, atol=1e-12)
     end_s = rolling.start_s + rolling.repeats * cycle_s
     outside_s = np.concatenate([np.linspace(0, rolling.start_s, 20), end_s + np.arange(20) / 7])
-    np.testing.assert_array_equal(rolling.centre_m(outside_s), 0.0)
+    np.testing.assert_array_equal(rolled_m(rolling, outside_s), 0.0)
 
 
 @given(ROLLING)
 def test_rolling_has_no_jump_in_position_or_velocity(rolling):
     h = 1e-5
     t = times_s(rolling.start_s + 2 * rolling.repeats * (rolling.duration_s + rolling.hold_s) + 1)
-    velocity_m_s = np.diff([rolling.centre_m(t + k * h) for k in (-1, 0, 1)], axis=0) / h
+    velocity_m_s = np.diff([rolled_m(rolling, t + k * h) for k in (-1, 0, 1)], axis=0) / h
     # 3 u^2 - 2 u^3 has a slope of at most 3/2 and a curvature of at most 6.
     distance_m = np.abs(rolling.distance_m)
     assert np.all(np.abs(velocity_m_s) <= 1.5 * distance_m / rolling.duration_s + 1e-9)
@@ -268,9 +294,23 @@ def test_rolling_has_no_jump_in_position_or_velocity(rolling):
     assert np.all(change_m_s <= 6 * distance_m * h / rolling.duration_s**2 + 1e-9)
 
 
+@given(ROLLING)
+def test_between_its_corners_rolling_is_a_cubic(rolling):
+    end_s = rolling.start_s + 2 * rolling.repeats * (rolling.duration_s + rolling.hold_s) + 1.0
+    corners_s = rolling.corners_s(end_s)
+    edges_s = np.unique([0.0, *corners_s, end_s])
+    for from_s, to_s in itertools.pairwise(edges_s):
+        within_m = rolled_m(rolling, np.linspace(from_s, to_s, 9)[1:-1])
+        np.testing.assert_allclose(np.diff(within_m, 4, axis=0), 0.0, atol=1e-12)
+    # A scene that ends before need not know the others.
+    early_s = rolling.corners_s(rolling.start_s + 1e-6)
+    np.testing.assert_array_equal(early_s, corners_s[:4])
+    assert not len(rolling.corners_s(rolling.start_s - 1e-6))
+
+
 def test_rolling_moves_along_a_straight_line():
     rolling = Rolling(distance_m=[1e-3, -2e-3])
-    x, y = rolling.centre_m(times_s(3.0)).T
+    x, y = rolled_m(rolling, times_s(3.0)).T
     np.testing.assert_allclose(y, -2 * x)
     assert np.all(np.diff(x[(times_s(3.0) > 1.0) & (times_s(3.0) < 1.5)]) > 0.0)
 

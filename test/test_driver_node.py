@@ -6,13 +6,15 @@ import time
 import numpy as np
 import pytest
 from harness import ROOT, Bench, ended_quietly
+from recorded import read_recording
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig, DriverConfig
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.recordings import read_recording
+from slip_detector.recordings import Rows
+from slip_detector.recordings.writing import write_recording
 from slip_detector.sources import open_source
 
 XELA = ROOT.parent / 'shared' / 'data' / 'xela_uskin_slip'
@@ -114,6 +116,45 @@ def test_a_recording_is_played_once_at_its_own_rate(bench, recording):
     stamps = played.stamps_ns()
     np.testing.assert_array_equal(np.diff(stamps), np.full(149, 2_000_000))
     assert 'played all 150 samples' in played.process.log()
+
+
+@pytest.mark.parametrize('ending', ['.mcap', '.db3', '', '.csv'])
+def test_a_bag_is_played_as_it_was_recorded_with_its_labels_and_gaps(bench, tmp_path, ending):
+    if ending != '.csv':
+        pytest.importorskip('rosbags', reason='needs rosbags')
+    k = np.arange(120)
+    k = k[(k < 40) | (k > 47)]  # a gap that the detector is to see
+    stamps_ns = 1_700_000_000_000_000_000 + k * 2_000_000
+    wanted = Rows(4.3 + 1e-3 * np.sin(k[:, np.newaxis] * [1, 2, 3]), stamps_ns, k >= 80)
+    write_recording(tmp_path / f'mine{ending}', [wanted], 500.0, ['left', 'right', 'tip'])
+    parameters = {'source': 'recording', 'recording': tmp_path / f'mine{ending}'}
+    played = Played(bench, parameters, len(k))
+    assert played.process.wait() == 0
+    np.testing.assert_array_equal(played.rows(), wanted.volts)
+    heard_ns = played.stamps_ns()
+    np.testing.assert_array_equal(heard_ns - heard_ns[0], stamps_ns - stamps_ns[0])
+    assert list(played.voltages[0].name) == ['left', 'right', 'tip']
+    bench.wait_for(lambda: len(played.truth) == 2, 'truth to rise')
+    assert [message.data for message in played.truth] == [False, True]
+
+
+def test_any_topic_of_a_bag_and_labels_by_hand_are_played(bench, tmp_path):
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    k = np.arange(100)
+    wanted = Rows(np.ones((100, 2)) * k[:, np.newaxis], k * 2_000_000, None, k * 1e-3)
+    write_recording(tmp_path / 'mine.mcap', [wanted], 500.0, ['a', 'b'])
+    (tmp_path / 'mine.labels.yaml').write_text('slip_s: [[0.1, 0.15]]')
+    parameters = {
+        'source': 'recording',
+        'recording': tmp_path / 'mine.mcap',
+        'recording_topic': 'platform_position',
+        'recording_field': 'position[0]',
+    }
+    played = Played(bench, parameters, 100)
+    assert played.process.wait() == 0
+    np.testing.assert_array_equal(played.rows()[:, 0], wanted.position_m)
+    bench.wait_for(lambda: len(played.truth) == 3, 'truth to rise and fall')
+    assert [message.data for message in played.truth] == [False, True, False]
 
 
 def test_a_looped_recording_goes_on_and_its_stamps_with_it(bench, recording):

@@ -1,230 +1,35 @@
 """Figures of merit against their definitions, and the command line that prints them."""
 
+import dataclasses
 import json
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
-from slip_detector.chain import COMPILED, SlipChain
+from slip_detector import recordings
+from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig
-from slip_detector.evaluation import (
-    decision_statistic,
-    false_positive_percent,
-    first_on_delay_s,
-    main,
-    mean_delay,
-    recording_sets,
-    roc_auc,
-)
+from slip_detector.evaluation import main, recording_sets
+from slip_detector.evaluation_tables import SECTIONS, as_tables
+from slip_detector.evaluator import events
+from slip_detector.events import Alarm
+from slip_detector.recordings.writing import write_recording
+from slip_detector.replay import Replay, Rows
+from slip_detector.scores import REST, SLIP, DecisionStatistic, ScoreTally
 
 ROOT = Path(__file__).parents[1]
+TALLY = ScoreTally()
 XELA_CONFIG = ROOT / 'config' / 'xela_uskin.yaml'
 XELA = ROOT.parent / 'shared' / 'data' / 'xela_uskin_slip'
 needs_xela = pytest.mark.skipif(not XELA.is_dir(), reason=f'no recordings at {XELA}')
 
 RATE_HZ = 380.0
-
-
-# The decision statistic.
-
-
-@st.composite
-def chains(draw):
-    """Draw a configuration and rows for it, with bad samples, held values and quiet channels."""
-    channels = draw(st.integers(1, 12), label='channels')
-    enabled = draw(st.integers(1, channels), label='enabled')
-    order = draw(st.permutations(range(1, channels + 1)), label='order')
-    n_groups = draw(st.integers(1, min(enabled, 3)), label='groups')
-    groups = {f'g{i}': tuple(order[:enabled][i::n_groups]) for i in range(n_groups)}
-    fewest = min(map(len, groups.values()))
-    config = ChainConfig(
-        sample_rate_hz=400.0,
-        channels=channels,
-        groups=groups,
-        disabled_channels=tuple(order[enabled:]),
-        passband_hz=(20.0, 100.0),
-        stopbands_hz=(),
-        gain=1.0,
-        exponent=draw(st.integers(1, 3), label='exponent'),
-        envelope_window_s=draw(st.sampled_from([0.0025, 0.02]), label='envelope'),
-        decision_window_s=draw(st.sampled_from([0.0025, 0.02]), label='decision'),
-        flat_after_s=draw(st.sampled_from([0.0, 0.01]), label='flat'),
-        vote=draw(st.sampled_from(['all', 'mean', *range(1, fewest + 1)]), label='vote'),
-    )
-    seed = draw(st.integers(0, 2**32 - 1), label='seed')
-    rng = np.random.default_rng(seed)
-    volts = rng.normal(size=(120, channels)) * rng.choice([0.0, 0.5, 1.0, 2.0], channels)
-    volts[rng.random(volts.shape) < draw(st.sampled_from([0.0, 0.02, 0.5]), label='bad')] = np.nan
-    if draw(st.booleans(), label='held'):
-        volts[40:80, rng.random(channels) < 0.5] = 1.0
-    return config, volts
-
-
-def replaced(config, **changes):
-    return ChainConfig(**{**config.__dict__, **changes})
-
-
-@settings(max_examples=300 if COMPILED else 30)
-@given(chains(), st.floats(0.01, 0.99))
-def test_the_statistic_is_above_one_where_the_chain_says_slip_at_any_threshold(drawn, share):
-    config, volts = drawn
-    first = SlipChain(config).update(volts)
-    # A threshold out of the midst of the levels, so that there is something to decide.
-    levels = first.level[first.valid & (first.level > 0.0)]
-    threshold = float(np.quantile(levels, share)) if levels.size else 1.0
-    config = replaced(config, threshold=threshold)
-    result = SlipChain(config).update(volts)
-    statistic = decision_statistic(result, config)
-    assert statistic.shape == (len(volts),)
-    ratio = result.level / threshold
-    rounding = np.isclose(ratio, 1.0, rtol=1e-9) & result.valid
-    sure = ~rounding.any(axis=1) & ~np.isclose(statistic, 1.0, rtol=1e-9)
-    np.testing.assert_array_equal((statistic > 1.0)[sure], result.slip[sure])
-    # And so it is the score of a ROC curve: a limit on it is another threshold.
-    other = replaced(config, threshold=2.0 * threshold)
-    sure &= ~np.isclose(ratio, 2.0, rtol=1e-9).any(axis=1) & ~np.isclose(statistic, 2.0, rtol=1e-9)
-    np.testing.assert_array_equal(
-        (statistic > 2.0)[sure], SlipChain(other).update(volts).slip[sure]
-    )
-
-
-@pytest.mark.parametrize(
-    ('vote', 'valid', 'expected'),
-    [
-        ('all', [1, 1, 1, 1], 0.5),
-        ('all', [0, 1, 1, 1], 1.0),
-        ('all', [0, 0, 0, 1], 8.0),
-        ('all', [0, 0, 0, 0], 0.0),
-        (1, [1, 1, 1, 1], 8.0),
-        (2, [1, 1, 1, 1], 4.0),
-        (2, [1, 1, 0, 1], 1.0),
-        (3, [1, 1, 0, 0], 0.0),
-        (1, [0, 0, 0, 0], 0.0),
-        ('mean', [1, 1, 1, 1], 2.0),
-        ('mean', [0, 1, 0, 1], np.sqrt(8.0)),
-        ('mean', [0, 0, 0, 0], 0.0),
-    ],
-)
-def test_the_statistic_of_a_group_by_hand(vote, valid, expected):
-    config = ChainConfig(channels=4, vote=vote, threshold=2.0)
-    result = SimpleNamespace(level=np.array([[1.0, 2.0, 8.0, 16.0]]), valid=np.array([valid]) == 1)
-    np.testing.assert_allclose(decision_statistic(result, config), [expected])
-
-
-def test_the_statistic_of_a_silent_channel_is_zero_in_the_geometric_mean():
-    config = ChainConfig(channels=2, vote='mean', threshold=1.0)
-    result = SimpleNamespace(level=np.array([[0.0, 9.0]]), valid=np.ones((1, 2), bool))
-    assert decision_statistic(result, config) == [0.0]
-
-
-def test_the_statistic_is_that_of_the_group_nearest_to_slip():
-    groups = {'a': (1, 4), 'b': (2, 3)}
-    config = ChainConfig(channels=4, groups=groups, threshold=1.0)
-    level = np.array([[1.0, 2.0, 5.0, 9.0], [3.0, 0.0, 5.0, 4.0]])
-    result = SimpleNamespace(level=level, valid=np.ones((2, 4), bool))
-    np.testing.assert_array_equal(decision_statistic(result, config), [2.0, 3.0])
-
-
-def test_the_statistic_needs_the_level():
-    result = SlipChain().update(np.zeros((3, 16)), level=False)
-    with pytest.raises(ValueError, match='level was not kept'):
-        decision_statistic(result, ChainConfig())
-
-
-def test_the_statistic_of_no_rows_is_empty():
-    result = SlipChain().update(np.zeros((0, 16)))
-    assert decision_statistic(result, ChainConfig()).shape == (0,)
-
-
-# Area under the ROC curve.
-
-
-@given(
-    st.lists(
-        st.tuples(st.integers(-3, 3) | st.floats(allow_nan=False), st.booleans()), max_size=30
-    )
-)
-def test_auc_is_the_share_of_pairs_in_order_and_ties_count_half(rows):
-    score, label = [float(s) for s, _ in rows], [truth for _, truth in rows]
-    positives = [s for s, truth in rows if truth]
-    negatives = [s for s, truth in rows if not truth]
-    area = roc_auc(score, label)
-    if not positives or not negatives:
-        assert area is None
-        return
-    points = [(p > n) + 0.5 * (p == n) for p in positives for n in negatives]
-    assert area == pytest.approx(np.mean(points))
-
-
-def test_auc_of_what_cannot_be_ordered_is_refused():
-    with pytest.raises(ValueError, match='score has NaN'):
-        roc_auc([1.0, np.nan], [True, False])
-    with pytest.raises(ValueError, match=r'shapes \(2,\) and \(3,\)'):
-        roc_auc([1.0, 2.0], [True, False, True])
-
-
-# The paper's figures.
-
-
-def test_the_delay_runs_from_the_start_of_slip_to_the_first_on_after_it():
-    on = [True, False, False, True, True]
-    time_s = [0.0, 0.5, 1.0, 1.5, 2.0]
-    assert first_on_delay_s(on, time_s, 0.25) == 1.25
-    assert first_on_delay_s(on, time_s, 1.5) == 0.0  # At the start counts.
-    assert first_on_delay_s(on, time_s, 0.0) == 0.0
-    assert first_on_delay_s(on, time_s, 2.1) is None
-    assert first_on_delay_s([False] * 5, time_s, 0.0) is None
-    assert first_on_delay_s([], [], 0.0) is None
-
-
-@given(
-    st.lists(st.booleans(), min_size=1, max_size=30),
-    st.floats(-1, 31).map(lambda x: round(x, 2)),
-)
-def test_nothing_is_on_between_the_start_of_slip_and_its_delay(on, start_s):
-    time_s = np.arange(len(on), dtype=float)
-    delay_s = first_on_delay_s(on, time_s, start_s)
-    after = np.array(on) & (time_s >= start_s)
-    assert (delay_s is None) == (not after.any())
-    if delay_s is not None:
-        assert delay_s >= 0.0
-        at = round(start_s + delay_s)
-        assert start_s + delay_s == pytest.approx(at)
-        assert after[at]
-        assert not after[:at].any()
-
-
-def test_the_mean_delay_is_over_the_channels_that_have_one():
-    mean, sd = mean_delay([0.03, None, 0.05, 0.04, None])
-    assert mean == pytest.approx(0.04)
-    assert sd == pytest.approx(0.01)
-
-
-def test_mean_and_deviation_of_too_few_delays_are_not_defined():
-    assert mean_delay([]) == (None, None)
-    assert mean_delay([None, None]) == (None, None)
-    assert mean_delay([None, 0.02]) == (0.02, None)
-
-
-@given(hnp.arrays(bool, st.tuples(st.integers(0, 40), st.just(2))))
-def test_false_positives_are_the_share_of_on_among_rows_without_slip(rows):
-    on, truth = rows.T
-    percent = false_positive_percent(on, truth)
-    without = int(np.count_nonzero(~truth))
-    if not without:
-        assert percent is None
-    else:
-        assert percent == pytest.approx(100.0 * np.count_nonzero(on & ~truth) / without)
 
 
 # Command line.
@@ -260,7 +65,7 @@ def report_of(capsys, *arguments):
     assert main([*map(str, arguments), '--json']) == 0
     captured = capsys.readouterr()
     assert captured.err == ''
-    return json.loads(captured.out)
+    return json.loads(captured.out)['sets']
 
 
 def complaint(capsys, *arguments, code=1):
@@ -277,10 +82,15 @@ def complaint(capsys, *arguments, code=1):
     return captured.err.removeprefix('slip_evaluate: ').rstrip('\n')
 
 
+def roc_auc(score, label):
+    TALLY.add(score, np.where(label, SLIP, REST))
+    return TALLY.take().auc()
+
+
 def expected_scores(path):
     with np.load(path) as file:
         config = ChainConfig()
-        return decision_statistic(SlipChain(config).update(file['volts']), config), file['slip']
+        return DecisionStatistic(config)(SlipChain(config).update(file['volts'])), file['slip']
 
 
 def test_json_has_the_figures_of_each_recording_and_of_all_rows_together(capsys, tmp_path):
@@ -292,13 +102,16 @@ def test_json_has_the_figures_of_each_recording_and_of_all_rows_together(capsys,
     for path, (score, slip) in zip(paths, scores, strict=True):
         area = roc_auc(score, slip)
         assert 0.5 < area < 1.0
-        assert report['set']['recordings'][path.name] == {
+        wanted = {
             'auc_all': area,
             'auc_moving': None,
             'rows': 600,
             'slip_rows': 150,
             'moving_rows': None,
+            'slips': 1,
         }
+        figures = report['set']['recordings'][path.name]
+        assert {name: figures[name] for name in wanted} == wanted
     pooled = roc_auc(*(np.concatenate(parts) for parts in zip(*scores, strict=True)))
     assert report['set']['auc_all'] == pooled
     assert (report['set']['rows'], report['set']['slip_rows']) == (1200, 300)
@@ -355,15 +168,202 @@ def test_the_table_has_a_line_for_each_recording_and_the_whole_last(capsys, tmp_
     assert lines[2].split() == ['b.npz', '600', '0', '-', '-', '-']
     whole = f'{figures["auc_all"]:.3f}'
     assert re.split(r'\s{2,}', lines[3]) == ['all rows', '1200', '150', '-', whole, '-']
+    assert lines[-2] == 'set: no bad samples, no gaps, no rows dropped'
     assert lines[-1].startswith('-: not defined')
     assert len({len(line) for line in lines[:4]}) == 1
 
 
-def test_a_table_without_gaps_needs_no_legend(capsys, tmp_path):
-    path = write(tmp_path / 'a.npz', speed=np.ones(600))
-    config = config_file(tmp_path / 'c.yaml', motion_key='speed')
-    assert main([str(path), '--config', config]) == 0
-    assert 'not defined' not in capsys.readouterr().out
+def test_figures_are_those_of_the_replay(capsys, tmp_path):
+    path = write(tmp_path / 'a.npz')
+    config = config_file(tmp_path / 'c.yaml', {'threshold': 2.0}, early_s=0.4, late_after_s=0.05)
+    with np.load(path) as file:
+        outcome = Replay(
+            ChainConfig(threshold=2.0), EvaluationConfig(early_s=0.4, late_after_s=0.05)
+        ).run([Rows(file['volts'], file['slip'])])
+    found = report_of(capsys, path, '--config', config)[tmp_path.name]['recordings']['a.npz']
+    assert outcome.figures().items() <= found.items()
+    # The ridges begin 150 rows before they are called slip.
+    assert outcome.figures()['matched'] == 1
+    assert -0.4 < outcome.slips[0].latency_s < -0.2
+    assert found['slip_events'] == [
+        {**dataclasses.asdict(slip), 'channel_delays_s': list(slip.channel_delays_s)}
+        for slip in outcome.slips
+    ]
+    assert found['alarm_events'] == [dataclasses.asdict(alarm) for alarm in outcome.alarms]
+
+
+def test_several_sets_have_their_figures_and_those_of_all(capsys, tmp_path):
+    a, b = write(tmp_path / 'x' / 'a.npz'), write(tmp_path / 'y' / 'b.npz', seed=1)
+    assert main([str(a), str(b), '--json']) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert list(report['sets']) == ['x', 'y']
+    assert (report['all']['rows'], report['all']['slips']) == (1200, 2)
+    assert main([str(a), str(b)]) == 0
+    text = capsys.readouterr().out
+    assert re.search(r'^all sets +rows .*\nx +600 .*\ny +600 .*\nall rows +1200 ', text, re.M)
+
+
+def test_bad_samples_and_gaps_are_counted(capsys, tmp_path):
+    rng = np.random.default_rng(0)
+    volts = 4.3 + 0.01 * rng.normal(size=(600, 16))
+    volts[100, 3:5] = np.nan
+    volts[200, 0] = np.inf
+    time_s = np.arange(600) / RATE_HZ
+    time_s[300:] += 10 / RATE_HZ
+    time_s[500:] += 1.0
+    table = np.column_stack([time_s, volts, np.zeros(600)])
+    head = ','.join(['time_s', *(f'ch{i + 1}' for i in range(16)), 'slip'])
+    np.savetxt(tmp_path / 'a.csv', table, '%.17g', ',', header=head, comments='')
+    met = {'bad_samples': 3, 'gaps': 1, 'bridged_rows': 10, 'long_gaps': 1, 'dropped': 0}
+    figures = report_of(capsys, tmp_path / 'a.csv')[tmp_path.name]
+    assert met.items() <= figures.items()
+    assert met.items() <= figures['recordings']['a.csv'].items()
+    assert figures['rows'] == 610
+    assert main([str(tmp_path / 'a.csv')]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (at,) = (k for k, line in enumerate(lines) if line.startswith('what was met'))
+    assert lines[at + 1].split() == ['a.csv', '3', '1', '10', '1', '0']
+    # The detector's own parameter says which gap is bridged.
+    config = config_file(tmp_path / 'c.yaml', {'max_gap_s': 2.0})
+    figures = report_of(capsys, tmp_path / 'a.csv', '--config', config)[tmp_path.name]
+    assert (figures['gaps'], figures['long_gaps']) == (2, 0)
+
+
+def bag(path, n=600, truth=True):
+    """Write the recording of :func:`write` as a bag."""
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    source = write(path.parents[1] / 'source' / 'a.npz')
+    with np.load(source) as file:
+        rows = recordings.Rows(
+            file['volts'][:n],
+            np.rint(np.arange(n) * 1e9 / RATE_HZ).astype(np.int64),
+            file['slip'][:n] if truth else None,
+        )
+    write_recording(path, [rows], RATE_HZ, [f'ch{i + 1}' for i in range(16)])
+    return source
+
+
+@pytest.mark.parametrize('name', ['a.mcap', 'a.db3', 'a'])
+def test_a_bag_and_an_npz_of_the_same_rows_have_the_same_figures(capsys, tmp_path, name):
+    source = bag(tmp_path / 'bags' / name)
+    expected = report_of(capsys, source)['source']
+    # A folder of bags is a set, one that is a bag is a recording.
+    for given_path in (tmp_path / 'bags', tmp_path / 'bags' / name):
+        found = report_of(capsys, given_path)['bags']
+        assert list(found['recordings']) == [name]
+        for figure in ('rows', 'slips', 'alarms', 'auc_all', 'mean_delay_ms', 'long_gaps'):
+            assert found[figure] == expected[figure]
+
+
+def test_a_bag_that_was_cut_off_is_evaluated_and_says_so(capsys, tmp_path):
+    path = tmp_path / 'bags' / 'a.mcap'
+    bag(path)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    figures = report_of(capsys, path)['bags']
+    assert 0 < figures['rows'] < 600
+    (of_file,) = figures['recordings'].values()
+    assert 'is lost' in of_file['lost']
+    assert main([str(path)]) == 0
+    assert f'a.mcap: {of_file["lost"]}' in capsys.readouterr().out.splitlines()
+
+
+def test_a_bag_without_labels_or_topic_says_what_is_missing(capsys, tmp_path):
+    path = tmp_path / 'bags' / 'a.mcap'
+    bag(path, truth=False)
+    assert complaint(capsys, path) == (
+        f'{path}: has no topic slip_truth or platform_position that tells the slips, allowed: '
+        'one, or a file of labels (--labels)'
+    )
+    assert '/voltages' in complaint(capsys, path, '--topic', 'nowhere')
+    assert complaint(capsys, path, '--field', 'nothing').startswith(f'{path}: ')
+    labels = tmp_path / 'a.labels.yaml'
+    labels.write_text('slip_s:\n- [0.5, 1.0]\n')
+    figures = report_of(capsys, path, '--labels', labels)['bags']
+    assert (figures['slips'], figures['slip_rows']) == (1, 190)
+
+
+def test_what_was_lost_of_a_recording_is_said(capsys):
+    figures = Replay(ChainConfig()).run([]).figures()
+    counts = dict.fromkeys(['bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'], 0)
+    whole = {**figures, **counts}
+    recordings = {
+        'a.mcap': {**whole, 'lost': 'is cut off at byte 9'},
+        'b.mcap': {**whole, 'lost': ''},
+    }
+    report = {'sets': {'x': {**whole, 'recordings': recordings}}, 'all': whole}
+    lines = as_tables(report).splitlines()
+    assert 'a.mcap: is cut off at byte 9' in lines
+    assert not any(line.startswith('b.mcap:') for line in lines)
+
+
+def test_a_table_without_gaps_needs_no_legend():
+    names = [name for section in SECTIONS for name in section.columns]
+    whole = dict.fromkeys(names, 1)
+    report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
+    assert 'not defined' not in as_tables(report)
+    report['sets']['x']['auc_all'] = None
+    assert as_tables(report).endswith('nobody says what moves)')
+
+
+def test_what_there_is_nothing_to_tell_of_is_left_out():
+    names = [name for section in SECTIONS for name in section.columns]
+    whole = dict.fromkeys(names, 0)
+    report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
+    assert 'missed slips' not in as_tables(report)
+    report['sets']['x']['missed_at_vote'] = 1
+    assert 'missed slips, lost at' in as_tables(report)
+
+
+def test_a_report_and_pictures_are_written_and_named(capsys, tmp_path):
+    for folder in 'xy':
+        write(tmp_path / folder / 'a.npz', seed=ord(folder))
+    page, folder = tmp_path / 'page.html', tmp_path / 'pictures'
+    arguments = [str(tmp_path / 'x'), str(tmp_path / 'y'), '--report', str(page)]
+    assert main([*arguments, '--plot', str(folder), '--json']) == 0
+    written = [Path(path) for path in json.loads(capsys.readouterr().out)['written']]
+    assert written[0] == page
+    assert set(written[1:]) == set(folder.iterdir())
+    assert folder / 'evaluation.png' in written
+    assert all(path.stat().st_size for path in written)
+    text = page.read_text(encoding='utf-8')
+    assert 'x/a.npz' in text
+    assert 'y/a.npz' in text
+    assert main([*arguments]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f'Written: {page}'
+
+
+def test_a_place_that_cannot_be_written_to_is_named(capsys, tmp_path):
+    path = write(tmp_path / 'a.npz')
+    page = tmp_path / 'no' / 'page.html'
+    assert complaint(capsys, path, '--report', page) == (
+        f'{page}: cannot be written (there is no folder {page.parent})'
+    )
+    line = complaint(capsys, path, '--plot', path)
+    assert line.startswith(f'{path}: cannot be written')
+
+
+def test_what_a_report_shows_is_what_became_of_slips_and_alarms():
+    volts = np.zeros((1, 16))
+    slip = Replay(ChainConfig()).run([Rows(volts, np.ones(1, bool))]).slips[0]
+    slips = [
+        slip,
+        dataclasses.replace(slip, alarm=0, latency_s=0.2, late=True, start_s=2.0, lost_at=None),
+        dataclasses.replace(slip, alarm=1, latency_s=0.02, start_s=4.0, lost_at=None),
+    ]
+    alarms = [
+        Alarm(2.2, 2.3, 'true', 1), Alarm(4.02, 4.3, 'true', 2), Alarm(4.5, 4.6, 'repeat', 2),
+        Alarm(1.0, 1.1, 'false', None),
+    ]  # fmt: skip
+    outcome = dataclasses.replace(
+        Replay(ChainConfig()).run([]), slips=tuple(slips), alarms=tuple(alarms)
+    )
+    shown = events(outcome)
+    assert [(event.kind, event.start_s, event.latency_s) for event in shown] == [
+        ('missed', 0.0, None), ('false alarm', 1.0, None), ('late', 2.0, 0.2),
+        ('detected', 4.0, 0.02),
+    ]  # fmt: skip
+    assert [event.note for event in shown] == ['lost at: filter', '', '', '']
 
 
 def test_csv_and_npz_of_the_same_rows_score_the_same(capsys, tmp_path):
@@ -374,7 +374,14 @@ def test_csv_and_npz_of_the_same_rows_score_the_same(capsys, tmp_path):
     np.savetxt(tmp_path / 'a.csv', table, '%.17g', ',', header=head, comments='')
     recordings = report_of(capsys, tmp_path)[tmp_path.name]['recordings']
     assert list(recordings) == ['a.csv', 'a.npz']
-    assert recordings['a.csv'] == recordings['a.npz']
+    a, b = recordings['a.csv'], recordings['a.npz']
+    # The rate of a csv file is that of its times, to their last digits.
+    events = {'slip_events', 'alarm_events', 'lost'}
+    assert a == {
+        name: a[name] if name in events or value is None else pytest.approx(value)
+        for name, value in b.items()
+    }
+    assert len(a['slip_events']) == len(b['slip_events']) == 1
 
 
 def test_files_of_one_folder_are_one_set_and_folders_are_sorted(tmp_path):
@@ -409,8 +416,9 @@ def test_another_rate_is_refused_naming_both(capsys, tmp_path, rate_hz):
     path = write(tmp_path / 'a.npz', rate_hz=rate_hz)
     assert complaint(capsys, path) == (
         f'{path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is 380 Hz, '
-        'allowed: at most 2% apart'
+        'allowed: at most 2% apart, or --resample (recording_resample: true)'
     )
+    assert report_of(capsys, path, '--resample')
 
 
 def test_a_recording_that_does_not_suit_is_named(capsys, tmp_path):
@@ -420,14 +428,15 @@ def test_a_recording_that_does_not_suit_is_named(capsys, tmp_path):
     )
     unlabelled = write(tmp_path / 'unlabelled.npz', slip=None)
     assert complaint(capsys, unlabelled) == (
-        f'{unlabelled}: has no label slip, there are: sample_rate_hz, volts'
+        f'{unlabelled}: has no label slip, there are: sample_rate_hz, volts; allowed: one, or a '
+        'file of labels (--labels)'
     )
     broken = tmp_path / 'broken.npz'
     broken.write_bytes(unlabelled.read_bytes()[:-100])
     assert complaint(capsys, broken) == f'{broken}: is broken or not npz'
     missing = tmp_path / 'missing.npz'
     assert complaint(capsys, missing) == f'{missing}: cannot be read (No such file or directory)'
-    assert complaint(capsys, tmp_path / 'a.bag').endswith('is .bag, allowed: .npz, .csv')
+    assert 'is .bag, allowed: .npz, .csv' in complaint(capsys, tmp_path / 'a.bag')
 
 
 def test_one_bad_recording_in_a_folder_is_no_reason_to_leave_it_out(capsys, tmp_path):
@@ -460,8 +469,8 @@ def test_no_recording_an_empty_folder_and_a_doubled_one_are_refused(capsys, tmp_
     assert complaint(capsys, code=2).startswith('the following arguments are required: RECORDING')
     assert complaint(capsys, '--what', code=2).startswith('unrecognized arguments: --what')
     (tmp_path / 'notes.txt').touch()
-    assert (
-        complaint(capsys, tmp_path) == f'{tmp_path}: has no recordings, allowed: .npz, .csv files'
+    assert complaint(capsys, tmp_path) == (
+        f'{tmp_path}: has no recordings, allowed: .npz, .csv, .mcap, .db3 or bags'
     )
     path = write(tmp_path / 'a.npz')
     assert complaint(capsys, path, tmp_path) == f'{path}: is given twice, allowed: each once'
@@ -474,7 +483,12 @@ def test_no_recording_an_empty_folder_and_a_doubled_one_are_refused(capsys, tmp_
         (
             {'v': np.zeros(599)},
             {'motion_key': 'v'},
-            ': v has the shape (599,) and type float64, allowed: numbers of shape (600,) or',
+            ': v has 599 rows, allowed: as many as the recording has',
+        ),
+        (
+            {'v': np.zeros(601)},
+            {'motion_key': 'v'},
+            ': v has 601 rows, allowed: as many as the recording has',
         ),
         (
             {'v': np.zeros((600, 2, 2))},
@@ -563,7 +577,7 @@ def test_as_a_process_it_prints_and_ends_with_its_exit_code(tmp_path):
     path = write(tmp_path / 'a.npz')
     good = run(path)
     assert (good.returncode, good.stderr) == (0, '')
-    assert good.stdout.splitlines()[-3].startswith('all rows')
+    assert good.stdout.splitlines()[2].startswith('all rows')
     bad = run(tmp_path / 'no.npz')
     assert (bad.returncode, bad.stdout) == (1, '')
     assert bad.stderr == (

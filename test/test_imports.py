@@ -48,6 +48,22 @@ def test_the_nodes_do_without_plotting():
     assert 'matplotlib' not in loaded_by(NODES)
 
 
-def test_only_plots_imports_a_plotting_library():
+def test_the_nodes_do_without_reports():
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    of_reports = {f'slip_detector.{name}' for name in ('overview', 'report', 'report_data')}
+    assert of_reports < set(CORE)
+    assert of_reports.isdisjoint(loaded_by(NODES))
+
+
+def test_only_plots_import_a_plotting_library():
     others = [name for name in CORE if not name.startswith('slip_detector.plots')]
     loaded_by(others, absent=['matplotlib'])
+
+
+def test_only_bags_need_what_reads_them():
+    bags = ['bags', 'writing']
+    others = [name for name in CORE if name not in [f'slip_detector.recordings.{b}' for b in bags]]
+    loaded = loaded_by(others, absent=['rosbags', 'lz4'])
+    assert 'slip_detector.recordings.bags' not in loaded_by(['slip_detector.sources'])
+    assert 'slip_detector.recordings' in loaded
+    assert 'rosbags' not in loaded_by(CORE)

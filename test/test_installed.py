@@ -13,7 +13,16 @@ pytestmark = pytest.mark.skipif(
     not PREFIX, reason='SLIP_DETECTOR_PREFIX does not name a folder that colcon installed into'
 )
 
-EXECUTABLES = ['slip_benchmark', 'slip_demo', 'slip_detector', 'slip_driver', 'slip_evaluate']
+EXECUTABLES = [
+    'grasp_controller',
+    'slip_benchmark',
+    'slip_demo',
+    'slip_detector',
+    'slip_driver',
+    'slip_evaluate',
+    'slip_grasp',
+    'slip_tune',
+]
 
 
 def run(name, *words):
@@ -43,14 +52,21 @@ def test_the_installed_package_is_the_one_that_runs_and_finds_its_scenes(tmp_pat
         assert Path(line).resolve().is_relative_to(Path(PREFIX).resolve())
 
 
-@pytest.mark.parametrize('name', ['slip_benchmark', 'slip_demo', 'slip_evaluate'])
+def test_what_reports_are_made_of_is_installed(tmp_path):
+    code = 'import slip_detector.report as r; print(*(len(r._read(n)) for n in r.SCRIPTS))'
+    command = [sys.executable, '-c', code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert all(int(size) > 1000 for size in done.stdout.split())
+
+
+@pytest.mark.parametrize('name', ['slip_benchmark', 'slip_demo', 'slip_evaluate', 'slip_grasp'])
 def test_the_command_lines_run(name):
     done = run(name, '--help')
     assert done.returncode == 0, done.stderr
     assert name in done.stdout
 
 
-@pytest.mark.parametrize('name', ['slip_detector', 'slip_driver'])
+@pytest.mark.parametrize('name', ['slip_detector', 'slip_driver', 'grasp_controller'])
 def test_the_nodes_run_and_refuse_what_is_wrong(name):
     done = run(name, '--ros-args', '-p', 'no_such_parameter:=1')
     assert done.returncode == 1

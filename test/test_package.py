@@ -18,10 +18,12 @@ SOURCES = sorted((ROOT / 'slip_detector').rglob('*.py'))
 LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 
 ROSDEP_KEYS = {
+    'lz4': 'python3-rosbags-pip',  # comes with it
     'matplotlib': 'python3-matplotlib',
     'mpmath': 'python3-mpmath',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
+    'rosbags': 'python3-rosbags-pip',
     'scipy': 'python3-scipy',
     'yaml': 'python3-yaml',
 }

@@ -10,26 +10,22 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from matplotlib import image
 
-from slip_detector import protocol
+from slip_detector import protocol, protocol_trials
 from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig
 from slip_detector.evaluation import main
 from slip_detector.parameter_sets import read_yaml
-from slip_detector.protocol import (
-    MEANINGS,
+from slip_detector.protocol import MEANINGS, WANTED, Bound, claims, evaluate_protocol
+from slip_detector.protocol_figures import stages
+from slip_detector.protocol_trials import (
     PAPER_DELAY_MS,
     SCENES,
-    WANTED,
-    Bound,
     Outcome,
-    claims,
     evaluate_plates,
-    evaluate_protocol,
     figures,
     outcome,
     play,
     simulate,
-    stages,
     trial_of,
     with_band,
     with_windows,
@@ -110,7 +106,7 @@ def test_a_trial_without_a_platform_or_without_motion_is_refused():
 
 @pytest.mark.parametrize('rows', [9, 10, 11, 20])
 def test_a_source_is_read_to_its_end_whatever_its_length(monkeypatch, rows):
-    monkeypatch.setattr(protocol, 'ROWS_PER_READ', 10)
+    monkeypatch.setattr(protocol_trials, 'ROWS_PER_READ', 10)
 
     class Counting:
         sample_rate_hz, channel_names, at = RATE_HZ, ('a',), 0
@@ -473,7 +469,16 @@ def test_the_pictures_are_written_and_show_something(capsys, tmp_path):
         (['--protocol', 'paper', 'a.npz'], 2, '--protocol simulates its trials, allowed: no REC'),
         (['--trials', '3', 'a.npz'], 2, '--trials is for simulated trials, allowed: with --prot'),
         (['--seed', '3', 'a.npz'], 2, '--seed is for simulated trials, allowed: with --protocol'),
-        (['a.npz', '--plot'], 2, '--plot is for simulated trials, allowed: with --protocol'),
+        (
+            ['--protocol', 'paper', '--report', 'a.html'],
+            2,
+            '--report is for recordings, allowed: without --protocol',
+        ),
+        (
+            ['--protocol', 'paper', '--topic', 'a'],
+            2,
+            '--topic is for recordings, allowed: without --protocol',
+        ),
         (['--protocol', 'mine'], 2, "argument --protocol: invalid choice: 'mine' (choose from "),
         (
             ['--protocol', 'paper', '--trials', '0'],

@@ -9,32 +9,43 @@ from hypothesis import strategies as st
 
 from slip_detector import sources
 from slip_detector.config import DriverConfig
-from slip_detector.recordings import Recording
+from slip_detector.recordings import npz, open_recording
 from slip_detector.sources import RecordingSource, find_scene, open_source, shared_folder
 
 N_ROWS = 50
 
 
-def recording(truth=True):
+@pytest.fixture(scope='module')
+def whole(tmp_path_factory):
     rng = np.random.default_rng(0)
-    label = rng.random(N_ROWS) > 0.5 if truth else None
-    return Recording(rng.normal(size=(N_ROWS, 3)), 60.0, ('a', 'b', 'c'), label, {})
+    path = tmp_path_factory.mktemp('whole') / 'a.npz'
+    volts, slip = rng.normal(size=(N_ROWS, 3)), rng.random(N_ROWS) > 0.5
+    np.savez(path, volts=volts, slip=slip, sample_rate_hz=60.0)
+    return path, volts, slip
 
 
 @given(st.lists(st.integers(0, N_ROWS + 5), max_size=20))
-def test_a_recording_is_read_to_its_end_in_any_cut(cuts):
-    whole = recording()
-    source = RecordingSource(whole)
-    pieces = [source.read(n) for n in [*cuts, N_ROWS, 1]]
-    np.testing.assert_array_equal(np.concatenate([p.volts for p in pieces]), whole.volts)
-    np.testing.assert_array_equal(np.concatenate([p.truth for p in pieces]), whole.truth)
-    assert all(len(p.volts) == len(p.truth) for p in pieces)
+@pytest.mark.parametrize('piece_rows', [7, 8192])
+def test_a_recording_is_read_to_its_end_in_any_cut(whole, piece_rows, cuts):
+    path, volts, slip = whole
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(npz, 'PIECE_ROWS', piece_rows)
+        source = RecordingSource(open_recording(path))
+        pieces = [source.read(n) for n in [*cuts, N_ROWS, 1]]
+    np.testing.assert_array_equal(np.concatenate([p.volts for p in pieces]), volts)
+    truth = [p.truth for p in pieces if p.truth is not None]
+    np.testing.assert_array_equal(np.concatenate(truth), slip)
+    times = np.concatenate([p.time_s for p in pieces])
+    np.testing.assert_allclose(times, np.arange(N_ROWS) / 60.0, atol=1e-9)
     assert all(len(p.volts) <= n for p, n in zip(pieces, [*cuts, N_ROWS, 1], strict=True))
+    whole_cuts = [len(p.volts) == n for p, n in zip(pieces, cuts, strict=False)]
+    assert all(whole_cuts) or sum(cuts) > N_ROWS
     assert len(pieces[-1].volts) == 0
 
 
-def test_a_recording_without_label_plays_without_truth_and_without_platform():
-    samples = RecordingSource(recording(truth=False)).read(5)
+def test_a_recording_without_label_plays_without_truth_and_without_platform(tmp_path):
+    np.savez(tmp_path / 'a.npz', volts=np.ones((9, 2)), sample_rate_hz=60.0)
+    samples = RecordingSource(open_recording(tmp_path / 'a.npz')).read(5)
     assert samples.truth is None
     assert samples.position_m is None
 

@@ -48,7 +48,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as scipy_signal
 
-from slip_detector.benchmark import Bound, gc_off, least_times_s
+from slip_detector.benchmark import Bound, gc_off, least_times_s, verdicts
 from slip_detector.chain import SlipChain
 from slip_detector.compiled import COMPILED
 from slip_detector.config import ChainConfig
@@ -56,7 +56,6 @@ from slip_detector.filters import design
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
 
 #: What is wanted, by section and figure.
 WANTED = {
@@ -135,12 +134,11 @@ def measure(quick: bool = False, with_ros: bool = True) -> dict[str, Any]:
         'end_to_end': None if left_out else end_to_end(sizes.end_to_end_s),
         'end_to_end_left_out': left_out,
     }
-    result['wanted'] = {}
-    for claim, bound in WANTED.items():
+    values = {}
+    for claim in WANTED:
         section, figure = claim.split('.')
-        value = None if result[section] is None else result[section][figure]
-        met = None if value is None else bound.met(value)
-        result['wanted'][claim] = {'value': value, 'bound': str(bound), 'met': met}
+        values[claim] = None if result[section] is None else result[section][figure]
+    result['wanted'] = verdicts(WANTED, values)
     return result
 
 

@@ -36,9 +36,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.benchmark import Bound
+from slip_detector.benchmark import Bound, verdicts
+from slip_detector.scenes.equations import Ode
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
-from slip_detector.scenes.integrators import METHODS, GivenUpError, Ode, Solution, shows_shears
+from slip_detector.scenes.integrators import (
+    METHODS,
+    GivenUpError,
+    Solution,
+    check,
+    shows_shears,
+    solve,
+)
 from slip_detector.scenes.mechanics import LEAST, WORK
 from slip_detector.scenes.scene import Scene
 
@@ -248,15 +256,7 @@ def measure(quick: bool = False) -> dict[str, Any]:
         'extremes.energy_created': max(row['energy_created'] for row in done),
         'extremes.voltage_error': max(row['voltage_error'] for row in done),
     } | {f'hour.{name}': hour[name] for name in ('drift', 'work_growth', 'energy_created')}
-    wanted = {
-        claim: {
-            'value': values[claim],
-            'bound': str(bound),
-            'met': bound.met(values[claim]),
-        }
-        for claim, bound in WANTED.items()
-    }
-    return {'extremes': rows, 'hour': hour, 'wanted': wanted}
+    return {'extremes': rows, 'hour': hour, 'wanted': verdicts(WANTED, values)}
 
 
 def run(case: Case, with_reference: bool = True) -> dict[str, Any]:
@@ -271,7 +271,7 @@ def run(case: Case, with_reference: bool = True) -> dict[str, Any]:
     try:
         scene = fresh(description)
         if case.method != 'live':
-            Ode(scene).check(case.method, (0.0, scene.duration_s))
+            check(Ode(scene), case.method, (0.0, scene.duration_s))
             raise RuntimeError(f'{case.method} was to refuse {case.case}, {case.setting}')
     except ValueError as error:
         return row | {'said': str(error)}
@@ -308,7 +308,7 @@ def _reference(description: Mapping[str, Any]) -> tuple[Solution, str, float | N
         ode = Ode(fresh(description))
         for method, rtol in REFERENCES:
             try:
-                found.append((ode.solve(method, rtol, budget_s=REFERENCE_S), method))
+                found.append((solve(ode, method, rtol, budget_s=REFERENCE_S), method))
             except (GivenUpError, RuntimeError):  # The other one may do it.
                 continue
     except ValueError:  # No differential equation says it.
@@ -342,7 +342,7 @@ def _shares(scene: Scene, clean_v: Floats, shear_n: Floats) -> tuple[float, floa
     plan = scene.plan
     times_s = np.linspace(0.0, scene.duration_s, 4001)
     force_n = float(scene.force_n(times_s).max())
-    load_n = scene._contact.largest_load_n(1.001 * force_n) + LIGHTEST_LOAD_N
+    load_n = scene.contact.largest_load_n(1.001 * force_n) + LIGHTEST_LOAD_N
     coefficient = plan.friction.static if plan.friction.static else plan.friction.kinetic
     friction_n = max(coefficient, plan.friction.kinetic) * load_n
     ridges = float(np.abs(plan.ridges.amplitudes).sum())

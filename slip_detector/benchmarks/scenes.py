@@ -46,16 +46,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.benchmark import Bound, gc_off
+from slip_detector.benchmark import Bound, gc_off, verdicts
 from slip_detector.parameter_sets import read_yaml
+from slip_detector.scenes.equations import Ode
 from slip_detector.scenes.integrators import (
     EXPLICIT,
     GivenUpError,
-    Ode,
     Solution,
     live_onset_s,
     shows_shears,
+    solve,
 )
+from slip_detector.scenes.motion import LoadNumbers
 from slip_detector.scenes.scene import OF_THE_SCENE, Scene
 from slip_detector.sources import find_scene, shared_folder
 
@@ -161,14 +163,7 @@ def measure(quick: bool = False, names: tuple[str, ...] = ()) -> dict[str, Any]:
         'pace.slowest_share': result['pace']['slowest_share'],
         'costs.largest_share': max(shares, default=None),
     }
-    result['wanted'] = {
-        claim: {
-            'value': values[claim],
-            'bound': str(bound),
-            'met': None if values[claim] is None else bound.met(values[claim]),
-        }
-        for claim, bound in WANTED.items()
-    }
+    result['wanted'] = verdicts(WANTED, values)
     return result
 
 
@@ -220,7 +215,7 @@ def _references(ode: Ode) -> list[tuple[str, float, Solution]]:
     found = []
     for method, rtol in REFERENCES:
         try:
-            found.append((method, rtol, ode.solve(method, rtol, budget_s=120.0)))
+            found.append((method, rtol, solve(ode, method, rtol, budget_s=120.0)))
         except RuntimeError:  # The next one may do it.
             continue
         if len(found) == 2:
@@ -230,14 +225,15 @@ def _references(ode: Ode) -> list[tuple[str, float, Solution]]:
 
 def _stretch(ode: Ode) -> tuple[int, int]:
     """Return the first and last sample of the stretch about the start of the motion."""
-    rate_hz = ode.scene._true_rate_hz
+    rate_hz = ode.scene.true_rate_hz
     start_s = ode.moving_s()
     if not math.isfinite(start_s):
         start_s = 0.5 * ode.scene.duration_s
     if ode.with_object:
         # What pulls at it is the last thing before the grip opens.
-        pulled = np.flatnonzero(np.diff(ode.drive.load_n) != 0.0)
-        start_s = float(ode.drive.load_at_s[pulled[1]]) if len(pulled) > 1 else start_s
+        load = LoadNumbers(*ode.drive.load)
+        pulled = np.flatnonzero(np.diff(load.force_n) != 0.0)
+        start_s = float(load.corners_s[pulled[1]]) if len(pulled) > 1 else start_s
     first = max(round((start_s - STRETCH_S[0]) * rate_hz), 0)
     return first, min(round((start_s + STRETCH_S[1]) * rate_hz), ode.scene.length - 1)
 
@@ -286,7 +282,7 @@ def _live(
     description: dict[str, Any], steps_per_sample: int, errors: Errors, ode: Ode, sizes: Sizes
 ) -> dict[str, Any]:
     """Run the live stepper."""
-    rate_hz = ode.scene._true_rate_hz
+    rate_hz = ode.scene.true_rate_hz
     step_s = (1.0 + 1e-6) / (rate_hz * steps_per_sample)
     n = len(errors.reference.time_s)
     least_s = math.inf
@@ -333,7 +329,7 @@ def _rival(
         for _ in range(sizes.rounds):
             with gc_off():
                 budget_s = sizes.stretch_budget_s if stretch else sizes.budget_s
-                solution = ode.solve(method, rtol, stretch, start, budget_s)
+                solution = solve(ode, method, rtol, stretch, start, budget_s)
             least_s = min(least_s, solution.run_time_s)
             if solution.run_time_s > FAST_S:
                 break

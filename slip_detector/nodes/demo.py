@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.config import DetectorConfig, DriverConfig
-from slip_detector.evaluation import false_positive_percent, first_on_delay_s, mean_delay
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.sources import open_source, shared_folder
+from slip_detector.recordings import Rows
+from slip_detector.recordings.writing import write_recording
+from slip_detector.scores import false_positive_percent, first_on_delay_s, mean_delay
+from slip_detector.sources import Source, open_source, shared_folder
 
 #: The demonstration must not mix with the topics of a robot that runs beside it.
 NAMESPACE = 'slip_demo'
@@ -27,6 +30,9 @@ NAMESPACE = 'slip_demo'
 DISCOVERY_TIMEOUT_S = 60.0
 SCENE_TIMEOUT_S = 120.0
 DRAIN_S = 0.5
+
+#: Samples that are written at a time.
+RECORD_ROWS = 4096
 
 
 class Witness(Node):
@@ -134,22 +140,29 @@ def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
     """Compute the paper's figures of merit from what the witness received.
 
     Delays are from the stamp of the last sample at which the plate still stood (Eq. 9) to the
-    receipt of the first ON after it, as a grasp controller has them.
+    receipt of the first ON after it, as a grasp controller has them; None where there is none,
+    and where nothing moves.
     """
-    start_s, end_s = motion(witness)
+    times_s = np.array(witness.stamps_s)
+    span_s = motion(witness)
+    truth, moves = np.zeros(len(times_s), dtype=bool), None
+    if span_s:
+        moves = {'start_s': span_s[0] - times_s[0], 'end_s': span_s[1] - times_s[0]}
+        truth = (times_s >= span_s[0]) & (times_s <= span_s[1])
 
     def delay_ms(topic: str) -> float | None:
+        if not span_s:
+            return None
         changes = witness.changes[topic]
         times = np.array([at_s for at_s, _ in changes])
-        delay_s = first_on_delay_s(np.array([on for _, on in changes]), times, start_s)
+        delay_s = first_on_delay_s(np.array([on for _, on in changes]), times, span_s[0])
         return None if delay_s is None else delay_s * 1e3
 
-    times_s = np.array(witness.stamps_s)
     slip = state_at(witness.changes['slip'], times_s)
-    truth = (times_s >= start_s) & (times_s <= end_s)
     channels = {name: delay_ms(f'slip/channel/{name}') for name in config.names}
     mean, sd = mean_delay(list(channels.values()))
     return {
+        'motion': moves,
         'channel_delay_ms': channels,
         'mean_delay_ms': mean,
         'sd_delay_ms': sd,
@@ -163,13 +176,16 @@ def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
     }
 
 
-def motion(witness: Witness) -> tuple[float, float]:
-    """Return when the plate started and when it stopped, by its position (Eq. 9)."""
+def motion(witness: Witness) -> tuple[float, float] | None:
+    """Return when the plate started and when it stopped, by its position (Eq. 9).
+
+    It is None where nothing moves.
+    """
     if not witness.latencies_s:
         raise RuntimeError('no decision was received')
     moved = np.flatnonzero(np.diff(witness.positions_m))
     if not moved.size:
-        raise RuntimeError('the plate of this scene does not move: there is no delay to measure')
+        return None
     stamps_s = witness.position_stamps_s
     return stamps_s[moved[0]], stamps_s[moved[-1] + 1]
 
@@ -180,6 +196,22 @@ def state_at(changes: list[tuple[float, bool]], times_s: Any) -> Any:
     return np.array([on for _, on in changes])[np.maximum(last, 0)] & (last >= 0)
 
 
+def record(path: str, source: Source, start_ns: int) -> None:
+    """Write what a source plays, with its labels, as if the first sample were taken at start."""
+
+    def pieces() -> Iterator[Rows]:
+        played = 0
+        while n := len((samples := source.read(RECORD_ROWS)).volts):
+            time_s = samples.time_s
+            if time_s is None:
+                time_s = np.arange(played, played + n) / source.sample_rate_hz
+            stamps_ns = start_ns + np.rint(time_s * 1e9).astype(np.int64)
+            played += n
+            yield Rows(samples.volts, stamps_ns, samples.truth, samples.position_m)
+
+    write_recording(path, pieces(), source.sample_rate_hz, source.channel_names)
+
+
 def rounded(value: Any) -> Any:
     """Round all figures to what a clock of a shared machine can tell."""
     if isinstance(value, dict):
@@ -187,13 +219,11 @@ def rounded(value: Any) -> Any:
     return value if value is None else round(float(value), 3)
 
 
-def table(result: dict[str, Any]) -> str:
-    """Lay the figures out as text."""
-
+def _delay_lines(result: dict[str, Any]) -> list[str]:
     def ms(value: float | None) -> str:
         return 'none' if value is None else f'{value:.1f} ms'
 
-    lines = ['Delay from the start of the plate to the receipt of the first ON']
+    lines = []
     names = list(result['channel_delay_ms'])
     for first in range(0, len(names), 4):
         row = names[first : first + 4]
@@ -206,6 +236,16 @@ def table(result: dict[str, Any]) -> str:
         f'{name} {ms(delay)}' for name, delay in result['group_delay_ms'].items()
     ))  # fmt: skip
     lines.append(f'  slip    {ms(result["global_delay_ms"])}')
+    return lines
+
+
+def table(result: dict[str, Any]) -> str:
+    """Lay the figures out as text."""
+    lines = ['Delay from the start of the plate to the receipt of the first ON']
+    if result['motion'] is None:
+        lines[0] += ': undefined, as nothing moves'
+    else:
+        lines += _delay_lines(result)
     share = result['false_positive_percent']
     at_rest = 'undefined, there is no rest' if share is None else f'{share:.2f} % of the rest'
     lines.append(f'False positives  {at_rest}')
@@ -222,13 +262,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog='slip_demo', description=__doc__)
     parser.add_argument('--scene', default='plate_400um', help='name or path of the scene')
     parser.add_argument('--seed', type=int, default=0, help='seed of its noise')
+    parser.add_argument(
+        '--record',
+        metavar='FILE',
+        help='write the trial with its labels: .mcap, .db3, .npz, .csv, or a folder that is a bag',
+    )
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
     arguments = parser.parse_args()
     # Two processes on one machine need no network.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     try:
         # What is wrong is to be said before anything is started.
-        open_source(DriverConfig(scene=arguments.scene, seed=arguments.seed))
+        source = open_source(DriverConfig(scene=arguments.scene, seed=arguments.seed))
+        if arguments.record:
+            record(arguments.record, source, time.time_ns())
         arguments.out.mkdir(parents=True, exist_ok=True)
         parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
         witness, config = play(arguments, parameter_file)
@@ -236,7 +283,8 @@ def main() -> None:
         (arguments.out / 'demo.json').write_text(json.dumps(rounded(result), indent=2) + '\n')
         _draw(witness, config, arguments.out / 'demo.png')
         print(table(result))
-        print(f'Written: {arguments.out / "demo.json"}, {arguments.out / "demo.png"}')
+        written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]
+        print(f'Written: {", ".join([*written, *filter(None, [arguments.record])])}')
     except (KeyboardInterrupt, ExternalShutdownException):
         sys.exit(130)
     except (ValueError, RuntimeError, OSError) as error:
@@ -255,6 +303,7 @@ def _draw(witness: Witness, config: DetectorConfig, path: Path) -> None:
     from slip_detector.plots import draw_trial
 
     times_s = np.array(witness.stamps_s)
+    span_s = motion(witness)
     draw_trial(
         path,
         times_s - times_s[0],
@@ -262,7 +311,7 @@ def _draw(witness: Witness, config: DetectorConfig, path: Path) -> None:
         config,
         {name: state_at(witness.changes[f'slip/group/{name}'], times_s) for name in config.groups},
         state_at(witness.changes['slip'], times_s),
-        tuple(at_s - times_s[0] for at_s in motion(witness)),
+        (span_s[0] - times_s[0], span_s[1] - times_s[0]) if span_s else None,
     )
 
 

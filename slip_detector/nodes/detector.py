@@ -15,6 +15,7 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.chain import SlipChain, SlipResult
 from slip_detector.config import DetectorConfig
+from slip_detector.fields import FieldReader
 from slip_detector.nodes.messages import (
     event_qos,
     sensor_qos,
@@ -45,6 +46,7 @@ class Detector(Node):
         self.counts: Counter[str] = Counter()
         self._logged_ns: dict[str, int] = {}
         self._chain = SlipChain(config)
+        self._read = FieldReader('position')
         self._timeline = Timeline(1 / config.sample_rate_hz, config.max_gap_s)
         self._period_ns = 1e9 / config.sample_rate_hz
         self._names: list[str] | None = list(config.channel_names) or None
@@ -107,7 +109,7 @@ class Detector(Node):
 
     def _on_voltages(self, message: JointState) -> None:
         """Check a sample, run it through the chain and publish what changed."""
-        row = np.array(message.position, ndmin=2)
+        row = self._read(message)
         if row.shape[1] != self.config.channels:
             self._drop(
                 'channels',

@@ -155,15 +155,16 @@ class Driver(Node):
                 stamp=time_message(first_stamp_ns + round(float(taken_s[i]) * 1e9)),
                 frame_id=self.config.frame_id,
             )
+            # A state holds for what comes after it, in a bag too.
+            if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
+                self._last_truth = bool(samples.truth[i])
+                self._truth.publish(Bool(data=self._last_truth))
             self._voltages.publish(JointState(header=header, name=names, position=volts))
             if samples.position_m is not None:
                 position = [float(samples.position_m[i])]
                 self._position.publish(
                     JointState(header=header, name=self._position_names, position=position)
                 )
-            if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
-                self._last_truth = bool(samples.truth[i])
-                self._truth.publish(Bool(data=self._last_truth))
         return len(samples.volts)
 
     def _wait(self, due_s: float) -> bool:

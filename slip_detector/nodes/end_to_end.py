@@ -336,13 +336,48 @@ def _spin(
     executor.spin_once(timeout_sec=SPIN_S)
 
 
+def match(
+    stamps_ns: list[int], states: list[bool], received: list[tuple[int, bool]]
+) -> list[int | None]:
+    """Find the receipt of each change.
+
+    Parameters
+    ----------
+    stamps_ns : list of int
+        When the sample of each change was sent, in order.
+    states : list of bool
+        What each change is to.
+    received
+        Time of receipt in nanoseconds and state, in order, each differing from the one before.
+
+    Returns
+    -------
+    list of int or None
+        Latency of each change in nanoseconds; None where it was lost.
+    """
+    # As long as nothing is lost, the k-th received is the k-th change, however late. After a
+    # loss a receipt belongs to the change before the next of its kind.
+    lost_some = len(received) < len(stamps_ns)
+    latencies_ns: list[int | None] = []
+    next_one = 0
+    for k, (stamp_ns, state) in enumerate(zip(stamps_ns, states, strict=True)):
+        j = next_one
+        while j < len(received) and (received[j][0] < stamp_ns or received[j][1] != state):
+            j += 1
+        last = not lost_some or k + 2 >= len(stamps_ns)
+        if j < len(received) and (last or received[j][0] < stamps_ns[k + 2]):
+            latencies_ns.append(received[j][0] - stamp_ns)
+            next_one = j + 1
+        else:
+            latencies_ns.append(None)
+    return latencies_ns
+
+
 def figures(
     meter: Meter, changes: Any, states: Any, warm_up: int, rate_hz: float
 ) -> dict[str, Any]:
     """Compute latencies and processor times from what the meter noted."""
     import numpy as np
-
-    from slip_detector.benchmark import match
 
     counted = changes >= warm_up
     result: dict[str, Any] = {
@@ -352,8 +387,8 @@ def figures(
     }
     span_s = meter.measured_s[1] - meter.measured_s[0]
     for name in NODES:
-        sent_ns = np.array(meter.sent_ns[name])[changes]
-        matched = match(sent_ns, states, meter.received[name])
+        sent_ns = np.array(meter.sent_ns[name])[changes].tolist()
+        matched = match(sent_ns, states.tolist(), meter.received[name])
         of_interest = [ns for ns, count in zip(matched, counted, strict=True) if count]
         latencies_ms = [ns * 1e-6 for ns in of_interest if ns is not None]
         if not latencies_ms:

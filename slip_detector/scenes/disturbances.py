@@ -6,11 +6,13 @@ does not depend on how the rows are cut into calls.
 """
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.compiled import compiled
 from slip_detector.fingertip import N_CHANNELS
 from slip_detector.parameter_sets import ParameterSet, parameter
 
@@ -34,20 +36,37 @@ class Lines(NamedTuple):
     angular_rate_rad_s: Floats
     phase_rad: Floats
 
-    def value(self, time_s: Floats) -> Floats:
-        """Return the sum at each time, in the amplitudes' unit."""
-        # Line by line: the order of a NumPy sum over an axis depends on the number of rows.
-        total = np.zeros(np.shape(time_s))
-        for amplitude, rate_rad_s, phase_rad in zip(*self, strict=True):
-            total += amplitude * np.sin(rate_rad_s * time_s + phase_rad)
-        return total
 
-    def derivative(self, time_s: Floats) -> Floats:
-        """Return the exact derivative of :meth:`value`, per second."""
-        total = np.zeros(np.shape(time_s))
-        for amplitude, rate_rad_s, phase_rad in zip(*self, strict=True):
-            total += amplitude * rate_rad_s * np.cos(rate_rad_s * time_s + phase_rad)
-        return total
+NO_LINES = Lines(np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+@compiled
+def lines_at(t, lines):
+    """Return the sum of the lines at one instant or at many, in the amplitudes' unit.
+
+    Parameters
+    ----------
+    t : float or ndarray, shape (n,)
+        The instants.
+    lines : Lines or ndarray, shape (3, k)
+        Its fields or, which is less for a call to take apart, rows in their order.
+    """
+    amplitude, rate_rad_s, phase_rad = lines[0], lines[1], lines[2]
+    total = 0.0 * t
+    for k in range(amplitude.size):
+        total = total + amplitude[k] * np.sin(rate_rad_s[k] * t + phase_rad[k])
+    return total
+
+
+@compiled
+def lines_rate_at(t, lines):
+    """Return the exact derivative of :func:`lines_at`, per second."""
+    amplitude, rate_rad_s, phase_rad = lines[0], lines[1], lines[2]
+    total = 0.0 * t
+    for k in range(amplitude.size):
+        rate = rate_rad_s[k]
+        total = total + amplitude[k] * rate * np.cos(rate * t + phase_rad[k])
+    return total
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +108,7 @@ class HumVoltage:
 
     def volts(self, time_s: Floats) -> Floats:
         """Return what is added to every channel at each time, shape (n,)."""
-        return self.lines.value(time_s)
+        return np.asarray(lines_at(time_s, self.lines), dtype=np.float64)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,7 +140,7 @@ class Tremor(ParameterSet):
 
 
 class HandMotion:
-    """The tremor of one trial: six lines for the force, six others for the motion.
+    """The tremor of one trial: six lines for the normal force, six others for the surface's place.
 
     The band is cut into three parts of equal ratio; in each two neighbouring lines beat slowly.
     All lines lie within the band, and their RMS in the long run is the one asked for.
@@ -145,22 +164,10 @@ class HandMotion:
         self.force_lines = _tremor_lines(tremor, tremor.force_rms_n, of_force)
         self.motion_lines = _tremor_lines(tremor, tremor.motion_rms_m, of_motion)
 
-    def force_n(self, time_s: Floats) -> Floats:
-        """Return what is added to the normal force at each time; positive and negative."""
-        return self.force_lines.value(time_s)
-
-    def position_m(self, time_s: Floats) -> Floats:
-        """Return where the surface is along x at each time, around zero."""
-        return self.motion_lines.value(time_s)
-
-    def velocity_m_s(self, time_s: Floats) -> Floats:
-        """Return the derivative of :meth:`position_m`."""
-        return self.motion_lines.derivative(time_s)
-
 
 def _tremor_lines(tremor: Tremor, rms: float, trial: np.random.Generator) -> Lines:
     if not rms:
-        return Lines(np.empty(0), np.empty(0), np.empty(0))
+        return NO_LINES
     # Places on the logarithmic scale from low_hz (0) to high_hz (1), none at the very edges.
     first = np.arange(TREMOR_PAIRS) + trial.uniform(0.05, 0.85, TREMOR_PAIRS)
     second = first + trial.uniform(0.02, 0.1, TREMOR_PAIRS)
@@ -170,6 +177,14 @@ def _tremor_lines(tremor: Tremor, rms: float, trial: np.random.Generator) -> Lin
     amplitude = relative * rms / np.sqrt(np.sum(np.square(relative)) / 2)
     phase_rad = trial.uniform(0.0, 2 * np.pi, len(places))
     return Lines(amplitude, 2 * np.pi * frequency_hz, phase_rad)
+
+
+class TapNumbers(NamedTuple):
+    """What the compiled code needs of :class:`Taps`; no begins where there are none."""
+
+    begins_s: Floats
+    peak_force_n: float
+    duration_s: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -202,15 +217,40 @@ class Taps(ParameterSet):
                     f'least duration_s, {self.duration_s:g} s, apart'
                 )
 
-    def force_n(self, time_s: Floats) -> Floats:
-        """Return what is added to the normal force at each time; exactly zero between taps."""
-        begins_s = np.array(self.times_s)
-        # Before the first tap the index is -1, and the time since the last tap is negative.
-        since_s = time_s - begins_s[np.searchsorted(begins_s, time_s, side='right') - 1]
-        during = (since_s >= 0.0) & (since_s < self.duration_s)
-        force_n = np.zeros(np.shape(time_s))
-        force_n[during] = self.peak_force_n * np.sin(np.pi / self.duration_s * since_s[during])
-        return force_n
+    def numbers(self) -> TapNumbers:
+        """Return what the compiled code needs."""
+        return TapNumbers(np.array(self.times_s), self.peak_force_n, self.duration_s)
+
+
+@compiled
+def tap_force_at(t, side, numbers):
+    """Return what taps add to the normal force; exactly zero between them.
+
+    Parameters
+    ----------
+    t : float or ndarray, shape (n,)
+        The instants.
+    side : as ``t``
+        Says at either end of a tap which side is meant.
+    numbers : TapNumbers
+        Of at least one tap.
+    """
+    # Before the first tap the index is -1, and the time since the last tap is negative.
+    begin = numbers.begins_s[np.searchsorted(numbers.begins_s, side, side='right') - 1]
+    during = (side >= begin) & (side - begin < numbers.duration_s)
+    force = numbers.peak_force_n * np.sin(np.pi / numbers.duration_s * (t - begin))
+    return np.where(during, force, 0.0)
+
+
+class RollingNumbers(NamedTuple):
+    """What the compiled code needs of :class:`Rolling`."""
+
+    start_s: float
+    duration_s: float
+    hold_s: float
+    lasts_s: float
+    x_m: float
+    y_m: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -229,32 +269,48 @@ class Rolling(ParameterSet):
     )
     repeats: int = parameter(1, 'How often it rolls there and back.', low=1, high=10**6)
 
-    def centre_m(self, time_s: Floats) -> Floats:
-        """Return how far the centre of contact is from where it is at rest.
+    @property
+    def cycle_s(self) -> float:
+        """How long it takes to roll there, to rest, to roll back and to rest."""
+        return 2.0 * (self.duration_s + self.hold_s)
 
-        It moves along ``3 u^2 - 2 u^3``, so its velocity is zero at both ends and has no jump.
+    def numbers(self) -> RollingNumbers:
+        """Return what the compiled code needs."""
+        return RollingNumbers(
+            self.start_s, self.duration_s, self.hold_s, self.repeats * self.cycle_s,
+            *self.distance_m,
+        )  # fmt: skip
 
-        Parameters
-        ----------
-        time_s : ndarray, shape (n,)
-            Any times, in any order.
-
-        Returns
-        -------
-        ndarray, shape (n, 2)
-            x and y; exactly zero before the start and after the last way back.
-        """
-        cycle_s = 2 * (self.duration_s + self.hold_s)
-        since_s = np.clip(time_s - self.start_s, 0.0, self.repeats * cycle_s)
-        within_s = since_s - cycle_s * np.floor(since_s / cycle_s)
-        back_s = within_s - (self.duration_s + self.hold_s)
-        share = _smooth_step(within_s / self.duration_s) - _smooth_step(back_s / self.duration_s)
-        return np.asarray(np.multiply.outer(share, np.array(self.distance_m)))
+    def corners_s(self, until_s: float) -> Floats:
+        """Return when it begins and ends to move, in the cycles that begin before ``until_s``."""
+        cycles = min(self.repeats, max(math.ceil((until_s - self.start_s) / self.cycle_s), 0))
+        back_s = 0.5 * self.cycle_s
+        within_s = [0.0, self.duration_s, back_s, back_s + self.duration_s]
+        begins_s = self.start_s + self.cycle_s * np.arange(cycles)
+        return np.asarray(np.add.outer(begins_s, within_s).ravel())
 
 
-def _smooth_step(u: Floats) -> Floats:
-    u = np.clip(u, 0.0, 1.0)
-    return np.asarray(u * u * (3.0 - 2.0 * u))
+@compiled
+def _smooth_step(u):
+    """Return ``3 u^2 - 2 u^3`` between 0 and 1: its slope is zero at both ends."""
+    u = np.minimum(np.maximum(u, 0.0), 1.0)
+    return u * u * (3.0 - 2.0 * u)
+
+
+@compiled
+def rolled_at(t, numbers):
+    """Return how far the centre of contact is from where it is at rest: x and y.
+
+    It moves along a smooth step, so its velocity is zero at both ends and has no jump. It is
+    exactly zero before the start and after the last way back. ``numbers`` are RollingNumbers or
+    one array with the fields in their order.
+    """
+    start_s, duration_s, hold_s, lasts_s = numbers[0], numbers[1], numbers[2], numbers[3]
+    one_way = duration_s + hold_s
+    since = np.minimum(np.maximum(t - start_s, 0.0), lasts_s)
+    within = since - 2.0 * one_way * np.floor(since / (2.0 * one_way))
+    share = _smooth_step(within / duration_s) - _smooth_step((within - one_way) / duration_s)
+    return share * numbers[4], share * numbers[5]
 
 
 @dataclasses.dataclass(frozen=True)

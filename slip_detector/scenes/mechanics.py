@@ -92,28 +92,6 @@ class Plan(NamedTuple):
     body: ObjectNumbers
 
 
-class Drive(NamedTuple):
-    """What is done to the fingertip in each of n steps, at its two stages.
-
-    Attributes
-    ----------
-    force_n : ndarray, shape (n, 2)
-        Normal force.
-    centre_m : ndarray, shape (n, 2, 2), or (1, 1, 2) where it stays
-        Centre of the contact.
-    velocity_m_s, position_m : ndarray, shape (n, 2)
-        Of the surface; without length where an object finds its own way.
-    load_n : ndarray, shape (n, 2)
-        Force on the object; without length where there is none.
-    """
-
-    force_n: Floats
-    centre_m: Floats
-    velocity_m_s: Floats
-    position_m: Floats
-    load_n: Floats
-
-
 class State(NamedTuple):
     """What a scene remembers from step to step.
 
@@ -221,22 +199,14 @@ def _step(i, drive, state, plan, loads, base, found, ledger):
     """Take one step of skin and object; loads are those at its end afterwards."""
     patches, body = state.patches, state.body
     diagonal_s = DIAGONAL * plan.step_s
-    with_object = drive.load_n.size > 0
+    with_object = plan.body.mass_kg > 0.0
     surface_v = 0.0
     for stage in range(2):
         force = 0.0 if body[LOST] else drive.force_n[i, stage]
-        centre = drive.centre_m[min(i, drive.centre_m.shape[0] - 1)][
-            min(stage, drive.centre_m.shape[1] - 1)
-        ]
         spread_load(
-            force,
-            centre[0],
-            centre[1],
-            plan.positions_m,
-            plan.hertz,
-            plan.body.rest_patches,
-            loads,
-        )
+            force, drive.centre_x_m[i, stage], drive.centre_y_m[i, stage], plan.positions_m,
+            plan.hertz, plan.body.rest_patches, loads,
+        )  # fmt: skip
         if stage == 0:
             base[:, :] = patches[:, :3]
             v_base, s_base = body[SPEED], body[POSITION]
@@ -256,7 +226,7 @@ def _step(i, drive, state, plan, loads, base, found, ledger):
             body[SPEED] = surface_v
             body[POSITION] = s_base + diagonal_s * surface_v
         else:
-            surface_v = 0.0 if with_object else drive.velocity_m_s[i, stage]
+            surface_v = drive.velocity_m_s[i, stage]
             _find_stage(surface_v, diagonal_s, loads, base, patches, found, plan)
         _take_stage(surface_v, diagonal_s, base, patches, found, plan)
         if ledger.size:
@@ -324,7 +294,8 @@ def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
     Parameters
     ----------
     drive : Drive
-        Of ``steps_per_sample`` steps for each sample; where ``begin``, the first sample is the
+        Shapes (m, 2): of each step at its two stages, :data:`STAGES`. There are
+        ``steps_per_sample`` steps for each sample; where ``begin``, the first sample is the
         first instant, before any step, and has the first entry of the drive to itself.
     state : State
         What the scene remembers.
@@ -345,7 +316,7 @@ def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
     n_patches = plan.patches.size
     loads = np.zeros(max(n_patches, plan.positions_m.shape[0]))
     base, found = np.zeros((n_patches, 3)), np.zeros((n_patches, 4))
-    with_object = drive.load_n.size > 0
+    with_object = plan.body.mass_kg > 0.0
     smooth = plan.decay >= 0.0
     i = 0
     for k in range(clean_v.shape[0]):
@@ -357,12 +328,9 @@ def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
             last = j == steps - 1
             if smooth or last:
                 if not n_patches or start:
-                    centre = drive.centre_m[min(i, drive.centre_m.shape[0] - 1)][
-                        drive.centre_m.shape[1] - 1
-                    ]
                     spread_load(
-                        drive.force_n[i, 1], centre[0], centre[1], plan.positions_m, plan.hertz,
-                        plan.body.rest_patches, loads,
+                        drive.force_n[i, 1], drive.centre_x_m[i, 1], drive.centre_y_m[i, 1],
+                        plan.positions_m, plan.hertz, plan.body.rest_patches, loads,
                     )  # fmt: skip
                 position = state.body[POSITION] if with_object else drive.position_m[i, 1]
                 _sense_all(state, loads, position, plan, smooth and not start, clean_v[k])

@@ -1,12 +1,17 @@
-"""What is done to the fingertip: the normal force, and the plate's motion or the object's load."""
+"""What is done to the fingertip: the normal force, and the plate's motion or the object's load.
+
+All are pieces of closed forms. The compiled functions take one instant or many, and beside it
+``side``: a time within the piece that is meant, which at a corner is not plain. Where no side is
+meant it is the instant itself.
+"""
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
 
+from slip_detector.compiled import compiled
 from slip_detector.parameter_sets import ParameterSet, parameter
 
 Floats = NDArray[np.float64]
@@ -55,8 +60,62 @@ class Motion(ParameterSet):
     ringing_damping: float = parameter(0.3, 'Its damping ratio.', low=0.01, high=10.0)
 
 
-class NormalForce:
-    """The normal force over time: it follows the command like a mass on a damped spring.
+@compiled
+def piece_at(side_s, starts_s):
+    """Return the number of the piece that a time lies in; the first one also has what is before.
+
+    Parameters
+    ----------
+    side_s : float or ndarray, shape (n,)
+        The times.
+    starts_s : ndarray, shape (k,)
+        When each piece begins, rising.
+    """
+    return np.maximum(np.searchsorted(starts_s, side_s, side='right') - 1, 0)
+
+
+class ForceNumbers(NamedTuple):
+    """The normal force in pieces, for compiled code.
+
+    Attributes
+    ----------
+    starts_s, command_n, slope_n_s : ndarray, shape (k,)
+        When each piece begins, the command there and its slope.
+    ringing : ndarray of complex, shape (k, 2)
+        Amplitudes of the two modes that ring from the start of the piece on.
+    roots_1_s : ndarray of complex, shape (2,)
+        Of the two modes.
+    lag_s : float
+        By which the force follows a ramp.
+    """
+
+    starts_s: Floats
+    command_n: Floats
+    slope_n_s: Floats
+    ringing: NDArray[np.complex128]
+    roots_1_s: NDArray[np.complex128]
+    lag_s: float
+
+
+@compiled
+def _pulling_force_at(t, side, numbers):
+    """Return the force as if the plate could pull."""
+    k = piece_at(side, numbers.starts_s)
+    since = t - numbers.starts_s[k]
+    force = numbers.command_n[k] + numbers.slope_n_s[k] * (since - numbers.lag_s)
+    for mode in range(2):
+        force = force + (numbers.ringing[k, mode] * np.exp(since * numbers.roots_1_s[mode])).real
+    return force
+
+
+@compiled
+def force_at(t, side, numbers):
+    """Return the force in newtons; never negative: a fingertip does not stick to the plate."""
+    return np.maximum(_pulling_force_at(t, side, numbers), 0.0)
+
+
+def force_numbers(motion: Motion, steps: list[Step]) -> ForceNumbers:
+    """Return the normal force: it follows the command like a mass on a damped spring.
 
     The command is linear between corners, so the force is known in closed form at any instant,
     at any sample rate.
@@ -68,126 +127,153 @@ class NormalForce:
     steps
         The commands.
     """
-
-    def __init__(self, motion: Motion, steps: list[Step]) -> None:
-        omega = 2 * np.pi * motion.ringing_hz
-        ratio = motion.ringing_damping
-        if abs(ratio - 1.0) < CRITICAL:
-            ratio = 1.0 + CRITICAL
-        spread = np.sqrt(complex(ratio**2 - 1.0))
-        self._roots = -omega * np.array([ratio - spread, ratio + spread])
-        self._lag_s = 2 * motion.ringing_damping / omega
-        # Segments: start, command and slope of it, and the ringing's two amplitudes.
-        self._starts = np.array([0.0])
-        self._lines = np.zeros((1, 2))
-        self._ringing = np.zeros((1, 2), complex)
-        time_s = force_n = 0.0
-        for step in steps:
-            target_n = force_n if step.force_n < 0.0 else step.force_n
-            self._append(time_s, force_n, (target_n - force_n) / step.duration_s)
-            time_s, force_n = time_s + step.duration_s, target_n
-        self._append(time_s, force_n, 0.0)
-
-    def hold(self, time_s: float, force_n: float) -> None:
-        """Command a force from ``time_s`` on, in place of what the steps say from there."""
-        first = int(np.searchsorted(self._starts, time_s, side='right'))
-        self._starts = self._starts[:first]
-        self._lines, self._ringing = self._lines[:first], self._ringing[:first]
-        self._append(time_s, force_n, 0.0)
-        if len(self._starts) > 1:  # Before the one that goes on there is nothing to ask for.
-            self._starts = self._starts[-2:]
-            self._lines, self._ringing = self._lines[-2:], self._ringing[-2:]
-
-    def _append(self, start_s: float, command_n: float, slope_n_s: float) -> None:
-        """Begin a segment where the last one leads."""
-        at = np.array([start_s])
-        k, _, modes = self._ring(at)
-        rate_n_s = self._lines[k[0], 1] + float((modes * self._roots).sum().real)
-        p, q = self._roots
-        a = float(self._follow(at)[0]) - (command_n - slope_n_s * self._lag_s)
-        b = rate_n_s - slope_n_s
-        first = (b - q * a) / (p - q)
-        # A step shorter than the clock's last digit takes the place of the one before.
-        keep = len(self._starts) - (start_s <= self._starts[-1])
-        self._starts = np.append(self._starts[:keep], start_s)
-        self._lines = np.vstack([self._lines[:keep], [command_n, slope_n_s]])
-        self._ringing = np.vstack([self._ringing[:keep], [first, a - first]])
-
-    def _ring(self, time_s: Floats) -> tuple[NDArray[np.intp], Floats, NDArray[np.complex128]]:
-        """Return the segment of each time, the time since its start, and its two modes."""
-        k = np.maximum(np.searchsorted(self._starts, time_s, side='right') - 1, 0)
-        since = time_s - self._starts[k]
-        return k, since, self._ringing[k] * np.exp(np.multiply.outer(since, self._roots))
-
-    def _follow(self, time_s: Floats) -> Floats:
-        """Return the force as if the plate could pull."""
-        k, since, modes = self._ring(time_s)
-        command, slope = self._lines[k].T
-        return np.asarray(command + slope * (since - self._lag_s) + modes.sum(axis=1).real)
-
-    def at(self, time_s: Floats) -> Floats:
-        """Return the force in newtons; never negative: a fingertip does not stick to the plate."""
-        return np.asarray(np.maximum(self._follow(time_s), 0.0), dtype=np.float64)
-
-    def corners_s(self) -> Floats:
-        """Return the times at which the command has a corner."""
-        return np.unique(self._starts)
+    omega = 2 * np.pi * motion.ringing_hz
+    ratio = motion.ringing_damping
+    if abs(ratio - 1.0) < CRITICAL:
+        ratio = 1.0 + CRITICAL
+    spread = np.sqrt(complex(ratio**2 - 1.0))
+    numbers = ForceNumbers(
+        starts_s=np.zeros(1),
+        command_n=np.zeros(1),
+        slope_n_s=np.zeros(1),
+        ringing=np.zeros((1, 2), complex),
+        roots_1_s=np.array([-omega * (ratio - spread), -omega * (ratio + spread)], complex),
+        lag_s=2 * motion.ringing_damping / omega,
+    )
+    time_s = force_n = 0.0
+    for step in steps:
+        target_n = force_n if step.force_n < 0.0 else step.force_n
+        numbers = _with_piece(numbers, time_s, force_n, (target_n - force_n) / step.duration_s)
+        time_s, force_n = time_s + step.duration_s, target_n
+    return _with_piece(numbers, time_s, force_n, 0.0)
 
 
-class Platform:
-    """Position of the plate over time.
+def held_force(numbers: ForceNumbers, time_s: float, force_n: float) -> ForceNumbers:
+    """Return the force with the command ``force_n`` from ``time_s`` on.
 
-    Parameters
+    What the steps say from there is forgotten, and so is all before the piece that goes on.
+    """
+    before = _pieces(numbers, slice(int(piece_at(time_s, numbers.starts_s)) + 1))
+    return _pieces(_with_piece(before, time_s, force_n, 0.0), slice(-2, None))
+
+
+def _pieces(numbers: ForceNumbers, kept: slice) -> ForceNumbers:
+    """Return some of the pieces."""
+    starts_s, command_n, slope_n_s, ringing, roots_1_s, lag_s = numbers
+    return ForceNumbers(
+        starts_s[kept], command_n[kept], slope_n_s[kept], ringing[kept], roots_1_s, lag_s
+    )
+
+
+def _with_piece(
+    numbers: ForceNumbers, start_s: float, command_n: float, slope_n_s: float
+) -> ForceNumbers:
+    """Return the force with one more piece, which begins where the last one leads."""
+    p, q = roots = numbers.roots_1_s
+    k = piece_at(start_s, numbers.starts_s)
+    modes = numbers.ringing[k] * np.exp((start_s - numbers.starts_s[k]) * roots)
+    rate_n_s = numbers.slope_n_s[k] + float((modes * roots).sum().real)
+    force_n = float(_pulling_force_at(start_s, start_s, numbers))
+    a = force_n - (command_n - slope_n_s * numbers.lag_s)
+    first = (rate_n_s - slope_n_s - q * a) / (p - q)
+    # A step shorter than the clock's last digit takes the place of the one before.
+    replaced = bool(start_s <= numbers.starts_s[-1])
+    before = _pieces(numbers, slice(len(numbers.starts_s) - replaced))
+    return before._replace(
+        starts_s=np.append(before.starts_s, start_s),
+        command_n=np.append(before.command_n, command_n),
+        slope_n_s=np.append(before.slope_n_s, slope_n_s),
+        ringing=np.vstack([before.ringing, [first, a - first]]),
+    )
+
+
+class PlateNumbers(NamedTuple):
+    """The plate's motion in pieces of constant acceleration, for compiled code.
+
+    Attributes
     ----------
-    motion
-        The platform's properties.
-    steps
-        What it does, one after the other.
+    starts_s, acceleration_m_s2, velocity_m_s, position_m : ndarray, shape (k,)
+        When each piece begins, and what it begins with.
     """
 
-    def __init__(self, motion: Motion, steps: list[Step]) -> None:
-        time_s = 0.0
-        corner_times, velocities = [0.0], [0.0]
-        for number, step in enumerate(steps, start=1):
-            if step.velocity_m_s != velocities[-1]:
-                change = abs(step.velocity_m_s - velocities[-1]) / motion.acceleration_m_s2
-                if change > step.duration_s:
-                    raise ValueError(
-                        f'steps: step {number}: duration_s {step.duration_s:g} s is too short to '
-                        f'reach {step.velocity_m_s:g} m/s, allowed: at least {change:g} s at '
-                        f'{motion.acceleration_m_s2:g} m/s2'
-                    )
-                if time_s > corner_times[-1]:
-                    corner_times.append(time_s)
-                    velocities.append(velocities[-1])
-                # A change too small for the clock's last digit is one at once.
-                corner_times.append(max(time_s + change, np.nextafter(time_s, np.inf)))
-                velocities.append(step.velocity_m_s)
-            time_s += step.duration_s
-        # What it does last it goes on doing, for samples that round to just after the end.
-        corner_times.append(max(time_s, corner_times[-1]) + 1.0)
-        velocities.append(velocities[-1])
-        slopes = np.diff(velocities) / np.diff(corner_times)
-        self._velocity = PPoly(np.array([slopes, velocities[:-1]]), np.array(corner_times))
-        self._position = self._velocity.antiderivative()
-        self.largest_velocity_m_s = float(np.abs(velocities).max())
-        self.moves = self.largest_velocity_m_s > 0.0
-
-    def position_m(self, time_s: Floats) -> Floats:
-        """Return how far the plate has moved along x."""
-        return np.asarray(self._position(time_s), dtype=np.float64)
-
-    def velocity_m_s(self, time_s: Floats) -> Floats:
-        """Return the velocity of the plate along x."""
-        return np.asarray(self._velocity(time_s), dtype=np.float64)
-
-    def corners_s(self) -> Floats:
-        """Return the times at which the velocity has a corner."""
-        return np.asarray(self._velocity.x[1:-1], dtype=np.float64)
+    starts_s: Floats
+    acceleration_m_s2: Floats
+    velocity_m_s: Floats
+    position_m: Floats
 
 
-class Load:
-    """What pulls on the object over time: the carried share of its weight and the further pull.
+@compiled
+def plate_at(t, side, numbers):
+    """Return the velocity and the position of the plate along x.
+
+    ``numbers`` are PlateNumbers or, which is less for a call to take apart, one array with the
+    fields as its rows.
+    """
+    starts_s, acceleration, velocity, position = numbers[0], numbers[1], numbers[2], numbers[3]
+    k = piece_at(side, starts_s)
+    since = t - starts_s[k]
+    gained = acceleration[k] * since
+    return velocity[k] + gained, position[k] + (velocity[k] + 0.5 * gained) * since
+
+
+def plate_numbers(motion: Motion, steps: list[Step]) -> PlateNumbers:
+    """Return the motion of the plate that the steps ask for.
+
+    Raises
+    ------
+    ValueError
+        When a step is too short for its velocity; names the step.
+    """
+    time_s = 0.0
+    corner_times, velocities = [0.0], [0.0]
+    for number, step in enumerate(steps, start=1):
+        if step.velocity_m_s != velocities[-1]:
+            change = abs(step.velocity_m_s - velocities[-1]) / motion.acceleration_m_s2
+            if change > step.duration_s:
+                raise ValueError(
+                    f'steps: step {number}: duration_s {step.duration_s:g} s is too short to '
+                    f'reach {step.velocity_m_s:g} m/s, allowed: at least {change:g} s at '
+                    f'{motion.acceleration_m_s2:g} m/s2'
+                )
+            if time_s > corner_times[-1]:
+                corner_times.append(time_s)
+                velocities.append(velocities[-1])
+            # A change too small for the clock's last digit is one at once.
+            corner_times.append(max(time_s + change, np.nextafter(time_s, np.inf)))
+            velocities.append(step.velocity_m_s)
+        time_s += step.duration_s
+    lasts_s = np.diff(corner_times)
+    passed_m = lasts_s * (np.array(velocities[:-1]) + velocities[1:]) / 2
+    return PlateNumbers(
+        starts_s=np.array(corner_times),
+        # What it does last it goes on doing.
+        acceleration_m_s2=np.append(np.diff(velocities) / lasts_s, 0.0),
+        velocity_m_s=np.array(velocities),
+        position_m=np.concatenate([[0.0], np.cumsum(passed_m)]),
+    )
+
+
+class LoadNumbers(NamedTuple):
+    """The force on the object, linear from corner to corner, for compiled code.
+
+    Attributes
+    ----------
+    corners_s, force_n : ndarray, shape (k,)
+        Without length where there is no object.
+    """
+
+    corners_s: Floats
+    force_n: Floats
+
+
+@compiled
+def load_at(t, numbers):
+    """Return the force on the object along x; ``numbers`` as those of :func:`plate_at`."""
+    return np.interp(t, numbers[0], numbers[1])
+
+
+def load_numbers(weight_n: float, steps: list[Step]) -> LoadNumbers:
+    """Return what pulls on the object: the carried share of its weight and the further pull.
 
     Parameters
     ----------
@@ -196,19 +282,13 @@ class Load:
     steps
         What is done, one after the other.
     """
-
-    def __init__(self, weight_n: float, steps: list[Step]) -> None:
-        times, forces = [0.0], [0.0]
-        carried = 0.0
-        for step in steps:
-            carried = carried if step.carried < 0.0 else step.carried
-            times.append(times[-1] + step.duration_s)
-            forces.append(carried * weight_n + step.pull_n)
-        self._times, self._forces = np.array(times), np.array(forces)
-
-    def at(self, time_s: Floats) -> Floats:
-        """Return the force on the object along x, in newtons."""
-        return np.asarray(np.interp(time_s, self._times, self._forces), dtype=np.float64)
+    times, forces = [0.0], [0.0]
+    carried = 0.0
+    for step in steps:
+        carried = carried if step.carried < 0.0 else step.carried
+        times.append(times[-1] + step.duration_s)
+        forces.append(carried * weight_n + step.pull_n)
+    return LoadNumbers(np.array(times), np.array(forces))
 
 
 def steps_from(entries: Any) -> list[Step]:

@@ -25,11 +25,23 @@ from slip_detector.scenes.disturbances import (
     Taps,
     Tremor,
 )
+from slip_detector.scenes.drive import Drive, DriveNumbers, drive_at, normal_force_at
 from slip_detector.scenes.electronics import Electronics, Frontend
 from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2, FreeObject, ObjectNumbers
 from slip_detector.scenes.friction import Friction, FrictionNumbers, well_posed_or_say
-from slip_detector.scenes.mechanics import STAGES, Drive, Plan, State, advance
-from slip_detector.scenes.motion import Load, Motion, NormalForce, Platform, Step, steps_from
+from slip_detector.scenes.mechanics import STAGES, Plan, State, advance
+from slip_detector.scenes.motion import (
+    LoadNumbers,
+    Motion,
+    PlateNumbers,
+    Step,
+    force_numbers,
+    held_force,
+    load_numbers,
+    plate_at,
+    plate_numbers,
+    steps_from,
+)
 from slip_detector.scenes.skin import Skin, SkinNumbers
 from slip_detector.scenes.texture import RidgeNumbers, Roughness, RoughNumbers, Texture
 from slip_detector.sources import Samples
@@ -58,7 +70,7 @@ PARTS: dict[str, type[ParameterSet]] = {
 OF_THE_SCENE = ('steps', 'sample_rate_hz', 'step_s')
 
 #: A step is cut finer where the skin would ring faster: it takes so little of a radian.
-RINGING_RAD = 0.5
+RINGING_RAD = 0.4
 
 #: More steps than this for a second of scene are not to be waited for.
 MOST_STEPS_HZ = 2e6
@@ -107,8 +119,16 @@ class Scene:
         As the sensor says; see the part ``clock``.
     length : int
         Number of samples, those that ``drops`` loses included.
+    true_rate_hz : float
+        At which the samples are taken.
+    duration_s : float
+        Of all steps.
     parts : dict
-        The parts by their names.
+        The parts that are named, by their names.
+    motion, contact, electronics
+        The parts that are always there, with their defaults where they are not named.
+    drive_numbers
+        What is done to the fingertip, see :mod:`slip_detector.scenes.drive`.
     plan, state
         What the stepper works on, see :mod:`slip_detector.scenes.mechanics`.
 
@@ -129,27 +149,23 @@ class Scene:
         self.channel_names = tuple(f'ch{i + 1}' for i in range(fingertip.N_CHANNELS))
         self.sample_rate_hz = sampling.sample_rate_hz
         clock: Clock | None = self.parts.get('clock')
-        self._true_rate_hz = self.sample_rate_hz * (clock.rate_ratio if clock else 1.0)
+        self.true_rate_hz = self.sample_rate_hz * (clock.rate_ratio if clock else 1.0)
         self.duration_s = sum(step.duration_s for step in steps)
-        self.length = round(self.duration_s * self._true_rate_hz)
+        self.length = round(self.duration_s * self.true_rate_hz)
         if not self.length:
             raise ValueError(
                 f'steps: all take {self.duration_s:g} s, allowed: at least one sample at '
-                f'{self._true_rate_hz:g} Hz'
+                f'{self.true_rate_hz:g} Hz'
             )
-        motion: Motion = self.parts.get('motion', Motion())
-        self._contact: Contact = self.parts.get('contact', Contact())
-        self._force = NormalForce(motion, steps)
-        self._platform = Platform(motion, steps)
+        self.motion: Motion = self.parts.get('motion', Motion())
+        self.contact: Contact = self.parts.get('contact', Contact())
+        self.electronics: Electronics = self.parts.get('electronics', Electronics())
         self._object: FreeObject | None = self.parts.get('object')
-        self._load: Load | None = None
-        if self._object:
-            self._load = Load(self._object.mass_kg * STANDARD_GRAVITY_M_S2, steps)
-        electronics: Electronics = self.parts.get('electronics', Electronics())
-        self._frontend = Frontend(electronics, children['electronics'])
-        self._build_disturbances(children, electronics)
-        self._check(motion, steps, electronics)
-        self.plan = self._plan(sampling, electronics, children['texture'])
+        self._frontend = Frontend(self.electronics, children['electronics'])
+        self.drive_numbers = self._drive_numbers(steps, children['tremor'])
+        self._build_disturbances(children)
+        self._check(steps)
+        self.plan = self._plan(sampling, children['texture'])
         n_patches, n_channels = len(self.plan.patches), fingertip.N_CHANNELS
         self.state = State(
             np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
@@ -158,32 +174,60 @@ class Scene:
         # Compiling must not wait for the first sample.
         advance(self.drive(np.zeros((0, 2))), self.state, self.plan, False, np.zeros((0, 16)),
                 np.zeros(0), np.zeros(0), np.zeros(0))  # fmt: skip
+        self._truth(np.zeros(0), np.zeros(0))
 
-    def _build_disturbances(
-        self, children: dict[str, np.random.Generator], electronics: Electronics
-    ) -> None:
+    def _drive_numbers(self, steps: list[Step], of_tremor: np.random.Generator) -> DriveNumbers:
+        """Collect what is done to the fingertip; parts that are not named stay left out."""
+        numbers = DriveNumbers(
+            force_numbers(self.motion, steps),
+            np.array(plate_numbers(self.motion, steps)),
+            *self.contact.centre_m,
+        )
+        taps: Taps | None = self.parts.get('taps')
+        if taps:
+            numbers = numbers._replace(taps=taps.numbers())
+        rolling: Rolling | None = self.parts.get('rolling')
+        if rolling:
+            numbers = numbers._replace(rolling=np.array(rolling.numbers()))
+        if self._object:
+            load = load_numbers(self._object.mass_kg * STANDARD_GRAVITY_M_S2, steps)
+            numbers = numbers._replace(load=np.array(load))
+        tremor: Tremor | None = self.parts.get('tremor')
+        if tremor:
+            hand = HandMotion(tremor, of_tremor)
+            lines = hand.motion_lines
+            numbers = numbers._replace(
+                force_lines=np.array(hand.force_lines),
+                force_lines_from_n=TREMOR_PEAK * tremor.force_rms_n,
+                motion_lines=np.array(lines),
+            )
+            if self._object:
+                # In the frame of a hand that trembles the object's mass pulls the other way.
+                inertia_n = self._object.mass_kg * lines.amplitude * lines.angular_rate_rad_s**2
+                numbers = numbers._replace(
+                    load_lines=np.array(lines._replace(amplitude=inertia_n))
+                )
+        return numbers
+
+    def _build_disturbances(self, children: dict[str, np.random.Generator]) -> None:
         parts = self.parts
         self._hum = HumVoltage(parts['hum'], children['hum']) if 'hum' in parts else None
-        self._tremor = (
-            HandMotion(parts['tremor'], children['tremor']) if 'tremor' in parts else None
-        )
-        self._taps: Taps | None = parts.get('taps')
-        self._rolling: Rolling | None = parts.get('rolling')
         self._faults = None
         if 'faults' in parts:
             self._faults = FaultyChannels(
-                parts['faults'], children['faults'], electronics.rails_v[0]
+                parts['faults'], children['faults'], self.electronics.rails_v[0]
             )
         self._link = LossyLink(parts['drops'], children['drops']) if 'drops' in parts else None
 
-    def _check(self, motion: Motion, steps: list[Step], electronics: Electronics) -> None:
+    def _check(self, steps: list[Step]) -> None:
         """Refuse parts that do not go together."""
+        electronics = self.electronics
         friction: Friction | None = self.parts.get('friction')
         texture: Texture | None = self.parts.get('texture')
         if self._object:
             if not friction:
                 raise ValueError('object: falls without friction, allowed: with the part friction')
-            if self._platform.moves:
+            if self.largest_velocity_m_s:
                 raise ValueError(
                     'steps: velocity_m_s is not 0, allowed: 0 with an object, which moves by '
                     'itself'
@@ -198,53 +242,56 @@ class Scene:
                 'steps: carried and pull_n are for an object, allowed: with that part'
             )
         if texture and not self._object and not electronics.bandwidth_hz:
-            highest_hz = self._platform.largest_velocity_m_s * texture.highest_wavenumber_1_m
-            if highest_hz > self._true_rate_hz / 2:
+            highest_hz = self.largest_velocity_m_s * texture.highest_wavenumber_1_m
+            if highest_hz > self.true_rate_hz / 2:
                 raise ValueError(
-                    f'texture: passes at up to {highest_hz:.4g} Hz, which {self._true_rate_hz:g} '
+                    f'texture: passes at up to {highest_hz:.4g} Hz, which {self.true_rate_hz:g} '
                     'Hz of samples cannot tell from slower; allowed: with bandwidth_hz of the '
                     'part electronics, or below half the sample rate'
                 )
         if friction:
             skin: Skin = self.parts.get('skin', Skin())
-            load_n = self._contact.largest_load_n(self._largest_force_n(motion, steps))
+            load_n = self.contact.largest_load_n(self._largest_force_n(steps))
             well_posed_or_say(friction, skin.numbers(), load_n)
 
-    def _largest_force_n(self, motion: Motion, steps: list[Step]) -> float:
+    @property
+    def largest_velocity_m_s(self) -> float:
+        """Return how fast the plate moves at most, in either direction; 0 where it stands."""
+        return float(np.abs(PlateNumbers(*self.drive_numbers.plate).velocity_m_s).max())
+
+    def _largest_force_n(self, steps: list[Step]) -> float:
         """Return the largest normal force that the steps and the disturbances can bring about."""
-        ratio = motion.ringing_damping
+        ratio = self.motion.ringing_damping
         overshoot = math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) if ratio < 1.0 else 0.0
         most_n = (1.0 + overshoot) * max(step.force_n for step in steps)
-        if self._taps:
-            most_n += max(self._taps.peak_force_n, 0.0)
+        if 'taps' in self.parts:
+            most_n += max(self.parts['taps'].peak_force_n, 0.0)
         if 'tremor' in self.parts:
             most_n += TREMOR_PEAK * float(self.parts['tremor'].force_rms_n)
         return max(most_n, 0.0)
 
-    def _plan(
-        self, sampling: Sampling, electronics: Electronics, of_trial: np.random.Generator
-    ) -> Plan:
+    def _plan(self, sampling: Sampling, of_trial: np.random.Generator) -> Plan:
         friction: Friction | None = self.parts.get('friction')
         texture: Texture | None = self.parts.get('texture')
         roughness: Roughness | None = self.parts.get('roughness')
         skin: Skin = self.parts.get('skin', Skin())
         # Without skin and filter nothing lies between two samples.
         per_sample = 1
-        if friction or electronics.bandwidth_hz:
+        if friction or self.electronics.bandwidth_hz:
             step_s = min(sampling.step_s, self._ringing_step_s(skin) if friction else math.inf)
-            per_sample = math.ceil(1.0 / (self._true_rate_hz * step_s) - 1e-9)
-        if per_sample * self._true_rate_hz > MOST_STEPS_HZ:
+            per_sample = math.ceil(1.0 / (self.true_rate_hz * step_s) - 1e-9)
+        if per_sample * self.true_rate_hz > MOST_STEPS_HZ:
             raise ValueError(
-                f'the scene needs {per_sample * self._true_rate_hz:.3g} steps for a second, '
+                f'the scene needs {per_sample * self.true_rate_hz:.3g} steps for a second, '
                 f'allowed: {MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 '
                 'help'
             )
-        step_s = 1.0 / (self._true_rate_hz * per_sample)
+        step_s = 1.0 / (self.true_rate_hz * per_sample)
         patches = np.ones(fingertip.N_CHANNELS if friction else 0)
         body = self._object.numbers() if self._object else NO_OBJECT
         if self._object:
             patches = np.append(patches, self._object.rest_patches)
-        cutoff_rad_s = 2.0 * np.pi * electronics.bandwidth_hz
+        cutoff_rad_s = 2.0 * np.pi * self.electronics.bandwidth_hz
         return Plan(
             step_s=step_s,
             steps_per_sample=per_sample,
@@ -253,7 +300,7 @@ class Scene:
             patches=patches,
             normal_v_n=self._frontend.normal_v_n,
             shear_v_n=self._frontend.shear_v_n,
-            hertz=self._contact.numbers(),
+            hertz=self.contact.numbers(),
             skin=skin.numbers() if friction else SkinNumbers(0.0, 0.0, 0.0),
             friction=friction.numbers() if friction else NO_FRICTION,
             ridges=texture.numbers(of_trial) if texture else NO_RIDGES,
@@ -284,21 +331,14 @@ class Scene:
         friction: Friction | None = self.parts.get('friction')
         if friction:
             skin: Skin = self.parts.get('skin', Skin())
-            load_n = self._contact.largest_load_n(2.0 * force_n)
+            load_n = self.contact.largest_load_n(2.0 * force_n)
             well_posed_or_say(friction, skin.numbers(), load_n, f'a grip of {force_n:g} N')
-        self._force.hold(self._next / self._true_rate_hz, force_n)
+        held = held_force(self.drive_numbers.force, self._next / self.true_rate_hz, force_n)
+        self.drive_numbers = self.drive_numbers._replace(force=held)
 
     def force_n(self, time_s: Floats) -> Floats:
         """Return the normal force at any times, disturbances included."""
-        force_n = self._force.at(time_s)
-        if self._taps:
-            force_n = force_n + self._taps.force_n(time_s)
-        if self._tremor:
-            # A hand that does not touch does not press; its tremor comes in with the contact.
-            peak_n = TREMOR_PEAK * self.parts['tremor'].force_rms_n
-            share = np.minimum(force_n / peak_n, 1.0) if peak_n else 0.0
-            force_n = force_n + share * self._tremor.force_n(time_s)
-        return np.maximum(force_n, 0.0) if self._taps or self._tremor else force_n
+        return np.asarray(normal_force_at(time_s, time_s, self.drive_numbers), dtype=np.float64)
 
     def drive(self, time_s: Floats) -> Drive:
         """Return what is done to the fingertip at given instants.
@@ -309,35 +349,19 @@ class Scene:
             Of the two stages of each step.
         """
         flat_s = time_s.ravel()
-        shape = time_s.shape
-        centre_m = np.array(self._contact.centre_m).reshape(1, 1, 2)
-        if self._rolling:
-            centre_m = (centre_m[0] + self._rolling.centre_m(flat_s)).reshape(*shape, 2)
-        force_n = self.force_n(flat_s).reshape(shape)
-        none = np.zeros((0, 2))
-        if self._load and self._object:
-            load_n = self._load.at(flat_s)
-            if self._tremor:
-                # In the frame of a hand that trembles the object's mass pulls the other way.
-                lines = self._tremor.motion_lines
-                shaken = lines._replace(amplitude=lines.amplitude * lines.angular_rate_rad_s**2)
-                load_n = load_n + self._object.mass_kg * shaken.value(flat_s)
-            return Drive(force_n, centre_m, none, none, load_n.reshape(shape))
-        velocity_m_s = self._platform.velocity_m_s(flat_s)
-        position_m = self._platform.position_m(flat_s)
-        if self._tremor:
-            velocity_m_s = velocity_m_s + self._tremor.velocity_m_s(flat_s)
-            position_m = position_m + self._tremor.position_m(flat_s)
-        return Drive(
-            force_n, centre_m, velocity_m_s.reshape(shape), position_m.reshape(shape), none
-        )
+        done = drive_at(flat_s, flat_s, self.drive_numbers)
+        return Drive(*(part.reshape(time_s.shape) for part in done))
 
     def corners_s(self) -> Floats:
         """Return the times at which what is done to the fingertip has a corner, rising."""
-        ends = np.concatenate([self._force.corners_s(), self._platform.corners_s()])
-        if self._taps:
-            ends = np.append(ends, np.add.outer(self._taps.times_s, [0.0, self._taps.duration_s]))
-        return np.unique(ends[(ends > 0.0) & (ends < self.duration_s)])
+        numbers, taps = self.drive_numbers, self.drive_numbers.taps
+        corners = [numbers.force.starts_s, PlateNumbers(*numbers.plate).starts_s]
+        corners.append(LoadNumbers(*numbers.load).corners_s)
+        corners += [taps.begins_s, taps.begins_s + taps.duration_s]
+        if 'rolling' in self.parts:
+            corners.append(self.parts['rolling'].corners_s(self.duration_s))
+        times_s = np.concatenate(corners)
+        return np.unique(times_s[(times_s > 0.0) & (times_s < self.duration_s)])
 
     def clean(
         self, n: int, ledger: Floats | None = None
@@ -380,7 +404,7 @@ class Scene:
             self.drive(stages_s), self.state, plan, begin, clean_v, position_m, sliding,
             np.zeros(0) if ledger is None else ledger,
         )  # fmt: skip
-        time_s = np.arange(first, self._next) / self._true_rate_hz
+        time_s = np.arange(first, self._next) / self.true_rate_hz
         return time_s, clean_v, position_m, sliding
 
     def read(self, n: int) -> Samples:
@@ -390,20 +414,25 @@ class Scene:
             if not len(time_s):
                 break
             volts = self._digitised(clean_v, time_s)
-            if self._object:
-                # An object slips when most of what holds it slides.
-                truth = sliding > 0.5
-            else:
-                # The paper's Eq. 9: slip is what the platform's position says.
-                moving = self._platform.velocity_m_s(time_s) != 0.0
-                truth = moving & (self.force_n(time_s) > 0.0)
-                position_m = self._platform.position_m(time_s)
+            truth = self._truth(time_s, sliding)
+            if not self._object:
+                # Where the platform is, without the tremor of the hand.
+                position_m = plate_at(time_s, time_s, self.drive_numbers.plate)[1]
             kept = self._link.kept(len(time_s)) if self._link else slice(None)
             samples = Samples(volts[kept], truth[kept], position_m[kept], time_s[kept])
             if len(samples.volts):
                 return samples
         nothing = np.zeros(0)
         return Samples(np.zeros((0, fingertip.N_CHANNELS)), nothing > 0.0, nothing, nothing)
+
+    def _truth(self, time_s: Floats, sliding: Floats) -> NDArray[np.bool_]:
+        """Return whether there is slip."""
+        if self._object:
+            # An object slips when most of what holds it slides.
+            return sliding > 0.5
+        # The paper's Eq. 9: slip is what the platform's position says.
+        velocity_m_s, _ = plate_at(time_s, time_s, self.drive_numbers.plate)
+        return np.asarray((velocity_m_s != 0.0) & (self.force_n(time_s) > 0.0))
 
     def _digitised(self, clean_v: Floats, time_s: Floats) -> Floats:
         """Turn what the fingertip feels into what its electronics say."""
@@ -412,7 +441,7 @@ class Scene:
             volts += self._hum.volts(time_s)[:, np.newaxis]
         if self._faults:
             volts = self._faults.before_converter(volts, time_s)
-        volts = self._frontend.sample(volts, 1.0 / self._true_rate_hz)
+        volts = self._frontend.sample(volts, 1.0 / self.true_rate_hz)
         if self._faults:
             volts = self._faults.after_converter(volts, time_s)
         return volts

@@ -1,0 +1,162 @@
+"""What tuning brings: on families of simulated scenes, and on real recordings.
+
+Both are parted from what is reported before the search begins, and go the whole way of
+``slip_tune``: a part of what is tuned on is held out once more, and the given parameters are kept
+where the best found is worse there.
+
+:func:`families` gives, by the name of the family, ``given`` and ``tuned``, each with
+``latency_median_ms``, ``false_alarms_per_minute``, ``recall`` and ``slips`` on seeds that the
+search has not seen; ``kept``: why the given parameters were kept, else empty; ``better``: whether
+latency and false alarms are both better; and ``parameters``: what was searched, as tuned.
+
+:func:`real` gives, by the seed of the search, ``auc_moving`` of recordings that were each left
+out of its search, pooled, and in how many of them the given parameters were kept; and ``given``,
+the same figure without tuning.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_detector.config import ChainConfig
+from slip_detector.parameter_sets import read_yaml
+from slip_detector.replay import Replay, Rows, figures
+from slip_detector.scenes.scene import Scene
+from slip_detector.scores import MOTION, ScoreTally
+from slip_detector.search import Objective
+from slip_detector.sources import find_scene
+from slip_detector.sweep import Statistics
+from slip_detector.tracks import Track, held_out, track_of
+from slip_detector.tuning import Settings, load, settings_of
+from slip_detector.verdict import Verdict, judge
+from slip_detector.workers import SEARCHED, Problem, search
+
+#: The paper's plates; a family plays each with each of its seeds.
+PLATES = ('plate_400um', 'plate_440um', 'plate_480um')
+
+TUNED_ON = range(100, 106)
+REPORTED_ON = range(200, 210)
+
+#: Of what is tuned on, so much is held out once more to judge what is handed back.
+SHARE = 1 / 3
+
+TRIALS = 200
+
+#: When something knocks and when the contact rolls: while the plate is held, before and after the
+#: slide.
+TAPS_S = (2.0, 2.6, 7.3, 8.0)
+ROLLING_S = 6.6
+
+FIGURES = ('slips', 'recall', 'false_alarms_per_minute', 'latency_median_ms')
+
+
+def scenes() -> dict[str, list[dict[str, Any]]]:
+    """Return the descriptions of the scenes of each family."""
+    parts = {
+        name: read_yaml(find_scene(name)) for name in (*PLATES, 'tremor_hum', 'taps', 'rolling')
+    }
+    plates = [parts[name] for name in PLATES]
+    trembling = {name: parts['tremor_hum'][name] for name in ('tremor', 'hum')}
+    knocking = {
+        'taps': {**parts['taps']['taps'], 'times_s': list(TAPS_S)},
+        'rolling': {**parts['rolling']['rolling'], 'start_s': ROLLING_S},
+    }
+    return {
+        'plates': plates,
+        'plates, tremor and hum': [{**plate, **trembling} for plate in plates],
+        'taps and rolling between slips': [{**plate, **knocking} for plate in plates],
+    }
+
+
+def play(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> list[Track]:
+    """Play each scene once with each seed."""
+    tracks = []
+    for i, description in enumerate(descriptions):
+        for seed in seeds:
+            scene = Scene(description, np.random.default_rng(seed))
+            samples = scene.read(round(60.0 * scene.sample_rate_hz))
+            assert samples.truth is not None
+            rows = Rows(samples.volts, samples.truth)
+            tracks.append(track_of(f'{PLATES[i]}, seed {seed}', [rows], scene.sample_rate_hz))
+    return tracks
+
+
+def tuned(tracks: Sequence[Track], settings: Settings, trials: int, seed: int) -> Verdict:
+    """Tune as ``slip_tune`` does, without files."""
+    training, held = held_out(tracks, SHARE)
+    before = Objective(training, settings.evaluation, settings.tune).as_it_is(settings.chain)
+    problem = Problem(training, settings.chain, before.figures, settings.evaluation, settings.tune)
+    study = problem.study(None, 'in memory', seed)
+    search(problem, study, trials, lambda: False, lambda count: None)
+    return judge(problem, held, problem.choice(study))
+
+
+def families(
+    trials: int = TRIALS,
+    tuned_on: Sequence[int] = TUNED_ON,
+    reported_on: Sequence[int] = REPORTED_ON,
+) -> dict[str, Any]:
+    """Tune on each family of scenes and report on other seeds."""
+    result = {}
+    settings = Settings()
+    for name, descriptions in scenes().items():
+        verdict = tuned(play(descriptions, tuned_on), settings, trials, seed=0)
+        tracks = play(descriptions, reported_on)
+        both = {}
+        for which, chain in (('given', settings.chain), ('tuned', verdict.chain)):
+            replay = Replay(chain, settings.evaluation, scores=False, stages=False)
+            whole = figures([replay.run(track.rows(), track.sample_rate_hz) for track in tracks])
+            both[which] = {figure: whole[figure] for figure in FIGURES}
+        parameters = verdict.chain.to_parameters()
+        result[name] = {
+            **both,
+            'kept': verdict.kept,
+            'better': all(
+                _less(both['tuned'][figure], both['given'][figure])
+                for figure in ('latency_median_ms', 'false_alarms_per_minute')
+            ),
+            'parameters': {parameter: parameters[parameter] for parameter in SEARCHED},
+        }
+    return result
+
+
+def _less(a: float | None, b: float | None) -> bool:
+    return a is not None and (b is None or a < b)
+
+
+def real(folder: Path, config: Path, seeds: Sequence[int], trials: int = TRIALS) -> dict[str, Any]:
+    """Leave each recording of a folder out once, tune on the others, and score it.
+
+    Raises
+    ------
+    ValueError
+        When the recordings or the parameters cannot be read; names them.
+    """
+    settings = settings_of(str(config))
+    tracks = load([str(folder)], settings).tracks
+    by_seed = {}
+    for seed in seeds:
+        verdicts = [
+            tuned([other for other in tracks if other is not track], settings, trials, seed)
+            for track in tracks
+        ]
+        by_seed[str(seed)] = {
+            'auc_moving': _pooled_auc(tracks, [verdict.chain for verdict in verdicts]),
+            'kept': sum(bool(verdict.kept) for verdict in verdicts),
+        }
+    given = _pooled_auc(tracks, [settings.chain] * len(tracks))
+    return {'recordings': len(tracks), 'trials': trials, 'given': given, 'seeds': by_seed}
+
+
+def _pooled_auc(tracks: Sequence[Track], chains: Sequence[ChainConfig]) -> float | None:
+    """Return the area of slip against motion of tracks, each with its chain.
+
+    Scores of different chains are shares of their thresholds, in amplitude.
+    """
+    tally = ScoreTally()
+    for track, chain in zip(tracks, chains, strict=True):
+        statistic = Statistics(chain, [chain.vote]).of(track)[chain.vote]
+        tally.add((statistic / chain.threshold) ** (1.0 / chain.exponent), track.kind)
+    return tally.take().auc([MOTION])

@@ -1,0 +1,113 @@
+"""Write parameters into a ROS parameter file and leave all else in it as it was."""
+
+import copy
+import os
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from slip_detector.config import DetectorConfig
+from slip_detector.parameter_sets import read_yaml
+
+
+def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a parameter file with other values for the detector.
+
+    Parameters
+    ----------
+    given
+        The file to begin with; None: the defaults.
+    changes
+        By the name of the parameter, as ROS has them (flat lists).
+
+    Returns
+    -------
+    dict
+        The whole document: other nodes' sections too, without comments.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be read; names it.
+    """
+    if given is None:
+        document = yaml.safe_load(DetectorConfig().to_yaml())
+    else:
+        document = copy.deepcopy(read_yaml(given))
+    sections = list(_sections(document))
+    own = [parameters for name, parameters in sections if _last(name) == DetectorConfig.NODE]
+    if not own:
+        own = [{}]
+        document[f'/**/{DetectorConfig.NODE}'] = {'ros__parameters': own[0]}
+    for name, parameters in sections:
+        # A section for all nodes may come after the detector's and would win.
+        if _last(name) == '**':
+            parameters.update({key: changes[key] for key in changes if key in parameters})
+    own[-1].update(changes)
+    return dict(document)
+
+
+def _last(section: str) -> str:
+    return section.rsplit('/', 1)[-1]
+
+
+def _sections(
+    document: Mapping[str, Any], namespace: str = ''
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name and the parameters of each section, to be changed in place."""
+    for name, content in document.items():
+        section = f'{namespace}/{name}' if namespace else str(name)
+        if isinstance(content, dict) and isinstance(content.get('ros__parameters'), dict):
+            yield section, content['ros__parameters']
+        elif isinstance(content, dict):
+            yield from _sections(content, section)
+
+
+def write_file(path: Path, document: Mapping[str, Any], comments: Iterable[str]) -> None:
+    """Write a document with comments above it, whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be written; names it.
+    """
+    text = ''.join(f'# {line}'.rstrip() + '\n' for line in comments)
+    text += yaml.safe_dump(document, sort_keys=False, default_flow_style=None, allow_unicode=True)
+    try:
+        with tempfile.NamedTemporaryFile(
+            'w', dir=path.parent, prefix=f'{path.name}.', delete=False, encoding='utf-8'
+        ) as file:
+            file.write(text)
+        os.chmod(file.name, 0o666 & ~_umask())
+        os.replace(file.name, path)
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be written ({error.strerror})') from None
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def check_writable(path: Path) -> None:
+    """See that a file can be written before much work is done for it.
+
+    Raises
+    ------
+    ValueError
+        When it cannot; names it.
+    """
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(0, 'is a folder')
+        existed = path.exists()
+        with open(path, 'ab'):
+            pass
+        if not existed:
+            path.unlink()
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be written ({error.strerror})') from None

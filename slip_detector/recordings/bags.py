@@ -1,0 +1,214 @@
+"""Recordings in bags: a topic with the rows, and perhaps one that says where there is slip."""
+
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.config import DriverConfig
+from slip_detector.recordings.cdr import Decoded, Decoder
+from slip_detector.recordings.damaged import Topic
+from slip_detector.recordings.labels import Labels, Motion, states_at
+from slip_detector.recordings.rate import rate_of
+from slip_detector.recordings.recording import PIECE_ROWS, Recording, Rows
+from slip_detector.recordings.storage import Storage, typestore_of
+from slip_detector.timeline import GAP_PERIODS
+
+Bools = NDArray[np.bool_]
+Stamps = NDArray[np.int64]
+
+T = TypeVar('T')
+
+#: Topic that is read where none is named.
+TOPIC = 'voltages'
+
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+BOOL = 'std_msgs/msg/Bool'
+
+#: Messages that are decoded first: they tell the rate, and how many samples a message has.
+FIRST_MESSAGES = 1024
+
+
+class BagRecording(Recording):
+    """A bag: the folder of one, or one of its files."""
+
+    def __init__(self, path: Path, config: DriverConfig, labels: 'Labels | None') -> None:
+        super().__init__(path, labels, config.recording_resample)
+        self._storage = self._naming(lambda: Storage(path))
+        self._topic = topic = self._rows_topic(config.recording_topic)
+        self._typestore = self._naming(lambda: typestore_of(topic))
+        self._field = config.recording_field or self._usual_field(topic)
+        truth = self._beside(config, 'recording_truth_topic', BOOL)
+        position = self._beside(config, 'recording_position_topic', JOINT_STATE)
+        self._truth_topic, self._position_topic = truth, None if truth else position
+        self._still_m = config.recording_still_m
+        self.labelled = bool(truth or position)
+
+        decoder = self._decoder(topic, self._field)
+        decoded, _ = next(self._decoded(topic, decoder), (None, None))
+        if decoded is None or not len(decoded.volts):
+            lost = f' ({self._storage.lost[0]})' if self._storage.lost else ''
+            raise ValueError(f'{path}: has no samples on {topic.name}{lost}')
+        self.named = bool(decoder.names)
+        self.channel_names = decoder.names or tuple(f'ch{i + 1}' for i in range(decoder.channels))
+        message_hz = rate_of((decoded.stamps_ns - decoded.stamps_ns[0]) * 1e-9)
+        if message_hz is None:
+            raise ValueError(f'{path}: the stamps on {topic.name} do not rise, there is no rate')
+        self._samples = int(np.median(decoded.samples))
+        self.sample_rate_hz = message_hz * self._samples
+
+    def read(self) -> Iterator[Rows]:
+        """Yield the rows of the topic, some thousands at a time."""
+        truth_at = self._truth()
+        decoder = self._decoder(self._topic, self._field)
+        messages = 0
+        first_ns = last_ns = None
+        for decoded, received_ns in self._decoded(self._topic, decoder):
+            messages += len(received_ns)
+            self.counts.dropped += (len(received_ns) - len(decoded.which)) * self._samples
+            if not len(decoded.volts):
+                continue
+            stamps_ns = self._stamps(decoded, last_ns)
+            truth = None
+            if truth_at is not None:
+                late_ns = received_ns[decoded.which] - decoded.stamps_ns
+                truth = truth_at(stamps_ns, np.repeat(late_ns, decoded.samples))
+            first_ns = int(stamps_ns[0]) if first_ns is None else first_ns
+            last_ns = int(stamps_ns[-1])
+            yield Rows(decoded.volts, stamps_ns, truth)
+        if self._storage.lost:
+            end_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
+            all_of_them = self._storage.counts.get(self._topic.name, 0)
+            missing = all_of_them - messages
+            much = f'{missing} of {all_of_them} messages on' if missing > 0 else 'what followed on'
+            self.counts.lost = (
+                f'{"; ".join(self._storage.lost)}: {much} {self._topic.name} is lost, '
+                f'{messages} messages up to {end_s:.3f} s are read'
+            )
+
+    def _decoder(self, topic: Topic, field: str) -> Decoder:
+        typestore = self._typestore
+        if topic is not self._topic:
+            typestore = self._naming(lambda: typestore_of(topic))
+        return self._naming(lambda: Decoder(typestore, topic.msgtype, field))
+
+    def _decoded(self, topic: Topic, decoder: Decoder) -> Iterator[tuple[Decoded, Stamps]]:
+        """Yield the messages of a topic, decoded, and when each was received."""
+        messages = self._storage.messages({topic.name})
+        n = FIRST_MESSAGES
+        while some := self._naming(lambda: list(islice(messages, n))):  # noqa: B023
+            _, received, raws = zip(*some, strict=True)
+            decoded = self._naming(lambda: decoder.many(raws, received))  # noqa: B023
+            yield decoded, np.array(received, dtype=np.int64)
+            if len(decoded.samples):
+                n = max(1, PIECE_ROWS // max(1, int(np.median(decoded.samples))))
+
+    def _stamps(self, decoded: Decoded, last_ns: 'int | None') -> Stamps:
+        """Return the stamp of each row.
+
+        A message with several samples has one stamp, that of the last; the others are spread
+        evenly over the time from the message before, or, after a gap, over their periods.
+        """
+        ends_ns, samples = decoded.stamps_ns, decoded.samples
+        if (samples == 1).all():
+            return ends_ns
+        period_ns = 1e9 / self.sample_rate_hz
+        usual_ns = samples * period_ns
+        spans_ns = np.diff(ends_ns, prepend=ends_ns[0] if last_ns is None else last_ns)
+        near = (spans_ns > 0) & (spans_ns < GAP_PERIODS * usual_ns)
+        spans_ns = np.where(near, spans_ns, usual_ns)
+        before = np.repeat(np.cumsum(samples) - samples, samples)
+        left = np.repeat(samples, samples) - 1 - (np.arange(samples.sum()) - before)
+        steps_ns = np.repeat(spans_ns / np.maximum(samples, 1), samples)
+        back_ns = np.rint(left * steps_ns).astype(np.int64)
+        return np.asarray(np.repeat(ends_ns, samples) - back_ns)
+
+    def _truth(self) -> 'Callable[[Stamps, Stamps], Bools] | None':
+        """Return what tells the truth of rows from their stamps and how late they were received.
+
+        A Bool has no stamp: it holds for the rows that were received from then on. Positions have
+        stamps, as the rows have.
+        """
+        if self._labels is not None:
+            return None
+        if self._truth_topic is not None:
+            topic = self._truth_topic
+            typestore = self._naming(lambda: typestore_of(topic))
+            decoder = Decoder(typestore, BOOL, 'data')
+            changes = [
+                (received_ns, bool(self._naming(lambda: decoder.message(raw)).data))  # noqa: B023
+                for _, received_ns, raw in self._storage.messages({topic.name})
+            ]
+            at_ns = np.array([at for at, _ in changes], dtype=np.int64)
+            states = np.array([state for _, state in changes], dtype=bool)
+            return lambda stamps_ns, late_ns: states_at(at_ns, states, stamps_ns + late_ns)
+        if self._position_topic is not None:
+            motion = Motion(self._still_m)
+            decoder = self._decoder(self._position_topic, 'position')
+            for decoded, _ in self._decoded(self._position_topic, decoder):
+                if len(decoded.volts):
+                    motion.add(decoded.stamps_ns, decoded.volts)
+            return lambda stamps_ns, _: motion.at(stamps_ns)
+        return None
+
+    def _naming(self, act: Callable[[], T]) -> T:
+        """Name the bag where something in it is wrong."""
+        try:
+            return act()
+        except ValueError as error:
+            raise ValueError(f'{self.path}: {error}') from None
+
+    def _rows_topic(self, name: str) -> Topic:
+        """Find the topic that has the rows."""
+        found = [topic for topic in self._storage.topics if _is_named(topic.name, name or TOPIC)]
+        if len(found) == 1:
+            return found[0]
+        known = ', '.join(f'{topic.name} ({topic.msgtype})' for topic in self._storage.topics)
+        if found:
+            raise ValueError(
+                f'{self.path}: has {", ".join(topic.name for topic in found)}, allowed: one of '
+                'them, named by --topic (recording_topic)'
+            )
+        lost = f' ({self._storage.lost[0]})' if self._storage.lost else ''
+        raise ValueError(
+            f'{self.path}: has no topic {name or TOPIC}, there are: {known or "none"}{lost}; '
+            '--topic (recording_topic) names one'
+        )
+
+    def _beside(self, config: DriverConfig, parameter: str, msgtype: str) -> 'Topic | None':
+        """Find a topic that labels the rows, best in the namespace of their own."""
+        name = getattr(config, parameter)
+        alike = [topic for topic in self._storage.topics if topic.msgtype == msgtype]
+        full = f'{self._topic.name.rpartition("/")[0]}/{name}'
+        found = [topic for topic in alike if topic.name == full]
+        found = found or [topic for topic in alike if _is_named(topic.name, name)]
+        if len(found) == 1:
+            # A topic that nobody published on says nothing.
+            return found[0] if self._storage.counts.get(found[0].name, 1) else None
+        if name == getattr(DriverConfig, parameter):
+            return None
+        known = ', '.join(topic.name for topic in found or alike)
+        raise ValueError(
+            f'{self.path}: parameter {parameter} is {name!r}, allowed: one topic of type '
+            f'{msgtype}, there are: {known or "none"}'
+        )
+
+    def _usual_field(self, topic: Topic) -> str:
+        """Return the field that has the channels, where that needs no telling."""
+        if topic.msgtype == JOINT_STATE:
+            return 'position'
+        if topic.msgtype.endswith('MultiArray'):
+            return 'data'
+        fields = ', '.join(name for name, _ in self._typestore.fielddefs[topic.msgtype][1])
+        raise ValueError(
+            f'{self.path}: {topic.name} is {topic.msgtype}, allowed: with a field named by '
+            f'--field (recording_field), there are: {fields}'
+        )
+
+
+def _is_named(topic: str, name: str) -> bool:
+    """Tell whether a topic has a name, in any namespace unless the name begins with /."""
+    return topic == name or (not name.startswith('/') and f'/{topic}'.endswith(f'/{name}'))

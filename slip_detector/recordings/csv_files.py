@@ -1,0 +1,117 @@
+"""Recordings in csv files: a line of names, a column of times, a column for each channel."""
+
+import contextlib
+import csv
+import decimal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.config import DriverConfig
+from slip_detector.recordings.labels import Labels
+from slip_detector.recordings.npz import as_truth
+from slip_detector.recordings.rate import rate_of
+from slip_detector.recordings.recording import PIECE_ROWS, Recording, Rows
+
+TIME = 'time_s'
+
+#: Stamps are 64-bit whole numbers of nanoseconds.
+MOST_S = 9e9
+
+
+class _Table(NamedTuple):
+    """Lines of the file: (n, columns) numbers and (n,) stamps, exact to the nanosecond."""
+
+    cells: NDArray[np.float64]
+    stamps_ns: NDArray[np.int64]
+
+
+class CsvRecording(Recording):
+    """A csv file whose column ``time_s`` says when each row was taken."""
+
+    named = True
+
+    def __init__(self, path: Path, config: DriverConfig, labels: 'Labels | None') -> None:
+        super().__init__(path, labels, config.recording_resample)
+        self._truth_key = config.recording_truth_key
+        with self._lines() as lines:
+            self._names = names = [name.strip() for name in next(lines, [])]
+        if TIME not in names:
+            raise ValueError(f'{path}: line 1 has no column {TIME}, there are: {", ".join(names)}')
+        if len(set(names)) != len(names):
+            raise ValueError(f'{path}: line 1 has a name twice, allowed: each column once')
+        self.labelled = self._truth_key in names
+        self.channel_names = tuple(n for n in names if n not in (TIME, self._truth_key))
+        if not self.channel_names:
+            raise ValueError(f'{path}: has no samples')
+        first = next(self._tables(), None)
+        rate_hz = None if first is None else rate_of(first.cells[:, names.index(TIME)])
+        if rate_hz is None:
+            raise ValueError(f'{path}: column {TIME} does not rise, allowed: the time of each row')
+        self.sample_rate_hz = rate_hz
+
+    def read(self) -> Iterator[Rows]:
+        """Yield the rows of the file, some thousands at a time."""
+        columns = [self._names.index(name) for name in self.channel_names]
+        for table in self._tables():
+            truth = None
+            if self.labelled:
+                label = table.cells[:, self._names.index(self._truth_key)]
+                truth = as_truth(label, self._truth_key, self.path)
+            yield Rows(table.cells[:, columns], table.stamps_ns, truth)
+
+    def array(self, name: str) -> 'NDArray[np.float64] | None':
+        """Return a column of the file by its name; None where there is none."""
+        if name not in self._names:
+            return None
+        column = self._names.index(name)
+        return np.concatenate([table.cells[:, column] for table in self._tables()])
+
+    def array_names(self) -> list[str]:
+        """Return the names of all columns."""
+        return sorted(self._names)
+
+    @contextlib.contextmanager
+    def _lines(self) -> 'Iterator[csv._reader]':  # type: ignore[name-defined]
+        """Open the file and name it where it is no text."""
+        try:
+            # Spreadsheets write a mark.
+            with open(self.path, newline='', encoding='utf-8-sig') as file:
+                yield csv.reader(file)
+        except (UnicodeError, csv.Error):
+            raise ValueError(f'{self.path}: is broken or not csv') from None
+
+    def _tables(self) -> Iterator[_Table]:
+        """Yield the lines after the first as numbers, some thousands at a time."""
+        names = self._names
+        cells: list[list[float]] = []
+        stamps_ns: list[int] = []
+        with self._lines() as lines:
+            next(lines)
+            for line in lines:
+                if not line:  # an empty line, as many programs leave at the end
+                    continue
+                where = f'{self.path}: line {lines.line_num}'
+                try:
+                    cells.append([float(cell) for cell in line])
+                except ValueError as error:
+                    raise ValueError(f'{where}: {error}') from None
+                if len(line) != len(names):
+                    raise ValueError(f'{where} has {len(line)} columns, allowed: {len(names)}')
+                stamps_ns.append(_nanoseconds(line[names.index(TIME)], where))
+                if len(cells) == PIECE_ROWS:
+                    yield _Table(np.array(cells), np.array(stamps_ns, dtype=np.int64))
+                    cells, stamps_ns = [], []
+        if cells:
+            yield _Table(np.array(cells), np.array(stamps_ns, dtype=np.int64))
+
+
+def _nanoseconds(text: str, where: str) -> int:
+    """Convert seconds as text without loss: float64 has no nanoseconds of today's date."""
+    seconds = decimal.Decimal(text.strip().replace('_', ''))
+    if not seconds.is_finite() or abs(seconds) >= MOST_S:
+        raise ValueError(f'{where}: {TIME} is {text.strip()}, allowed: below {MOST_S:g} s')
+    return int((seconds * 1_000_000_000).to_integral_value())

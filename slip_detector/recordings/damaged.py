@@ -1,0 +1,244 @@
+"""Files of bags that rosbags refuses, as they were cut off: what of them can be read.
+
+An MCAP file is read record by record up to the cut, also in a compressed chunk that is cut; of a
+database the rows are read in the order in which they were written, until a page is missing.
+"""
+
+import contextlib
+import importlib
+import sqlite3
+import struct
+import sys
+import zlib
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import quote
+
+#: Each record of an MCAP file begins with its kind and its length in bytes.
+_RECORD = struct.Struct('<BQ')
+_MAGIC = b'\x89MCAP0\r\n'
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
+#: Behind it there is only an index.
+_DATA_END = 15
+
+#: Bytes that are decompressed at a time: what comes before a damaged place is kept.
+_STEP = 1 << 14
+
+
+class Topic(NamedTuple):
+    """A topic of a bag.
+
+    Attributes
+    ----------
+    name : str
+    msgtype : str
+        As ``sensor_msgs/msg/JointState``.
+    encoding : str
+        Of the definition: ``ros2msg``, ``ros2idl`` or '' where there is none.
+    definition : str
+        Of the type.
+    """
+
+    name: str
+    msgtype: str
+    encoding: str
+    definition: str
+
+
+#: Topic, time of receipt in nanoseconds, serialised message.
+Message = tuple[str, int, bytes]
+
+
+class DamagedMcap:
+    """An MCAP file without its end.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    name
+        That a person knows it by.
+
+    Attributes
+    ----------
+    topics : list of Topic
+    lost : str
+        Where the file was cut off.
+    """
+
+    def __init__(self, path: Path, name: str) -> None:
+        self._path, self.name = path, name
+        self.lost = ''
+        self.topics: list[Topic] = []
+        self._channels: dict[int, Topic] = {}
+        schemas: dict[int, tuple[str, str, str]] = {}
+        for kind, record in self._records():
+            with contextlib.suppress(ValueError, struct.error, KeyError):
+                if kind == _SCHEMA:
+                    (key,), rest = struct.unpack_from('<H', record), record[2:]
+                    name, rest = _text(rest)
+                    encoding, rest = _text(rest)
+                    schemas[key] = (name, encoding, _text(rest)[0])
+                elif kind == _CHANNEL:
+                    key, schema = struct.unpack_from('<HH', record)
+                    self._channels[key] = Topic(_text(record[4:])[0], *schemas[schema])
+        self.topics = list(dict.fromkeys(self._channels.values()))
+
+    def messages(self, topics: set[str]) -> Iterator[Message]:
+        """Yield the messages of some topics in the order in which they were written."""
+        for kind, record in self._records():
+            if kind == _MESSAGE and len(record) >= 22:
+                key, _, received_ns = struct.unpack_from('<HIQ', record)
+                topic = self._channels.get(key)
+                if topic is not None and topic.name in topics:
+                    yield topic.name, received_ns, record[22:]
+
+    def _records(self) -> Iterator[tuple[int, bytes]]:
+        """Yield kind and content of the records, those in chunks too, up to the cut."""
+        self.lost = ''
+        size = self._path.stat().st_size
+        with open(self._path, 'rb') as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise ValueError(f'{self.name}: is broken or not mcap')
+            while True:
+                begin = file.tell()
+                head = file.read(_RECORD.size)
+                kind, length = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, 0)
+                whole = file.tell() + length <= size
+                if kind in (_DATA_END, _FOOTER) and whole:
+                    return
+                if kind == _CHUNK:
+                    right = yield from _in_chunk(file.read(min(length, size)), whole)
+                    if not right and whole:
+                        self.lost = self.lost or f'is damaged at byte {begin} of {size}'
+                elif whole and kind in (_SCHEMA, _CHANNEL, _MESSAGE):
+                    yield kind, file.read(length)
+                elif whole:
+                    file.seek(length, 1)
+                if not whole or not kind:
+                    break
+            self.lost = self.lost or f'is cut off at byte {size}'
+
+
+def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, bool]:
+    """Yield the records of a chunk; returns whether all of it was there and right."""
+    try:
+        _, _, length, checksum = struct.unpack_from('<QQQI', chunk)
+        compression, rest = _text(chunk[28:])
+        content = b''.join(_decompressed(rest[8:], compression))
+    except (ValueError, struct.error):
+        return False
+    right = whole and len(content) == length and checksum in (0, zlib.crc32(content))
+    if whole and len(content) == length and not right:
+        return False  # Something in it is wrong, and nothing says what.
+    begin = 0
+    while begin + _RECORD.size <= len(content):
+        kind, n = _RECORD.unpack_from(content, begin)
+        begin += _RECORD.size
+        if begin + n > len(content):
+            return False
+        yield kind, content[begin : begin + n]
+        begin += n
+    return right
+
+
+def _decompressed(data: bytes, compression: str) -> Iterator[bytes]:
+    """Yield what a chunk held, up to where it is cut or damaged."""
+    if not compression:
+        yield data
+        return
+    decompress = _decompressor(compression)
+    for begin in range(0, len(data), _STEP):
+        try:
+            yield decompress(data[begin : begin + _STEP])
+        except Exception:  # Each library has its own; what came before is kept.
+            return
+
+
+def _decompressor(compression: str) -> Any:
+    """Return what takes a compressed stream part by part."""
+    if compression == 'zstd':
+        return zstd().ZstdDecompressor().decompress
+    if compression == 'lz4':
+        from lz4.frame import LZ4FrameDecompressor
+
+        return LZ4FrameDecompressor().decompress
+    raise ValueError(f'unknown compression {compression!r}')
+
+
+def _text(data: bytes) -> tuple[str, bytes]:
+    """Split a text, after its length, off the front of a record."""
+    (length,) = struct.unpack_from('<I', data)
+    if 4 + length > len(data):
+        raise ValueError('the record is too short')
+    return data[4 : 4 + length].decode(), data[4 + length :]
+
+
+def zstd() -> Any:
+    """Return the module that reads zstd, which came into Python with 3.14."""
+    return importlib.import_module(
+        'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
+    )
+
+
+class DamagedDatabase:
+    """A database without its end; of whole pages.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    name
+        That a person knows it by.
+
+    Attributes
+    ----------
+    topics : list of Topic
+    lost : str
+        Where the file was cut off.
+    """
+
+    def __init__(self, path: Path, name: str) -> None:
+        self._path, self.name = path, name
+        self.lost = ''
+        self._names: dict[int, str] = {}
+        self.topics = []
+        definitions: dict[str, tuple[str, str]] = {}
+        with contextlib.closing(self._connection()) as connection:
+            with contextlib.suppress(sqlite3.Error):  # Older bags have none.
+                query = 'SELECT topic_type, encoding, encoded_message_definition'
+                for row in connection.execute(f'{query} FROM message_definitions'):
+                    msgtype, encoding, text = map(str, row)
+                    definitions[msgtype] = (encoding, text)
+            try:
+                for key, *row in connection.execute('SELECT id, name, type FROM topics'):
+                    topic, msgtype = map(str, row)
+                    self._names[key] = topic
+                    self.topics.append(Topic(topic, msgtype, *definitions.get(msgtype, ('', ''))))
+            except sqlite3.Error as error:
+                raise ValueError(f'{name}: is broken or not db3 ({error})') from None
+
+    def messages(self, topics: set[str]) -> Iterator[Message]:
+        """Yield the messages of some topics in the order in which they were written."""
+        self.lost = ''
+        with contextlib.closing(self._connection()) as connection:
+            try:
+                query = 'SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'
+                for key, received_ns, raw in connection.execute(query):
+                    topic = self._names.get(key)
+                    if topic in topics and isinstance(raw, bytes) and isinstance(received_ns, int):
+                        yield topic, received_ns, raw
+            except sqlite3.Error:
+                self.lost = f'is cut off or damaged, {self._path.stat().st_size} bytes are left'
+
+    def _connection(self) -> sqlite3.Connection:
+        """Open the database, also where it has fewer pages than its first one says."""
+        place = f'file:{quote(str(self._path))}?immutable=1'
+        try:
+            connection = sqlite3.connect(place, uri=True)
+            connection.execute('PRAGMA writable_schema = ON')
+        except sqlite3.Error as error:
+            raise ValueError(f'{self.name}: is broken or not db3 ({error})') from None
+        connection.text_factory = lambda text: text.decode(errors='replace')
+        return connection

@@ -1,0 +1,242 @@
+"""Labels of true slip: intervals that a person wrote, states that change, positions that move."""
+
+import itertools
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
+ENDING = '.labels.yaml'
+
+KEY = 'slip_s'
+
+
+class Interval(NamedTuple):
+    """A time with slip, in seconds from the first sample, and where that was written."""
+
+    start_s: float
+    end_s: float
+    line: int
+
+
+class Labels:
+    """Intervals of slip from a file.
+
+    Parameters
+    ----------
+    path
+        Where they come from.
+    intervals
+        In the order of their times, without overlap.
+    """
+
+    def __init__(self, path: Path, intervals: list[Interval]) -> None:
+        self.path, self.intervals = path, intervals
+        self._edges_ns = np.rint([edge * 1e9 for one in intervals for edge in one[:2]])
+
+    def at(self, after_ns: Stamps) -> Bools:
+        """Tell where there is slip: from a start on, up to but without its end.
+
+        Parameters
+        ----------
+        after_ns : ndarray of int, shape (n,)
+            Time from the first sample on, in nanoseconds.
+        """
+        return np.asarray(np.searchsorted(self._edges_ns, after_ns, side='right') % 2 == 1)
+
+    def check_end(self, end_s: float, recording: Path) -> None:
+        """See that no interval lies beyond the end of the recording.
+
+        Raises
+        ------
+        ValueError
+            When one does; names its line.
+        """
+        for one in self.intervals:
+            if one.end_s > end_s:
+                raise ValueError(
+                    f'{self.path}: line {one.line}: the slip [{one.start_s:g}, {one.end_s:g}] s '
+                    f'is outside the recording {recording.name}, allowed: 0 to {end_s:.6g} s'
+                )
+
+
+def find_labels(setting: str, recording: Path) -> 'Path | None':
+    """Return the file of labels of a recording.
+
+    Parameters
+    ----------
+    setting
+        A file, a folder of such files, or '': beside the recording.
+    recording
+        Path of the recording.
+
+    Returns
+    -------
+    Path or None
+        None where no file was asked for and none is beside the recording.
+
+    Raises
+    ------
+    ValueError
+        When the folder has none for this recording.
+    """
+    name = f'{recording.stem if recording.suffix else recording.name}{ENDING}'
+    if not setting:
+        beside = recording.parent / name
+        return beside if beside.is_file() else None
+    path = Path(setting)
+    if not path.is_dir():
+        return path
+    if not (path / name).is_file():
+        raise ValueError(f'{path}: has no labels for {recording}, allowed: a file {name} in it')
+    return path / name
+
+
+def read_labels(path: Path) -> Labels:
+    """Read the intervals of slip that a person wrote.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be read, is not such a list, or an interval is empty, begins before
+        the recording or overlaps another; names file and line.
+    """
+    try:
+        node = yaml.compose(path.read_text(encoding='utf-8'), Loader=yaml.SafeLoader)
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
+    except UnicodeDecodeError:
+        raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
+    except RecursionError:
+        raise ValueError(f'{path}: is nested too deeply, allowed: a list of pairs') from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        line = f' line {mark.line + 1}' if mark else ''
+        problem = getattr(error, 'problem', None) or 'cannot be parsed'
+        raise ValueError(f'{path}:{line} is not YAML ({problem})') from None
+    intervals = sorted(_interval(item, path) for item in _items(node, path))
+    for before, one in itertools.pairwise(intervals):
+        if one.start_s < before.end_s:
+            first, second = sorted([before, one], key=lambda interval: interval.line)
+            raise ValueError(
+                f'{path}: line {second.line}: the slip [{second.start_s:g}, {second.end_s:g}] s '
+                f'overlaps [{first.start_s:g}, {first.end_s:g}] s of line {first.line}, '
+                'allowed: each time once'
+            )
+    return Labels(path, intervals)
+
+
+def _items(node: 'yaml.Node | None', path: Path) -> list[yaml.Node]:
+    """Return the entries of the list."""
+    if not isinstance(node, yaml.MappingNode):
+        raise ValueError(f'{path}: is not a YAML file of labels, allowed: {KEY}: [[start, end]]')
+    items: list[yaml.Node] | None = None
+    for key, value in node.value:
+        line = key.start_mark.line + 1
+        if key.value != KEY:
+            name = key.value if isinstance(key, yaml.ScalarNode) else 'a key that is no name'
+            raise ValueError(f'{path}: line {line}: has {name}, allowed: {KEY}')
+        if items is not None:
+            raise ValueError(f'{path}: line {line}: has {KEY} again, allowed: once')
+        if not isinstance(value, yaml.SequenceNode):
+            raise ValueError(f'{path}: line {line}: {KEY} is no list, allowed: [start, end] pairs')
+        items = value.value
+    if items is None:
+        raise ValueError(f'{path}: has no {KEY}, allowed: {KEY}: [[start, end]] ([] for no slip)')
+    return items
+
+
+def _interval(node: yaml.Node, path: Path) -> Interval:
+    """Read one pair of times."""
+    where = f'{path}: line {node.start_mark.line + 1}:'
+    if not isinstance(node, yaml.SequenceNode) or len(node.value) != 2:
+        raise ValueError(f'{where} is no pair, allowed: [start, end] in seconds')
+    start_s, end_s = (_time(part, where) for part in node.value)
+    text = f'the slip [{start_s:g}, {end_s:g}] s'
+    if end_s <= start_s:
+        raise ValueError(f'{where} {text} is empty, allowed: the start first')
+    if start_s < 0.0:
+        raise ValueError(f'{where} {text} is outside the recording, allowed: from 0 s')
+    return Interval(start_s, end_s, node.start_mark.line + 1)
+
+
+def _time(node: yaml.Node, where: str) -> float:
+    """Read a number; what YAML 1.1 makes of 1:30 or 010 is not what a person means by it."""
+    text = node.value if isinstance(node, yaml.ScalarNode) and node.style is None else ''
+    try:
+        number = float(text)
+    except ValueError:
+        number = float('nan')
+    if not np.isfinite(number) or '_' in text:
+        shown = repr(node.value) if isinstance(node, yaml.ScalarNode) else 'a list'
+        raise ValueError(f'{where} {shown} is no time, allowed: a number of seconds')
+    return number
+
+
+def states_at(changes_ns: Stamps, states: Bools, at_ns: Stamps) -> Bools:
+    """Return the state that the last change at or before each time left.
+
+    Parameters
+    ----------
+    changes_ns : ndarray of int, shape (k,)
+        When the state was published, rising.
+    states : ndarray of bool, shape (k,)
+        What was published.
+    at_ns : ndarray of int, shape (n,)
+        The times that are asked for.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        False before the first: nobody had said that there was slip.
+    """
+    from_none_on = np.concatenate([[False], states])
+    return np.asarray(from_none_on[np.searchsorted(changes_ns, at_ns, side='right')])
+
+
+class Motion:
+    """When a position changes (the paper's Eq. 9), from positions that come in pieces.
+
+    Between two messages with different positions there is motion, both ends included: the last
+    sample at which the platform still stood is the first of the slip.
+
+    Parameters
+    ----------
+    still_m
+        A step of the position up to this is rest.
+    """
+
+    def __init__(self, still_m: float) -> None:
+        self._still_m = still_m
+        self._last: tuple[Stamps, Floats] | None = None
+        self._edges_ns: list[int] = []
+
+    def add(self, stamps_ns: Stamps, positions_m: Floats) -> None:
+        """Take the next stamps, (n,), and positions, (n, axes)."""
+        if self._last is not None:
+            stamps_ns = np.concatenate([self._last[0], stamps_ns])
+            positions_m = np.concatenate([self._last[1], positions_m])
+        moves = (np.abs(np.diff(positions_m, axis=0)) > self._still_m).any(axis=1)
+        edges = np.diff(np.concatenate([[False], moves, [False]]).astype(np.int8))
+        starts = stamps_ns[np.flatnonzero(edges == 1)].tolist()
+        ends = stamps_ns[np.flatnonzero(edges == -1)].tolist()
+        if starts and self._edges_ns and starts[0] <= self._edges_ns[-1]:
+            del starts[0], self._edges_ns[-1]  # It goes on where the last piece ended.
+            self._edges_ns.append(ends.pop(0))
+        for start, end in zip(starts, ends, strict=True):
+            self._edges_ns += [start, end]
+        self._last = stamps_ns[-1:], positions_m[-1:]
+
+    def at(self, at_ns: Stamps) -> Bools:
+        """Tell whether there is motion at each time, (n,)."""
+        edges = np.array(self._edges_ns, dtype=np.int64)
+        began = np.searchsorted(edges[::2], at_ns, side='right')
+        over = np.searchsorted(edges[1::2], at_ns, side='left')
+        return np.asarray(began > over)

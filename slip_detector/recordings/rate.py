@@ -1,0 +1,32 @@
+"""The rate of rows, from their stamps."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.timeline import GAP_PERIODS
+
+
+def rate_of(times_s: NDArray[Any]) -> 'float | None':
+    """Return the rate at which rows were taken.
+
+    It is that of the steps between them, without those that are gaps or backwards: jitter of the
+    stamps is averaged, missing rows do not count.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Stamps in seconds.
+
+    Returns
+    -------
+    float or None
+        Hz; None where there are fewer than two rows or the stamps do not rise.
+    """
+    steps = np.diff(times_s)
+    steps = steps[steps > 0.0]
+    if not steps.size:
+        return None
+    usual = steps[steps < GAP_PERIODS * np.median(steps)]
+    return float(1.0 / np.mean(usual))

@@ -1,0 +1,295 @@
+"""What all recordings have in common: pieces of rows, judged by their stamps as the node does."""
+
+import dataclasses
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.recordings.labels import Labels
+from slip_detector.recordings.resample import Resampler
+from slip_detector.timeline import Timeline
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: How far a recording's rate may be from that of the chain, as a share of it: beyond, the bands
+#: and windows are no longer those that the configuration speaks of.
+RATE_TOLERANCE = 0.02
+
+#: Rows read at a time: enough to be fast, and some MB for 100 channels.
+PIECE_ROWS = 8192
+
+
+class Rows(NamedTuple):
+    """Rows as they were recorded.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, c)
+    stamps_ns : ndarray of int, shape (n,)
+        When each was taken.
+    truth : ndarray of bool, shape (n,), or None
+        Whether there is slip, where it is known.
+    position_m : ndarray, shape (n,), or None
+        Position of the platform; written, but not read back but as the truth that it tells.
+    """
+
+    volts: Floats
+    stamps_ns: Stamps
+    truth: 'Bools | None' = None
+    position_m: 'Floats | None' = None
+
+    def take(self, which: 'NDArray[np.intp] | slice') -> 'Rows':
+        """Return some of the rows."""
+        truth = None if self.truth is None else self.truth[which]
+        return Rows(self.volts[which], self.stamps_ns[which], truth)
+
+    def then(self, more: 'Rows') -> 'Rows':
+        """Return these rows and those of more."""
+        truth = None
+        if self.truth is not None and more.truth is not None:
+            truth = np.concatenate([self.truth, more.truth])
+        return Rows(
+            np.concatenate([self.volts, more.volts]),
+            np.concatenate([self.stamps_ns, more.stamps_ns]),
+            truth,
+        )
+
+
+class Piece(NamedTuple):
+    """Rows as the chain gets them, evenly spaced within a stretch.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, c)
+    stamps_ns : ndarray of int, shape (n,)
+    truth : ndarray of bool, shape (n,), or None
+    new_stretch : bool
+        Whether the chain is reset before it: the first piece, one after a long gap.
+    rows : ndarray of int, shape (n,)
+        Which row of the recording each is, counted from 0; a bridged row is the one before it.
+    """
+
+    volts: Floats
+    stamps_ns: Stamps
+    truth: 'Bools | None'
+    new_stretch: bool
+    rows: Stamps
+
+
+@dataclasses.dataclass
+class Counts:
+    """What was met on the way through a recording; complete when its pieces have been read.
+
+    Attributes
+    ----------
+    rows : int
+        Rows given, bridged ones included.
+    bridged_rows : int
+        Rows that were missing in short gaps and are repeated from the row before.
+    gaps : int
+        Short gaps that were bridged.
+    stretches : int
+        Runs of rows between long gaps; at least one.
+    bad_samples : int
+        Values that are no number or infinite.
+    dropped : int
+        Rows left out: a stamp not after the last one, other channels than the first message.
+    lost : str
+        One line on what of a damaged bag could not be read; empty when all could.
+    """
+
+    rows: int = 0
+    bridged_rows: int = 0
+    gaps: int = 0
+    stretches: int = 0
+    bad_samples: int = 0
+    dropped: int = 0
+    lost: str = ''
+
+
+class Recording:
+    """A recording that is read in pieces, however long it is.
+
+    Each kind of file is a class of its own that gives the rows.
+
+    Attributes
+    ----------
+    path : Path
+    sample_rate_hz : float
+    channel_names : tuple of str
+    named : bool
+        Whether the recording itself names its channels; else they are ch1, ch2, ...
+    has_truth : bool
+        Whether it says where there is slip.
+    counts : Counts
+        Of the last reading.
+    """
+
+    path: Path
+    sample_rate_hz: float
+    channel_names: tuple[str, ...]
+    named = False
+    #: Whether :meth:`read` gives a truth of its own.
+    labelled = False
+
+    def __init__(self, path: Path, labels: 'Labels | None', resample: bool) -> None:
+        self.path = path
+        self.counts = Counts()
+        self._labels, self._resample = labels, resample
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether it is known where there is slip."""
+        return self._labels is not None or self.labelled
+
+    def read(self) -> Iterator[Rows]:
+        """Yield the rows of the file, some thousands at a time."""
+        raise NotImplementedError
+
+    def array(self, name: str) -> 'NDArray[Any] | None':
+        """Return another array of the file by its name, as it is; None where there is none."""
+        return None
+
+    def array_names(self) -> list[str]:
+        """Return what :meth:`array` knows."""
+        return []
+
+    def rows(self) -> Iterator[Rows]:
+        """Yield all rows as they were recorded, with the labels that a person wrote, if any.
+
+        Yields
+        ------
+        Rows
+            At least one row each.
+
+        Raises
+        ------
+        ValueError
+            When the file is broken or the labels do not suit it; names the file and the place.
+        """
+        self.counts = Counts()
+        labels = self._labels
+        first_ns = last_ns = 0
+        empty = True
+        for rows in self.read():
+            if not len(rows.volts):
+                continue
+            if empty:
+                first_ns, empty = int(rows.stamps_ns[0]), False
+            last_ns = max(last_ns, int(rows.stamps_ns.max()))
+            self.counts.bad_samples += rows.volts.size - int(np.isfinite(rows.volts).sum())
+            if labels is not None:
+                rows = rows._replace(truth=labels.at(rows.stamps_ns - first_ns))  # noqa: PLW2901
+            yield rows
+        if empty:
+            raise ValueError(f'{self.path}: has no samples{self._but_lost()}')
+        if labels is not None and not self.counts.lost:
+            labels.check_end((last_ns - first_ns) * 1e-9 + 1 / self.sample_rate_hz, self.path)
+
+    def _but_lost(self) -> str:
+        return f' ({self.counts.lost})' if self.counts.lost else ''
+
+    def pieces(
+        self, chain_rate_hz: 'float | None' = None, max_gap_s: float = 0.1
+    ) -> Iterator[Piece]:
+        """Yield the rows as the detector node gives them to its chain.
+
+        A stamp that is not after the last one is dropped, a gap of up to ``max_gap_s`` is bridged
+        with the last row, and after a longer one a new stretch begins.
+
+        Parameters
+        ----------
+        chain_rate_hz
+            Rate that the chain is configured for; that of the recording if not given.
+        max_gap_s
+            Longest gap that is bridged.
+
+        Yields
+        ------
+        Piece
+            At least one row each.
+
+        Raises
+        ------
+        ValueError
+            When the file is broken, or its rate is not that of the chain and it is not to be
+            resampled; names the file.
+        """
+        rate_hz, wanted_hz = self.sample_rate_hz, chain_rate_hz or self.sample_rate_hz
+        apart = abs(rate_hz - wanted_hz) > RATE_TOLERANCE * wanted_hz
+        if apart and not self._resample:
+            raise ValueError(
+                f'{self.path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is '
+                f'{wanted_hz:g} Hz, allowed: at most {RATE_TOLERANCE:.0%} apart, or --resample '
+                '(recording_resample: true)'
+            )
+        pieces = self._stretches(rate_hz if apart else wanted_hz, max_gap_s)
+        if apart:
+            pieces = Resampler(rate_hz, wanted_hz).pieces(pieces)
+        for piece in pieces:
+            self.counts.rows += len(piece.volts)
+            self.counts.stretches += piece.new_stretch
+            yield piece
+
+    def _stretches(self, rate_hz: float, max_gap_s: float) -> Iterator[Piece]:
+        """Yield the rows with gaps bridged and stretches parted."""
+        timeline = Timeline(1 / rate_hz, max_gap_s)
+        first = 0
+        last: Piece | None = None
+        for rows in self.rows():
+            which = np.arange(first, first + len(rows.volts))
+            piece = _piece(rows, last is None, which)
+            first += len(rows.volts)
+            regular = timeline.arrive_all(rows.stamps_ns)
+            for part in [piece] if regular else self._mended(piece, last, timeline, rate_hz):
+                yield part
+                last = part
+
+    def _mended(
+        self, piece: Piece, last: 'Piece | None', timeline: Timeline, rate_hz: float
+    ) -> list[Piece]:
+        """Drop, bridge and part the rows of a piece; ``last`` is the one before it."""
+        period_ns = 1e9 / rate_hz
+        rows, which, offset = Rows(*piece[:3]), piece.rows, 0
+        if last is not None:  # Its last row may be what bridges the first gap.
+            rows, offset = Rows(*last[:3]).take(slice(-1, None)).then(rows), 1
+            which = np.concatenate([last.rows[-1:], which])
+        take: list[int] = []
+        stamps_ns: list[int] = []
+        starts = [0]
+        previous = 0
+        for i, stamp_ns in enumerate(rows.stamps_ns[offset:].tolist(), start=offset):
+            arrival = timeline.arrive(stamp_ns)
+            if not arrival.accepted:
+                self.counts.dropped += 1
+                continue
+            if arrival.reset:
+                starts.append(len(take))
+            elif arrival.missing:
+                self.counts.gaps += 1
+                self.counts.bridged_rows += arrival.missing
+                take += [previous] * arrival.missing
+                begin_ns = stamp_ns - round(arrival.missing * period_ns)
+                stamps_ns += [begin_ns + round(k * period_ns) for k in range(arrival.missing)]
+            take.append(i)
+            stamps_ns.append(stamp_ns)
+            previous = i
+        parts = []
+        for begin, end in itertools.pairwise([*starts, len(take)]):
+            if begin < end:
+                at = np.array(take[begin:end])
+                stamps = np.array(stamps_ns[begin:end], dtype=np.int64)
+                mended = rows.take(at)._replace(stamps_ns=stamps)
+                new = begin > 0 or piece.new_stretch or starts[1:2] == [0]
+                parts.append(_piece(mended, new, which[at]))
+        return parts
+
+
+def _piece(rows: Rows, new_stretch: bool, which: Stamps) -> Piece:
+    return Piece(rows.volts, rows.stamps_ns, rows.truth, new_stretch, which)

@@ -1,0 +1,186 @@
+"""Another rate for rows that come in pieces."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from slip_detector.recordings.recording import Piece
+
+Floats = NDArray[np.float64]
+
+#: Zero crossings of the sinc on either side of a row.
+LOBES = 16
+
+#: The filter's edge as a share of half of the lower rate: what is between is lost, what is above
+#: is 70 dB down.
+EDGE = 0.8
+
+
+class Resampler:
+    """Interpolates rows with a windowed sinc, which also keeps out what the new rate cannot hold.
+
+    Within a stretch rows are taken to be evenly spaced, as the chain takes them. The weights of
+    each row add up to one: a baseline stays what it is, to the bit. Before the first row and after
+    the last one of a stretch the input is taken to be constant. A bad value (not a number,
+    infinite) is held out by the last good one of its channel, and the rows nearest to it are bad
+    in its place. The result does not depend on how the rows are cut into pieces.
+
+    Parameters
+    ----------
+    from_hz, to_hz
+        Rates of the rows that come in and go out.
+    """
+
+    def __init__(self, from_hz: float, to_hz: float) -> None:
+        self._step = from_hz / to_hz
+        self._from_hz = from_hz
+        self._edge = EDGE * min(1.0, to_hz / from_hz)  # of half the rate of the input
+        self._half = int(np.ceil(LOBES / self._edge))
+
+    def pieces(self, pieces: 'Iterator[Piece]') -> 'Iterator[Piece]':
+        """Yield the pieces at the new rate; each as soon as the rows it needs have come."""
+        stretch: _Stretch | None = None
+        for piece in pieces:
+            if piece.new_stretch or stretch is None:
+                if stretch is not None:
+                    yield from self._some(stretch, end=True)
+                stretch = _Stretch(piece, self._half)
+            else:
+                stretch.add(piece)
+            yield from self._some(stretch, end=False)
+        if stretch is not None:
+            yield from self._some(stretch, end=True)
+
+    def _some(self, stretch: '_Stretch', end: bool) -> 'Iterator[Piece]':
+        """Yield the rows that can be told."""
+        half, step = self._half, self._step
+        if end:
+            stretch.hold_last(half)
+        # Row j stands at the place j * step among the rows that came in, and needs `half` more.
+        last = stretch.known - 1 if end else stretch.known - 1 - half
+        j = np.arange(stretch.given, int(np.floor(last / step)) + 2)
+        places = j * step
+        j, places = j[places <= last], places[places <= last]
+        if not len(j):
+            return
+        base = np.floor(places).astype(np.int64)
+        rest = places - base
+        volts = self._interpolated(stretch, base, rest)
+        nearest = np.floor(places + 0.5).astype(np.int64)
+        volts[stretch.bad_at(nearest)] = np.nan
+        after_ns = np.rint(rest * 1e9 / self._from_hz).astype(np.int64)
+        piece = stretch.piece(base, volts, after_ns)
+        stretch.given = int(j[-1]) + 1
+        stretch.forget(int(np.floor(stretch.given * step)))
+        yield piece
+
+    def _interpolated(self, stretch: '_Stretch', base: NDArray[np.int64], rest: Floats) -> Floats:
+        """Return the weighted sums about the places, (m, c).
+
+        Summed tap by tap: the same order, hence the same bits, for any number of rows. Summed as
+        what they differ from the row before: a channel that repeats one value does so still.
+        """
+        total = np.zeros(len(base))
+        before = stretch.good_at(base)
+        differences = np.zeros_like(before)
+        for tap in range(-self._half + 1, self._half + 1):
+            away = rest - tap  # in rows of the input
+            share = away / self._half
+            window = 0.42 + 0.5 * np.cos(np.pi * share) + 0.08 * np.cos(2 * np.pi * share)
+            weight = np.sinc(self._edge * away) * window
+            total += weight
+            differences += weight[:, np.newaxis] * (stretch.good_at(base + tap) - before)
+        return np.asarray(before + differences / total[:, np.newaxis])
+
+
+class _Stretch:
+    """The rows of one stretch that are still needed."""
+
+    def __init__(self, piece: 'Piece', half: int) -> None:
+        self._half = half
+        self._piece = piece
+        self._bad = ~np.isfinite(piece.volts)
+        self._good = _held(piece.volts, self._bad, None)
+        # As if the first row had been there before.
+        self._good = np.concatenate([np.repeat(self._good[:1], half, axis=0), self._good])
+        self._first = 0  # place of the first row that is kept
+        self.known = len(piece.volts)
+        self.given = 0
+        self._new = True
+
+    def add(self, piece: 'Piece') -> None:
+        """Append the next rows."""
+        bad = ~np.isfinite(piece.volts)
+        good = _held(piece.volts, bad, self._good[-1])
+        self._good = np.concatenate([self._good, good])
+        self._bad = np.concatenate([self._bad, bad])
+        truth = None
+        if self._piece.truth is not None and piece.truth is not None:
+            truth = np.concatenate([self._piece.truth, piece.truth])
+        self._piece = self._piece._replace(
+            stamps_ns=np.concatenate([self._piece.stamps_ns, piece.stamps_ns]),
+            truth=truth,
+            rows=np.concatenate([self._piece.rows, piece.rows]),
+        )
+        self.known += len(piece.volts)
+
+    def hold_last(self, n: int) -> None:
+        """Go on as if the last row stayed."""
+        self._good = np.concatenate([self._good, np.repeat(self._good[-1:], n, axis=0)])
+
+    def good_at(self, places: NDArray[np.int64]) -> Floats:
+        """Return the rows at the places, bad values replaced."""
+        return np.asarray(self._good[places - self._first + self._half])
+
+    def bad_at(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Tell which values of the rows at the places are bad."""
+        return np.asarray(self._bad[np.minimum(places, self.known - 1) - self._first])
+
+    def piece(
+        self, base: NDArray[np.int64], volts: Floats, after_ns: NDArray[np.int64]
+    ) -> 'Piece':
+        """Make a piece of rows that stand at or after those at the places."""
+        at = base - self._first
+        truth = self._piece.truth
+        new, self._new = self._new and self._piece.new_stretch, False
+        return self._piece._replace(
+            volts=volts,
+            stamps_ns=self._piece.stamps_ns[at] + after_ns,
+            truth=None if truth is None else truth[at],
+            new_stretch=new,
+            rows=self._piece.rows[at],
+        )
+
+    def forget(self, place: int) -> None:
+        """Let go of what rows from the place on do not need."""
+        n = min(place, self.known) - self._first
+        if n <= 0:
+            return
+        self._first += n
+        self._good = self._good[n:].copy()
+        self._bad = self._bad[n:]
+        truth = self._piece.truth
+        self._piece = self._piece._replace(
+            stamps_ns=self._piece.stamps_ns[n:],
+            truth=None if truth is None else truth[n:],
+            rows=self._piece.rows[n:],
+        )
+
+
+def _held(volts: Floats, bad: NDArray[np.bool_], last: 'Floats | None') -> Floats:
+    """Put the last good value of its channel in the place of each bad one.
+
+    Before the first good one it is that of ``last``; else the first good one of the piece, or 0.
+    """
+    if not bad.any():
+        return volts
+    row = np.where(bad, -1, np.arange(len(volts))[:, np.newaxis])
+    row = np.maximum.accumulate(row, axis=0)
+    held = np.take_along_axis(volts, np.maximum(row, 0), axis=0)
+    if last is None:
+        first_good = np.argmin(bad, axis=0)
+        last = np.where(bad.all(axis=0), 0.0, volts[first_good, np.arange(volts.shape[1])])
+    return np.where(row < 0, last, held)

@@ -1,0 +1,242 @@
+"""The messages of a bag: read by rosbags where it is whole, else what is left of its files."""
+
+import contextlib
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from slip_detector.recordings.damaged import DamagedDatabase, DamagedMcap, Message, Topic, zstd
+
+METADATA = 'metadata.yaml'
+
+_DAMAGED: dict[str, type[DamagedMcap | DamagedDatabase]] = {
+    '.mcap': DamagedMcap,
+    '.db3': DamagedDatabase,
+}
+
+#: Ending of a file that the recorder compressed as a whole.
+_COMPRESSED = '.zstd'
+
+#: Bytes that are copied at a time.
+_STEP = 1 << 20
+
+#: Where the head of a database says how long its pages are.
+_PAGE_SIZE_AT = 16
+
+#: Parts the definitions of several types in one text.
+_RULE = '=' * 80 + '\n'
+
+
+def load_rosbags() -> Any:
+    """Import the part of rosbags that reads and writes bags.
+
+    Raises
+    ------
+    ValueError
+        When it is not installed; says how to install it.
+    """
+    try:
+        from rosbags import rosbag2
+    except ImportError:
+        raise ValueError('bags need the package rosbags: pip install rosbags') from None
+    return rosbag2
+
+
+class Storage:
+    """The messages of a bag.
+
+    Parameters
+    ----------
+    path
+        The folder of a bag, or one of its files.
+
+    Attributes
+    ----------
+    topics : list of Topic
+        In the order of their names.
+    counts : dict
+        Messages by the name of the topic, where the bag says so.
+    lost : list of str
+        What could not be read, after a reading.
+
+    Raises
+    ------
+    ValueError
+        When nothing of it can be read; names it.
+    OSError
+        When it is missing.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._rosbag2 = load_rosbags()
+        self.lost: list[str] = []
+        path.stat()
+        try:
+            with self._rosbag2.Reader(path) as reader:
+                topics = [_topic(connection) for connection in reader.connections]
+                counts = [(one.topic, one.msgcount) for one in reader.connections]
+                self._whole = True
+        except Exception:  # A cut file fails in many ways.
+            self._whole = False
+            counts = _counts(_metadata(path))
+            with self._readers() as readers:
+                topics = [topic for reader in readers for topic in reader.topics]
+                self.lost = [f'{reader.name} {reader.lost}' for reader in readers if reader.lost]
+        self.counts = dict(counts)
+        by_name = {topic.name: topic for topic in topics}
+        self.topics = [by_name[name] for name in sorted(by_name)]
+
+    def messages(self, topics: set[str]) -> Iterator[Message]:
+        """Yield the messages of some topics, in the order in which they were received."""
+        self.lost = []
+        last_ns = -1
+        if self._whole:
+            try:
+                for message in self._messages_of_whole(topics):
+                    last_ns = message[1]
+                    yield message
+                return
+            except Exception as error:  # A damaged place shows when it is reached.
+                why = ' '.join(str(error).split())
+                self.lost.append(f'{self._path.name} is damaged ({why})')
+        per_message = str(_metadata(self._path).get('compression_mode')).lower() == 'message'
+        with self._readers() as readers:
+            for reader in readers:
+                for topic, received_ns, raw in reader.messages(topics):
+                    if received_ns > last_ns:
+                        yield topic, received_ns, _decompressed(raw) if per_message else raw
+                if reader.lost:
+                    self.lost.append(f'{reader.name} {reader.lost}')
+
+    def _messages_of_whole(self, topics: set[str]) -> Iterator[Message]:
+        with self._rosbag2.Reader(self._path) as reader:
+            wanted = [one for one in reader.connections if one.topic in topics]
+            if wanted:
+                for connection, received_ns, raw in reader.messages(wanted):
+                    yield connection.topic, received_ns, raw
+
+    @contextlib.contextmanager
+    def _readers(self) -> 'Iterator[list[DamagedMcap | DamagedDatabase]]':
+        """Open what is there of the files one by one."""
+        with tempfile.TemporaryDirectory() as folder:
+            files = [_readable(file, Path(folder)) for file in _files(self._path)]
+            if not files:
+                raise ValueError('has no files of a bag, allowed: .mcap or .db3')
+            names = [file.name.removesuffix(_COMPRESSED) for file in _files(self._path)]
+            yield [
+                _DAMAGED[file.suffix](file, name) for file, name in zip(files, names, strict=True)
+            ]
+
+
+def typestore_of(topic: Topic) -> Any:
+    """Return the store of rosbags that knows the type of a topic.
+
+    Raises
+    ------
+    ValueError
+        When the bag does not define the type and it is none of ROS itself, or the definition is
+        broken.
+    """
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if not topic.encoding:
+        store = get_typestore(Stores.LATEST)
+        if topic.msgtype not in store.fielddefs:
+            raise ValueError(f'the bag does not define the type {topic.msgtype} of {topic.name}')
+        return store
+    store = get_typestore(Stores.EMPTY)
+    try:
+        if topic.encoding == 'ros2msg':
+            store.register(get_types_from_msg(topic.definition, topic.msgtype))
+        else:
+            parts = topic.definition.split(_RULE)
+            # Each of several begins with a line that names it.
+            texts = parts if len(parts) == 1 else [part.partition('\n')[2] for part in parts[1:]]
+            for text in texts:
+                store.register(get_types_from_idl(text))
+        store.get_msgdef(topic.msgtype)
+    except Exception as error:
+        why = ' '.join(str(error).split())
+        raise ValueError(f'the definition of {topic.msgtype} cannot be read ({why})') from None
+    return store
+
+
+def _topic(connection: Any) -> Topic:
+    encoding = {'MSG': 'ros2msg', 'IDL': 'ros2idl'}.get(connection.msgdef.format.name, '')
+    name, msgtype = str(connection.topic), str(connection.msgtype)
+    return Topic(name, msgtype, encoding, connection.msgdef.data)
+
+
+def _metadata(path: Path) -> dict[str, Any]:
+    """Read what the recorder wrote about a bag; nothing where it did not get so far."""
+    try:
+        document = yaml.safe_load((path / METADATA).read_text(encoding='utf-8'))
+        return dict(document['rosbag2_bagfile_information'])
+    except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError):
+        return {}
+
+
+def _decompressed(raw: bytes) -> bytes:
+    """Decompress a message; one that is damaged is empty, and left out when it is decoded."""
+    try:
+        return bytes(zstd().decompress(raw))
+    except Exception:
+        return b''
+
+
+def _counts(metadata: dict[str, Any]) -> list[tuple[str, int]]:
+    """Return the topics and how many messages each has, as far as that is known."""
+    try:
+        return [
+            (str(topic['topic_metadata']['name']), int(topic['message_count']))
+            for topic in metadata['topics_with_message_count']
+        ]
+    except (KeyError, TypeError, ValueError):
+        return []
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the files of a bag in the order of their numbers."""
+    if path.is_file():
+        return [path]
+    endings = (*_DAMAGED, *(f'{ending}{_COMPRESSED}' for ending in _DAMAGED))
+    files = [file for file in path.iterdir() if file.name.endswith(endings)]
+    return sorted(files, key=lambda file: [int(n) for n in re.findall(r'\d+', file.name)])
+
+
+def _readable(file: Path, folder: Path) -> Path:
+    """Return the file itself, or a copy in the folder that can be read.
+
+    What was compressed as a whole is decompressed as far as that goes. A database is cut to whole
+    pages, as SQLite fills up one that is cut with zeros and takes them for content.
+    """
+    if file.suffix == _COMPRESSED:
+        unpacked = folder / file.stem
+        decompress = zstd().ZstdDecompressor().decompress
+        with (
+            open(file, 'rb') as packed,
+            open(unpacked, 'wb') as plain,
+            contextlib.suppress(Exception),  # What came before the cut is kept.
+        ):
+            while part := packed.read(_STEP):
+                plain.write(decompress(part))
+        file = unpacked
+    if file.suffix == '.db3':
+        with open(file, 'rb') as database:
+            database.seek(_PAGE_SIZE_AT)
+            page = int.from_bytes(database.read(2), 'big') or 1
+            page = 65536 if page == 1 else page
+            left = file.stat().st_size // page * page
+            if left < file.stat().st_size:
+                database.seek(0)
+                cut = folder / f'whole_pages_of_{file.name}'
+                with open(cut, 'wb') as copy:
+                    while left and (part := database.read(min(_STEP, left))):
+                        left -= copy.write(part)
+                file = cut
+    return file

@@ -1,0 +1,155 @@
+"""Write recordings: bags, npz and csv, by the ending of the path."""
+
+import csv
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_detector.recordings.bags import BOOL, JOINT_STATE
+from slip_detector.recordings.cdr import Encoder
+from slip_detector.recordings.recording import Rows
+from slip_detector.recordings.storage import load_rosbags
+
+#: Version of the metadata that ROS 2 Jazzy and later read.
+BAG_VERSION = 9
+
+_NPZ_KEYS = ('volts', 'stamps_ns', 'slip', 'position_m')
+
+_PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
+
+
+def write_recording(
+    path: 'str | Path',
+    pieces: Iterable[Rows],
+    sample_rate_hz: float,
+    channel_names: Sequence[str],
+    frame_id: str = 'fingertip',
+) -> None:
+    """Write a recording that :func:`~slip_detector.recordings.open_recording` reads.
+
+    Parameters
+    ----------
+    path
+        Its ending says what is written: .npz, .csv, .mcap or .db3; none, a folder that is a bag
+        (MCAP with metadata.yaml, as ``ros2 bag record`` leaves it). In bags the rows are on
+        ``voltages``, a truth is on ``slip_truth`` and a position on ``platform_position``.
+    pieces
+        The rows, at least one, with a truth in all of them or in none.
+    sample_rate_hz
+        Their rate; only an npz has a place for it.
+    channel_names
+        One for each channel; an npz has no place for them.
+    frame_id
+        Of the messages in a bag.
+
+    Raises
+    ------
+    ValueError
+        When the path exists already, has another ending or cannot be written; names it.
+    """
+    path = Path(path)
+    writers: dict[str, Callable[[Path], None]] = {
+        '.npz': lambda to: _write_npz(to, pieces, sample_rate_hz),
+        '.csv': lambda to: _write_csv(to, pieces, channel_names),
+        **{
+            ending: lambda to: _write_bag(to, pieces, channel_names, frame_id)
+            for ending in ('', *_PLUGINS)
+        },
+    }
+    if path.suffix not in writers:
+        raise ValueError(
+            f'{path}: is {path.suffix}, allowed: .npz, .csv, .mcap, .db3 or without ending'
+        )
+    if path.exists():
+        raise ValueError(f'{path}: is there already, allowed: a new path')
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # Whoever looks meanwhile, or after a failure, finds no half recording.
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as folder:
+            writers[path.suffix](Path(folder) / path.name)
+            os.replace(Path(folder) / path.name, path)
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be written ({error.strerror or error})') from None
+
+
+def _write_csv(path: Path, pieces: Iterable[Rows], names: Sequence[str]) -> None:
+    first = True
+    with open(path, 'w', newline='', encoding='utf-8') as file:
+        lines = csv.writer(file)
+        for piece in pieces:
+            truth: list[list[int]] = [[] for _ in piece.volts]
+            if piece.truth is not None:
+                truth = [[int(slip)] for slip in piece.truth]
+            if first:
+                lines.writerow(['time_s', *names, *(['slip'] if piece.truth is not None else [])])
+                first = False
+            for stamp_ns, row, slip in zip(
+                piece.stamps_ns.tolist(), piece.volts.tolist(), truth, strict=True
+            ):
+                sign, (seconds, rest) = '-' * (stamp_ns < 0), divmod(abs(stamp_ns), 1_000_000_000)
+                # What float's repr says, float reads back to the bit.
+                lines.writerow([f'{sign}{seconds}.{rest:09d}', *map(repr, row), *slip])
+
+
+def _write_npz(path: Path, pieces: Iterable[Rows], sample_rate_hz: float) -> None:
+    columns = {
+        key: [column for column in parts if column is not None]
+        for key, parts in zip(_NPZ_KEYS, zip(*pieces, strict=True), strict=True)
+    }
+    arrays: dict[str, Any] = {key: np.concatenate(p) for key, p in columns.items() if p}
+    np.savez(path, sample_rate_hz=sample_rate_hz, **arrays)
+
+
+def _write_bag(path: Path, pieces: Iterable[Rows], names: Sequence[str], frame_id: str) -> None:
+    """Write the folder of a bag, or only the file of its messages."""
+    rosbag2 = load_rosbags()
+    plugin = rosbag2.StoragePlugin[_PLUGINS.get(path.suffix, 'MCAP')]
+    folder = path.with_suffix('')
+    with rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin) as writer:
+        _write_messages(writer, pieces, names, frame_id)
+    if path.suffix:
+        os.replace(folder / f'{folder.name}{path.suffix}', path)
+
+
+def _write_messages(
+    writer: Any, pieces: Iterable[Rows], names: Sequence[str], frame_id: str
+) -> None:
+    """Write the topics as the driver publishes them, received at their stamps."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    voltages = writer.add_connection('/voltages', JOINT_STATE, typestore=store)
+    rows = Encoder(store, frame_id, names)
+    platform = Encoder(store, frame_id, ['platform'])
+    bools = [
+        bytes(store.serialize_cdr(store.types[BOOL](data=state), BOOL)) for state in (False, True)
+    ]
+    truth_topic = position_topic = None
+    last: bool | None = None
+    for piece in pieces:
+        n = len(piece.volts)
+        stamps_ns = piece.stamps_ns.tolist()
+        truth = [None] * n if piece.truth is None else piece.truth.tolist()
+        positions: list[bytes | None] = [None] * n
+        if piece.truth is not None and truth_topic is None:
+            truth_topic = writer.add_connection('/slip_truth', BOOL, typestore=store)
+        if piece.position_m is not None:
+            positions = [*platform.many(piece.position_m[:, np.newaxis], piece.stamps_ns)]
+            if position_topic is None:
+                position_topic = writer.add_connection(
+                    '/platform_position', JOINT_STATE, typestore=store
+                )
+        for stamp_ns, row, slip, position in zip(
+            stamps_ns, rows.many(piece.volts, piece.stamps_ns), truth, positions, strict=True
+        ):
+            # A reader takes a state to hold for what was received after it.
+            if slip is not None and slip != last:
+                last = slip
+                writer.write(truth_topic, stamp_ns, bools[slip])
+            if position is not None:
+                writer.write(position_topic, stamp_ns, position)
+            writer.write(voltages, stamp_ns, row)

@@ -1,0 +1,94 @@
+'use strict';
+// Reads what report_data.py wrote, and makes bins of twice the length until few are left.
+
+const NO_SAMPLE = 0xffff;
+
+async function inflate(base64) {
+  const text = atob(base64.trim());
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = text.charCodeAt(i);
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+class Reader {
+  constructor(bytes) {
+    this.bytes = bytes;
+    this.at = 0;
+  }
+
+  bytesOf(n) {
+    this.at += n;
+    return this.bytes.subarray(this.at - n, this.at);
+  }
+
+  // 16-bit numbers: all low bytes, then all high ones.
+  codes(n) {
+    const low = this.bytesOf(n), high = this.bytesOf(n), codes = new Uint16Array(n);
+    for (let i = 0; i < n; i++) codes[i] = low[i] | (high[i] << 8);
+    return codes;
+  }
+
+  // Each channel's codes, of which the steps were written.
+  summed(channels, n) {
+    const codes = this.codes(channels * n);
+    for (let c = 0, i = 0; c < channels; c++) {
+      for (let j = 0, sum = 0; j < n; j++, i++) {
+        sum += (codes[i] >> 1) ^ -(codes[i] & 1);
+        codes[i] = sum;
+      }
+    }
+    return codes;
+  }
+
+  // Starts and stops, one after another, as 64-bit steps.
+  intervals(n) {
+    const rows = new Float64Array(2 * n);
+    for (let plane = 0, factor = 1; plane < 8; plane++, factor *= 256) {
+      const bytes = this.bytesOf(2 * n);
+      for (let i = 0; i < 2 * n; i++) rows[i] += factor * bytes[i];
+    }
+    for (let i = 1; i < 2 * n; i++) rows[i] += rows[i - 1];
+    return rows;
+  }
+}
+
+function decode(header, bytes) {
+  const reader = new Reader(bytes), channels = header.channels.length, n = header.bins;
+  const low = reader.summed(channels, n), span = reader.codes(channels * n);
+  const high = low.map((code, i) => code + span[i]);
+  const truth = header.truth === null ? null : reader.intervals(header.truth);
+  const variants = header.variants.map((variant) => ({
+    levels: halved(reader.bytesOf(channels * n), channels, n, (a, b) => (a > b ? a : b)),
+    slip: reader.intervals(variant.slip),
+    groups: variant.groups.map((group) => reader.intervals(group.intervals)),
+    snippets: variant.snippets.map(([start, rows]) => ({
+      start, rows, volts: reader.summed(channels, rows), levels: reader.bytesOf(channels * rows),
+    })),
+  }));
+  return {
+    truth,
+    variants,
+    // A bin without samples has the code NO_SAMPLE in both, the highest there is.
+    low: halved(low, channels, n, (a, b) => (a < b ? a : b)),
+    high: halved(high, channels, n, (a, b) => (a === NO_SAMPLE ? b : b === NO_SAMPLE || a > b ? a : b)),
+  };
+}
+
+// The values themselves, then of each two, of each four and so on, channel after channel.
+function halved(values, channels, n, join) {
+  const sizes = [{values, n}];
+  while (n > 512) {
+    const half = Math.ceil(n / 2), next = new values.constructor(channels * half);
+    for (let c = 0; c < channels; c++) {
+      for (let j = 0; j < half; j++) {
+        const i = c * n + 2 * j, last = 2 * j + 1 === n;
+        next[c * half + j] = join(values[i], values[last ? i : i + 1]);
+      }
+    }
+    sizes.push({values: next, n: half});
+    values = next;
+    n = half;
+  }
+  return sizes;
+}

@@ -1,0 +1,30 @@
+"""Configurations and recordings that the tests of the chain share."""
+
+import numpy as np
+
+VOTES = ('all', 1, 2, 'mean')
+COMMON_MODES = ('none', 'mean', 'median')
+
+# A small chain that is quick to settle, for the hand-made cases.
+FAST = {
+    'sample_rate_hz': 400.0,
+    'passband_hz': (20.0, 100.0),
+    'stopbands_hz': (),
+    'gain': 1.0,
+    'exponent': 1,
+    'flat_after_s': 0.0,
+    'envelope_window_s': 0.04,
+    'decision_window_s': 0.04,
+}
+
+
+def bits(result):
+    return result.flags.tobytes(), result.envelope.tobytes(), result.level.tobytes()
+
+
+def sine(n, hz=50.0, rate=400.0):
+    return np.sin(2 * np.pi * hz / rate * np.arange(n))
+
+
+def noise(seed, *shape):
+    return np.random.default_rng(seed).normal(size=shape)

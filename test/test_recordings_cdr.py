@@ -1,0 +1,131 @@
+"""Decoding messages all at once gives the bits that decoding them one by one gives."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.recordings import cdr
+
+typesys = pytest.importorskip('rosbags.typesys', reason='needs rosbags')
+
+STORE = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+NESTED = """
+std_msgs/Header header
+uint8 id
+bool active
+string<=12 label
+test_msgs/Cell[] cells
+test_msgs/Cell[2] pair
+float32[3] fixed
+int16[] counts
+wrong_or_not state
+"""
+STORE.register(
+    {
+        **typesys.get_types_from_msg('int8 a\nfloat64 v\nuint16 b\n', 'test_msgs/msg/Cell'),
+        **typesys.get_types_from_msg('', 'test_msgs/msg/Nothing'),
+        **typesys.get_types_from_msg(
+            NESTED.replace('wrong_or_not', 'test_msgs/Nothing'), 'test_msgs/msg/Nested'
+        ),
+    }
+)
+FLOATS = st.floats(allow_nan=False, allow_infinity=False, width=32)
+
+
+@st.composite
+def cells(draw):
+    make = STORE.types['test_msgs/msg/Cell']
+    return make(draw(st.integers(-128, 127)), draw(FLOATS), draw(st.integers(0, 65535)))
+
+
+@st.composite
+def nested(draw, n_cells, label):
+    types = STORE.types
+    stamp = types['builtin_interfaces/msg/Time'](
+        draw(st.integers(-(2**31), 2**31 - 1)), draw(st.integers(0, 999_999_999))
+    )
+    return types['test_msgs/msg/Nested'](
+        header=types['std_msgs/msg/Header'](stamp, label),
+        id=draw(st.integers(0, 255)),
+        active=draw(st.booleans()),
+        label=label,
+        cells=[draw(cells()) for _ in range(n_cells)],
+        pair=[draw(cells()), draw(cells())],
+        fixed=np.array([draw(FLOATS) for _ in range(3)], dtype=np.float32),
+        counts=np.array(draw(st.lists(st.integers(-9, 9), min_size=2, max_size=2)), np.int16),
+        state=types['test_msgs/msg/Nothing'](),
+    )
+
+
+PATHS = ['id', 'active', 'cells[].v', 'cells[0].a', 'cells[].b', 'pair[].v', 'pair[1].b', 'fixed',
+         'fixed[2]', 'counts', 'header.stamp.nanosec']  # fmt: skip
+
+
+@given(
+    path=st.sampled_from(PATHS),
+    little=st.booleans(),
+    labels=st.lists(st.sampled_from(['', 'tip', 'thumb', 'a']), min_size=1, max_size=6),
+    n_cells=st.integers(1, 3),
+    few=st.booleans(),
+    data=st.data(),
+)
+def test_all_at_once_is_as_one_by_one(path, little, labels, n_cells, few, data):
+    msgtype = 'test_msgs/msg/Nested'
+    messages = [data.draw(nested(n_cells, label)) for label in labels]
+    raws = [bytes(STORE.serialize_cdr(one, msgtype, little_endian=little)) for one in messages]
+    with pytest.MonkeyPatch.context() as patch:
+        if few:
+            patch.setattr(cdr, 'MOST_LAYOUTS', 1)
+        decoded = cdr.Decoder(STORE, msgtype, path).many(raws, range(len(raws)))
+    one_by_one = cdr.Decoder(STORE, msgtype, path)
+    rows, stamps_ns, _ = zip(*map(one_by_one.one, raws), strict=True)
+    assert decoded.volts.tobytes() == np.concatenate(rows).tobytes()
+    assert decoded.stamps_ns.tolist() == list(stamps_ns)
+    assert decoded.which.tolist() == list(range(len(raws)))
+    # It was not done one by one in secret.
+    assert few or cdr.Decoder(STORE, msgtype, path).layout_of(raws[0]).places.size
+
+
+@given(
+    n=st.integers(1, 20),
+    channels=st.integers(1, 5),
+    frame_id=st.text(max_size=5),
+    data=st.data(),
+)
+def test_what_is_encoded_all_at_once_is_what_rosbags_encodes(n, channels, frame_id, data):
+    volts = np.array(
+        [[data.draw(st.floats(allow_nan=False)) for _ in range(channels)] for _ in range(n)]
+    )
+    stamps_ns = np.array(data.draw(st.lists(st.integers(0, 2**60), min_size=n, max_size=n)))
+    names = [f'ch{i}' for i in range(channels)]
+    raws = cdr.Encoder(STORE, frame_id, names).many(volts, stamps_ns)
+    types, nothing = STORE.types, np.empty(0)
+    for raw, row, stamp_ns in zip(raws, volts, stamps_ns.tolist(), strict=True):
+        stamp = types['builtin_interfaces/msg/Time'](*divmod(stamp_ns, 1_000_000_000))
+        header = types['std_msgs/msg/Header'](stamp, frame_id)
+        message = types['sensor_msgs/msg/JointState'](header, names, row, nothing, nothing)
+        assert raw == bytes(STORE.serialize_cdr(message, 'sensor_msgs/msg/JointState'))
+
+
+@given(st.data())
+def test_a_damaged_message_is_left_out_and_never_a_crash(data):
+    msgtype = 'sensor_msgs/msg/JointState'
+    volts = np.arange(12.0).reshape(4, 3)
+    raws = cdr.Encoder(STORE, 'tip', ['a', 'b', 'c']).many(volts, np.arange(4))
+    damaged = bytearray(raws[2])
+    for _ in range(data.draw(st.integers(1, 4))):
+        damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
+    raws[2] = bytes(damaged[: data.draw(st.integers(0, len(damaged)))])
+    decoder = cdr.Decoder(STORE, msgtype, 'position')
+    decoder.many(raws[:1], [0])
+    decoded = decoder.many(raws, range(4))
+    assert {0, 1, 3} <= set(decoded.which.tolist())
+    kept = np.repeat(decoded.which, decoded.samples) != 2
+    np.testing.assert_array_equal(decoded.volts[kept], volts[[0, 1, 3]])
+
+
+def test_a_message_received_in_no_year_is_said_so():
+    raws = cdr.Encoder(STORE, 'tip', ['a']).many(np.ones((1, 1)), np.zeros(1, dtype=np.int64))
+    with pytest.raises(ValueError, match='received beyond the year 2262'):
+        cdr.Decoder(STORE, 'sensor_msgs/msg/JointState', 'position').many(raws, [2**64 - 1])
