@@ -355,11 +355,11 @@ class GraspConfig(ParameterSet):
         10.0, 'Largest grip force that is commanded.', unit='N', low=0.001, high=1000.0
     )
     step_factor: float = parameter(
-        1.6, 'Slip raises the force by this factor ...', low=1.0, high=100.0
+        1.7, 'Slip raises the force by this factor ...', low=1.0, high=100.0
     )
     step_n: float = parameter(0.0, '... and by this much more.', unit='N', low=0.0, high=1000.0)
     repeat_s: float = parameter(
-        0.08,
+        0.1,
         'While slip lasts, or comes again, the force is raised again after this time.',
         unit='s',
         low=0.0,
