@@ -33,6 +33,7 @@ setup(
         'pyyaml',
         'matplotlib',
         'mpmath>=1.2',
+        'pyserial>=3.5',
     ],
     extras_require={
         # A robot may lack Numba: the chain then runs interpreted.
@@ -51,6 +52,7 @@ setup(
             'pytest-timeout',
             'ruff',
             'types-PyYAML',
+            'types-pyserial',
             'types-tqdm',
         ],
     },

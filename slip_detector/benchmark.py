@@ -15,7 +15,8 @@ counts, which is the one that nothing disturbed.
 With these come the keys of :mod:`slip_detector.benchmarks.chain_speed`, and ``precision`` with the
 keys of :mod:`slip_detector.benchmarks.chain_precision`, unless ``--part`` leaves them out. Those
 of ``scenes`` and ``extremes`` are in the modules :mod:`slip_detector.benchmarks.scenes` and
-:mod:`slip_detector.benchmarks.extremes`.
+:mod:`slip_detector.benchmarks.extremes`, those of ``tune`` in
+:mod:`slip_detector.benchmarks.tune`.
 """
 
 import argparse
@@ -29,6 +30,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -270,9 +272,48 @@ def run_extremes(words: argparse.Namespace) -> Report:
     return Report(result, extremes.table(result))
 
 
+def add_tune(commands: Commands) -> None:
+    """Add the subcommand ``tune``."""
+    command = commands.add_parser(
+        'tune',
+        parents=[shared_options()],
+        help='recordings read, evaluated, searched and reported; what tuning brings',
+        description='Measure what evaluating and reading an hour costs, a search against the same '
+        'around SciPy and NumPy, and the report of an hour; then what tuning brings on families '
+        'of simulated scenes and, where they are given, on real recordings. Says of each figure '
+        'what is wanted and whether it is met; the exit code is 0 either way.',
+    )
+    command.add_argument(
+        '--part', action='append', default=[], metavar='NAME',
+        help='only this one: evaluate, read, search, report, families or real; repeatable',
+    )  # fmt: skip
+    command.add_argument(
+        '--recordings', metavar='FOLDER', type=Path, help='for real: labelled recordings'
+    )
+    command.add_argument(
+        '--config', metavar='FILE', type=Path, help='for real: the parameters to begin with'
+    )
+    command.set_defaults(run=run_tune)
+
+
+def run_tune(words: argparse.Namespace) -> Report:
+    """Measure the tuner and what is around it.
+
+    Raises
+    ------
+    ValueError
+        For an unknown part, or one that lacks its recordings.
+    """
+    from slip_detector.benchmarks import tune
+
+    result = {'machine': machine(), 'quick': words.quick}
+    result |= tune.measure(words.quick, words.part, words.recordings, words.config)
+    return Report(result, '\n\n'.join((heading(result), tune.table(result))))
+
+
 #: The subcommands: each function adds one, with its options and, as ``run``, what it does. What
 #: a subcommand imports is imported when it runs.
-COMMANDS: tuple[Callable[..., None], ...] = (add_chain, add_scenes, add_extremes)
+COMMANDS: tuple[Callable[..., None], ...] = (add_chain, add_scenes, add_extremes, add_tune)
 
 
 def _terminated(number: int, frame: FrameType | None) -> None:

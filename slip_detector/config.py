@@ -285,7 +285,9 @@ class DriverConfig(ParameterSet):
     NODE = 'slip_driver'
 
     source: str = parameter(
-        'scene', 'Where the samples come from.', choices=('scene', 'recording')
+        'scene',
+        'Where the samples come from.',
+        choices=('scene', 'recording', 'serial', 'udp'),
     )
     scene: str = parameter('plate_400um', 'A scene that comes with the package, or a path.')
     seed: int = parameter(0, 'Seed of the noise; one seed is one trial.', low=0, high=2**31 - 1)
@@ -340,6 +342,43 @@ class DriverConfig(ParameterSet):
         False, 'Whether a scene with an object begins when a first grip_force has come.'
     )
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
+    channels: int = parameter(16, 'Channels that the sensor sends (serial, udp).', low=1, high=255)
+    frame_values: str = parameter(
+        'int16',
+        'How a frame carries a value (docs/frame.md).',
+        choices=('int16', 'int24', 'int32', 'uint16', 'uint24', 'uint32'),
+    )
+    frame_scale_v: float = parameter(
+        1e-3, 'Volts for each unit of a value in a frame.', unit='V', low=-1e9, high=1e9
+    )
+    frame_offset_v: float = parameter(
+        0.0, 'Volts of the value 0 in a frame.', unit='V', low=-1e9, high=1e9
+    )
+    serial_port: str = parameter(
+        '', 'The port, for source: serial; best a name of it that stays, in /dev/serial/by-id.'
+    )
+    serial_baud: int = parameter(
+        115200, 'Rate of the port; without effect on USB.', unit='baud', low=50, high=20_000_000
+    )
+    serial_format: str = parameter(
+        'frame',
+        'What comes from the port: binary frames, or lines of text, which have no checksum.',
+        choices=('frame', 'text'),
+    )
+    text_rate_hz: float = parameter(
+        0.0,
+        'Rate at which the sensor takes lines of text; 0: unknown, stamped when they arrive.',
+        unit='Hz',
+        low=0.0,
+        high=1e6,
+    )
+    udp_bind_address: str = parameter(
+        '127.0.0.1', 'Own address to listen on; 0.0.0.0: all, to be had from outside.'
+    )
+    udp_port: int = parameter(47380, 'Port to listen on.', low=1, high=65535)
+    udp_senders: tuple[str, ...] = parameter(
+        ('127.0.0.1',), 'Addresses that may send; those of others are dropped.'
+    )
 
 
 @dataclasses.dataclass(frozen=True)

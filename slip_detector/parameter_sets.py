@@ -144,7 +144,7 @@ def _converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
         raise ValueError(f'{where} is {value!r}, allowed: a list')
     if field.name == 'channel_names':
         return _names(value, where)
-    if field.name == 'motion_columns':
+    if str in get_args(field.type):
         return _texts(value, where)
     return _numbers(list(value), default, field, where)
 

@@ -405,6 +405,7 @@ class _Run:
         delays_s = tuple(
             None if row < 0 else (row - slip.start) / rate_hz for row in slip.first_on.tolist()
         )
+        known = [delay for delay in delays_s if delay is not None]
         own = slip.stages if latency is not None and latency >= 0 else None
         return TrueSlip(
             start_s=slip.start / rate_hz,
@@ -417,5 +418,5 @@ class _Run:
             on_at_start=slip.on_at_start,
             on_while=slip.on_while,
             channel_delays_s=delays_s,
-            delay_s=mean_delay(delays_s)[0],
+            delay_s=sum(known) / len(known) if known else None,
         )

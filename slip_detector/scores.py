@@ -34,13 +34,16 @@ def _statistic(  # type: ignore[no-untyped-def]
     first = flags.shape[1] - level.shape[1]
     for k in range(level.shape[0]):
         row, marks = level[k], flags[k][first:]
+        if vote == VOTE_ALL:  # In vector instructions, and no branches below.
+            for i in range(row.size):
+                among[i] = row[i] if marks[i] else np.inf
         most = 0.0
         for g in range(bounds.size - 1):
             value = 0.0
-            if vote == VOTE_ALL:  # As good as always: without branches.
+            if vote == VOTE_ALL:
                 least = np.inf
                 for j in range(bounds[g], bounds[g + 1]):
-                    mine = row[members[j]] if marks[members[j]] else np.inf
+                    mine = among[members[j]]
                     least = mine if mine < least else least
                 value = least if least < np.inf else 0.0
             else:
@@ -92,7 +95,7 @@ class DecisionStatistic:
             np.cumsum([0] + [len(members) for members in groups]),
             {'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(config.vote), config.vote),
             config.threshold,
-            np.empty(max(map(len, groups))),
+            np.empty(config.channels),
         )
 
     def __call__(self, result: SlipResult) -> Floats:

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 #: Edges as shares of the sample rate: the lowest and highest low edge of the pass-band, and the
 #: highest edge of all. A pass-band that would end above it is a high-pass.
-LOWEST_LOW, HIGHEST_LOW, HIGHEST = 1 / 400, 0.3, 0.47
+LOWEST_LOW, HIGHEST_LOW, HIGHEST = 1 / 400, 0.3, 0.48
 
 #: The width of the pass-band; the paper's has 2.8 octaves.
 OCTAVES = (0.5, 6.0)
@@ -46,9 +46,8 @@ LEAST_SHARING = 3
 #: each side: a tenth of the amplitude is what contact and sensor vary by from day to day.
 NEIGHBOURS = 3
 
-#: How sure it must be that a chain is better than one that is nearer to the given: that of one
-#: standard error, as is custom.
-CONFIDENCE = 0.68
+#: How sure it must be that a chain is better than one that is nearer to the given.
+CONFIDENCE = 0.95
 
 #: Areas under the ROC curve that differ by less are the same.
 AUC_STEP = 1e-3
@@ -113,8 +112,9 @@ class Space:
             passband_hz=(low_hz, high_hz),
             stopbands_hz=self._stopbands(point, low_hz, high_hz),
             exponent=point['exponent'],
-            envelope_window_s=_rounded(point['envelope_window_s'], 5),
-            decision_window_s=_rounded(point['decision_window_s'], 5),
+            # Rounding must not leave less than a sample.
+            envelope_window_s=max(_rounded(point['envelope_window_s']), self._window_s[0]),
+            decision_window_s=max(_rounded(point['decision_window_s']), self._window_s[0]),
             common_mode=point['common_mode'],
         )
 
@@ -346,22 +346,13 @@ class Objective:
     def error_ms(self, swept: Swept, at: int) -> float:
         """Return by how much more a chain may cost and still be as good, at ``CONFIDENCE``.
 
-        Student's t for the slips, which are taken to be independent of each other: of one alone
-        nothing is known. False alarms are taken to be Poisson's. The rows of one slip are not
-        independent, so the area under the ROC curve is one of slips.
+        It is the error of the mean latency by Student's t: of one slip alone nothing is known.
         """
         late_ms = self._late_ms(swept)[:, at]
-        slips, config = late_ms.size, self._config
-        if slips < 2:
+        if late_ms.size < 2:
             return math.inf
-        alarms = max(int(swept.false_alarms[at]), 1)
-        area = swept.auc() or 0.0
-        errors_ms = (
-            float(np.std(late_ms, ddof=1)) / math.sqrt(slips),
-            60.0 * math.sqrt(alarms) / swept.quiet_s * config.false_alarm_costs_ms,
-            config.auc_costs_ms * math.sqrt(area * (1.0 - area) / slips),
-        )
-        return float(stats.t.ppf(0.5 + CONFIDENCE / 2, slips - 1)) * math.hypot(*errors_ms)
+        t = float(stats.t.ppf(0.5 + CONFIDENCE / 2, late_ms.size - 1))
+        return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
 
     def _late_ms(self, swept: Swept) -> Floats:
         """Return the latencies with what a missed slip counts for; shape (slips, T)."""
@@ -393,6 +384,6 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
     return min(max(value, bounds[0]), bounds[1])
 
 
-def _rounded(value: float, digits: int = 4) -> float:
-    """Round to so many significant digits: more would only make the file hard to read."""
-    return float(f'{value:.{digits}g}')
+def _rounded(value: float) -> float:
+    """Round to four significant digits: more would only make the file hard to read."""
+    return float(f'{value:.4g}')

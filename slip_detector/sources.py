@@ -117,6 +117,8 @@ def open_source(config: DriverConfig, repetition: int = 0) -> Source:
     ValueError
         When it cannot be opened; names it.
     """
+    if config.source in ('serial', 'udp'):
+        raise ValueError(f'parameter source is {config.source!r}, allowed here: scene, recording')
     if config.source == 'recording':
         if not config.recording:
             raise ValueError("parameter recording is '', allowed: a path, as source is recording")

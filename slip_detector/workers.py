@@ -89,10 +89,20 @@ class Problem:
         for trial in study.trials:
             away = space.distance(trial.params, given)
             for found in self.found(trial):
+                if found.cost_ms > best.cost_ms + best.error_ms or self._worse(found, best):
+                    continue
                 distance = math.hypot(away, found.chain.vote != self.given.vote)
-                if found.cost_ms <= best.cost_ms + best.error_ms and distance < nearest:
+                if distance < nearest:
                     nearest, choice = distance, found
         return choice
+
+    def _worse(self, found: Found, best: Found) -> bool:
+        """Return whether a chain is worse than the given one in what the best is not."""
+        if self.figures is None:
+            return False
+        return len(found.figures.worse_than(self.figures)) > len(
+            best.figures.worse_than(self.figures)
+        )
 
 
 class Stopper:
@@ -208,8 +218,9 @@ def search_in_processes(
     """
     context = multiprocessing.get_context('spawn')
     stopping, errors = context.Event(), context.SimpleQueue()
-    # Ctrl-C goes to all processes of a terminal: this one alone is to hear it, from their start.
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Ctrl-C goes to all processes of a terminal. This one alone is to hear it: what is blocked as
+    # the others start stays so for them, and comes here later.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     processes = [
         context.Process(
             target=_take_part, args=(problem, where, name, trials, seed + k, stopping, errors),
@@ -221,7 +232,7 @@ def search_in_processes(
         for process in processes:
             process.start()
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
         while any(process.is_alive() for process in processes):
             if stop():

@@ -52,8 +52,9 @@ class Process:
 
     def log(self):
         """Return what the process has printed so far."""
-        self._log.seek(0)
-        return self._log.read()
+        # The process writes where the file stands; to seek would have it write over the beginning.
+        file = self._log.fileno()
+        return os.pread(file, os.fstat(file).st_size, 0).decode(errors='replace')
 
     def ended(self):
         return self._process.poll() is not None

@@ -48,7 +48,7 @@ def shown(value):
         return f'`{str(value).lower()}`'
     if isinstance(value, tuple):
         flat = [n for item in value for n in (item if isinstance(item, tuple) else (item,))]
-        return f'`[{", ".join(f"{n:g}" for n in flat)}]`'
+        return f'`[{", ".join(n if isinstance(n, str) else f"{n:g}" for n in flat)}]`'
     if isinstance(value, dict):
         return ''
     if isinstance(value, str):

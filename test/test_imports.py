@@ -48,6 +48,11 @@ def test_the_nodes_do_without_plotting():
     assert 'matplotlib' not in loaded_by(NODES)
 
 
+def test_the_nodes_load_pyserial_only_for_a_serial_port():
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    assert 'serial' not in loaded_by(NODES)
+
+
 def test_the_nodes_do_without_reports():
     pytest.importorskip('rclpy', reason='needs rclpy')
     of_reports = {f'slip_detector.{name}' for name in ('overview', 'report', 'report_data')}

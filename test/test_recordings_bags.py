@@ -14,6 +14,8 @@ from hypothesis.extra import numpy as hnp
 pytest.importorskip('rosbags', reason='needs rosbags')
 
 from recorded import read_recording
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
@@ -55,6 +57,19 @@ def same(read, written):
     assert (read.truth is None) == (written.truth is None)
     if written.truth is not None:
         np.testing.assert_array_equal(read.truth, written.truth)
+
+
+@pytest.mark.parametrize('ending', ['', '.mcap', '.db3'])
+def test_a_bag_says_with_which_quality_its_topics_were_offered(tmp_path, ending):
+    path = tmp_path / f'trial{ending}'
+    write_recording(path, [rows()], 380.0, NAMES)
+    with AnyReader([path]) as reader:
+        offered = {one.topic: one.ext.offered_qos_profiles for one in reader.connections}
+    (sample,), (state,) = offered['/voltages'], offered['/slip_truth']
+    assert sample.reliability is QosReliability.BEST_EFFORT
+    assert state.reliability is QosReliability.RELIABLE
+    assert state.durability is QosDurability.TRANSIENT_LOCAL
+    assert state.depth == 1
 
 
 class Bag:

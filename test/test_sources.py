@@ -141,6 +141,11 @@ def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
         shared_folder()
 
 
+def test_a_sensor_has_no_beginning_to_play_from():
+    with pytest.raises(ValueError, match="source is 'udp', allowed here: scene, recording"):
+        open_source(DriverConfig(source='udp'))
+
+
 def test_a_recording_without_a_path_is_an_error_that_says_why():
     with pytest.raises(ValueError, match="parameter recording is '', allowed: a path, as source"):
         open_source(DriverConfig(source='recording'))

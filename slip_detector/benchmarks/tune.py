@@ -1,200 +1,176 @@
-"""How fast recordings are evaluated, read, searched and reported, and what tuning brings.
+"""Recordings read, evaluated, searched and reported, and what tuning brings.
 
-:func:`measure` gives one object (keys of ``slip_benchmark tune --json``), of which ``--part``
-leaves out what is not asked for:
+:func:`measure` gives one object (keys of ``slip_benchmark tune --json``); ``--part`` leaves out
+what it does not name:
 
+``evaluate``
+    As :mod:`slip_detector.benchmarks.evaluation_speed` has it.
+``read``
+    As :mod:`slip_detector.benchmarks.recordings` has it, of an MCAP file.
 ``search``
-    A search against the same around a chain in SciPy and NumPy, trial by trial in turns:
-    ``trials``, ``minutes`` of ``channels`` at ``sample_rate_hz``, ``search_s``, ``numpy_s`` and
-    ``speedup``; ``sampler_s``, which is what of each went into asking for the next trial; and
-    ``agreement``, the share of the trials in which both found the same cost.
+    As :mod:`slip_detector.benchmarks.search_speed` has it.
+``report``
+    As :mod:`slip_detector.benchmarks.report_size` has it.
+``families``, ``real``
+    As :mod:`slip_detector.benchmarks.families` has them; ``families`` by the name of the family
+    under ``by_name``, with ``better``, in how many of them latency and false alarms are better.
 ``wanted``
-    For each claim, by ``section.figure``: the measured ``value``, the ``bound`` as text and
-    whether it is ``met``; null where it was not measured.
+    For each claim, by ``part.figure``: the measured ``value``, the ``bound`` as text and whether
+    it is ``met``; value and met are null where it was not measured.
 """
 
-import time
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy import signal
+from slip_detector.benchmark import Bound, verdicts
 
-from slip_detector.benchmark import Bound, gc_off
-from slip_detector.config import ChainConfig, EvaluationConfig, TuneConfig
-from slip_detector.filters import design
-from slip_detector.replay import Rows
-from slip_detector.search import Objective, Space
-from slip_detector.sweep import Swept, Vote, windows
-from slip_detector.tracks import Track, track_of
+#: What is measured unless it is asked for something else; ``real`` needs recordings.
+PARTS = ('evaluate', 'read', 'search', 'report', 'families', 'real')
 
-Floats = NDArray[np.float64]
+WANTED = {
+    'evaluate.ratio': Bound('<=', 4.0),
+    'read.times_real_time': Bound('>=', 200.0),
+    'search.speedup': Bound('>=', 8.0),
+    'report.bytes': Bound('<', 10e6),
+    'report.ready_ms': Bound('<=', 3000.0),
+    'families.better': Bound('>=', 3.0),
+    'real.least_auc_moving': Bound('>=', 0.90),
+}
 
-PARTS = ('search',)
+MEANINGS = {
+    'evaluate.ratio': 'evaluating an hour from npz, against copy and threshold',
+    'read.times_real_time': 'reading an hour of MCAP, times real time',
+    'search.speedup': 'a search, times faster than around SciPy and NumPy',
+    'report.bytes': 'report of an hour, bytes',
+    'report.ready_ms': 'report of an hour, until it is drawn [ms]',
+    'families.better': 'families with better latency and fewer false alarms',
+    'real.least_auc_moving': 'real recordings left out, AUC against motion, worst seed',
+}
 
-WANTED = {'search.speedup': Bound('>=', 8.0)}
-
-#: Costs that differ by less are taken for the same: rounding differs between the two sides, and a
-#: level within it of a threshold may fall to either.
-SAME_COST_MS = 0.5
-
-#: More of the trials than this must have the same cost.
-LEAST_AGREEMENT = 0.9
+#: Searches on the real recordings, each with the next seed.
+REAL_SEEDS = 5
 
 
-class Sizes(NamedTuple):
-    """How much is measured.
+def measure(
+    quick: bool = False,
+    parts: Sequence[str] = (),
+    recordings: Path | None = None,
+    config: Path | None = None,
+) -> dict[str, Any]:
+    """Measure; the keys are in the module's docstring.
 
-    Attributes
+    Parameters
     ----------
-    trials : int
-        Of each search.
-    minutes : float
-        Of the recording that is searched on.
+    quick
+        Small and rough, for tests.
+    parts
+        Of :data:`PARTS`; none: all, ``real`` where there are recordings.
+    recordings, config
+        A folder of labelled recordings and the parameters to begin with.
+
+    Raises
+    ------
+    ValueError
+        For an unknown part, or ``real`` without recordings and parameters.
     """
+    for part in parts:
+        if part not in PARTS:
+            raise ValueError(f'--part is {part!r}, allowed: {", ".join(PARTS)}')
+    if ('real' in parts or recordings) and not (recordings and config):
+        raise ValueError('real recordings need --recordings and --config')
+    chosen = parts or [part for part in PARTS if part != 'real' or recordings]
+    result: dict[str, Any] = {}
+    for part in chosen:
+        if part == 'real':
+            from slip_detector.benchmarks import families
 
-    trials: int
-    minutes: float
-
-
-FULL = Sizes(100, 8.0)
-QUICK = Sizes(4, 0.5)
-
-
-def slips_and_noise(minutes: float, seed: int = 0) -> Track:
-    """Make a recording of 16 channels at 380 Hz: noise, some hum, and slips of half a second."""
-    config = ChainConfig()
-    rate, random = config.sample_rate_hz, np.random.default_rng(seed)
-    n = round(minutes * 60.0 * rate)
-    time_s = np.arange(n) / rate
-    truth = np.asarray(time_s % 5.0 > 4.5)
-    volts = 4.3 + 0.004 * random.standard_normal((n, config.channels))
-    volts += 0.002 * np.sin(2 * np.pi * 50.0 * time_s)[:, None]
-    ridges = 0.02 * np.sin(2 * np.pi * 17.0 * time_s[:, None] + np.arange(config.channels))
-    volts[truth] += ridges[truth]
-    return track_of('slips and noise', [Rows(volts, truth)], rate)
-
-
-class NumpyObjective(Objective):
-    """The same with the chain and the sweep as a user of SciPy and NumPy would write them.
-
-    It has no check of the samples, as such scripts have none.
-    """
-
-    def statistic(
-        self, chain: ChainConfig, votes: Sequence[Vote]
-    ) -> Sequence[Mapping[Vote, Floats]]:
-        """Return what is held against the threshold by track and vote, shapes (n,)."""
-        return [_statistic(_level(chain, track.volts), chain, votes) for track in self._tracks]
-
-    def swept(self, statistic: Sequence[Floats], limits: Floats) -> Swept:
-        """Return what becomes of the tracks at each threshold."""
-        false = np.zeros(limits.size, np.int64)
-        counts = np.zeros((3, limits.size + 1), np.int64)
-        latencies_ms = []
-        for part, track in zip(statistic, self._tracks, strict=True):
-            rate_hz, config = track.sample_rate_hz, self._evaluation
-            early, tail = (round(s * rate_hz) for s in (config.early_s, config.tail_s))
-            above = np.searchsorted(limits, part)
-            before = np.concatenate([[0], above[:-1]])
-            for kind in range(3):
-                counts[kind] += np.bincount(above[track.kind == kind], minlength=limits.size + 1)
-            outside = above > before
-            for start, low, high in zip(
-                [slip.start for slip in track.slips], *windows(track, early, tail), strict=True
-            ):
-                outside[low:high] = False
-                rise = above[low:high, None] > np.arange(limits.size)
-                rise &= before[low:high, None] <= np.arange(limits.size)
-                rows = np.where(rise.any(axis=0), rise.argmax(axis=0) + low - start, np.nan)
-                latencies_ms.append(rows * (1e3 / rate_hz))
-            risen = np.bincount(before[outside], minlength=limits.size + 1)
-            risen -= np.bincount(above[outside], minlength=limits.size + 1)
-            false += np.cumsum(risen)[:-1]
-        quiet_s = sum(track.quiet_s for track in self._tracks)
-        return Swept(limits, np.array(latencies_ms), false, quiet_s, counts)
-
-
-def _level(config: ChainConfig, volts: Floats) -> Floats:
-    """Return the level of a recording without gaps, an expression a stage; shape (n, c)."""
-    deviations = volts - volts[0]
-    if config.common_mode != 'none':
-        take = np.median if config.common_mode == 'median' else np.mean
-        deviations = deviations - np.asarray(take(deviations, axis=1, keepdims=True))
-    filtered = signal.sosfilt(design(config), deviations, axis=0)
-    squares = (np.abs(filtered) ** config.exponent) ** 2
-    envelope = np.sqrt(_windowed_mean(squares, config.samples(config.envelope_window_s)))
-    return _windowed_mean(envelope, config.samples(config.decision_window_s))
-
-
-def _windowed_mean(values: Floats, window: int) -> Floats:
-    sums = np.cumsum(np.concatenate([np.zeros((window, values.shape[1])), values]), axis=0)
-    # The difference of two sums may come out below zero by their rounding errors.
-    return np.asarray(np.maximum((sums[window:] - sums[:-window]) / window, 0.0))
-
-
-def _statistic(level: Floats, config: ChainConfig, votes: Sequence[Vote]) -> dict[Vote, Floats]:
-    """Return the largest statistic of the groups by vote, shapes (n,)."""
-    best = {vote: np.zeros(len(level)) for vote in votes}
-    for members in config.groups.values():
-        ordered = np.sort(level[:, np.array(members) - 1], axis=1)
-        for vote, most in best.items():
-            if vote == 'all':
-                mine = ordered[:, 0]
-            elif vote == 'mean':
-                with np.errstate(divide='ignore'):
-                    mine = np.exp(np.log(ordered).mean(axis=1))
-            else:
-                mine = ordered[:, -int(vote)]
-            np.maximum(most, mine, out=most)
-    return best
-
-
-def search(sizes: Sizes) -> dict[str, Any]:
-    """Compare a search with the same around :class:`NumpyObjective`."""
-    from slip_detector.study import Study
-
-    given, weights, evaluation = ChainConfig(), TuneConfig(), EvaluationConfig()
-    track = slips_and_noise(sizes.minutes)
-    space = Space(given)
-    sides = [
-        (kind([track], evaluation, weights), Study(None, '', space.distributions(), seed=0))
-        for kind in (Objective, NumpyObjective)
-    ]
-    for objective, _ in sides:  # what is compiled, or loaded, is so before
-        objective.best(given)
-    spent_s, sampler_s, same = [0.0, 0.0], [0.0, 0.0], 0
-    with gc_off():
-        for k in range(sizes.trials):
-            costs_ms = []
-            for i, (objective, study) in enumerate(sides):
-                start_s = time.perf_counter()
-                points = space.starts()
-                trial = study.ask(points[k] if k < len(points) else None)
-                asked_s = time.perf_counter()
-                try:
-                    found = objective.best(space.chain(trial.params))
-                except ValueError:  # no such filter
-                    found = []
-                cost_ms = found[0].cost_ms if found else None
-                study.tell(trial, cost_ms, {})
-                spent_s[i] += time.perf_counter() - start_s
-                sampler_s[i] += asked_s - start_s
-                costs_ms.append(cost_ms if cost_ms is not None else np.inf)
-            same += costs_ms[0] == costs_ms[1] or abs(costs_ms[0] - costs_ms[1]) < SAME_COST_MS
-    if same < LEAST_AGREEMENT * sizes.trials:
-        raise RuntimeError(
-            f'the search and its NumPy rival found the same in {same} of {sizes.trials} trials'
-        )
-    return {
-        'trials': sizes.trials,
-        'minutes': sizes.minutes,
-        'channels': given.channels,
-        'sample_rate_hz': given.sample_rate_hz,
-        'search_s': spent_s[0],
-        'numpy_s': spent_s[1],
-        'speedup': spent_s[1] / spent_s[0],
-        'sampler_s': sampler_s,
-        'agreement': same / sizes.trials,
+            assert recordings is not None
+            assert config is not None
+            seeds, trials = (range(1), 4) if quick else (range(REAL_SEEDS), families.TRIALS)
+            result['real'] = families.real(recordings, config, seeds, trials)
+        else:
+            result[part] = _MEASURES[part](quick)
+    values = {
+        claim: result.get(part, {}).get(figure)
+        for claim in WANTED
+        for part, figure in [claim.split('.')]
     }
+    result['wanted'] = verdicts(WANTED, values)
+    return result
+
+
+def _evaluate(quick: bool) -> dict[str, Any]:
+    from slip_detector.benchmarks import evaluation_speed
+
+    return evaluation_speed.measure(20_000, 2) if quick else evaluation_speed.measure()
+
+
+def _read(quick: bool) -> dict[str, Any]:
+    from slip_detector.benchmarks.recordings import hour_of_mcap, reading
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'hour.mcap'
+        hour_of_mcap(path, 30.0 if quick else 3600.0)
+        return reading(path)
+
+
+def _search(quick: bool) -> dict[str, Any]:
+    from slip_detector.benchmarks import search_speed
+
+    return search_speed.measure(4, 0.5) if quick else search_speed.measure()
+
+
+def _report(quick: bool) -> dict[str, Any]:
+    from slip_detector.benchmarks import report_size
+
+    return report_size.measure(30.0) if quick else report_size.measure()
+
+
+def _families(quick: bool) -> dict[str, Any]:
+    from slip_detector.benchmarks import families
+
+    by_name = families.families(4, range(2), range(2, 3)) if quick else families.families()
+    return {'by_name': by_name, 'better': sum(one['better'] for one in by_name.values())}
+
+
+_MEASURES = {
+    'evaluate': _evaluate,
+    'read': _read,
+    'search': _search,
+    'report': _report,
+    'families': _families,
+}
+
+
+def table(result: dict[str, Any]) -> str:
+    """Lay the figures out as text."""
+    lines = ['What                                                      measured    wanted']
+    for claim, entry in result['wanted'].items():
+        value = '-' if entry['value'] is None else f'{entry["value"]:.4g}'
+        met = '' if entry['met'] is None else 'met' if entry['met'] else 'NOT met'
+        lines.append(f'{MEANINGS[claim]:<56}  {value:>8}  {entry["bound"]:>8}  {met}'.rstrip())
+    if 'families' in result:
+        lines += [
+            '',
+            'Held-out seeds, given -> tuned: latency [ms], false alarms a minute, recall',
+        ]
+        for name, one in result['families']['by_name'].items():
+            both = ' -> '.join(_in_short(one[which]) for which in ('given', 'tuned'))
+            lines.append(f'  {name:<32} {both}' + (f' ({one["kept"]})' if one['kept'] else ''))
+    if 'real' in result:
+        real = result['real']
+        lines += ['', f'Real recordings, {real["recordings"]}, each left out of its search:']
+        rows = {'as given': real['given'], **{f'seed {k}': v for k, v in real['seeds'].items()}}
+        for name, one in rows.items():
+            lines.append(
+                f'  {name:<9} AUC against motion {one["auc_moving"]:.3f} '
+                f'(by thresholds {one["auc_moving_by_threshold"]:.3f})'
+            )
+    return '\n'.join(lines)
+
+
+def _in_short(figures: dict[str, Any]) -> str:
+    latency, false = figures['latency_median_ms'], figures['false_alarms_per_minute']
+    return f'{"-" if latency is None else f"{latency:.1f}"}, {false:.2f}, {figures["recall"]:.2f}'

@@ -1,4 +1,4 @@
-"""The driver node: plays a source at its own pace."""
+"""The driver node: plays a source at its own pace, or passes on what a sensor sends."""
 
 import threading
 import time
@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.config import DriverConfig
+from slip_detector.nodes.listening import Listening
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
 from slip_detector.sources import Samples, Source, open_source
@@ -38,12 +39,15 @@ class Driver(Node):
 
     A scene with an object takes its grip from ``grip_force``. It is computed sample by sample,
     each when it is due, so that what the fingertip feels is the doing of all commands until then.
+
+    The samples of a sensor (serial, udp) are published as they come.
     """
 
     def __init__(self) -> None:
         super().__init__('slip_driver')
         self.config = config = declare(self, DriverConfig)
-        source = open_source(config)
+        live = config.source in ('serial', 'udp')
+        source = None if live else open_source(config)
         self._voltages = self.create_publisher(JointState, 'voltages', sensor_qos())
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
@@ -59,11 +63,12 @@ class Driver(Node):
         # Also wakes the executor, should a signal's own wake-up get lost.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_S, self._look_for_end, clock=steady)
-        what = config.recording if config.source == 'recording' else f'scene {config.scene}'
-        self.get_logger().info(
-            f'playing {what}: {len(source.channel_names)} channels at '
-            f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
-        )
+        if source is not None:
+            what = config.recording if config.source == 'recording' else f'scene {config.scene}'
+            self.get_logger().info(
+                f'playing {what}: {len(source.channel_names)} channels at '
+                f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
+            )
         self._thread = threading.Thread(target=self._run, args=(source,), daemon=True)
         self._thread.start()
 
@@ -79,10 +84,15 @@ class Driver(Node):
         else:
             self._say(f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
 
-    def _run(self, source: Source) -> None:
-        """Play in a thread of its own; the executor looks for its end."""
+    def _run(self, source: Source | None) -> None:
+        """Play or listen in a thread of its own; the executor looks for its end."""
         try:
-            self._play(source)
+            if not self._wait_for_subscribers():
+                return
+            if source is not None:
+                self._play(source)
+            else:
+                Listening(self, self.config, self._send).run(self._stop)
         except Exception as failure:
             self._failure = failure
 
@@ -91,18 +101,22 @@ class Driver(Node):
         if not self._thread.is_alive():
             raise self._failure or ExternalShutdownException()
 
-    def _play(self, source: Source) -> None:
-        """Play the source, again and again if asked to."""
+    def _wait_for_subscribers(self) -> bool:
+        """Wait for those who must miss nothing; false: the node was stopped meanwhile."""
         if self.config.wait_for_subscribers:
             self.get_logger().info(f'waiting for {self.config.wait_for_subscribers} subscribers')
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
             if self._stop.wait(POLL_S):
-                return
+                return False
         if self._in_grip and self.config.wait_for_grip:
             self.get_logger().info('waiting for a grip force')
             while self._grip_n is None:
                 if self._stop.wait(POLL_S):
-                    return
+                    return False
+        return True
+
+    def _play(self, source: Source) -> None:
+        """Play the source, again and again if asked to."""
         # Stamps are the samples' own times, counted from here on the node's clock.
         first_stamp_ns = self.get_clock().now().nanoseconds
         start_s = time.monotonic()
@@ -151,21 +165,23 @@ class Driver(Node):
         for i, volts in enumerate(samples.volts):
             if self._wait(start_s + float(taken_s[i]) / self.config.rate):
                 return i
-            header = Header(
-                stamp=time_message(first_stamp_ns + round(float(taken_s[i]) * 1e9)),
-                frame_id=self.config.frame_id,
-            )
             # A state holds for what comes after it, in a bag too.
             if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
                 self._last_truth = bool(samples.truth[i])
                 self._truth.publish(Bool(data=self._last_truth))
-            self._voltages.publish(JointState(header=header, name=names, position=volts))
+            header = self._send(first_stamp_ns + round(float(taken_s[i]) * 1e9), names, volts)
             if samples.position_m is not None:
                 position = [float(samples.position_m[i])]
                 self._position.publish(
                     JointState(header=header, name=self._position_names, position=position)
                 )
         return len(samples.volts)
+
+    def _send(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> Header:
+        """Publish a sample; returns its header."""
+        header = Header(stamp=time_message(stamp_ns), frame_id=self.config.frame_id)
+        self._voltages.publish(JointState(header=header, name=names, position=volts))
+        return header
 
     def _wait(self, due_s: float) -> bool:
         """Wait until something is due; returns whether the driver is to stop."""

@@ -106,7 +106,9 @@ class NpzRecording(Recording):
 
 def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
     """Convert the label of true slip; NaN or 'False' are not taken for slip."""
-    wrong = label[~np.isin(label, (0, 1))] if label.dtype.kind in 'biuf' else label.reshape(-1)
+    if label.dtype.kind == 'b':
+        return label.reshape(-1)
+    wrong = label[~np.isin(label, (0, 1))] if label.dtype.kind in 'iuf' else label.reshape(-1)
     if wrong.size:
         raise ValueError(f'{path}: {key} has {wrong.tolist()[0]!r}, allowed: 0 and 1')
     return np.asarray(label, dtype=bool).reshape(-1)

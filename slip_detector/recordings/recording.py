@@ -183,7 +183,7 @@ class Recording:
             if empty:
                 first_ns, empty = int(rows.stamps_ns[0]), False
             last_ns = max(last_ns, int(rows.stamps_ns.max()))
-            self.counts.bad_samples += rows.volts.size - int(np.isfinite(rows.volts).sum())
+            self.counts.bad_samples += int(np.count_nonzero(~np.isfinite(rows.volts)))
             if labels is not None:
                 rows = rows._replace(truth=labels.at(rows.stamps_ns - first_ns))  # noqa: PLW2901
             yield rows

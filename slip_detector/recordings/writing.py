@@ -122,7 +122,10 @@ def _write_messages(
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
-    voltages = writer.add_connection('/voltages', JOINT_STATE, typestore=store)
+    samples, states = _qualities()
+    voltages = writer.add_connection(
+        '/voltages', JOINT_STATE, typestore=store, offered_qos_profiles=[samples]
+    )
     rows = Encoder(store, frame_id, names)
     platform = Encoder(store, frame_id, ['platform'])
     bools = [
@@ -136,12 +139,17 @@ def _write_messages(
         truth = [None] * n if piece.truth is None else piece.truth.tolist()
         positions: list[bytes | None] = [None] * n
         if piece.truth is not None and truth_topic is None:
-            truth_topic = writer.add_connection('/slip_truth', BOOL, typestore=store)
+            truth_topic = writer.add_connection(
+                '/slip_truth', BOOL, typestore=store, offered_qos_profiles=[states]
+            )
         if piece.position_m is not None:
             positions = [*platform.many(piece.position_m[:, np.newaxis], piece.stamps_ns)]
             if position_topic is None:
                 position_topic = writer.add_connection(
-                    '/platform_position', JOINT_STATE, typestore=store
+                    '/platform_position',
+                    JOINT_STATE,
+                    typestore=store,
+                    offered_qos_profiles=[samples],
                 )
         for stamp_ns, row, slip, position in zip(
             stamps_ns, rows.many(piece.volts, piece.stamps_ns), truth, positions, strict=True
@@ -153,3 +161,30 @@ def _write_messages(
             if position is not None:
                 writer.write(position_topic, stamp_ns, position)
             writer.write(voltages, stamp_ns, row)
+
+
+def _qualities() -> tuple[Any, Any]:
+    """Return the driver's qualities of service, of samples and of states.
+
+    ``ros2 bag play`` offers what the bag says: who subscribes later is to get the last state.
+    """
+    from rosbags import interfaces
+
+    for_ever = interfaces.QosTime(9223372036, 854775807)
+    sample = interfaces.Qos(
+        history=interfaces.QosHistory.KEEP_LAST,
+        depth=100,
+        reliability=interfaces.QosReliability.BEST_EFFORT,
+        durability=interfaces.QosDurability.VOLATILE,
+        deadline=for_ever,
+        lifespan=for_ever,
+        liveliness=interfaces.QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=for_ever,
+        avoid_ros_namespace_conventions=False,
+    )
+    state = sample._replace(
+        depth=1,
+        reliability=interfaces.QosReliability.RELIABLE,
+        durability=interfaces.QosDurability.TRANSIENT_LOCAL,
+    )
+    return sample, state
