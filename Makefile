@@ -1,6 +1,7 @@
 # Needs Python 3.10 or newer with venv, and a package index; no ROS.
 #
 #   make demo               install into .venv, run driver and detector, show the figures
+#   make grasp              a grasp controller on simulated objects: a table over thirty of them
 #   make test               all checks
 #   make test ROS=kilted    the same on the wheels of another distribution, in .venv-kilted
 #
@@ -32,7 +33,7 @@ RECORDING_TESTS := $(addprefix test/test_,$(addsuffix .py,evaluation fields fram
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo test clean
+.PHONY: demo grasp test clean
 .DELETE_ON_ERROR:
 
 demo: out/demo.json
@@ -41,6 +42,13 @@ demo: out/demo.json
 out/demo.json: $(VENV)/installed $(PACKAGE)
 	mkdir -p out
 	$(BIN)/slip_demo --out out > out/demo.txt
+
+grasp: out/grasp.json
+	@cat out/grasp.txt
+
+out/grasp.json: $(VENV)/installed $(PACKAGE)
+	mkdir -p out
+	$(BIN)/slip_grasp --out out > out/grasp.txt
 
 test: $(addprefix $(CHECKS)/,lint types pytest numpy1 interpreted colcon)
 	@echo 'All checks passed on ROS 2 $(ROS).'

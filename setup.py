@@ -66,7 +66,9 @@ setup(
         'console_scripts': [
             f'slip_driver = {NAME}.nodes.run:driver',
             f'slip_detector = {NAME}.nodes.run:detector',
+            f'grasp_controller = {NAME}.nodes.run:grasp_controller',
             f'slip_demo = {NAME}.nodes.demo:main',
+            f'slip_grasp = {NAME}.nodes.grasp_demo:main',
             f'slip_evaluate = {NAME}.evaluation:main',
             f'slip_tune = {NAME}.tuning:main',
             f'slip_benchmark = {NAME}.benchmark:main',

@@ -21,7 +21,7 @@ import yaml
 OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
 #: What has a section in a parameter file.
-NODES = ('slip_driver', 'slip_detector', 'slip_evaluate', 'slip_tune')
+NODES = ('slip_driver', 'slip_detector', 'grasp_controller', 'slip_evaluate', 'slip_tune')
 
 NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 

@@ -4,7 +4,13 @@ import dataclasses
 import re
 from pathlib import Path
 
-from slip_detector.config import DetectorConfig, DriverConfig, EvaluationConfig, TuneConfig
+from slip_detector.config import (
+    DetectorConfig,
+    DriverConfig,
+    EvaluationConfig,
+    GraspConfig,
+    TuneConfig,
+)
 from slip_detector.parameter_sets import allowed, default_of
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.scene import PARTS, Sampling
@@ -13,7 +19,13 @@ ROOT = Path(__file__).resolve().parents[1]
 
 #: The files with tables, and whose parameters each has.
 DOCUMENTS = {
-    ROOT / 'docs' / 'parameters.md': (DetectorConfig, DriverConfig, EvaluationConfig, TuneConfig),
+    ROOT / 'docs' / 'parameters.md': (
+        DetectorConfig,
+        DriverConfig,
+        GraspConfig,
+        EvaluationConfig,
+        TuneConfig,
+    ),
     ROOT / 'docs' / 'scenes.md': (Sampling, Step, *PARTS.values()),
 }
 

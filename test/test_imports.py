@@ -13,7 +13,9 @@ CORE = sorted(
     for module in pkgutil.walk_packages(slip_detector.__path__, 'slip_detector.')
     if not module.name.startswith('slip_detector.nodes')
 )
-NODES = ['slip_detector.nodes.detector', 'slip_detector.nodes.driver', 'slip_detector.nodes.run']
+NODES = [
+    f'slip_detector.nodes.{name}' for name in ('detector', 'driver', 'grasp_controller', 'run')
+]
 
 WITHOUT = """
 import importlib, sys

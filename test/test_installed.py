@@ -13,7 +13,16 @@ pytestmark = pytest.mark.skipif(
     not PREFIX, reason='SLIP_DETECTOR_PREFIX does not name a folder that colcon installed into'
 )
 
-EXECUTABLES = ['slip_benchmark', 'slip_demo', 'slip_detector', 'slip_driver', 'slip_evaluate']
+EXECUTABLES = [
+    'grasp_controller',
+    'slip_benchmark',
+    'slip_demo',
+    'slip_detector',
+    'slip_driver',
+    'slip_evaluate',
+    'slip_grasp',
+    'slip_tune',
+]
 
 
 def run(name, *words):
@@ -50,14 +59,14 @@ def test_what_reports_are_made_of_is_installed(tmp_path):
     assert all(int(size) > 1000 for size in done.stdout.split())
 
 
-@pytest.mark.parametrize('name', ['slip_benchmark', 'slip_demo', 'slip_evaluate'])
+@pytest.mark.parametrize('name', ['slip_benchmark', 'slip_demo', 'slip_evaluate', 'slip_grasp'])
 def test_the_command_lines_run(name):
     done = run(name, '--help')
     assert done.returncode == 0, done.stderr
     assert name in done.stdout
 
 
-@pytest.mark.parametrize('name', ['slip_detector', 'slip_driver'])
+@pytest.mark.parametrize('name', ['slip_detector', 'slip_driver', 'grasp_controller'])
 def test_the_nodes_run_and_refuse_what_is_wrong(name):
     done = run(name, '--ros-args', '-p', 'no_such_parameter:=1')
     assert done.returncode == 1

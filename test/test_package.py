@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from slip_detector.config import ChainConfig, DetectorConfig, DriverConfig
-from slip_detector.parameter_sets import read_yaml
+from slip_detector.config import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
+from slip_detector.parameter_sets import NODES, read_yaml
 from slip_detector.sources import find_scene, shared_folder
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -77,9 +77,10 @@ def test_the_changelog_has_the_version():
 def test_every_shipped_parameter_file_is_taken(path):
     assert isinstance(DetectorConfig.from_yaml(path), ChainConfig)
     assert DriverConfig.from_yaml(path).NODE == 'slip_driver'
+    assert GraspConfig.from_yaml(path).NODE == 'grasp_controller'
     # A section for a name that no node has would be ignored in silence.
     sections = {section.rsplit('/', 1)[-1] for section in read_yaml(path)}
-    assert sections <= {'slip_detector', 'slip_driver', 'slip_evaluate'}
+    assert sections <= set(NODES)
 
 
 def test_shipped_scenes_are_found_by_name():

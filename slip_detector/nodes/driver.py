@@ -2,6 +2,7 @@
 
 import threading
 import time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,9 @@ class Driver(Node):
     Sample k is due at start + k / rate; where the source knows better when it was taken (its
     clock may be wrong, and samples may be lost), at that time.
 
+    A scene with an object takes its grip from ``grip_force``. It is computed sample by sample,
+    each when it is due, so that what the fingertip feels is the doing of all commands until then.
+
     The samples of a sensor (serial, udp) are published as they come.
     """
 
@@ -48,6 +52,11 @@ class Driver(Node):
         self._voltages = Voltages(self, config.samples_per_message)
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
+        self._in_grip = 'object' in getattr(source, 'parts', {})
+        self._position_names = ['object' if self._in_grip else 'platform']
+        self._grip_n: float | None = None
+        if self._in_grip:
+            self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         self._last_truth: bool | None = None
         self._logged_s = -1.0
         self._stop = threading.Event()
@@ -69,6 +78,12 @@ class Driver(Node):
         self._stop.set()
         self._thread.join()
         super().destroy_node()
+
+    def _on_grip_force(self, message: JointState) -> None:
+        if len(message.effort) == 1:
+            self._grip_n = message.effort[0]
+        else:
+            self._say(f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
 
     def _run(self, source: Source | None) -> None:
         """Play or listen in a thread of its own; the executor looks for its end."""
@@ -94,6 +109,11 @@ class Driver(Node):
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
             if self._stop.wait(POLL_S):
                 return False
+        if self._in_grip and self.config.wait_for_grip:
+            self.get_logger().info('waiting for a grip force')
+            while self._grip_n is None:
+                if self._stop.wait(POLL_S):
+                    return False
         return True
 
     def _play(self, source: Source) -> None:
@@ -104,8 +124,15 @@ class Driver(Node):
         played = 0
         repetition = 0
         begin_s = end_s = 0.0
+        gripped_n: float | None = None
         while not self._stop.is_set():
-            samples = source.read(READ_ROWS)
+            if self._in_grip:
+                if self._wait(start_s + end_s / self.config.rate):
+                    break
+                if self._grip_n != gripped_n:
+                    gripped_n = self._grip_n
+                    self._hold(source, gripped_n)
+            samples = source.read(1 if self._in_grip else READ_ROWS)
             n = len(samples.volts)
             taken_s: NDArray[np.float64]
             if n:
@@ -123,6 +150,7 @@ class Driver(Node):
                 repetition += 1
                 begin_s = end_s
                 source = open_source(self.config, repetition)
+                gripped_n = None
         if not self._stop.is_set():
             self.get_logger().info(f'played all {played} samples')
 
@@ -138,13 +166,9 @@ class Driver(Node):
         names = list(source.channel_names)
         for i, volts in enumerate(samples.volts):
             due_s = start_s + float(taken_s[i]) / self.config.rate
-            ahead_s = due_s - time.monotonic()
-            if ahead_s > 0.0:
-                # Waking up costs more than all else.
-                if self._voltages.completed_by_next and self._stop.wait(ahead_s):
-                    return i
-            elif -ahead_s > LATE_S:
-                self._say_late(-ahead_s)
+            # Of a batch only the last sample waits: waking up costs more than all else.
+            if self._voltages.completed_by_next and self._wait(due_s):
+                return i
             # A state holds for what comes after it, in a bag too.
             if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
                 self._last_truth = bool(samples.truth[i])
@@ -153,7 +177,7 @@ class Driver(Node):
             if samples.position_m is not None:
                 position = [float(samples.position_m[i])]
                 self._position.publish(
-                    JointState(header=header, name=['platform'], position=position)
+                    JointState(header=header, name=self._position_names, position=position)
                 )
         return len(samples.volts)
 
@@ -163,8 +187,24 @@ class Driver(Node):
         self._voltages.publish(header, names, volts)
         return header
 
-    def _say_late(self, late_s: float) -> None:
+    def _wait(self, due_s: float) -> bool:
+        """Wait until something is due; returns whether the driver is to stop."""
+        ahead_s = due_s - time.monotonic()
+        if ahead_s > 0.0:
+            return self._stop.wait(ahead_s)
+        if -ahead_s > LATE_S:
+            self._say(f'{-ahead_s * 1e3:.0f} ms late: the pace cannot be kept')
+        return False
+
+    def _hold(self, source: Any, force_n: float | None) -> None:
+        try:
+            source.hold_force(force_n)
+        except ValueError as error:
+            self._say(f'grip_force: {error}; ignored')
+
+    def _say(self, what: str) -> None:
+        """Warn, at most once a second."""
         now_s = time.monotonic()
         if now_s - self._logged_s >= 1.0:
             self._logged_s = now_s
-            self.get_logger().warning(f'{late_s * 1e3:.0f} ms late: the pace cannot be kept')
+            self.get_logger().warning(what)

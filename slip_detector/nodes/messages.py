@@ -42,19 +42,22 @@ def event_qos() -> QoSProfile:
     )
 
 
-def state_qos(depth: int = 1) -> QoSProfile:
+def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
     """Return the profile of states: who subscribes later gets the last one at once.
 
     Parameters
     ----------
     depth
         How many a subscriber keeps that must not miss a change while it is busy.
+    deadline_s
+        Longest time from message to message that is promised, or asked for.
     """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        deadline=Duration() if deadline_s is None else Duration(seconds=deadline_s),
     )
 
 
@@ -70,8 +73,7 @@ def beating_qos(deadline_s: float) -> QoSProfile:
     deadline_s
         Longest time from message to message that the publisher promises.
     """
-    profile = state_qos()
-    profile.deadline = Duration(seconds=deadline_s)
+    profile = state_qos(deadline_s=deadline_s)
     profile.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC
     profile.liveliness_lease_duration = Duration(seconds=deadline_s)
     return profile

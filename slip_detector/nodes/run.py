@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 #: Longest time for cleaning up; normally it takes some hundredths of a second.
 CLEANING_UP_S = 0.4
 
-EXECUTABLES = ('slip_driver', 'slip_detector')
+EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
 
 def run(executable: str) -> int:
@@ -98,6 +98,10 @@ def _node_class(executable: str) -> Any:
         from slip_detector.nodes.driver import Driver
 
         return Driver
+    if executable == 'grasp_controller':
+        from slip_detector.nodes.grasp_controller import GraspController
+
+        return GraspController
     from slip_detector.chain import SlipChain
     from slip_detector.nodes.detector import Detector
 
@@ -126,6 +130,11 @@ def driver() -> None:
 def detector() -> None:
     """Entry point of ``slip_detector``."""
     main('slip_detector')
+
+
+def grasp_controller() -> None:
+    """Entry point of ``grasp_controller``."""
+    main('grasp_controller')
 
 
 if __name__ == '__main__':

@@ -1,0 +1,73 @@
+"""A grasp: a driver that plays an object in a grip, a detector, and a controller of the grip.
+
+ros2 launch slip_detector grasp.launch.py seed:=7
+"""
+
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+
+def nodes(context):
+    """Start the nodes; what no argument says is as the parameter file has it."""
+    config, source, scene, seed = (
+        LaunchConfiguration(name).perform(context)
+        for name in ('config', 'source', 'scene', 'seed')
+    )
+    if not Path(config).is_file():
+        # The nodes would run on their defaults, unasked.
+        raise FileNotFoundError(f'config is {config!r}, allowed: the path of a parameter file')
+    # The detector misses nothing while it starts, and nothing falls while the controller does.
+    given = {'source': 'scene', 'wait_for_subscribers': 1, 'wait_for_grip': True}
+    if scene:
+        given['scene'] = ParameterValue(scene, value_type=str)
+    if seed:
+        if not seed.isdecimal():
+            raise ValueError(f'seed is {seed!r}, allowed: a whole number from 0')
+        given['seed'] = int(seed)
+    executables = {'slip_detector': {}, 'grasp_controller': {}}
+    if source != 'none':
+        executables['slip_driver'] = given
+    return [
+        Node(
+            package='slip_detector',
+            executable=executable,
+            namespace=LaunchConfiguration('namespace'),
+            parameters=[config, parameters],
+        )
+        for executable, parameters in executables.items()
+    ]
+
+
+def generate_launch_description():
+    own_config = PathJoinSubstitution([FindPackageShare('slip_detector'), 'config', 'grasp.yaml'])
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                'namespace', default_value='', description='Namespace of all nodes.'
+            ),
+            DeclareLaunchArgument(
+                'config', default_value=own_config, description='Parameter file of all nodes.'
+            ),
+            DeclareLaunchArgument(
+                'source',
+                default_value='scene',
+                choices=['scene', 'none'],
+                description='scene: a driver plays an object in a grip; none: no driver, your '
+                'sensor publishes and your gripper follows grip_force.',
+            ),
+            DeclareLaunchArgument(
+                'scene',
+                default_value='',
+                description='Scene with an object, its name or path; empty: as in the parameter '
+                'file.',
+            ),
+            DeclareLaunchArgument('seed', default_value='', description='Seed of its noise.'),
+            OpaqueFunction(function=nodes),
+        ]
+    )

@@ -1,0 +1,102 @@
+"""The grasp controller node, an example of how to use ``slip``: slip in, grip force out."""
+
+import time
+
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.config import GraspConfig
+from slip_detector.grasp import GraspLaw
+from slip_detector.nodes.messages import state_qos
+from slip_detector.nodes.parameters import declare
+
+#: Room for the changes that come while this node is busy: none may be missed.
+DEPTH = 100
+
+
+class GraspController(Node):
+    """Lets :class:`~slip_detector.grasp.GraspLaw` decide at each change of slip, and at a rate.
+
+    What it needs to know of ``slip`` is when not to believe it: while ``slip_valid`` is false, and
+    when either topic has been silent for longer than the deadline that it asks for, whether the
+    detector hangs, was killed, or the network is down.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('grasp_controller')
+        self.config = config = declare(self, GraspConfig)
+        self._law = GraspLaw(config)
+        self._slip = self._slip_valid = self._trusted = False
+        # Topics that are not heard, and whether both have been.
+        self._silent = {'slip', 'slip_valid'}
+        self._heard = False
+        self._command = self.create_publisher(
+            JointState,
+            'grip_force',
+            state_qos(),
+            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
+        )
+        for topic, take in (('slip', self._on_slip), ('slip_valid', self._on_slip_valid)):
+            self.create_subscription(
+                Bool,
+                topic,
+                take,
+                state_qos(DEPTH, config.deadline_s),
+                event_callbacks=SubscriptionEventCallbacks(
+                    deadline=lambda _, topic=topic: self._on_silence(topic)
+                ),
+            )
+        # The grip must not wait for a clock that is set back.
+        self.create_timer(
+            1.0 / config.command_hz,
+            self._command_grip,
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
+        )
+        self.get_logger().info(
+            f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
+        )
+
+    def _on_slip(self, message: Bool) -> None:
+        self._silent.discard('slip')
+        changed, self._slip = message.data != self._slip, message.data
+        if changed:
+            self._command_grip()
+
+    def _on_slip_valid(self, message: Bool) -> None:
+        self._silent.discard('slip_valid')
+        changed, self._slip_valid = message.data != self._slip_valid, message.data
+        if changed:
+            self._command_grip()
+
+    def _on_silence(self, topic: str) -> None:
+        """Take note that the deadline of a topic was missed."""
+        if topic not in self._silent:
+            self._silent.add(topic)
+            self._command_grip()
+
+    def _command_grip(self) -> None:
+        """Ask the law and tell the gripper, once the detector has been heard at all."""
+        self._heard = self._heard or not self._silent
+        trusted = self._slip_valid and not self._silent
+        if trusted != self._trusted:
+            self._trusted = trusted
+            self._say(trusted)
+        before_n = self._law.force_n
+        force_n = self._law.update(time.monotonic(), self._slip, trusted)
+        if self._slip and force_n > before_n >= self.config.grip_n:
+            self.get_logger().info(f'slip: grip raised to {force_n:.2f} N')
+        if self._heard:
+            message = JointState(name=['grip'], effort=[force_n])
+            message.header.stamp = self.get_clock().now().to_msg()
+            self._command.publish(message)
+
+    def _say(self, trusted: bool) -> None:
+        if trusted:
+            self.get_logger().info('slip is valid')
+            return
+        why = f'{" and ".join(sorted(self._silent))} silent' if self._silent else 'not valid'
+        do = 'the grip opens' if self.config.on_invalid == 'open' else 'the grip stays as it is'
+        self.get_logger().warning(f'slip cannot be relied on ({why}): {do}')

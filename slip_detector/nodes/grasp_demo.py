@@ -1,0 +1,172 @@
+"""The grasp's demonstration: some objects through the real nodes, and a table over many.
+
+The nodes run in real time, so the table over seeds comes from the same loop in simulated time
+(:mod:`slip_detector.grasp_loop`: the same scenes, chain and control law). The objects that were
+played through the nodes stand beside it.
+
+``grasp.json`` is one object:
+
+``seeds``
+    Of the table.
+``conditions``
+    By condition, the figures of :func:`slip_detector.grasp_loop.figures`.
+``transport_ms``
+    From sample to command, as the simulated loop takes it.
+``nodes``
+    By seed, both through the nodes and ``simulated``: ``slide_mm`` (null when the object was
+    dropped) and ``command_percent``, the mean of the command while the object has to be held.
+``latency_ms``
+    ``median`` and ``most`` through the nodes, from the stamp of the sample on which slip came on
+    to the command that answered it; null when there was none.
+``wanted``
+    By figure of the controller: its ``value``, what it has to be ``below``, whether that is
+    ``met``.
+"""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+import yaml
+from rclpy.executors import ExternalShutdownException
+
+from slip_detector.config import ChainConfig, GraspConfig
+from slip_detector.grasp_loop import (
+    CONTROLLER,
+    TRANSPORT_S,
+    Trial,
+    conditions,
+    figures,
+    object_scene,
+    play_seeds,
+)
+from slip_detector.grasp_table import WANTED, judged, table
+from slip_detector.nodes.grasp_witness import Heard, Witness, play_live
+from slip_detector.sources import shared_folder
+
+#: The seed that is drawn, where there are so many: this object slips twice.
+SHOWN = 2
+
+
+def through_nodes(
+    seeds: Sequence[int], config: Path, folder: Path, trials: Sequence[Trial], limit_n: float
+) -> tuple[dict[str, Any], dict[int, Heard]]:
+    """Play some seeds through the nodes.
+
+    Parameters
+    ----------
+    seeds
+        Which.
+    config
+        Parameter file of the nodes.
+    folder
+        Where their scenes are written.
+    trials
+        The same seeds in the simulated loop.
+    limit_n
+        Grip that the commands are compared with.
+
+    Returns
+    -------
+    dict
+        ``nodes`` and ``latency_ms``, as the module's docstring has them.
+    dict
+        By seed, what was heard.
+    """
+    rclpy.init()
+    witness = Witness()
+    nodes: dict[str, Any] = {}
+    heard: dict[int, Heard] = {}
+    latencies_s: list[float] = []
+    for seed, trial in zip(seeds, trials, strict=True):
+        scene = folder / f'grasp_{seed}.yaml'
+        scene.write_text(yaml.safe_dump(object_scene(seed), sort_keys=False), encoding='utf-8')
+        live = heard[seed] = play_live(witness, seed, config, scene)
+        latencies_s += live.latencies_s()
+        last_m = float(live.position[-1, 1])
+        nodes[str(seed)] = {
+            'slide_mm': None if last_m >= trial.length_m else last_m * 1e3,
+            'command_percent': 100.0 * trial.mean_n(live.command_n(trial.time_s)) / limit_n,
+            'simulated': {
+                'slide_mm': None if trial.slide_m is None else trial.slide_m * 1e3,
+                'command_percent': 100.0 * trial.mean_n(trial.command_n) / limit_n,
+            },
+        }
+    latency_ms = None
+    if latencies_s:
+        latency_ms = {
+            'median': float(np.median(latencies_s)) * 1e3, 'most': max(latencies_s) * 1e3,
+        }  # fmt: skip
+    return {'nodes': nodes, 'latency_ms': latency_ms}, heard
+
+
+def main() -> None:
+    """Entry point of ``slip_grasp``."""
+    parser = argparse.ArgumentParser(prog='slip_grasp', description=__doc__.splitlines()[0])
+    parser.add_argument('--seeds', type=int, default=30, help='how many objects, from seed 0 on')
+    parser.add_argument('--live', type=int, default=4, help='how many of them through the nodes')
+    parser.add_argument('--config', type=Path, help='parameter file of all nodes')
+    parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
+    arguments = parser.parse_args()
+    if arguments.seeds < 1:
+        parser.error(f'--seeds is {arguments.seeds}, allowed: at least 1')
+    if not 0 <= arguments.live <= arguments.seeds:
+        parser.error(f'--live is {arguments.live}, allowed: 0 to {arguments.seeds}, all seeds')
+    # Processes on one machine need no network.
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    try:
+        config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
+        chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        seeds = list(range(arguments.seeds))
+        trials = {
+            name: play_seeds(*both, seeds) for name, both in conditions(chain, grasp).items()
+        }
+        parts = {name: figures(mine, grasp.limit_n) for name, mine in trials.items()}
+        mine = trials[CONTROLLER][: arguments.live]
+        live, heard = through_nodes(
+            seeds[: arguments.live], config, arguments.out, mine, grasp.limit_n
+        )
+        result = {
+            'seeds': seeds,
+            'conditions': parts,
+            'transport_ms': TRANSPORT_S * 1e3,
+            **live,
+            'wanted': judged(parts[CONTROLLER]),
+        }
+        (arguments.out / 'grasp.json').write_text(json.dumps(result, indent=2) + '\n')
+        from slip_detector.plots_grasp import draw_grasp
+
+        drawn = min(SHOWN, seeds[-1])
+        shown = heard.get(drawn)
+        draw_grasp(
+            arguments.out / 'grasp.png',
+            {name: mine[drawn] for name, mine in trials.items()},
+            parts,
+            grasp.limit_n,
+            {'position': shown.position, 'command': shown.command} if shown else {},
+            WANTED['worst_slide_mm'][0],
+        )
+        print(table(result))
+        print(f'Written: {arguments.out / "grasp.json"}, {arguments.out / "grasp.png"}')
+    except (KeyboardInterrupt, ExternalShutdownException):
+        sys.exit(130)
+    except (ValueError, RuntimeError, OSError) as error:
+        print(f'slip_grasp: {error}', file=sys.stderr)
+        sys.exit(1)
+    except Exception:
+        if rclpy.ok():
+            raise
+        sys.exit(130)  # A signal took the context away in the midst of a call.
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,164 @@
+"""One trial of a grasp through the real nodes, as three processes, and what is heard of it."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
+
+#: The demonstration must not mix with the topics of a robot that runs beside it.
+NAMESPACE = 'slip_grasp'
+
+DRIVER = 'slip_driver'
+EXECUTABLES = ('slip_detector', 'grasp_controller', DRIVER)
+
+TRIAL_TIMEOUT_S = 120.0
+END_TIMEOUT_S = 10.0
+DRAIN_S = 0.3
+
+#: A raise that comes later than this after an onset is the answer to something else.
+ANSWER_S = 0.05
+
+Floats = NDArray[np.float64]
+
+
+class Heard(NamedTuple):
+    """What was received of one trial; times are stamps, from the first sample on.
+
+    Attributes
+    ----------
+    position : ndarray, shape (n, 2)
+        Times and how far the object has moved in metres.
+    command : ndarray, shape (m, 2)
+        Times and grip forces in newtons.
+    onset_s : ndarray, shape (k,)
+        Times of the samples on which slip came on.
+    """
+
+    position: Floats
+    command: Floats
+    onset_s: Floats
+
+    def command_n(self, time_s: Floats) -> Floats:
+        """Return the grip that was commanded last at each time."""
+        last = np.searchsorted(self.command[:, 0], time_s, side='right') - 1
+        return np.asarray(self.command[np.maximum(last, 0), 1])
+
+    def latencies_s(self) -> list[float]:
+        """Return how long each onset took from its sample to the command that answered it.
+
+        One that comes while the last raise still takes effect has no answer.
+        """
+        raised_s = self.command[1:, 0][np.diff(self.command[:, 1]) > 0.0]
+        answers = [raised_s[raised_s > onset_s][:1] - onset_s for onset_s in self.onset_s]
+        return [float(answer[0]) for answer in answers if answer.size and answer[0] < ANSWER_S]
+
+
+class Witness(Node):
+    """Subscribes to what tells how the grasp goes, and notes it."""
+
+    def __init__(self) -> None:
+        super().__init__('witness', namespace=NAMESPACE)
+        self.ears = SingleThreadedExecutor()
+        self.ears.add_node(self)
+        self.forget()
+        self.create_subscription(JointState, 'voltages', self._on_voltages, sensor_qos())
+        self.create_subscription(JointState, 'platform_position', self._on_position, sensor_qos())
+        self.create_subscription(JointState, 'grip_force', self._on_command, state_qos(depth=1000))
+        self.create_subscription(Header, 'slip_onset', self._on_onset, event_qos())
+
+    def forget(self) -> None:
+        """Begin a new trial."""
+        self._begin_ns: int | None = None
+        self._positions: list[tuple[int, float]] = []
+        self._commands: list[tuple[int, float]] = []
+        self._onsets_ns: list[int] = []
+
+    def heard(self) -> Heard:
+        """Return what was received of the trial.
+
+        Raises
+        ------
+        RuntimeError
+            When nothing was.
+        """
+        begin_ns = self._begin_ns
+        if begin_ns is None or not self._positions or not self._commands:
+            raise RuntimeError('nothing was received of the trial')
+        position, command = (
+            np.array([[(at_ns - begin_ns) * 1e-9, value] for at_ns, value in noted])
+            for noted in (self._positions, self._commands)
+        )
+        onset_s = np.array([(at_ns - begin_ns) * 1e-9 for at_ns in self._onsets_ns])
+        return Heard(position, command, onset_s)
+
+    def _on_voltages(self, message: JointState) -> None:
+        if self._begin_ns is None:
+            self._begin_ns = stamp_ns(message.header.stamp)
+
+    def _on_position(self, message: JointState) -> None:
+        self._positions.append((stamp_ns(message.header.stamp), message.position[0]))
+
+    def _on_command(self, message: JointState) -> None:
+        self._commands.append((stamp_ns(message.header.stamp), message.effort[0]))
+
+    def _on_onset(self, message: Header) -> None:
+        self._onsets_ns.append(stamp_ns(message.stamp))
+
+
+def play_live(witness: Witness, seed: int, config: Path, scene: Path) -> Heard:
+    """Play a scene through a driver, a detector and a controller, each a process of its own.
+
+    Raises
+    ------
+    RuntimeError
+        When one of them ends on its own, the driver before the scene does, or nothing is heard.
+    """
+    ros = ['--ros-args', '-r', f'__ns:=/{NAMESPACE}', '--params-file', str(config)]
+    words = {'scene': scene, 'seed': seed, 'wait_for_subscribers': 2, 'wait_for_grip': 'true'}
+    of_driver = [word for name, value in words.items() for word in ('-p', f'{name}:={value}')]
+    processes: dict[str, subprocess.Popen[bytes]] = {}
+    witness.forget()
+    try:
+        for name in EXECUTABLES:
+            command = [sys.executable, '-m', 'slip_detector.nodes.run', name, *ros]
+            command += of_driver if name == DRIVER else []
+            processes[name] = subprocess.Popen(command)
+        deadline_s = time.monotonic() + TRIAL_TIMEOUT_S
+        while processes[DRIVER].poll() is None:
+            if time.monotonic() > deadline_s:
+                raise RuntimeError('waited in vain for the scene to end')
+            for name, process in processes.items():
+                if name != DRIVER and process.poll() is not None:
+                    raise RuntimeError(f'{name} ended with the exit code {process.returncode}')
+            witness.ears.spin_once(timeout_sec=0.05)
+        if processes[DRIVER].returncode:
+            raise RuntimeError(f'{DRIVER} ended with the exit code {processes[DRIVER].returncode}')
+        deadline_s = time.monotonic() + DRAIN_S
+        while time.monotonic() < deadline_s:
+            witness.ears.spin_once(timeout_sec=0.05)
+    finally:
+        _end(processes.values())
+    return witness.heard()
+
+
+def _end(processes: Iterable['subprocess.Popen[bytes]']) -> None:
+    for process in processes:
+        if process.poll() is None:
+            process.terminate()
+    for process in processes:
+        try:
+            process.wait(timeout=END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
