@@ -20,12 +20,12 @@ from sensors import (
     sending,
     vibration,
 )
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float32MultiArray
 
 from slip_detector.frames import FrameDecoder, LineDecoder, encode
 from slip_detector.health import Level
 from slip_detector.nodes.listening import sensor_status
-from slip_detector.nodes.messages import stamp_ns, state_qos
+from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 
 RATE_HZ = 1000.0
 
@@ -283,6 +283,22 @@ def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(b
     with sending(send, pieces, rate_hz):
         bench.wait_for(slips, 'slip after it was plugged in')
     assert np.all(np.diff(listening.stamps_ns()) > 0)
+
+
+def test_what_waits_for_its_batch_is_sent_when_the_sensor_goes(bench, port):
+    batches = bench.listen(Float32MultiArray, 'voltages', sensor_qos())
+    given = {'source': 'serial', 'serial_port': port.path, 'samples_per_message': 10}
+    driver = bench.start('slip_driver', parameters={'wait_for_subscribers': 1, **given})
+    bench.wait_for(lambda: 'listening' in driver.log(), 'the driver to listen')
+    rows = vibration(14, 380.0)
+    for frame in make_frames(rows, 380.0):
+        port.send(on_the_line(frame))
+    bench.wait_for(lambda: batches, 'the first batch')
+    # Its last frame may still be on its way.
+    bench.wait_for(port.is_read, 'the rest to be read')
+    port.unplug()
+    bench.wait_for(lambda: len(batches) == 2, 'the rest')
+    assert [batch.layout.dim[0].size for batch in batches] == [10, 4]
 
 
 @pytest.mark.parametrize(

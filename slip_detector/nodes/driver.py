@@ -93,7 +93,7 @@ class Driver(Node):
             if source is not None:
                 self._play(source)
             else:
-                Listening(self, self.config, self._send).run(self._stop)
+                Listening(self, self.config, self._send, self._voltages.flush).run(self._stop)
         except Exception as failure:
             self._failure = failure
 

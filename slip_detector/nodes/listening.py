@@ -33,6 +33,8 @@ class Listening:
         The driver's parameters.
     send
         Takes the stamp of a sample in nanoseconds, the names of its channels and its volts.
+    flush
+        Sends what waits for more to come: the sensor has gone.
     """
 
     def __init__(
@@ -40,8 +42,9 @@ class Listening:
         node: Node,
         config: DriverConfig,
         send: Callable[[int, list[str], NDArray[np.float64]], object],
+        flush: Callable[[], None],
     ) -> None:
-        self._node, self._config, self._send = node, config, send
+        self._node, self._config, self._send, self._flush = node, config, send, flush
         self._said_state = ''
         self._said_counts: Counter[str] = Counter()
         self._said_s = time.monotonic()
@@ -77,6 +80,7 @@ class Listening:
             if source.connected:
                 self._node.get_logger().info(source.state)
             else:
+                self._flush()
                 self._node.get_logger().warning(source.state)
 
     def _summed_up(self, source: LiveSource) -> Status:
