@@ -12,18 +12,22 @@ ROS ?= jazzy
 VENV := .venv$(if $(filter-out jazzy,$(ROS)),-$(ROS))
 EXTRA := ros$(if $(filter-out jazzy,$(ROS)),-$(ROS))
 BIN := $(VENV)/bin
-# Ubuntu 24.04's NumPy and SciPy, for the tests of chain and scenes.
+# Ubuntu 24.04's NumPy and SciPy, for the tests of all that computes.
 OLDER := .venv-numpy1
 CHECKS := build/checks-$(ROS)
 COLCON := build/colcon-$(ROS)
 
 SOURCES := $(shell find slip_detector launch config resource -type f -not -path '*/__pycache__/*')
 PACKAGE := $(SOURCES) setup.py setup.cfg pyproject.toml package.xml
-TESTS := $(shell find test -name '*.py') README.md
+TESTS := $(shell find test docs -name '*.py' -o -name '*.md') README.md
 CHAIN_TESTS := $(addprefix test/test_,$(addsuffix .py,chain chain_bad_samples chain_interface \
 	chain_votes config filters fingertip parameter_sets))
 SCENE_TESTS := $(addprefix test/test_,$(addsuffix .py,contact disturbances drive electronics \
 	free_object friction mechanics motion scene_files scenes texture))
+EVALUATION_TESTS := $(addprefix test/test_,$(addsuffix .py,events replay scores take_filters))
+RECORDING_TESTS := $(addprefix test/test_,$(addsuffix .py,evaluation fields frames overview quiet \
+	recordings recordings_bags recordings_cdr recordings_damaged recordings_labels \
+	recordings_pieces report search sweep tuning))
 
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -48,8 +52,8 @@ $(VENV)/installed: setup.py
 
 $(OLDER)/installed: setup.py
 	$(PYTHON) -m venv $(OLDER)
-	$(OLDER)/bin/python -m pip install --quiet 'numpy==1.26.*' 'scipy==1.11.*' numba pyyaml \
-		hypothesis pytest pytest-timeout
+	$(OLDER)/bin/python -m pip install --quiet --editable '.[bags,numba,tune]' 'numpy==1.26.*' \
+		'scipy==1.11.*' hypothesis pytest pytest-timeout
 	touch $@
 
 $(CHECKS):
@@ -72,15 +76,16 @@ $(CHECKS)/pytest: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
 $(CHECKS)/numpy1: $(PACKAGE) $(TESTS) | $(CHECKS)
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
 		$(MAKE) --no-print-directory $(OLDER)/installed && \
-		echo 'Chain and scenes with NumPy 1.26 and SciPy 1.11:' && \
-		PYTHONPATH=. $(OLDER)/bin/python -m pytest $(CHAIN_TESTS) $(SCENE_TESTS); \
+		echo 'All that computes, with NumPy 1.26 and SciPy 1.11:' && \
+		$(OLDER)/bin/python -m pytest $(CHAIN_TESTS) $(SCENE_TESTS) $(EVALUATION_TESTS) \
+			$(RECORDING_TESTS); \
 	else echo 'NumPy 1.26 is left out: it needs Python 3.12 or older.'; fi
 	touch $@
 
 $(CHECKS)/interpreted: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
 	@echo 'The chain without Numba:'
 	$(BIN)/python -c "import sys; sys.modules['numba'] = None; import pytest; \
-		sys.exit(pytest.main(sys.argv[1:]))" $(CHAIN_TESTS)
+		sys.exit(pytest.main(sys.argv[1:]))" $(CHAIN_TESTS) $(EVALUATION_TESTS)
 	touch $@
 
 # As on a robot: build, test what was built, run the executables from where they were installed.

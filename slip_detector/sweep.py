@@ -6,6 +6,7 @@ threshold is a rise of that number through it. So the rows are run through once,
 only those thresholds are touched that its number passes.
 """
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -151,7 +152,8 @@ class Statistics:
     """
 
     def __init__(self, config: ChainConfig, votes: Sequence[Vote]) -> None:
-        self._chain = SlipChain(config)
+        # Its own vote is not asked for: the one that costs least.
+        self._chain = SlipChain(dataclasses.replace(config, vote='all'))
         disabled = set(config.disabled_channels)
         groups = [[c - 1 for c in m if c not in disabled] for m in config.groups.values()]
         groups = [members for members in groups if members]

@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from harness import Bench, ended_quietly
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -22,6 +23,8 @@ from sensors import (
 from std_msgs.msg import Bool
 
 from slip_detector.frames import FrameDecoder, LineDecoder, encode
+from slip_detector.health import Level
+from slip_detector.nodes.listening import sensor_status
 from slip_detector.nodes.messages import stamp_ns, state_qos
 
 RATE_HZ = 1000.0
@@ -280,6 +283,62 @@ def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(b
     with sending(send, pieces, rate_hz):
         bench.wait_for(slips, 'slip after it was plugged in')
     assert np.all(np.diff(listening.stamps_ns()) > 0)
+
+
+@pytest.mark.parametrize(
+    ('connected', 'since', 'level', 'message'),
+    [
+        (True, {'samples': 380, 'frames': 380}, Level.OK, 'listening'),
+        (False, {}, Level.ERROR, 'listening'),
+        (True, {}, Level.ERROR, 'no samples come; listening'),
+        (
+            True,
+            {'samples': 380, 'lost': 2, 'checksum': 1},
+            Level.WARN,
+            'dropped or lost in the last second: checksum 1, lost 2',
+        ),
+        (
+            True,
+            {'strangers': 9},
+            Level.ERROR,
+            'no samples come; listening; dropped or lost in the last second: strangers 9',
+        ),
+    ],
+)
+def test_a_sensor_is_told_in_words(connected, since, level, message):
+    status = sensor_status('listening', connected, Counter(since))
+    assert (status.level, status.message) == (level, message)
+
+
+def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_frames_stops_and_is_gone(bench, port):
+    _, send = Listening.to_port(bench, port)
+    heard = bench.listen(DiagnosticArray, '/diagnostics', 10)
+
+    def told(level, words):
+        def said():
+            return any(
+                status.level == bytes([level]) and words in status.message
+                for array in heard
+                for status in array.status
+            )
+
+        bench.wait_for(said, f'{words!r} on /diagnostics')
+
+    told(Level.ERROR, 'no samples come; listening to')
+    frames = [on_the_line(frame) for frame in make_frames(vibration(20_000, 380.0), 380.0)]
+    with sending(send, frames, 380.0):
+        told(Level.OK, 'listening to')
+    spoilt = [frame[:9] + bytes([frame[9] % 255 + 1]) + frame[10:] for frame in frames]
+    with sending(send, spoilt, 380.0):
+        told(Level.WARN, 'dropped or lost in the last second: ')
+    port.unplug()
+    told(Level.ERROR, 'cannot be read')
+    (status,) = heard[-1].status
+    assert status.name == 'slip_driver: sensor'
+    assert status.hardware_id == 'fingertip'
+    values = {pair.key: int(pair.value) for pair in status.values}
+    assert values['samples'] == values['frames'] > 0
+    assert values['garbage_bytes'] > 0
 
 
 def test_a_sensor_that_was_reset_is_heard_again(bench):

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -9,15 +10,20 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 
 from slip_detector.config import DriverConfig
+from slip_detector.health import Level, Status
 from slip_detector.live_source import LiveSource, open_live_source
+from slip_detector.nodes.diagnostics import Diagnostics
 
-#: What came and was no sample is said at most so often; these counts are no fault.
+#: How often it is said how the sensor is, on ``/diagnostics`` and, when something was dropped or
+#: lost, on the log.
 SAY_S = 1.0
+
+#: Counts of what is as it should be.
 GOOD = ('frames', 'samples')
 
 
 class Listening:
-    """Sends on each sample of a sensor as it comes, and says on the log how it goes.
+    """Sends on each sample of a sensor as it comes, and says how it goes.
 
     Parameters
     ----------
@@ -37,8 +43,8 @@ class Listening:
     ) -> None:
         self._node, self._config, self._send = node, config, send
         self._said_state = ''
-        self._said_faults: dict[str, int] = {}
-        self._said_s = -SAY_S
+        self._said_counts: Counter[str] = Counter()
+        self._said_s = time.monotonic()
 
     def run(self, stop: threading.Event) -> None:
         """Listen until told to stop.
@@ -51,29 +57,57 @@ class Listening:
         names = [f'ch{i + 1}' for i in range(self._config.channels)]
         clock = self._node.get_clock()
         source = open_live_source(self._config, lambda: clock.now().nanoseconds)
+        diagnostics = Diagnostics(self._node)
         try:
             while not stop.is_set():
-                self._say_how_it_goes(source)
+                self._say_state(source)
+                if time.monotonic() - self._said_s >= SAY_S:
+                    self._said_s = time.monotonic()
+                    diagnostics.publish([self._summed_up(source)], self._config.frame_id)
                 for stamps_ns, volts in source.read():
                     for stamp_ns, row in zip(stamps_ns, volts, strict=True):
                         self._send(stamp_ns, names, row)
         finally:
             source.close()
 
-    def _say_how_it_goes(self, source: LiveSource) -> None:
-        """Say when the sensor comes or goes, and now and then what was dropped or lost."""
-        logger = self._node.get_logger()
+    def _say_state(self, source: LiveSource) -> None:
+        """Say on the log when the sensor comes or goes."""
         if source.state != self._said_state:
             self._said_state = source.state
             if source.connected:
-                logger.info(source.state)
+                self._node.get_logger().info(source.state)
             else:
-                logger.warning(source.state)
-        now_s = time.monotonic()
-        if now_s - self._said_s < SAY_S:
-            return
-        faults = {kind: n for kind, n in source.counts.items() if n and kind not in GOOD}
-        if faults != self._said_faults:
-            self._said_faults, self._said_s = faults, now_s
-            words = ', '.join(f'{kind} {n}' for kind, n in sorted(faults.items()))
-            logger.warning(f'counted so far: {words}')
+                self._node.get_logger().warning(source.state)
+
+    def _summed_up(self, source: LiveSource) -> Status:
+        """Sum up what came since the last time; say on the log what was dropped or lost."""
+        since = source.counts - self._said_counts
+        self._said_counts = source.counts.copy()
+        status = sensor_status(source.state, source.connected, since)
+        status.values = {kind: str(n) for kind, n in sorted(source.counts.items()) if n}
+        if any(kind not in GOOD for kind in since):
+            faults = {kind: n for kind, n in status.values.items() if kind not in GOOD}
+            words = ', '.join(f'{kind} {n}' for kind, n in faults.items())
+            self._node.get_logger().warning(f'counted so far: {words}')
+        return status
+
+
+def sensor_status(state: str, connected: bool, since: Counter[str]) -> Status:
+    """Say how a sensor is.
+
+    Parameters
+    ----------
+    state, connected
+        What it is listened to by, or why it is not, and which of the two.
+    since
+        What was counted since the last time.
+    """
+    status = Status('sensor', all_well=state)
+    if not connected:
+        status.complain(Level.ERROR, state)
+    elif not since['samples']:
+        status.complain(Level.ERROR, f'no samples come; {state}')
+    faults = ', '.join(f'{kind} {n}' for kind, n in sorted(since.items()) if kind not in GOOD)
+    if faults:
+        status.complain(Level.WARN, f'dropped or lost in the last second: {faults}')
+    return status

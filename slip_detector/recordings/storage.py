@@ -100,7 +100,9 @@ class Storage:
                 for message in self._messages_of_whole(topics):
                     last_ns = message[1]
                     yield message
-                return
+                if last_ns >= 0:
+                    return
+                # rosbags leaves out topics that metadata.yaml describes otherwise than the files.
             except Exception as error:  # A damaged place shows when it is reached.
                 why = ' '.join(str(error).split())
                 self.lost.append(f'{self._path.name} is damaged ({why})')
