@@ -35,13 +35,13 @@ class SampleExecutor(SingleThreadedExecutor):
         self._wait_set: Any = None
         self._waited_for = (0, 0)
 
-    def spin(self) -> None:
-        """Execute callbacks until the context is shut down."""
-        while self.context.ok():
-            self.turn()
-
-    def turn(self) -> None:
+    def spin_once(self, timeout_sec: float | None = None) -> None:
         """Wait for something to do, and do it.
+
+        Parameters
+        ----------
+        timeout_sec
+            Longest time to wait; it may be shorter, with nothing done.
 
         Raises
         ------
@@ -51,7 +51,7 @@ class SampleExecutor(SingleThreadedExecutor):
         node = self._node
         subscriptions = list(node.subscriptions)
         if not subscriptions:
-            self.spin_once()
+            super().spin_once(timeout_sec)
             return
         of_node, timers = list(node.guards), list(node.timers)
         guards = [*of_node, self._guard, self._sigint_gc]
@@ -66,6 +66,8 @@ class SampleExecutor(SingleThreadedExecutor):
         for guard in guards:
             wait_set.add_guard_condition(guard.handle)
         due_ns = [timer.time_until_next_call() for timer in timers]
+        if timeout_sec is not None:
+            due_ns.append(round(timeout_sec * 1e9))
         wait_set.wait(max(0, min([POLL_NS, *due_ns])))
         if not self.context.ok():
             raise ExternalShutdownException

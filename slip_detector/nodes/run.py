@@ -53,7 +53,9 @@ def run(executable: str) -> int:
         rclpy.init()
         initialised = True
         node = make()
-        SampleExecutor(node).spin()
+        # Others wait for events too, which the executor for samples only looks at now and then.
+        executor = SampleExecutor(node) if executable == 'slip_detector' else None
+        rclpy.spin(node, executor)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except ValueError as error:
