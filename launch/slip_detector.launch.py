@@ -58,7 +58,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'source',
                 default_value='',
-                choices=['', 'scene', 'recording', 'none'],
+                choices=['', 'scene', 'recording', 'serial', 'udp', 'none'],
                 description='What the driver plays; none: no driver, your sensor publishes; '
                 'empty: as in the parameter file.',
             ),
