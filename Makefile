@@ -26,7 +26,7 @@ CHAIN_TESTS := $(addprefix test/test_,$(addsuffix .py,chain chain_bad_samples ch
 SCENE_TESTS := $(addprefix test/test_,$(addsuffix .py,contact disturbances drive electronics \
 	free_object friction mechanics motion scene_files scenes texture))
 EVALUATION_TESTS := $(addprefix test/test_,$(addsuffix .py,events replay scores take_filters))
-RECORDING_TESTS := $(addprefix test/test_,$(addsuffix .py,evaluation fields frames overview quiet \
+RECORDING_TESTS := $(addprefix test/test_,$(addsuffix .py,evaluation fields frames grasp overview quiet \
 	recordings recordings_bags recordings_cdr recordings_damaged recordings_labels \
 	recordings_pieces report search sweep tuning))
 

@@ -15,7 +15,7 @@ def ros_wheels(distribution: str) -> list[str]:
 
 setup(
     name=NAME,
-    version='0.2.0',
+    version='0.4.0',
     packages=find_packages(exclude=['test']),
     package_data={NAME: ['templates/*']},
     data_files=[
