@@ -1,7 +1,6 @@
 """Real nodes in real processes, and a node of the test's own that talks to them."""
 
 import contextlib
-import itertools
 import os
 import signal
 import subprocess
@@ -11,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from domains import own_domain
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
@@ -25,9 +25,6 @@ from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos, time_m
 DEADLINE_S = 90.0
 
 ROOT = Path(__file__).resolve().parents[1]
-
-# Each test talks in its own domain: nothing left over from another can answer.
-_domains = itertools.count(os.getpid() % 100)
 
 
 class Process:
@@ -69,6 +66,7 @@ class Process:
     def end(self):
         """End it as a user would; kill it when that fails."""
         self._process.terminate()
+        self._process.send_signal(signal.SIGCONT)  # One that a test has stopped hears nothing.
         try:
             self.wait()
         except subprocess.TimeoutExpired:
@@ -82,7 +80,7 @@ class Bench:
     """A domain with a node of the test's own and any number of processes."""
 
     def __init__(self):
-        self.domain = next(_domains) % 100 + 1
+        self.domain, self._lock = own_domain()
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=self.domain)
@@ -118,6 +116,7 @@ class Bench:
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self.context)
+        os.close(self._lock)
 
 
 class Detected:

@@ -82,7 +82,10 @@ def test_the_diagnostics_carry_names_values_and_the_frame(bench):
     assert report.header.stamp.sec > 0
 
 
-def test_a_subscriber_is_told_within_the_deadline_when_the_detector_is_killed(bench):
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
+def test_a_subscriber_is_told_within_the_deadline_when_the_detector_is_killed_or_hangs(
+    bench, number
+):
     told = {}
 
     def note(kind):
@@ -105,8 +108,7 @@ def test_a_subscriber_is_told_within_the_deadline_when_the_detector_is_killed(be
     detected = Detected(bench)
     bench.wait_for(lambda: len(slip) > 5, 'the heartbeat')
     told.pop('deadline', None)
-    detected.process.signal(signal.SIGKILL)
-    detected.process.wait()
+    detected.process.signal(number)
     bench.wait_for(lambda: 'deadline' in told, 'the missed deadline')
     bench.wait_for(
         lambda: any(event.alive_count == 0 for _, event in told['liveliness']),
@@ -118,3 +120,8 @@ def test_a_subscriber_is_told_within_the_deadline_when_the_detector_is_killed(be
     # A tenth of a second on top for a busy machine; the next beat would have come by then.
     assert Duration(seconds=0) < at - last < Duration(seconds=0.3)
     assert Duration(seconds=0) < lost - last < Duration(seconds=0.5)
+    if number == signal.SIGSTOP:
+        known = len(slip)
+        detected.process.signal(signal.SIGCONT)
+        bench.wait_for(lambda: len(slip) > known, 'the heartbeat')
+        bench.wait_for(lambda: told['liveliness'][-1][1].alive_count == 1, 'a sign of life')

@@ -158,8 +158,9 @@ def test_a_detector_that_promises_less_than_is_asked_for_is_named(bench):
     assert not forces
 
 
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
 @pytest.mark.parametrize('on_invalid', ['hold', 'open'])
-def test_a_detector_that_is_killed_is_noticed(bench, on_invalid):
+def test_a_detector_that_is_killed_or_hangs_is_noticed(bench, on_invalid, number):
     forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
     words = ['--params-file', CONFIG]
     # What comes after a parameter file takes precedence over it.
@@ -168,7 +169,7 @@ def test_a_detector_that_is_killed_is_noticed(bench, on_invalid):
     controller = bench.start('grasp_controller', *words, *told)
     bench.start('slip_driver', *words, parameters={'wait_for_subscribers': 1, 'loop': 'true'})
     bench.wait_for(lambda: forces and forces[-1].effort[0] >= GraspConfig().grip_n, 'a grip')
-    detector.signal(signal.SIGKILL)
+    detector.signal(number)
     bench.wait_for(lambda: 'silent' in controller.log(), 'the silence')
     if on_invalid == 'open':
         bench.wait_for(lambda: forces[-1].effort[0] == 0.0, 'the grip to open')
