@@ -257,7 +257,7 @@ def test_the_skin_between_the_taxels_does_not_chatter_either():
     scene.hold_force(5.0)
     # A hundredth of the patches carry the same force.
     scene = held(0.1, steps, friction=steep, object={'rest_patches': 10})
-    with pytest.raises(ValueError, match='under 0[.]5 N, faster than'):
+    with pytest.raises(ValueError, match=r'under 0\.5 N, faster than'):
         scene.hold_force(5.0)
     with pytest.raises(ValueError, match='friction: falls with velocity'):
         held(5.0, steps, friction=steep, object={'rest_patches': 10})
