@@ -52,9 +52,10 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'source',
                 default_value='',
-                choices=['', 'scene', 'recording', 'none'],
-                description='What the drivers play; none: no drivers, your sensors publish; '
-                'empty: as in the parameter file.',
+                choices=['', 'scene', 'recording', 'serial', 'udp', 'none'],
+                description='What the drivers play or listen to, serial and udp each at the port that '
+                'the parameter file has for it; none: no drivers, your sensors publish; empty: as '
+                'in the parameter file.',
             ),
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'

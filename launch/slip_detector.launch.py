@@ -59,7 +59,7 @@ def generate_launch_description():
                 'source',
                 default_value='',
                 choices=['', 'scene', 'recording', 'serial', 'udp', 'none'],
-                description='What the driver plays; none: no driver, your sensor publishes; '
+                description='What the driver plays or listens to; none: no driver, your sensor publishes; '
                 'empty: as in the parameter file.',
             ),
             DeclareLaunchArgument(
