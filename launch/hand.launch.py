@@ -53,9 +53,8 @@ def generate_launch_description():
                 'source',
                 default_value='',
                 choices=['', 'scene', 'recording', 'serial', 'udp', 'none'],
-                description='What the drivers play or listen to, serial and udp each at the port that '
-                'the parameter file has for it; none: no drivers, your sensors publish; empty: as '
-                'in the parameter file.',
+                description='What the drivers play or listen to; none: no drivers, your sensors '
+                'publish; empty: as in the parameter file.',
             ),
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'

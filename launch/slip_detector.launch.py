@@ -59,8 +59,8 @@ def generate_launch_description():
                 'source',
                 default_value='',
                 choices=['', 'scene', 'recording', 'serial', 'udp', 'none'],
-                description='What the driver plays or listens to; none: no driver, your sensor publishes; '
-                'empty: as in the parameter file.',
+                description='What the driver plays or listens to; none: no driver, your sensor '
+                'publishes; empty: as in the parameter file.',
             ),
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'
