@@ -43,7 +43,7 @@ class Controlled:
         self.bench = bench
         self.forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
         self._says = {
-            topic: bench.node.create_publisher(Bool, topic, state_qos(DEADLINE_S))
+            topic: bench.node.create_publisher(Bool, topic, state_qos(deadline_s=DEADLINE_S))
             for topic in ('slip', 'slip_valid')
         }
         self.state = {'slip': False, 'slip_valid': True}
@@ -150,7 +150,7 @@ def test_a_slip_that_cannot_be_relied_on_is_answered_as_told(bench, why, on_inva
 
 def test_a_detector_that_promises_less_than_is_asked_for_is_named(bench):
     forces = bench.listen(JointState, 'grip_force', state_qos())
-    offered = bench.node.create_publisher(Bool, 'slip_valid', state_qos(5.0))
+    offered = bench.node.create_publisher(Bool, 'slip_valid', state_qos(deadline_s=5.0))
     offered.publish(Bool(data=True))
     process = bench.start('grasp_controller', parameters=QUICK)
     bench.wait_for(lambda: 'DEADLINE' in process.log(), 'the warning')
