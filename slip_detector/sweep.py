@@ -65,11 +65,15 @@ def _raise(most, values):
 
 
 @compiled
-def _means(lanes, size, product, mean):
-    """Write the geometric mean of ``size`` lanes."""
+def _means(lanes, rows, size, product, mean):
+    """Write the geometric mean of ``size`` lanes.
+
+    Arrays are taken whole with their number of rows: of a part of an array the compiler does not
+    know that its values are side by side, and works on one at a time.
+    """
     if size == FACTORS:  # as in the paper's groups: roots are cheaper than logarithms
         a, b, c, d = lanes[0], lanes[1], lanes[2], lanes[3]
-        for r in range(mean.size):
+        for r in range(rows):
             mean[r] = np.sqrt(np.sqrt((a[r] * b[r]) * (c[r] * d[r])))
         return
     mean[:] = 0.0
@@ -77,18 +81,21 @@ def _means(lanes, size, product, mean):
         product[:] = 1.0
         for j in range(first, min(first + FACTORS, size)):
             lane = lanes[j]
-            for r in range(product.size):
+            for r in range(rows):
                 product[r] *= lane[r]
-        for r in range(product.size):
+        for r in range(rows):
             mean[r] += np.log(product[r])
-    for r in range(mean.size):
+    for r in range(rows):
         mean[r] = np.exp(mean[r] / size)
 
 
 @compiled
-def _statistics(level, valid, members, bounds, counts, lanes, product, mean, out):
-    """Write the largest statistic of the groups, by vote: all, mean, then the counts."""
-    out[:] = 0.0
+def _statistics(level, valid, members, bounds, counts, lanes, product, mean, out, first):
+    """Write the largest statistic of the groups, by vote: all, mean, then the counts.
+
+    ``first`` is the column of ``out`` that the first row goes to.
+    """
+    out[:, first : first + level.shape[0]] = 0.0
     for start in range(0, level.shape[0], LANE_ROWS):
         rows = min(LANE_ROWS, level.shape[0] - start)
         for g in range(bounds.size - 1):
@@ -102,20 +109,21 @@ def _statistics(level, valid, members, bounds, counts, lanes, product, mean, out
                     able &= valid[start + r, member]
             if not able:
                 _of_some(level, valid, members[bounds[g] : bounds[g + 1]], counts, start, rows,
-                         lanes[0], out)  # fmt: skip
+                         lanes[0], out, first)  # fmt: skip
                 continue
+            begin, end = first + start, first + start + rows
             for i in range(size - 1):
                 for j in range(size - 1, i, -1):
                     exchange(lanes[j - 1][:rows], lanes[j][:rows])
-            _raise(out[0][start : start + rows], lanes[size - 1][:rows])
+            _raise(out[0][begin:end], lanes[size - 1])
             for v in range(counts.size):
-                _raise(out[2 + v][start : start + rows], lanes[counts[v] - 1][:rows])
-            _means(lanes[:, :rows], size, product[:rows], mean[:rows])
-            _raise(out[1][start : start + rows], mean[:rows])
+                _raise(out[2 + v][begin:end], lanes[counts[v] - 1])
+            _means(lanes, rows, size, product, mean)
+            _raise(out[1][begin:end], mean)
 
 
 @compiled
-def _of_some(level, valid, members, counts, start, rows, values, out):
+def _of_some(level, valid, members, counts, start, rows, values, out, first):
     """Take the statistics of one group in rows where not all of its channels are valid."""
     for r in range(start, start + rows):
         n = 0
@@ -128,11 +136,12 @@ def _of_some(level, valid, members, counts, start, rows, values, out):
                 n += 1
         if n:
             values[:n].sort()
-            out[0, r] = max(out[0, r], values[0])
-            out[1, r] = max(out[1, r], np.exp(logarithm / n))
+            at = first + r
+            out[0, at] = max(out[0, at], values[0])
+            out[1, at] = max(out[1, at], np.exp(logarithm / n))
             for v in range(counts.size):
                 if counts[v] <= n:
-                    out[2 + v, r] = max(out[2 + v, r], values[n - counts[v]])
+                    out[2 + v, at] = max(out[2 + v, at], values[n - counts[v]])
 
 
 class Statistics:
@@ -189,7 +198,7 @@ class Statistics:
                 result = self._chain.update(track.volts[rows], envelope=False)
                 _statistics(
                     result.level, result.valid, self._members, self._bounds, self._counts,
-                    self._lanes, self._product, self._mean, out[:, rows],
+                    self._lanes, self._product, self._mean, out, start,
                 )  # fmt: skip
         return dict(zip(self._order, out, strict=True))
 

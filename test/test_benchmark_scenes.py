@@ -118,6 +118,23 @@ def test_a_scene_without_states_has_nothing_to_compare():
     assert 'closed form' in entry['note']
 
 
+def test_where_the_references_differ_by_more_than_is_compared_nothing_is_judged(
+    tmp_path, monkeypatch
+):
+    honest = scenes._references
+
+    def apart(ode):
+        first, (method, rtol, solution) = honest(ode)
+        return [first, (method, rtol, solution._replace(clean_v=solution.clean_v + 0.05))]
+
+    monkeypatch.setattr(scenes, '_references', apart)
+    sizes = QUICK._replace(tolerances=(), explicit_tolerances=(), steps_per_sample=(8,))
+    entry = precision(written(tmp_path / 'plate.yaml', PLATE), sizes)
+    assert entry['runs']
+    assert entry['front'] is None
+    assert 'differ by more' in entry['note']
+
+
 def test_an_unknown_scene_is_named():
     with pytest.raises(ValueError, match="no scene 'moon', allowed: "):
         measure(quick=True, names=('moon',))

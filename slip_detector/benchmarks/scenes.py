@@ -25,7 +25,7 @@ bristles bind their steps everywhere.
     with null for the figures. An error is null where the scene has none such. ``shipped_live`` is
     the run of the live stepper with the step that the scene has. ``front`` has ``ratio``, the
     largest of the live stepper's time over that of another method at the same error, where that
-    is 1e-3 or more, and ``against``, which run that was.
+    is 1e-3 or more, and ``against``, which run that was; null where the references differ by more.
 ``costs``
     One object for each scene: ``scene``, ``parts``, ``run_time_per_s`` of all of it, noise
     included, ``speed`` (times real time), and ``without``: by part ``share``, the time
@@ -206,7 +206,10 @@ def precision(path: Path, sizes: Sizes) -> dict[str, Any]:
                 gave_up = True
                 run = _rival(ode, name, rtol, errors, sizes, _stretch(ode))
             entry['runs'].append(run)
-    entry['front'] = front(entry['runs'])
+    if entry['reference']['voltage_error'] < FRONT_ERROR:
+        entry['front'] = front(entry['runs'])
+    else:
+        entry['note'] = 'the two references differ by more than the errors to be compared'
     return entry
 
 
@@ -478,7 +481,7 @@ def table(result: dict[str, Any]) -> str:
     ]
     for entry in result['precision']:
         lines += ['', f'{entry["scene"]}: {entry["simulated_s"]:g} s, {entry["states"]} states']
-        if entry['note']:
+        if not entry['runs']:
             lines.append(f'  {entry["note"]}')
             continue
         reference = entry['reference']
@@ -513,7 +516,9 @@ def table(result: dict[str, Any]) -> str:
             f'  as shipped ({shipped["setting"]}): {_figure(shipped["voltage_error"])} of the '
             f'range, {shipped["run_time_per_s"] * 1e3:.2f} ms per s'
         )
-        if worst['ratio'] is not None:
+        if worst is None:
+            lines.append(f'  {entry["note"]}')
+        elif worst['ratio'] is not None:
             lines.append(
                 f'  live over the best of the others at the same error, 1e-3 and above: '
                 f'{worst["ratio"]:.2f} ({worst["against"]})'
