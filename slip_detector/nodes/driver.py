@@ -118,6 +118,8 @@ class Driver(Node):
 
     def _play(self, source: Source) -> None:
         """Play the source, again and again if asked to."""
+        # Opening a file and loading compiled code takes its time: before the clock runs.
+        ahead = None if self._in_grip else source.read(READ_ROWS)
         # Stamps are the samples' own times, counted from here on the node's clock.
         first_stamp_ns = self.get_clock().now().nanoseconds
         start_s = time.monotonic()
@@ -132,7 +134,8 @@ class Driver(Node):
                 if self._grip_n != gripped_n:
                     gripped_n = self._grip_n
                     self._hold(source, gripped_n)
-            samples = source.read(1 if self._in_grip else READ_ROWS)
+            samples = ahead or source.read(1 if self._in_grip else READ_ROWS)
+            ahead = None
             n = len(samples.volts)
             taken_s: NDArray[np.float64]
             if n:
