@@ -16,6 +16,7 @@ rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
@@ -76,6 +77,15 @@ class Process:
             self._log.close()
 
 
+def patient_qos():
+    """Return the profile of samples for a test, which may be held up for longer than a node."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=20_000,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+    )
+
+
 class Bench:
     """A domain with a node of the test's own and any number of processes."""
 
@@ -125,7 +135,7 @@ class Detected:
     def __init__(self, bench, *words, parameters=None, namespace=''):
         lead = f'{namespace}/' if namespace else ''
         self.bench = bench
-        self.envelope = bench.listen(JointState, f'{lead}slip_detector/envelope', sensor_qos())
+        self.envelope = bench.listen(JointState, f'{lead}slip_detector/envelope', patient_qos())
         self.slip = bench.listen(Bool, f'{lead}slip', state_qos())
         self.valid = bench.listen(Bool, f'{lead}slip_valid', state_qos())
         self._voltages = bench.node.create_publisher(JointState, f'{lead}voltages', sensor_qos())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
-from harness import Bench
+from harness import Bench, patient_qos
 from sensor_msgs.msg import JointState, PointCloud
 from std_msgs.msg import Bool, Float32MultiArray, Float64MultiArray, Header, MultiArrayDimension
 
@@ -25,7 +25,7 @@ def bench():
 
 def started(bench, message_type, **parameters):
     """Start a detector and return its envelope and a publisher of its input."""
-    envelope = bench.listen(JointState, 'slip_detector/envelope', sensor_qos())
+    envelope = bench.listen(JointState, 'slip_detector/envelope', patient_qos())
     voltages = bench.node.create_publisher(message_type, 'voltages', sensor_qos())
     words = {'input_timeout_s': 60.0, **parameters}
     process = bench.start('slip_detector', parameters=words)

@@ -3,10 +3,10 @@
 import itertools
 
 import pytest
-from harness import Bench
+from harness import Bench, patient_qos
 from sensor_msgs.msg import JointState
 
-from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
+from slip_detector.nodes.messages import stamp_ns, state_qos
 
 #: Slow samples: that of one block are a good part of a second.
 RATE_HZ = 50.0
@@ -40,8 +40,8 @@ class Gripped:
 
     def __init__(self, bench, folder, scene=SCENE, **parameters):
         self.bench = bench
-        self.voltages = bench.listen(JointState, 'voltages', sensor_qos())
-        self.position = bench.listen(JointState, 'platform_position', sensor_qos())
+        self.voltages = bench.listen(JointState, 'voltages', patient_qos())
+        self.position = bench.listen(JointState, 'platform_position', patient_qos())
         self.command = bench.node.create_publisher(JointState, 'grip_force', state_qos())
         path = folder / 'scene.yaml'
         path.write_text(scene)

@@ -7,8 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from harness import Bench, ended_quietly
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from harness import Bench, ended_quietly, patient_qos
 from sensor_msgs.msg import JointState
 from sensors import (
     SCALE_V,
@@ -25,7 +24,7 @@ from std_msgs.msg import Bool, Float32MultiArray
 from slip_detector.frames import FrameDecoder, LineDecoder, encode
 from slip_detector.health import Level
 from slip_detector.nodes.listening import sensor_status
-from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
+from slip_detector.nodes.messages import stamp_ns, state_qos
 
 RATE_HZ = 1000.0
 
@@ -56,13 +55,7 @@ class Listening:
 
     def __init__(self, bench, parameters):
         self.bench = bench
-        # The test may be held up for longer than a detector would be.
-        qos = QoSProfile(
-            history=HistoryPolicy.KEEP_LAST,
-            depth=20_000,
-            reliability=ReliabilityPolicy.BEST_EFFORT,
-        )
-        self.voltages = bench.listen(JointState, 'voltages', qos)
+        self.voltages = bench.listen(JointState, 'voltages', patient_qos())
         self.process = bench.start(
             'slip_driver', parameters={'wait_for_subscribers': 1, **parameters}
         )
@@ -286,7 +279,7 @@ def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(b
 
 
 def test_what_waits_for_its_batch_is_sent_when_the_sensor_goes(bench, port):
-    batches = bench.listen(Float32MultiArray, 'voltages', sensor_qos())
+    batches = bench.listen(Float32MultiArray, 'voltages', patient_qos())
     given = {'source': 'serial', 'serial_port': port.path, 'samples_per_message': 10}
     driver = bench.start('slip_driver', parameters={'wait_for_subscribers': 1, **given})
     bench.wait_for(lambda: 'listening' in driver.log(), 'the driver to listen')

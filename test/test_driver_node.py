@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from harness import ROOT, Bench, ended_quietly
+from harness import ROOT, Bench, ended_quietly, patient_qos
 from recorded import read_recording
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -72,9 +72,9 @@ class Played:
     """A driver process that waits for the test, and all that it publishes."""
 
     def __init__(self, bench, parameters, samples):
-        self.voltages = bench.listen(JointState, 'voltages', sensor_qos())
+        self.voltages = bench.listen(JointState, 'voltages', patient_qos())
         self.truth = bench.listen(Bool, 'slip_truth', state_qos())
-        self.position = bench.listen(JointState, 'platform_position', sensor_qos())
+        self.position = bench.listen(JointState, 'platform_position', patient_qos())
         self.process = bench.start(
             'slip_driver', parameters={'wait_for_subscribers': 1, **parameters}
         )
@@ -274,8 +274,8 @@ def test_a_broken_recording_is_named_in_one_line(bench, recording):
 def test_a_real_recording_plays_through_both_nodes(bench):
     path = sorted(XELA.glob('*.npz'))[-1]
     file = ROOT / 'config' / 'xela_uskin.yaml'
-    voltages = bench.listen(JointState, 'voltages', sensor_qos())
-    envelope = bench.listen(JointState, 'slip_detector/envelope', sensor_qos())
+    voltages = bench.listen(JointState, 'voltages', patient_qos())
+    envelope = bench.listen(JointState, 'slip_detector/envelope', patient_qos())
     slip = bench.listen(Bool, 'slip', state_qos())
     detector = bench.start('slip_detector', '--params-file', file)
     bench.wait_for(lambda: slip, 'the detector')

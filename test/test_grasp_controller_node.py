@@ -4,12 +4,12 @@ import itertools
 import signal
 
 import pytest
-from harness import ROOT, Bench, ended_quietly
+from harness import ROOT, Bench, ended_quietly, patient_qos
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.config import GraspConfig
-from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
+from slip_detector.nodes.messages import event_qos, state_qos
 
 CONFIG = ROOT / 'config' / 'grasp.yaml'
 
@@ -182,7 +182,7 @@ def test_a_detector_that_is_killed_or_hangs_is_noticed(bench, on_invalid, number
 
 def test_an_object_that_is_lifted_and_filled_is_held_by_the_three_nodes(bench):
     forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
-    position = bench.listen(JointState, 'platform_position', sensor_qos())
+    position = bench.listen(JointState, 'platform_position', patient_qos())
     onsets = bench.listen(Header, 'slip_onset', event_qos())
     words = ['--params-file', CONFIG]
     bench.start('slip_detector', *words)

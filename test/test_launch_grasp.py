@@ -8,13 +8,13 @@ reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installat
 launch_testing = pytest.importorskip('launch_testing', reason=reason)
 pytest.importorskip('launch_ros', reason=reason)
 
-from harness import launched, package_share  # noqa: E402
+from harness import launched, package_share, patient_qos  # noqa: E402
 from launch_testing.asserts import assertExitCodes  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool, Header  # noqa: E402
 
 from slip_detector.config import GraspConfig  # noqa: E402
-from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos  # noqa: E402
+from slip_detector.nodes.messages import event_qos, state_qos  # noqa: E402
 
 CONFIG = package_share() / 'config' / 'grasp.yaml'
 
@@ -28,7 +28,7 @@ class TestGrasp(unittest.TestCase):
     def test_the_object_slips_and_the_grip_rises_within_its_limit(self, bench):
         valid = bench.listen(Bool, 'hand/slip_valid', state_qos())
         forces = bench.listen(JointState, 'hand/grip_force', state_qos(depth=1000))
-        position = bench.listen(JointState, 'hand/platform_position', sensor_qos())
+        position = bench.listen(JointState, 'hand/platform_position', patient_qos())
         onsets = bench.listen(Header, 'hand/slip_onset', event_qos())
         config = GraspConfig.from_yaml(CONFIG)
         bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')

@@ -8,12 +8,12 @@ reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installat
 launch_testing = pytest.importorskip('launch_testing', reason=reason)
 pytest.importorskip('launch_ros', reason=reason)
 
-from harness import launched, package_share  # noqa: E402
+from harness import launched, package_share, patient_qos  # noqa: E402
 from launch_testing.asserts import assertExitCodes  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
-from slip_detector.nodes.messages import sensor_qos, state_qos  # noqa: E402
+from slip_detector.nodes.messages import state_qos  # noqa: E402
 
 package_share()
 
@@ -28,7 +28,7 @@ def generate_test_description():
 class TestTopics(unittest.TestCase):
     def test_each_finger_has_a_pair_of_nodes_in_its_namespace(self, bench):
         for finger in FINGERS:
-            voltages = bench.listen(JointState, f'left/{finger}/voltages', sensor_qos())
+            voltages = bench.listen(JointState, f'left/{finger}/voltages', patient_qos())
             valid = bench.listen(Bool, f'left/{finger}/slip_valid', state_qos())
             bench.wait_for(lambda heard=voltages: len(heard) > 100, f'voltages of {finger}')
             bench.wait_for(lambda heard=valid: heard and heard[-1].data, f'{finger}/slip_valid')

@@ -10,13 +10,13 @@ reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installat
 launch_testing = pytest.importorskip('launch_testing', reason=reason)
 pytest.importorskip('launch_ros', reason=reason)
 
-from harness import launched, package_share  # noqa: E402
+from harness import launched, package_share, patient_qos  # noqa: E402
 from launch_testing.asserts import assertExitCodes  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from sensors import SCALE_V, Sender, free_udp_port, make_frames, sending, vibration  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
-from slip_detector.nodes.messages import sensor_qos, state_qos  # noqa: E402
+from slip_detector.nodes.messages import state_qos  # noqa: E402
 
 package_share()
 
@@ -44,7 +44,7 @@ def generate_test_description():
 class TestTopics(unittest.TestCase):
     def test_each_finger_hears_the_sensor_at_its_own_port(self, bench):
         for factor, (finger, port) in enumerate(PORTS.items(), 1):
-            voltages = bench.listen(JointState, f'left/{finger}/voltages', sensor_qos())
+            voltages = bench.listen(JointState, f'left/{finger}/voltages', patient_qos())
             slip = bench.listen(Bool, f'left/{finger}/slip', state_qos())
             rows = factor * vibration(20_000, RATE_HZ)
             sender = Sender(port)

@@ -8,12 +8,12 @@ reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installat
 launch_testing = pytest.importorskip('launch_testing', reason=reason)
 pytest.importorskip('launch_ros', reason=reason)
 
-from harness import launched, package_share  # noqa: E402
+from harness import launched, package_share, patient_qos  # noqa: E402
 from launch_testing.asserts import assertExitCodes  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
-from slip_detector.nodes.messages import sensor_qos, state_qos  # noqa: E402
+from slip_detector.nodes.messages import state_qos  # noqa: E402
 
 package_share()
 
@@ -25,7 +25,7 @@ def generate_test_description():
 
 class TestTopics(unittest.TestCase):
     def test_both_nodes_talk_in_the_namespace(self, bench):
-        voltages = bench.listen(JointState, 'index/voltages', sensor_qos())
+        voltages = bench.listen(JointState, 'index/voltages', patient_qos())
         valid = bench.listen(Bool, 'index/slip_valid', state_qos())
         slip = bench.listen(Bool, 'index/slip', state_qos())
         bench.wait_for(lambda: len(voltages) > 100, 'voltages')

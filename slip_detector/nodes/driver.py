@@ -58,7 +58,7 @@ class Driver(Node):
         if self._in_grip:
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         self._last_truth: bool | None = None
-        self._logged_s = -1.0
+        self._logged_s: dict[str, float] = {}  # by subject
         self._stop = threading.Event()
         self._failure: Exception | None = None
         # Also wakes the executor, should a signal's own wake-up get lost.
@@ -83,7 +83,7 @@ class Driver(Node):
         if len(message.effort) == 1:
             self._grip_n = message.effort[0]
         else:
-            self._say(f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
+            self._say('grip', f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
 
     def _run(self, source: Source | None) -> None:
         """Play or listen in a thread of its own; the executor looks for its end."""
@@ -196,18 +196,18 @@ class Driver(Node):
         if ahead_s > 0.0:
             return self._stop.wait(ahead_s)
         if -ahead_s > LATE_S:
-            self._say(f'{-ahead_s * 1e3:.0f} ms late: the pace cannot be kept')
+            self._say('pace', f'{-ahead_s * 1e3:.0f} ms late: the pace cannot be kept')
         return False
 
     def _hold(self, source: Any, force_n: float | None) -> None:
         try:
             source.hold_force(force_n)
         except ValueError as error:
-            self._say(f'grip_force: {error}; ignored')
+            self._say('grip', f'grip_force: {error}; ignored')
 
-    def _say(self, what: str) -> None:
-        """Warn, at most once a second."""
+    def _say(self, about: str, what: str) -> None:
+        """Warn, of each subject at most once a second."""
         now_s = time.monotonic()
-        if now_s - self._logged_s >= 1.0:
-            self._logged_s = now_s
+        if now_s - self._logged_s.get(about, -1.0) >= 1.0:
+            self._logged_s[about] = now_s
             self.get_logger().warning(what)
