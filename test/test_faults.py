@@ -179,6 +179,20 @@ def test_not_a_number(bench):
     sensor.goes_on()
 
 
+def test_messages_with_too_few_channels(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    last_good_s = sensor.sent_s
+    sensor.play(sensor.fell, 'slip_valid to fall', change=lambda k, row: row[:15])
+    assert time.monotonic() - last_good_s < TIMEOUT_S + SLACK_S
+    sensor.play(
+        lambda: sensor.told('input', 'samples dropped: not as many channels as configured'),
+        'why',
+        change=lambda k, row: row[:15],
+    )
+    sensor.goes_on()
+
+
 def test_a_burst_of_late_messages(bench):
     sensor = Sensor(bench)
     sensor.slips()

@@ -5,6 +5,7 @@ import signal
 
 import pytest
 from harness import ROOT, Bench, ended_quietly, patient_qos
+from rclpy.event_handler import PublisherEventCallbacks
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
@@ -150,7 +151,12 @@ def test_a_slip_that_cannot_be_relied_on_is_answered_as_told(bench, why, on_inva
 
 def test_a_detector_that_promises_less_than_is_asked_for_is_named(bench):
     forces = bench.listen(JointState, 'grip_force', state_qos())
-    offered = bench.node.create_publisher(Bool, 'slip_valid', state_qos(deadline_s=5.0))
+    offered = bench.node.create_publisher(
+        Bool,
+        'slip_valid',
+        state_qos(deadline_s=5.0),
+        event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
+    )
     offered.publish(Bool(data=True))
     process = bench.start('grasp_controller', parameters=QUICK)
     bench.wait_for(lambda: 'DEADLINE' in process.log(), 'the warning')
