@@ -56,7 +56,8 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     held.add_argument(
         '--held-out', action='append', default=[], metavar='RECORDING',
-        help='hold out these recordings and tune on all RECORDINGs; repeatable',
+        help='hold out these recordings, or folders of them, and tune on all other RECORDINGs; '
+        'repeatable',
     )  # fmt: skip
     add_options(parser)
     quiet = parser.add_argument_group('only the threshold')
