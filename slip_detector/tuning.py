@@ -31,7 +31,7 @@ from slip_detector.recordings import Counts, with_options
 from slip_detector.search import Found, Objective
 from slip_detector.tracks import Track, fingerprint, held_out, track_of
 from slip_detector.tuning_options import NAME, arguments_of
-from slip_detector.verdict import judge, pooled, replayed, table, write_report
+from slip_detector.verdict import judge, look_at, pooled, replayed, table
 from slip_detector.workers import SEARCHED, Problem, Stopper, search, search_in_processes
 
 #: Of a run that shows no bar, a line is printed so often.
@@ -308,7 +308,7 @@ def _finish(
     count = study.follow()
     verdict = judge(problem, held, problem.choice(study))
     tracks = [*held, *problem.tracks]
-    shown = options.report is not None
+    shown = options.report is not None or options.plot is not None
     given = replayed(problem.given, tracks, problem.evaluation, shown)
     tuned = replayed(verdict.chain, tracks, problem.evaluation, shown)
     n = len(held)
@@ -330,11 +330,10 @@ def _finish(
     parameters = verdict.chain.to_parameters()
     changes = {} if verdict.kept else {name: parameters[name] for name in SEARCHED}
     write_file(options.out, with_parameters(options.config, changes), _comments(argv, lines))
-    written = [str(options.out)]
+    written = [options.out]
     if shown:
-        write_report(options.report, lines, given, tuned, held, both, study)
-        written.append(str(options.report))
-    return [*lines, f'Written: {", ".join(written)}']
+        written += look_at(options.report, options.plot, lines, given, tuned, held, both, study)
+    return [*lines, f'Written: {", ".join(map(str, written))}']
 
 
 def main(argv: Sequence[str] | None = None) -> int:

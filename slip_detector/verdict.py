@@ -154,16 +154,17 @@ def _trial(name: str, chain: ChainConfig, figures: dict[str, Any]) -> 'Trial':
     )
 
 
-def write_report(
-    path: Path,
+def look_at(
+    page: Path | None,
+    folder: Path | None,
     notes: Sequence[str],
     given: Replayed,
     tuned: Replayed,
     held: Sequence[Track],
     both: dict[str, list[dict[str, Any]]],
     study: Any,
-) -> None:
-    """Write the report of a search."""
+) -> list[Path]:
+    """Write the report of a search, and its figures as pictures; return what was written."""
     from slip_detector import report
     from slip_detector.report_data import Trial, Variant
 
@@ -193,4 +194,10 @@ def write_report(
     ]
     # The table of the figures is in the report itself.
     few = [line for line in notes if not line.startswith(('  ', 'On what'))]
-    report.write(path, 'Tuning of the slip detector', variants, trials, few)
+    written = []
+    if page is not None:
+        report.write(page, 'Tuning of the slip detector', variants, trials, few)
+        written.append(page)
+    if folder is not None:
+        written += report.write_pictures(folder, variants, trials)
+    return written

@@ -196,7 +196,12 @@ def test_a_file_takes_the_place_of_an_old_one_and_leaves_nothing_beside_it(case,
 def test_the_report_marks_the_given_and_the_tuned_in_the_trade_off(case):
     folder, words = case
     page = folder / 'page.html'
-    run(*words, '--out', folder / 'out.yaml', '--report', page, '--trials', 12)
+    pictures = folder / 'out'
+    run(*words, '--out', folder / 'out.yaml', '--report', page, '--plot', pictures, '--trials', 12)
+    assert {path.name for path in pictures.iterdir()} == {
+        'timeline_1_c.npz.png', 'timeline_2_a.npz.png', 'timeline_3_b.npz.png', 'filters.png',
+        'front.png', 'figures.txt',
+    }  # fmt: skip
     text = page.read_text()
     assert '12 trials, of which' in text
     section = text[text.index('<h2>Trade-off') : text.index('<h2>Filter')]
