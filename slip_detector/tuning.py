@@ -282,6 +282,14 @@ def _run(options: Namespace, argv: Sequence[str] | None) -> list[str]:
                 raise ValueError(f'{none}, allowed: some with slips {what}')
     else:
         training, held = held_out(tracks, options.hold_out)
+    tuned_on = {fingerprint([track]): track.name for track in training}
+    for track in held:
+        same = tuned_on.get(fingerprint([track]))
+        if same is not None:
+            raise ValueError(
+                f'{track.name}: is held out and holds the same as {same}, which is tuned on, '
+                'allowed: each recording once'
+            )
     stopper = Stopper()
     with stopper.listening():
         problem = Problem(training, settings.chain, None, settings.evaluation, settings.tune)

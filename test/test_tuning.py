@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -176,6 +177,18 @@ def test_what_is_held_out_by_name_is_not_tuned_on(case, capsys):
     shown = capsys.readouterr().out
     assert 'Tuned on: a.npz, c.npz (8 slips in 0.4 min)' in shown
     assert 'Held out, and not tuned on: link.npz (4 slips in 0.2 min)' in shown
+
+
+def test_a_copy_of_what_is_tuned_on_is_not_held_out(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path('given.yaml').write_text(PARAMETERS)
+    write('a.npz', 1)
+    shutil.copy('a.npz', 'b.npz')
+    run('a.npz', 'b.npz', '--config', 'given.yaml', '--out', 'o.yaml', code=1)
+    assert capsys.readouterr().err == (
+        'slip_tune: b.npz: is held out and holds the same as a.npz, which is tuned on, allowed: '
+        'each recording once\n'
+    )
 
 
 def test_a_file_takes_the_place_of_an_old_one_and_leaves_nothing_beside_it(case, monkeypatch):
