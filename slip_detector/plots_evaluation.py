@@ -45,6 +45,7 @@ def _draw_latencies(axis: Axes, outcomes: Sequence[Outcome]) -> None:
     missed = len(slips) - len(known_ms)
     if known_ms:
         axis.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color='C0')
+        axis.yaxis.get_major_locator().set_params(integer=True)  # there are no halves of slips
         median, p90 = np.percentile(known_ms, [50, 90])
         axis.axvline(median, color='k', linewidth=1, label=f'median {median:.0f} ms')
         axis.axvline(p90, color='k', linewidth=1, linestyle=':', label=f'p90 {p90:.0f} ms')
