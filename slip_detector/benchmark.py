@@ -105,21 +105,29 @@ def gc_off() -> Iterator[None]:
 
 
 def verdicts(
-    bounds: Mapping[str, Bound], values: Mapping[str, float | None]
+    bounds: Mapping[str, Bound], values: Mapping[str, float | None], judged: bool = True
 ) -> dict[str, dict[str, Any]]:
     """Hold each claim's figure against what is wanted of it: ``value``, ``bound`` and ``met``.
 
-    Value and met are None where it was not measured.
+    Value and met are None where it was not measured; met is also None where the measurement was
+    too short to be judged.
     """
     return {
         claim: {
             'value': value,
             'bound': str(bound),
-            'met': None if value is None else bound.met(value),
+            'met': bound.met(value) if judged and value is not None else None,
         }
         for claim, bound in bounds.items()
         for value in (values[claim],)
     }
+
+
+def verdict_words(entry: Mapping[str, Any]) -> str:
+    """Say whether a claim of :func:`verdicts` is met; nothing where it was not measured."""
+    if entry['value'] is None:
+        return ''
+    return {None: 'not judged', True: 'met', False: 'NOT met'}[entry['met']]
 
 
 def heading(result: dict[str, Any]) -> str:

@@ -33,6 +33,7 @@ from slip_detector.config import ChainConfig, DetectorConfig, DriverConfig, Eval
 from slip_detector.evaluation_tables import as_tables
 from slip_detector.evaluator import Evaluation, Evaluator, counted
 from slip_detector.overview import MOST_CELLS
+from slip_detector.parameter_files import check_writable
 from slip_detector.recordings import ENDINGS, add_options, is_recording, with_options
 
 NAME = 'slip_evaluate'
@@ -323,8 +324,8 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
         (DetectorConfig.from_yaml(file) if file else DetectorConfig()).max_gap_s,
     )
     page = options.report
-    if page and not page.parent.is_dir():  # to be said before an hour of recordings is read
-        raise ValueError(f'{page}: cannot be written (there is no folder {page.parent})')
+    if page:  # to be said before an hour of recordings is read
+        check_writable(page)
     look = page or options.plot
     sets = evaluate(options.recordings, evaluator, MOST_CELLS if look else None)
     report = as_report(sets)
@@ -355,7 +356,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0, or 1 after an error, which is one line on stderr.
+        Exit code: 0, 1 after an error, which is one line on stderr, or 130 where Ctrl-C ended it.
     """
     options = _arguments(argv)
     try:
@@ -363,6 +364,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ValueError as error:
         sys.stderr.write(f'{NAME}: {error}\n')
         return 1
+    except KeyboardInterrupt:
+        sys.stderr.write(f'{NAME}: ended before it was done\n')
+        return 130
     return print_text(NAME, json.dumps(report, indent=2) if options.json else layout(report))
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from slip_detector.config import ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig
 from slip_detector.overview import Event, Overview
 from slip_detector.recordings import RATE_TOLERANCE, Counts, Recording, open_recording
+from slip_detector.recordings.labels import labels_name
 from slip_detector.replay import Outcome, Replay, Rows
 
 Bools = NDArray[np.bool_]
@@ -147,7 +148,8 @@ class Evaluator:
             )
         if require_truth and not recording.has_truth:
             raise ValueError(
-                f'{path}: {self._no_truth(recording)}, or a file of labels (--labels)'
+                f'{path}: {self._no_truth(recording)}, or a file of labels beside it, '
+                f'{labels_name(path)} (--labels: elsewhere)'
             )
         wanted_hz = config.sample_rate_hz
         # One of another rate is resampled, or reading it says what is wrong.

@@ -172,5 +172,7 @@ def field_names(message: Any) -> list[str]:
     if hasattr(message, 'get_fields_and_field_types'):  # rclpy's
         return list(message.get_fields_and_field_types())
     if dataclasses.is_dataclass(message):
-        return [field.name for field in dataclasses.fields(message)]
+        # rosbags has the type's own name among them.
+        names = [field.name for field in dataclasses.fields(message)]
+        return [name for name in names if not name.startswith('__')]
     return []

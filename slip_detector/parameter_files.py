@@ -77,20 +77,12 @@ def write_file(path: Path, document: Mapping[str, Any], comments: Iterable[str])
     text = ''.join(f'# {line}'.rstrip() + '\n' for line in comments)
     text += yaml.safe_dump(document, sort_keys=False, default_flow_style=None, allow_unicode=True)
     try:
-        with tempfile.NamedTemporaryFile(
-            'w', dir=path.parent, prefix=f'{path.name}.', delete=False, encoding='utf-8'
-        ) as file:
-            file.write(text)
-        os.chmod(file.name, 0o666 & ~_umask())
-        os.replace(file.name, path)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as folder:
+            new = Path(folder) / path.name
+            new.write_text(text, encoding='utf-8')
+            os.replace(new, path)
     except OSError as error:
         raise ValueError(f'{path}: cannot be written ({error.strerror})') from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def check_writable(path: Path) -> None:
@@ -104,10 +96,14 @@ def check_writable(path: Path) -> None:
     try:
         if path.is_dir():
             raise IsADirectoryError(0, 'is a folder')
+        if path.exists() and not path.is_file():  # What replaces a device would break it.
+            raise OSError(0, 'is no file')
         existed = path.exists()
         with open(path, 'ab'):
             pass
         if not existed:
             path.unlink()
+        with tempfile.TemporaryFile(dir=path.parent):  # A new file takes the place of an old one.
+            pass
     except OSError as error:
         raise ValueError(f'{path}: cannot be written ({error.strerror})') from None

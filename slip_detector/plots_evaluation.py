@@ -10,6 +10,7 @@ matplotlib.use('Agg')  # Figures are files; no display is needed.
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from slip_detector.events import STAGES
 from slip_detector.replay import Outcome, figures
@@ -45,6 +46,7 @@ def _draw_latencies(axis: Axes, outcomes: Sequence[Outcome]) -> None:
     missed = len(slips) - len(known_ms)
     if known_ms:
         axis.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color='C0')
+        axis.yaxis.set_major_locator(MaxNLocator(integer=True))  # there are no halves of slips
         median, p90 = np.percentile(known_ms, [50, 90])
         axis.axvline(median, color='k', linewidth=1, label=f'median {median:.0f} ms')
         axis.axvline(p90, color='k', linewidth=1, linestyle=':', label=f'p90 {p90:.0f} ms')

@@ -107,8 +107,9 @@ def quiet_threshold(
     shortest = 1.0 / (FURTHEST * per_hour)
     if hours < shortest:
         raise ValueError(
-            f'{track.name}: lasts {hours:.3g} h, allowed: at least {shortest:.3g} h for '
-            f'{per_hour:g} false alarms an hour ({FURTHEST:g} times as rare is a guess)'
+            f'{track.name}: lasts {hours:.3g} h, allowed: at least {shortest:.3g} h for a rate of '
+            f'{per_hour:g} an hour (one that is {FURTHEST:g} times lower than 1 in this time is a '
+            'guess)'
         )
     statistic = Statistics(chain, [chain.vote]).of(track)[chain.vote]
     limits = thresholds([statistic], [track], chain.exponent)
@@ -132,10 +133,12 @@ def quiet_threshold(
         bounds = (float(low * cluster[first]), float(upper[first]))
         return _quiet(chain, threshold, hours, alarms, bounds, extrapolated=False)
     amplitude = peaks ** (1.0 / chain.exponent)
-    if np.count_nonzero(amplitude) * TAIL_SHARE < LEAST_PEAKS:
+    peaked = np.count_nonzero(amplitude)
+    if peaked * TAIL_SHARE < LEAST_PEAKS:
         raise ValueError(
-            f'{track.name}: has {np.count_nonzero(amplitude)} blocks with a peak, allowed: '
-            f'{LEAST_PEAKS / TAIL_SHARE:.0f}, to extrapolate to {per_hour:g} false alarms an hour'
+            f'{track.name}: has {peaked} blocks of {_block_s(chain):g} s with a peak, allowed: '
+            f'{LEAST_PEAKS / TAIL_SHARE:.0f}, to extrapolate to {per_hour:g} an hour, or '
+            f'a rate that counting can show, from {-np.log(1 - CONFIDENCE) / hours:.3g} an hour'
         )
     blocks_per_hour = peaks.size / hours
     limit = _limit(amplitude, per_hour / blocks_per_hour)
@@ -163,11 +166,14 @@ def _quiet(
     )
 
 
+def _block_s(chain: ChainConfig) -> float:
+    windows_s = chain.envelope_window_s + chain.decision_window_s
+    return max(SHORTEST_BLOCK_S, WINDOWS_PER_BLOCK * windows_s)
+
+
 def _peaks(statistic: Floats, track: Track, chain: ChainConfig) -> Floats:
     """Return the largest statistic of each block of time; shape (blocks,)."""
-    windows_s = chain.envelope_window_s + chain.decision_window_s
-    block_s = max(SHORTEST_BLOCK_S, WINDOWS_PER_BLOCK * windows_s)
-    rows = max(round(block_s * track.sample_rate_hz), 1)
+    rows = max(round(_block_s(chain) * track.sample_rate_hz), 1)
     return np.array([statistic[k : k + rows].max() for k in range(0, statistic.size, rows)])
 
 

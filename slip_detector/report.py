@@ -217,19 +217,21 @@ def _figure_table(variants: Sequence[Variant], names: Sequence[str]) -> str:
             ]
             for v, variant in enumerate(variants)
         ]
-        bodies.append(f'<tbody>{"".join(map(_row, lines))}</tbody>')
+        kind = ' class="whole"' if row.startswith('all ') else ''
+        bodies.append(f'<tbody{kind}>{"".join(map(_row, lines))}</tbody>')
     return _table(heads, ''.join(bodies), 'figures')
 
 
 def _front(trials: Sequence[Trial]) -> str:
     from slip_detector import plots_report
 
-    best = front(trials)
+    searched = [trial for trial in trials if trial.number is not None]
+    best = front(searched)
     text = (
-        f'{len(trials)} trials, of which {len(best)} are not beaten by another in all three: '
-        'latency, false alarms and misses.'
+        f'{len(searched)} trials, of which {len(best)} are not beaten by another in all three: '
+        'latency, false alarms and misses. The figures are of the recordings tuned on.'
     )
-    undefined = sum(trial.costs is None for trial in trials)
+    undefined = sum(trial.costs is None for trial in searched)
     if undefined:
         text += (
             f' {undefined} are not drawn, as one of the three is not defined, such as the latency '
@@ -241,13 +243,13 @@ def _front(trials: Sequence[Trial]) -> str:
     )
     rows = [
         [
-            f'{trial.number} ({trial.mark})' if trial.mark else f'{trial.number}',
+            _trial_name(trial),
             _cell('latency_ms', None if trial.latency_s is None else 1e3 * trial.latency_s),
             _cell('false_alarms_per_minute', trial.false_alarms_per_minute),
             _cell('missed_percent', trial.missed_percent),
             ', '.join(f'{name} {_value(value)}' for name, value in trial.parameters.items()),
         ]
-        for trial in best[:MOST_LISTED]
+        for trial in [*(trial for trial in trials if trial.number is None), *best[:MOST_LISTED]]
     ]
     heads = ['trial', 'latency [ms]', 'false alarms per minute', 'missed [%]', 'parameters']
     listed = '' if len(best) <= MOST_LISTED else f' (the first {MOST_LISTED})'
@@ -256,6 +258,12 @@ def _front(trials: Sequence[Trial]) -> str:
         f'<p>{text}</p>{image}'
         f'<details><summary>The trials on the front{listed}</summary>{table}</details>'
     )
+
+
+def _trial_name(trial: Trial) -> str:
+    if trial.number is None:
+        return trial.mark
+    return f'{trial.number} ({trial.mark})' if trial.mark else f'{trial.number}'
 
 
 def _parameters(variants: Sequence[Variant]) -> str:

@@ -70,7 +70,8 @@ class Trial(NamedTuple):
 
     Attributes
     ----------
-    number : int
+    number : int or None
+        None: it is none of the search, but is shown beside those.
     latency_s, false_alarms_per_minute, missed_percent : float or None
         None where it is not defined.
     parameters : mapping
@@ -79,7 +80,7 @@ class Trial(NamedTuple):
         Set where it is one that the reader should find, such as ``given`` or ``tuned``.
     """
 
-    number: int
+    number: int | None
     latency_s: float | None
     false_alarms_per_minute: float | None
     missed_percent: float | None

@@ -31,7 +31,7 @@ from slip_detector.recordings import Counts, with_options
 from slip_detector.search import Found, Objective
 from slip_detector.tracks import Track, fingerprint, held_out, track_of
 from slip_detector.tuning_options import NAME, arguments_of
-from slip_detector.verdict import judge, pooled, replayed, table, write_report
+from slip_detector.verdict import judge, look_at, pooled, replayed, table
 from slip_detector.workers import SEARCHED, Problem, Stopper, search, search_in_processes
 
 #: Of a run that shows no bar, a line is printed so often.
@@ -83,7 +83,12 @@ class Loaded(NamedTuple):
     notes: list[str]
 
 
-def load(paths: Sequence[str], settings: Settings, labelled: bool = True) -> Loaded:
+def load(
+    paths: Sequence[str],
+    settings: Settings,
+    labelled: bool = True,
+    but: Sequence[str] = (),
+) -> Loaded:
     """Read recordings, or folders of them, into the memory.
 
     Parameters
@@ -94,6 +99,8 @@ def load(paths: Sequence[str], settings: Settings, labelled: bool = True) -> Loa
         Of the chain that they must suit, and of what to read.
     labelled
         Whether they must have labels.
+    but
+        Recordings, or folders of them, that are left out where they are among those.
 
     Raises
     ------
@@ -102,9 +109,12 @@ def load(paths: Sequence[str], settings: Settings, labelled: bool = True) -> Loa
     """
     evaluator = Evaluator(settings.chain, settings.driver, settings.evaluation, settings.max_gap_s)
     sets = recording_sets(paths)
+    left_out = {file.resolve() for files in recording_sets(but).values() for file in files}
     tracks, notes = [], []
     for name, files in sets.items():
         for file in files:
+            if file.resolve() in left_out:
+                continue
             opened = evaluator.open(file, labelled)
             shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
             tracks.append(track_of(shown, opened.rows, opened.sample_rate_hz))
@@ -146,7 +156,7 @@ class Progress:
         self._problem, self._study, self._total = problem, study, total
         self._count = self._said = study.follow()
         self._lowest = np.inf
-        self._shown = ''
+        self._shown = 'none tells slip so far'
         self._bar = tqdm(
             total=total, initial=self._count, unit='trial', disable=not sys.stderr.isatty(),
             file=sys.stderr, dynamic_ncols=True,
@@ -157,7 +167,7 @@ class Progress:
         best = self._problem.best(self._study)
         if best is not None and best.cost_ms < self._lowest:
             self._lowest = best.cost_ms
-            self._shown = f'best {in_short(best)}'
+            self._shown = f'best: {in_short(best)}'
             self._bar.set_postfix_str(self._shown, refresh=False)
         self._bar.update(count - self._count)
         self._count = count
@@ -175,7 +185,7 @@ def in_short(found: Found) -> str:
     counts = found.figures
     latency = '-' if counts.latency_ms is None else f'{counts.latency_ms:.1f} ms'
     return (
-        f'{found.cost_ms:.1f}: {latency}, {counts.missed:.0%} missed, '
+        f'costs {found.cost_ms:.1f} ms, latency {latency}, {counts.missed:.0%} missed, '
         f'{counts.false_alarms_per_minute:.2g} false/min'
     )
 
@@ -212,10 +222,10 @@ def tune(
 
 def _listed(tracks: Sequence[Track]) -> str:
     """Name tracks, and say how much they hold."""
-    slips = sum(len(track.slips) for track in tracks)
+    n = sum(len(track.slips) for track in tracks)
     minutes = sum(track.duration_s for track in tracks) / 60.0
     names = ', '.join(track.name for track in tracks)
-    return f'{names} ({slips} slips in {minutes:.3g} min)'
+    return f'{names} ({n} slip{"" if n == 1 else "s"} in {minutes:.3g} min)'
 
 
 def _settings(options: Namespace) -> Settings:
@@ -260,7 +270,7 @@ def _run(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     for path in (options.out, options.report):
         if path is not None:
             check_writable(path)
-    tracks, notes = load(options.recordings, settings)
+    tracks, notes = load(options.recordings, settings, but=options.held_out)
     if options.held_out:
         training = tracks
         held, more_notes = load(options.held_out, settings)
@@ -268,9 +278,18 @@ def _run(options: Namespace, argv: Sequence[str] | None) -> list[str]:
         for part, what in ((training, 'to tune on'), (held, 'held out')):
             if not any(track.slips for track in part):
                 names = ', '.join(track.name for track in part)
-                raise ValueError(f'{names}: has no slip, allowed: some with slips {what}')
+                none = f'{names}: has no slip' if names else 'no recording is left'
+                raise ValueError(f'{none}, allowed: some with slips {what}')
     else:
         training, held = held_out(tracks, options.hold_out)
+    tuned_on = {fingerprint([track]): track.name for track in training}
+    for track in held:
+        same = tuned_on.get(fingerprint([track]))
+        if same is not None:
+            raise ValueError(
+                f'{track.name}: is held out and holds the same as {same}, which is tuned on, '
+                'allowed: each recording once'
+            )
     stopper = Stopper()
     with stopper.listening():
         problem = Problem(training, settings.chain, None, settings.evaluation, settings.tune)
@@ -297,7 +316,7 @@ def _finish(
     count = study.follow()
     verdict = judge(problem, held, problem.choice(study))
     tracks = [*held, *problem.tracks]
-    shown = options.report is not None
+    shown = options.report is not None or options.plot is not None
     given = replayed(problem.given, tracks, problem.evaluation, shown)
     tuned = replayed(verdict.chain, tracks, problem.evaluation, shown)
     n = len(held)
@@ -319,11 +338,10 @@ def _finish(
     parameters = verdict.chain.to_parameters()
     changes = {} if verdict.kept else {name: parameters[name] for name in SEARCHED}
     write_file(options.out, with_parameters(options.config, changes), _comments(argv, lines))
-    written = [str(options.out)]
+    written = [options.out]
     if shown:
-        write_report(options.report, lines, given, tuned, held, both, study)
-        written.append(str(options.report))
-    return [*lines, f'Written: {", ".join(written)}']
+        written += look_at(options.report, options.plot, lines, given, tuned, held, both, study)
+    return [*lines, f'Written: {", ".join(map(str, written))}']
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -338,7 +356,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         Exit code: 0, 1 after an error, which is one line on stderr, or 130 where Ctrl-C ended it
-        before anything could be written.
+        before all was written.
     """
     options = arguments_of(argv)
     run = _run if options.quiet is None else _run_quiet
@@ -348,7 +366,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write(f'{NAME}: {error}\n')
         return 1
     except KeyboardInterrupt:
-        sys.stderr.write(f'{NAME}: ended before anything was written\n')
+        sys.stderr.write(f'{NAME}: ended before all was written\n')
         return 130
     return print_text(NAME, '\n'.join(lines))
 

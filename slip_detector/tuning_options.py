@@ -29,6 +29,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--report', type=Path, metavar='FILE', help='an HTML report to write')
     parser.add_argument(
+        '--plot', nargs='?', const=Path('out'), type=Path, metavar='FOLDER',
+        help='write its figures as pictures to a folder (default: out)',
+    )  # fmt: skip
+    parser.add_argument(
         '--config', metavar='FILE',
         help='a ROS parameter file to begin with: what is not searched stays as it is there; the '
         f'section {NAME} has the weights (default: the defaults)',
@@ -56,7 +60,8 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     held.add_argument(
         '--held-out', action='append', default=[], metavar='RECORDING',
-        help='hold out these recordings and tune on all RECORDINGs; repeatable',
+        help='hold out these recordings, or folders of them, and tune on all other RECORDINGs; '
+        'repeatable',
     )  # fmt: skip
     add_options(parser)
     quiet = parser.add_argument_group('only the threshold')
@@ -100,7 +105,7 @@ def arguments_of(argv: Sequence[str] | None) -> argparse.Namespace:
     if (options.quiet is None) != (options.false_alarms_per_hour is None):
         parser.error('--quiet and --false-alarms-per-hour go together')
     if options.quiet is not None:
-        for name in ('recordings', 'held_out', 'report', 'storage'):
+        for name in ('recordings', 'held_out', 'report', 'plot', 'storage'):
             if getattr(options, name):
                 word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'
                 parser.error(f'--quiet sets only the threshold, allowed: no {word} with it')

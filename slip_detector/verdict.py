@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,10 @@ from slip_detector.overview import MOST_CELLS, Overview
 from slip_detector.replay import Outcome, Replay, figures
 from slip_detector.search import Found, Objective
 from slip_detector.tracks import Track
-from slip_detector.workers import Problem
+from slip_detector.workers import SEARCHED, Problem
+
+if TYPE_CHECKING:
+    from slip_detector.report_data import Trial
 
 #: No recording of a report has less room than this share of it.
 LEAST_SHARE = 1 / 32
@@ -135,16 +138,33 @@ def table(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
     ]
 
 
-def write_report(
-    path: Path,
+def _trial(name: str, chain: ChainConfig, figures: dict[str, Any]) -> 'Trial':
+    """Return a chain as a point of the trade-off."""
+    from slip_detector.report_data import Trial
+
+    latency_ms, recall = figures['latency_median_ms'], figures['recall']
+    parameters = chain.to_parameters()
+    return Trial(
+        None,
+        None if latency_ms is None else latency_ms / 1e3,
+        figures['false_alarms_per_minute'],
+        None if recall is None else 100.0 * (1.0 - recall),
+        {parameter: parameters[parameter] for parameter in SEARCHED},
+        name,
+    )
+
+
+def look_at(
+    page: Path | None,
+    folder: Path | None,
     notes: Sequence[str],
     given: Replayed,
     tuned: Replayed,
     held: Sequence[Track],
     both: dict[str, list[dict[str, Any]]],
     study: Any,
-) -> None:
-    """Write the report of a search."""
+) -> list[Path]:
+    """Write the report of a search, and its figures as pictures; return what was written."""
     from slip_detector import report
     from slip_detector.report_data import Trial, Variant
 
@@ -167,6 +187,17 @@ def write_report(
         for found in trial.user_attrs['found'][:1]
         for counts in [found['figures']]
     ]
+    shown = [given] if tuned.chain == given.chain else [given, tuned]
+    trials += [
+        _trial(variant.name, one.chain, figures)
+        for variant, one, figures in zip(variants, shown, both['tuned on'], strict=False)
+    ]
     # The table of the figures is in the report itself.
     few = [line for line in notes if not line.startswith(('  ', 'On what'))]
-    report.write(path, 'Tuning of the slip detector', variants, trials, few)
+    written = []
+    if page is not None:
+        report.write(page, 'Tuning of the slip detector', variants, trials, few)
+        written.append(page)
+    if folder is not None:
+        written += report.write_pictures(folder, variants, trials)
+    return written

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from slip_detector import recordings
+from slip_detector import evaluation, recordings
 from slip_detector.chain import SlipChain
 from slip_detector.config import ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig
 from slip_detector.evaluation import main, recording_sets
@@ -273,7 +273,7 @@ def test_a_bag_without_labels_or_topic_says_what_is_missing(capsys, tmp_path):
     bag(path, truth=False)
     assert complaint(capsys, path) == (
         f'{path}: has no topic slip_truth or platform_position that tells the slips, allowed: '
-        'one, or a file of labels (--labels)'
+        'one, or a file of labels beside it, a.labels.yaml (--labels: elsewhere)'
     )
     assert '/voltages' in complaint(capsys, path, '--topic', 'nowhere')
     assert complaint(capsys, path, '--field', 'nothing').startswith(f'{path}: ')
@@ -337,10 +337,24 @@ def test_a_place_that_cannot_be_written_to_is_named(capsys, tmp_path):
     path = write(tmp_path / 'a.npz')
     page = tmp_path / 'no' / 'page.html'
     assert complaint(capsys, path, '--report', page) == (
-        f'{page}: cannot be written (there is no folder {page.parent})'
+        f'{page}: cannot be written (No such file or directory)'
     )
     line = complaint(capsys, path, '--plot', path)
     assert line.startswith(f'{path}: cannot be written')
+
+
+def test_a_report_that_cannot_be_written_is_said_before_anything_is_read(capsys, tmp_path):
+    line = complaint(capsys, tmp_path / 'not there.npz', '--report', tmp_path)
+    assert line == f'{tmp_path}: cannot be written (is a folder)'
+
+
+def test_an_interrupt_is_one_line(capsys, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluation, 'evaluate', interrupted)
+    assert main([str(write(tmp_path / 'a.npz'))]) == 130
+    assert capsys.readouterr() == ('', 'slip_evaluate: ended before it was done\n')
 
 
 def test_what_a_report_shows_is_what_became_of_slips_and_alarms():
@@ -429,7 +443,7 @@ def test_a_recording_that_does_not_suit_is_named(capsys, tmp_path):
     unlabelled = write(tmp_path / 'unlabelled.npz', slip=None)
     assert complaint(capsys, unlabelled) == (
         f'{unlabelled}: has no label slip, there are: sample_rate_hz, volts; allowed: one, or a '
-        'file of labels (--labels)'
+        'file of labels beside it, unlabelled.labels.yaml (--labels: elsewhere)'
     )
     broken = tmp_path / 'broken.npz'
     broken.write_bytes(unlabelled.read_bytes()[:-100])

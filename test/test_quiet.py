@@ -56,7 +56,7 @@ def test_what_cannot_be_known_is_refused():
     recording = track(5, duration_s=60.0, slips=False)
     with pytest.raises(ValueError, match=r'seed 5: lasts 0.0167 h, allowed: at least 0.05 h'):
         quiet_threshold(recording, CHAIN, 1.0, np.random.default_rng(0))
-    with pytest.raises(ValueError, match='seed 5: has 60 blocks with a peak, allowed: 300'):
+    with pytest.raises(ValueError, match='seed 5: has 60 blocks of 1 s with a peak, allowed: 300'):
         quiet_threshold(recording, CHAIN, 10.0, np.random.default_rng(0))
     with pytest.raises(ValueError, match=r'seed 6: has slip at 1\.503 s'):
         quiet_threshold(track(6), CHAIN, 1000.0, np.random.default_rng(0))

@@ -125,6 +125,14 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, recording, text, said):
     assert complaint(tmp_path, recording, text).startswith(said)
 
 
+def test_a_dot_in_the_name_of_a_folder_is_no_ending(tmp_path):
+    for name in ('push_0.5N', 'push_0.7N'):
+        (tmp_path / name).mkdir()
+        (tmp_path / f'{name}.labels.yaml').write_text('slip_s: []')
+        assert find_labels('', tmp_path / name) == tmp_path / f'{name}.labels.yaml'
+        assert find_labels(str(tmp_path), tmp_path / name) == tmp_path / f'{name}.labels.yaml'
+
+
 def test_a_file_of_labels_that_cannot_be_read_is_named(tmp_path, recording):
     with pytest.raises(ValueError, match=r'no\.yaml: cannot be read \(No such file'):
         truth(recording, tmp_path / 'no.yaml')

@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -169,6 +170,58 @@ def test_jobs_are_processes_of_one_study(case):
     assert DetectorConfig.from_yaml(out).channels == 4
 
 
+def test_what_is_held_out_by_name_is_not_tuned_on(case, capsys):
+    folder, words = case
+    (folder / 'link.npz').symlink_to(folder / 'b.npz')
+    run(*words, '--held-out', folder / 'link.npz', '--out', folder / 'out.yaml', '--trials', 2)
+    shown = capsys.readouterr().out
+    assert 'Tuned on: a.npz, c.npz (8 slips in 0.4 min)' in shown
+    assert 'Held out, and not tuned on: link.npz (4 slips in 0.2 min)' in shown
+
+
+def test_a_copy_of_what_is_tuned_on_is_not_held_out(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path('given.yaml').write_text(PARAMETERS)
+    write('a.npz', 1)
+    shutil.copy('a.npz', 'b.npz')
+    run('a.npz', 'b.npz', '--config', 'given.yaml', '--out', 'o.yaml', code=1)
+    assert capsys.readouterr().err == (
+        'slip_tune: b.npz: is held out and holds the same as a.npz, which is tuned on, allowed: '
+        'each recording once\n'
+    )
+
+
+def test_a_file_takes_the_place_of_an_old_one_and_leaves_nothing_beside_it(case, monkeypatch):
+    folder, words = case
+    out = folder / 'out.yaml'
+    out.write_text('old')
+    before = set(folder.iterdir())
+    monkeypatch.setattr(os, 'replace', lambda *_: (_ for _ in ()).throw(OSError(28, 'is full')))
+    run(*words, '--out', out, '--trials', 1, code=1)
+    assert set(folder.iterdir()) == before | {Path(f'{out}.study.journal')}
+    assert out.read_text() == 'old'
+    monkeypatch.undo()
+    run(*words, '--out', out, '--trials', 1)
+    assert DetectorConfig.from_yaml(out).channels == 4
+    assert out.stat().st_mode == (folder / 'given.yaml').stat().st_mode
+
+
+def test_the_report_marks_the_given_and_the_tuned_in_the_trade_off(case):
+    folder, words = case
+    page = folder / 'page.html'
+    pictures = folder / 'out'
+    run(*words, '--out', folder / 'out.yaml', '--report', page, '--plot', pictures, '--trials', 12)
+    assert {path.name for path in pictures.iterdir()} == {
+        'timeline_1_c.npz.png', 'timeline_2_a.npz.png', 'timeline_3_b.npz.png', 'filters.png',
+        'front.png', 'figures.txt',
+    }  # fmt: skip
+    text = page.read_text()
+    assert '12 trials, of which' in text
+    section = text[text.index('<h2>Trade-off') : text.index('<h2>Filter')]
+    assert '<tr><td>given</td>' in section
+    assert '<tr><td>tuned</td>' in section
+
+
 @pytest.mark.parametrize('jobs', [1, 2])
 def test_an_interrupt_keeps_what_was_found_and_the_same_command_goes_on(case, jobs):
     folder, words = case
@@ -250,6 +303,11 @@ ERRORS = {
         ['a.npz', '--held-out', 'still.npz', '--out', 'o.yaml'],
         'still.npz: has no slip, allowed: some with slips held out', 1,
     ),
+    'all held out by name': (
+        ['a.npz', '--held-out', 'a.npz', '--out', 'o.yaml'],
+        'no recording is left, allowed: some with slips to tune on', 1,
+    ),
+    'a device': (['a.npz', '--out', '/dev/null'], '/dev/null: cannot be written (is no file)', 1),
     'one slip': (['short.npz', '--out', 'o.yaml'], 'short.npz: has one slip', 1),
     'no folder': (['a.npz', '--out', 'nix/o.yaml'], 'nix/o.yaml: cannot be written', 1),
     'no folder of the report': (

@@ -48,7 +48,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as scipy_signal
 
-from slip_detector.benchmark import Bound, gc_off, least_times_s, verdicts
+from slip_detector.benchmark import Bound, gc_off, least_times_s, verdict_words, verdicts
 from slip_detector.chain import SlipChain
 from slip_detector.compiled import COMPILED
 from slip_detector.config import ChainConfig
@@ -138,7 +138,7 @@ def measure(quick: bool = False, with_ros: bool = True) -> dict[str, Any]:
     for claim in WANTED:
         section, figure = claim.split('.')
         values[claim] = None if result[section] is None else result[section][figure]
-    result['wanted'] = verdicts(WANTED, values)
+    result['wanted'] = verdicts(WANTED, values, judged=not quick)
     return result
 
 
@@ -420,7 +420,7 @@ def table(result: dict[str, Any]) -> str:
 
     def claim(name: str) -> str:
         entry = result['wanted'][name]
-        return f'(wanted {entry["bound"]}: {"met" if entry["met"] else "NOT met"})'
+        return f'(wanted {entry["bound"]}: {verdict_words(entry)})'
 
     part, tuned = result['blocks'], result['blocks']['tuned']
     agreement = ', '.join(f'{name} {share:.5%}' for name, share in part['agreement'].items())

@@ -56,7 +56,10 @@ class BagRecording(Recording):
         self.channel_names = decoder.names or tuple(f'ch{i + 1}' for i in range(decoder.channels))
         message_hz = rate_of((decoded.stamps_ns - decoded.stamps_ns[0]) * 1e-9)
         if message_hz is None:
-            raise ValueError(f'{path}: the stamps on {topic.name} do not rise, there is no rate')
+            raise ValueError(
+                f'{path}: the stamps on {topic.name} do not rise, allowed: two or more messages, '
+                'each with its time'
+            )
         self._samples = int(np.median(decoded.samples))
         self.sample_rate_hz = message_hz * self._samples
 

@@ -40,7 +40,8 @@ class CsvRecording(Recording):
         with self._lines() as lines:
             self._names = names = [name.strip() for name in next(lines, [])]
         if TIME not in names:
-            raise ValueError(f'{path}: line 1 has no column {TIME}, there are: {", ".join(names)}')
+            there = ', '.join(names) or 'none'
+            raise ValueError(f'{path}: line 1 has no column {TIME}, there are: {there}')
         if len(set(names)) != len(names):
             raise ValueError(f'{path}: line 1 has a name twice, allowed: each column once')
         self.labelled = self._truth_key in names
@@ -50,7 +51,10 @@ class CsvRecording(Recording):
         first = next(self._tables(), None)
         rate_hz = None if first is None else rate_of(first.cells[:, names.index(TIME)])
         if rate_hz is None:
-            raise ValueError(f'{path}: column {TIME} does not rise, allowed: the time of each row')
+            raise ValueError(
+                f'{path}: column {TIME} does not rise, allowed: two or more rows, each with its '
+                'time'
+            )
         self.sample_rate_hz = rate_hz
 
     def read(self) -> Iterator[Rows]:

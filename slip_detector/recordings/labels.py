@@ -67,6 +67,12 @@ class Labels:
                 )
 
 
+def labels_name(recording: Path) -> str:
+    """Return what the file of labels of a recording is called."""
+    # What follows a dot in the name of a folder is no ending.
+    return f'{recording.name if recording.is_dir() else recording.stem}{ENDING}'
+
+
 def find_labels(setting: str, recording: Path) -> 'Path | None':
     """Return the file of labels of a recording.
 
@@ -87,7 +93,7 @@ def find_labels(setting: str, recording: Path) -> 'Path | None':
     ValueError
         When the folder has none for this recording.
     """
-    name = f'{recording.stem if recording.suffix else recording.name}{ENDING}'
+    name = labels_name(recording)
     if not setting:
         beside = recording.parent / name
         return beside if beside.is_file() else None
