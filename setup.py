@@ -69,9 +69,9 @@ setup(
             f'grasp_controller = {NAME}.nodes.run:grasp_controller',
             f'slip_demo = {NAME}.nodes.demo:main',
             f'slip_grasp = {NAME}.nodes.grasp_demo:main',
-            f'slip_evaluate = {NAME}.evaluation:main',
-            f'slip_tune = {NAME}.tuning:main',
-            f'slip_benchmark = {NAME}.benchmark:main',
+            f'slip_evaluate = {NAME}.command_line:evaluate',
+            f'slip_tune = {NAME}.command_line:tune',
+            f'slip_benchmark = {NAME}.command_line:benchmark',
         ],
     },
 )

@@ -1,6 +1,11 @@
-"""What the command lines share: errors of one line, output that may not be read to its end."""
+"""What the command lines share: errors of one line, output that may not be read to its end.
+
+The commands start here, as loading what they compute with takes a second in which Ctrl-C is to be
+no traceback either: nothing heavy is imported.
+"""
 
 import argparse
+import importlib
 import os
 import sys
 from typing import NoReturn
@@ -39,3 +44,26 @@ def print_text(name: str, text: str) -> int:
         sys.stderr.write(f'{name}: the output cannot be written ({error.strerror})\n')
         return 1
     return 0
+
+
+def evaluate() -> int:
+    """Start ``slip_evaluate``."""
+    return _start('slip_evaluate', 'slip_detector.evaluation')
+
+
+def tune() -> int:
+    """Start ``slip_tune``."""
+    return _start('slip_tune', 'slip_detector.tuning')
+
+
+def benchmark() -> int:
+    """Start ``slip_benchmark``."""
+    return _start('slip_benchmark', 'slip_detector.benchmark')
+
+
+def _start(name: str, module: str) -> int:
+    try:
+        return int(importlib.import_module(module).main())
+    except KeyboardInterrupt:
+        sys.stderr.write(f'{name}: ended before it was done\n')
+        return 130
