@@ -1,5 +1,7 @@
 """An executor that takes samples straight from the middleware."""
 
+import time
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.executors import (
@@ -19,19 +21,26 @@ POLL_NS = 50_000_000
 
 
 class SampleExecutor(SingleThreadedExecutor):
-    """Spins one node whose subscriptions are busy and whose callbacks are plain functions.
+    """Spins nodes whose subscriptions are busy and whose callbacks are plain functions.
 
-    For each message rclpy's executor gathers all entities of the node anew (a managed node has a
-    dozen services), makes a task, a coroutine and a wait set, and wakes itself twice: several
+    For each message rclpy's executor gathers all entities of the nodes anew (a managed node has
+    a dozen services), makes a task, a coroutine and a wait set, and wakes itself twice: several
     times the cost of the message. Here only the subscriptions are waited for, until the next
-    timer is due, and a message goes straight to its callback. All else is left to rclpy, whenever
-    a timer is due and at least every ``POLL_NS``; and altogether, while there is no subscription.
+    timer is due, and a message or a timer goes straight to its callback. All else is left to
+    rclpy, at least every ``POLL_NS``; and altogether, while there is no subscription.
+
+    Parameters
+    ----------
+    nodes
+        Of one context, at least one.
     """
 
-    def __init__(self, node: Node) -> None:
-        super().__init__(context=node.context)
-        self.add_node(node)
-        self._node = node
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        super().__init__(context=nodes[0].context)
+        for node in nodes:
+            self.add_node(node)
+        self._nodes = nodes
+        self._others_ns = 0
         self._wait_set: Any = None
         self._waited_for = (0, 0)
 
@@ -48,13 +57,14 @@ class SampleExecutor(SingleThreadedExecutor):
         ExternalShutdownException
             When the context was shut down meanwhile.
         """
-        node = self._node
-        subscriptions = list(node.subscriptions)
+        nodes = self._nodes
+        subscriptions = [subscription for node in nodes for subscription in node.subscriptions]
         if not subscriptions:
             super().spin_once(timeout_sec)
             return
-        of_node, timers = list(node.guards), list(node.timers)
-        guards = [*of_node, self._guard, self._sigint_gc]
+        of_nodes = [guard for node in nodes for guard in node.guards]
+        timers = [timer for node in nodes for timer in node.timers]
+        guards = [*of_nodes, self._guard, self._sigint_gc]
         sizes = (len(subscriptions), len(guards))
         if sizes != self._waited_for:
             self._wait_set = rclpy_implementation.WaitSet(*sizes, 0, 0, 0, 0, self.context.handle)
@@ -73,13 +83,20 @@ class SampleExecutor(SingleThreadedExecutor):
             raise ExternalShutdownException
         ready = wait_set.get_ready_entities('subscription')
         triggered = wait_set.get_ready_entities('guard_condition')
-        for guard in of_node:
+        for guard in of_nodes:
             if guard.handle.pointer in triggered:
                 guard.trigger()  # The wait has taken it from rclpy.
         for subscription in subscriptions:
             if subscription.handle.pointer in ready:
                 self._take_from(subscription)
-        if triggered or not ready or any(timer.is_ready() for timer in timers):
+        if triggered:
+            self._execute_others()
+            return  # It may have changed subscriptions and timers.
+        for timer in timers:
+            if timer.is_ready():
+                timer.handle.call_timer()
+                timer.callback()
+        if time.monotonic_ns() - self._others_ns >= POLL_NS:
             self._execute_others()
 
     @staticmethod
@@ -97,6 +114,7 @@ class SampleExecutor(SingleThreadedExecutor):
 
     def _execute_others(self) -> None:
         """Let rclpy do what is ready."""
+        self._others_ns = time.monotonic_ns()
         while True:
             try:
                 handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0)
