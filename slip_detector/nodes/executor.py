@@ -1,5 +1,6 @@
 """An executor that takes samples straight from the middleware."""
 
+import itertools
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -39,8 +40,11 @@ class SampleExecutor(SingleThreadedExecutor):
         super().__init__(context=nodes[0].context)
         for node in nodes:
             self.add_node(node)
-        self._nodes = nodes
-        self._others_ns = 0
+        self._of_samples = nodes
+        # Looked after in turn: all at once would keep the samples waiting.
+        self._next_nodes = itertools.cycle(nodes)
+        self._poll_ns = POLL_NS // len(nodes)
+        self._polled_ns = 0
         self._wait_set: Any = None
         self._waited_for = (0, 0)
 
@@ -57,7 +61,7 @@ class SampleExecutor(SingleThreadedExecutor):
         ExternalShutdownException
             When the context was shut down meanwhile.
         """
-        nodes = self._nodes
+        nodes = self._of_samples
         subscriptions = [subscription for node in nodes for subscription in node.subscriptions]
         if not subscriptions:
             super().spin_once(timeout_sec)
@@ -78,7 +82,7 @@ class SampleExecutor(SingleThreadedExecutor):
         due_ns = [timer.time_until_next_call() for timer in timers]
         if timeout_sec is not None:
             due_ns.append(round(timeout_sec * 1e9))
-        wait_set.wait(max(0, min([POLL_NS, *due_ns])))
+        wait_set.wait(max(0, min([self._poll_ns, *due_ns])))
         if not self.context.ok():
             raise ExternalShutdownException
         ready = wait_set.get_ready_entities('subscription')
@@ -90,14 +94,15 @@ class SampleExecutor(SingleThreadedExecutor):
             if subscription.handle.pointer in ready:
                 self._take_from(subscription)
         if triggered:
-            self._execute_others()
+            self._execute_others(nodes)
             return  # It may have changed subscriptions and timers.
         for timer in timers:
             if timer.is_ready():
                 timer.handle.call_timer()
                 timer.callback()
-        if time.monotonic_ns() - self._others_ns >= POLL_NS:
-            self._execute_others()
+        if time.monotonic_ns() - self._polled_ns >= self._poll_ns:
+            self._polled_ns = time.monotonic_ns()
+            self._execute_others([next(self._next_nodes)])
 
     @staticmethod
     def _take_from(subscription: Any) -> None:
@@ -112,12 +117,11 @@ class SampleExecutor(SingleThreadedExecutor):
             else:
                 subscription.callback(taken[0])
 
-    def _execute_others(self) -> None:
+    def _execute_others(self, nodes: Sequence[Node]) -> None:
         """Let rclpy do what is ready."""
-        self._others_ns = time.monotonic_ns()
         while True:
             try:
-                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0)
+                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0, nodes=nodes)
             except (TimeoutException, ShutdownException):
                 return
             handler()
