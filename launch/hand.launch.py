@@ -1,41 +1,23 @@
-"""One driver and one detector per finger, each pair in the finger's namespace.
+"""A driver and a detector per finger, each pair in the finger's namespace.
 
 ros2 launch slip_detector hand.launch.py fingers:=thumb,index,middle
+
+All drivers share a process, and all detectors: that takes half the processor time.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
-PASSED_ON = ('config', 'source', 'recording')
-
-
-def fingers_of(context):
-    share = FindPackageShare('slip_detector')
-    one_finger = PathJoinSubstitution([share, 'launch', 'slip_detector.launch.py'])
-    prefix = LaunchConfiguration('namespace').perform(context).strip('/')
-    text = LaunchConfiguration('fingers').perform(context)
-    fingers = [finger.strip() for finger in text.split(',')]
-    if not all(fingers) or len(set(fingers)) < len(fingers):
-        raise ValueError(f'fingers is {text!r}, allowed: different names with commas between')
-    return [
-        IncludeLaunchDescription(
-            PythonLaunchDescriptionSource(one_finger),
-            launch_arguments={
-                'namespace': f'{prefix}/{finger}' if prefix else finger,
-                **{name: LaunchConfiguration(name) for name in PASSED_ON},
-            }.items(),
-        )
-        for finger in fingers
-    ]
+PASSED_ON = ('fingers', 'namespace', 'config', 'source', 'recording')
 
 
 def generate_launch_description():
-    own_config = PathJoinSubstitution(
-        [FindPackageShare('slip_detector'), 'config', 'slip_detector.yaml']
-    )
+    share = FindPackageShare('slip_detector')
+    own_config = PathJoinSubstitution([share, 'config', 'slip_detector.yaml'])
+    one_finger = PathJoinSubstitution([share, 'launch', 'slip_detector.launch.py'])
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -59,6 +41,9 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'
             ),
-            OpaqueFunction(function=fingers_of),
+            IncludeLaunchDescription(
+                PythonLaunchDescriptionSource(one_finger),
+                launch_arguments=[(name, LaunchConfiguration(name)) for name in PASSED_ON],
+            ),
         ]
     )

@@ -1,4 +1,4 @@
-"""One driver and one detector.
+"""One driver and one detector; or of each so many as there are fingers, in one process.
 
 ros2 launch slip_detector slip_detector.launch.py namespace:=index config:=my.yaml source:=none
 """
@@ -22,10 +22,13 @@ def nodes(context):
         # The nodes would run on their defaults, unasked.
         raise FileNotFoundError(f'config is {config!r}, allowed: the path of a parameter file')
     namespace = LaunchConfiguration('namespace')
+    fingers = LaunchConfiguration('fingers').perform(context)
+    arguments = ['--fingers', fingers] if fingers else []
     detector = Node(
         package='slip_detector',
         executable='slip_detector',
         namespace=namespace,
+        arguments=arguments,
         parameters=[config],
     )
     # The detector misses nothing while it starts.
@@ -38,6 +41,7 @@ def nodes(context):
         package='slip_detector',
         executable='slip_driver',
         namespace=namespace,
+        arguments=arguments,
         parameters=[config, given],
     )
     return [detector] if source == 'none' else [detector, driver]
@@ -51,6 +55,12 @@ def generate_launch_description():
         [
             DeclareLaunchArgument(
                 'namespace', default_value='', description='Namespace of both nodes.'
+            ),
+            DeclareLaunchArgument(
+                'fingers',
+                default_value='',
+                description='Names of fingers, with commas between: a pair of nodes for each, in '
+                'a namespace of its name within the other; empty: one pair.',
             ),
             DeclareLaunchArgument(
                 'config', default_value=own_config, description='Parameter file of both nodes.'

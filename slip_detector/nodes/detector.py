@@ -40,10 +40,15 @@ class Detector(LifecycleNode):
 
     A managed node: *configure* builds the chain and the topics, *activate* subscribes to the
     input. Inactive, it publishes nothing and has no subscription and no timer.
+
+    Parameters
+    ----------
+    cli_args
+        Arguments of ROS for this node, which go before those of the process.
     """
 
-    def __init__(self) -> None:
-        super().__init__('slip_detector', allow_undeclared_parameters=True)
+    def __init__(self, cli_args: list[str] | None = None) -> None:
+        super().__init__('slip_detector', allow_undeclared_parameters=True, cli_args=cli_args)
         # As the parameters have it; what runs may be a moment behind.
         self.config = declare(self, DetectorConfig, FIXED)
         self._check(self.config)
@@ -132,7 +137,7 @@ class Detector(LifecycleNode):
         self._input = Input(self._running)
         self._input.replayed = self._time_is_replayed()
         self._subscription = self.create_subscription(
-            self._input.message_class, 'voltages', self._on_voltages, sensor_qos()
+            self._input.message_class, 'voltages', self._on_voltages, sensor_qos(), raw=True
         )
 
     def _forget_input(self) -> None:
@@ -254,12 +259,12 @@ class Detector(LifecycleNode):
 
     # The input.
 
-    def _on_voltages(self, message: Any, info: dict[str, int]) -> None:
+    def _on_voltages(self, raw: bytes, info: dict[str, int]) -> None:
         """Check the samples of a message, run them through the chain, publish what changed."""
         began_s = time.perf_counter()
         config, source = self._chain.config, self._input
         try:
-            rows = source.rows(message)
+            rows, at_ns, names, frame_id = source.read(raw, info)
         except ValueError as error:
             self._drop('field', str(error))
             return
@@ -271,9 +276,8 @@ class Detector(LifecycleNode):
                 'channels', f'a message has {channels} channels, allowed: {config.channels}'
             )
             return
-        if source.has_names and message.name != self._names and not self._take_names(message.name):
+        if source.has_names and names != self._names and not self._take_names(names):
             return
-        at_ns = source.stamp_ns(message, info)
         if at_ns is None:
             # Replayed, and without times of their own: one after the other, whenever they come.
             at_ns = self.get_clock().now().nanoseconds
@@ -289,7 +293,7 @@ class Detector(LifecycleNode):
         listened = topics.envelope_wanted
         result = self._chain.update(rows, level=listened)
         self._last_row = rows[-1:]
-        self._frame_id = source.frame_id(message)
+        self._frame_id = frame_id
         if len(rows) == 1:
             topics.announce(result.flags[0], at_ns, self._frame_id)
         else:

@@ -1,7 +1,9 @@
 """The driver node: plays a source at its own pace, or passes on what a sensor sends."""
 
+import math
 import threading
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from slip_detector.config import DriverConfig
 from slip_detector.nodes.listening import Listening
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
+from slip_detector.nodes.turns import Turns
 from slip_detector.nodes.voltages import Voltages
 from slip_detector.sources import Samples, Source, open_source
 
@@ -42,10 +45,17 @@ class Driver(Node):
     each when it is due, so that what the fingertip feels is the doing of all commands until then.
 
     The samples of a sensor (serial, udp) are published as they come.
+
+    Parameters
+    ----------
+    turns
+        Of all drivers of the process, started when all are there.
+    cli_args
+        Arguments of ROS for this node, which go before those of the process.
     """
 
-    def __init__(self) -> None:
-        super().__init__('slip_driver')
+    def __init__(self, turns: Turns, cli_args: list[str] | None = None) -> None:
+        super().__init__('slip_driver', cli_args=cli_args)
         self.config = config = declare(self, DriverConfig)
         live = config.source in ('serial', 'udp')
         source = None if live else open_source(config)
@@ -59,24 +69,20 @@ class Driver(Node):
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         self._last_truth: bool | None = None
         self._logged_s: dict[str, float] = {}  # by subject
-        self._stop = threading.Event()
-        self._failure: Exception | None = None
-        # Also wakes the executor, should a signal's own wake-up get lost.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(LOOK_S, self._look_for_end, clock=steady)
+        self._turns = turns
         if source is not None:
             what = config.recording if config.source == 'recording' else f'scene {config.scene}'
             self.get_logger().info(
                 f'playing {what}: {len(source.channel_names)} channels at '
                 f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
             )
-        self._thread = threading.Thread(target=self._run, args=(source,), daemon=True)
-        self._thread.start()
+            turns.add(self._play_when_wanted(source))
+        else:
+            turns.add_waiting(self._listen_when_wanted)
 
     def destroy_node(self) -> None:
         """Stop playing, then take the node down."""
-        self._stop.set()
-        self._thread.join()
+        self._turns.stop()
         super().destroy_node()
 
     def _on_grip_force(self, message: JointState) -> None:
@@ -85,52 +91,46 @@ class Driver(Node):
         else:
             self._say('grip', f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
 
-    def _run(self, source: Source | None) -> None:
-        """Play or listen in a thread of its own; the executor looks for its end."""
-        try:
-            if not self._wait_for_subscribers():
+    def _play_when_wanted(self, source: Source) -> Iterator[float]:
+        """Play in turns; yields when the next is due."""
+        yield from self._wait_for_subscribers()
+        yield from self._play(source)
+
+    def _listen_when_wanted(self, stop: threading.Event) -> None:
+        for due_s in self._wait_for_subscribers():
+            if stop.wait(max(0.0, due_s - time.monotonic())):
                 return
-            if source is not None:
-                self._play(source)
-            else:
-                Listening(self, self.config, self._send, self._voltages.flush).run(self._stop)
-        except Exception as failure:
-            self._failure = failure
+        Listening(self, self.config, self._send, self._voltages.flush).run(stop)
 
-    def _look_for_end(self) -> None:
-        """End the spinning, in the thread that spins, when all has been played."""
-        if not self._thread.is_alive():
-            raise self._failure or ExternalShutdownException()
-
-    def _wait_for_subscribers(self) -> bool:
-        """Wait for those who must miss nothing; false: the node was stopped meanwhile."""
+    def _wait_for_subscribers(self) -> Iterator[float]:
+        """Wait for those who must miss nothing."""
         if self.config.wait_for_subscribers:
             self.get_logger().info(f'waiting for {self.config.wait_for_subscribers} subscribers')
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
-            if self._stop.wait(POLL_S):
-                return False
+            yield time.monotonic() + POLL_S
         if self._in_grip and self.config.wait_for_grip:
             self.get_logger().info('waiting for a grip force')
             while self._grip_n is None:
-                if self._stop.wait(POLL_S):
-                    return False
-        return True
+                yield time.monotonic() + POLL_S
 
-    def _play(self, source: Source) -> None:
-        """Play the source, again and again if asked to."""
+    def _play(self, source: Source) -> Iterator[float]:
+        """Play the source, again and again if asked to; yields when the next sample is due."""
         # Opening a file and loading compiled code takes its time: before the clock runs.
         ahead = None if self._in_grip else source.read(READ_ROWS)
+        # Drivers of one rate have their samples due at the same moments: all who handle them wake
+        # up once for all fingers.
+        now_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
+        period_s = self.config.samples_per_message / (source.sample_rate_hz * self.config.rate)
+        start_s = math.ceil(now_s / period_s) * period_s
         # Stamps are the samples' own times, counted from here on the node's clock.
-        first_stamp_ns = self.get_clock().now().nanoseconds
-        start_s = time.monotonic()
+        first_stamp_ns = now_ns + round((start_s - now_s) * 1e9)
         played = 0
         repetition = 0
         begin_s = end_s = 0.0
         gripped_n: float | None = None
-        while not self._stop.is_set():
+        while True:
             if self._in_grip:
-                if self._wait(start_s + end_s / self.config.rate):
-                    break
+                yield from self._wait(start_s + end_s / self.config.rate)
                 if self._grip_n != gripped_n:
                     gripped_n = self._grip_n
                     self._hold(source, gripped_n)
@@ -144,7 +144,8 @@ class Driver(Node):
                     taken_s = np.asarray(np.arange(played, played + n) * period_s)
                 else:
                     taken_s = begin_s + samples.time_s
-                played += self._publish(source, samples, taken_s, start_s, first_stamp_ns)
+                yield from self._publish(source, samples, taken_s, start_s, first_stamp_ns)
+                played += n
                 end_s = float(taken_s[-1]) + period_s
             elif not self.config.loop:
                 self._voltages.flush()
@@ -154,8 +155,7 @@ class Driver(Node):
                 begin_s = end_s
                 source = open_source(self.config, repetition)
                 gripped_n = None
-        if not self._stop.is_set():
-            self.get_logger().info(f'played all {played} samples')
+        self.get_logger().info(f'played all {played} samples')
 
     def _publish(
         self,
@@ -164,14 +164,14 @@ class Driver(Node):
         taken_s: NDArray[np.float64],
         start_s: float,
         first_stamp_ns: int,
-    ) -> int:
-        """Publish each sample when it is due; returns how many were published."""
+    ) -> Iterator[float]:
+        """Publish each sample when it is due."""
         names = list(source.channel_names)
         for i, volts in enumerate(samples.volts):
             due_s = start_s + float(taken_s[i]) / self.config.rate
             # Of a batch only the last sample waits: waking up costs more than all else.
-            if self._voltages.completed_by_next and self._wait(due_s):
-                return i
+            if self._voltages.completed_by_next:
+                yield from self._wait(due_s)
             # A state holds for what comes after it, in a bag too.
             if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
                 self._last_truth = bool(samples.truth[i])
@@ -182,7 +182,6 @@ class Driver(Node):
                 self._position.publish(
                     JointState(header=header, name=self._position_names, position=position)
                 )
-        return len(samples.volts)
 
     def _send(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> Header:
         """Publish a sample; returns its header."""
@@ -190,14 +189,12 @@ class Driver(Node):
         self._voltages.publish(header, names, volts)
         return header
 
-    def _wait(self, due_s: float) -> bool:
-        """Wait until something is due; returns whether the driver is to stop."""
-        ahead_s = due_s - time.monotonic()
-        if ahead_s > 0.0:
-            return self._stop.wait(ahead_s)
-        if -ahead_s > LATE_S:
-            self._say('pace', f'{-ahead_s * 1e3:.0f} ms late: the pace cannot be kept')
-        return False
+    def _wait(self, due_s: float) -> Iterator[float]:
+        """Wait until something is due."""
+        yield due_s
+        late_s = time.monotonic() - due_s
+        if late_s > LATE_S:
+            self._say('pace', f'{late_s * 1e3:.0f} ms late: the pace cannot be kept')
 
     def _hold(self, source: Any, force_n: float | None) -> None:
         try:
@@ -211,3 +208,19 @@ class Driver(Node):
         if now_s - self._logged_s.get(about, -1.0) >= 1.0:
             self._logged_s[about] = now_s
             self.get_logger().warning(what)
+
+
+def drivers(arguments_of_each: list[list[str] | None]) -> list[Driver]:
+    """Make the drivers of a process and have them play."""
+    turns = Turns()
+    made = [Driver(turns, arguments) for arguments in arguments_of_each]
+
+    def look_for_end() -> None:
+        """End the spinning, in the thread that spins, when all has been played."""
+        if turns.ended:
+            raise ExternalShutdownException
+
+    # Also wakes the executor, should a signal's own wake-up get lost.
+    made[0].create_timer(LOOK_S, look_for_end, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    turns.start()
+    return made

@@ -1,5 +1,8 @@
 """An executor that takes samples straight from the middleware."""
 
+import itertools
+import time
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.executors import (
@@ -19,19 +22,29 @@ POLL_NS = 50_000_000
 
 
 class SampleExecutor(SingleThreadedExecutor):
-    """Spins one node whose subscriptions are busy and whose callbacks are plain functions.
+    """Spins nodes whose subscriptions are busy and whose callbacks are plain functions.
 
-    For each message rclpy's executor gathers all entities of the node anew (a managed node has a
-    dozen services), makes a task, a coroutine and a wait set, and wakes itself twice: several
+    For each message rclpy's executor gathers all entities of the nodes anew (a managed node has
+    a dozen services), makes a task, a coroutine and a wait set, and wakes itself twice: several
     times the cost of the message. Here only the subscriptions are waited for, until the next
-    timer is due, and a message goes straight to its callback. All else is left to rclpy, whenever
-    a timer is due and at least every ``POLL_NS``; and altogether, while there is no subscription.
+    timer is due, and a message or a timer goes straight to its callback. All else is left to
+    rclpy, at least every ``POLL_NS``; and altogether, while there is no subscription.
+
+    Parameters
+    ----------
+    nodes
+        Of one context, at least one.
     """
 
-    def __init__(self, node: Node) -> None:
-        super().__init__(context=node.context)
-        self.add_node(node)
-        self._node = node
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        super().__init__(context=nodes[0].context)
+        for node in nodes:
+            self.add_node(node)
+        self._of_samples = nodes
+        # Looked after in turn: all at once would keep the samples waiting.
+        self._next_nodes = itertools.cycle(nodes)
+        self._poll_ns = POLL_NS // len(nodes)
+        self._polled_ns = 0
         self._wait_set: Any = None
         self._waited_for = (0, 0)
 
@@ -48,13 +61,14 @@ class SampleExecutor(SingleThreadedExecutor):
         ExternalShutdownException
             When the context was shut down meanwhile.
         """
-        node = self._node
-        subscriptions = list(node.subscriptions)
+        nodes = self._of_samples
+        subscriptions = [subscription for node in nodes for subscription in node.subscriptions]
         if not subscriptions:
             super().spin_once(timeout_sec)
             return
-        of_node, timers = list(node.guards), list(node.timers)
-        guards = [*of_node, self._guard, self._sigint_gc]
+        of_nodes = [guard for node in nodes for guard in node.guards]
+        timers = [timer for node in nodes for timer in node.timers]
+        guards = [*of_nodes, self._guard, self._sigint_gc]
         sizes = (len(subscriptions), len(guards))
         if sizes != self._waited_for:
             self._wait_set = rclpy_implementation.WaitSet(*sizes, 0, 0, 0, 0, self.context.handle)
@@ -68,19 +82,27 @@ class SampleExecutor(SingleThreadedExecutor):
         due_ns = [timer.time_until_next_call() for timer in timers]
         if timeout_sec is not None:
             due_ns.append(round(timeout_sec * 1e9))
-        wait_set.wait(max(0, min([POLL_NS, *due_ns])))
+        wait_set.wait(max(0, min([self._poll_ns, *due_ns])))
         if not self.context.ok():
             raise ExternalShutdownException
         ready = wait_set.get_ready_entities('subscription')
         triggered = wait_set.get_ready_entities('guard_condition')
-        for guard in of_node:
+        for guard in of_nodes:
             if guard.handle.pointer in triggered:
                 guard.trigger()  # The wait has taken it from rclpy.
         for subscription in subscriptions:
             if subscription.handle.pointer in ready:
                 self._take_from(subscription)
-        if triggered or not ready or any(timer.is_ready() for timer in timers):
-            self._execute_others()
+        if triggered:
+            self._execute_others(nodes)
+            return  # It may have changed subscriptions and timers.
+        for timer in timers:
+            if timer.is_ready():
+                timer.handle.call_timer()
+                timer.callback()
+        if time.monotonic_ns() - self._polled_ns >= self._poll_ns:
+            self._polled_ns = time.monotonic_ns()
+            self._execute_others([next(self._next_nodes)])
 
     @staticmethod
     def _take_from(subscription: Any) -> None:
@@ -95,11 +117,11 @@ class SampleExecutor(SingleThreadedExecutor):
             else:
                 subscription.callback(taken[0])
 
-    def _execute_others(self) -> None:
+    def _execute_others(self, nodes: Sequence[Node]) -> None:
         """Let rclpy do what is ready."""
         while True:
             try:
-                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0)
+                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0, nodes=nodes)
             except (TimeoutException, ShutdownException):
                 return
             handler()

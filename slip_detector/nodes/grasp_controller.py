@@ -25,8 +25,8 @@ class GraspController(Node):
     detector hangs, was killed, or the network is down.
     """
 
-    def __init__(self) -> None:
-        super().__init__('grasp_controller')
+    def __init__(self, cli_args: list[str] | None = None) -> None:
+        super().__init__('grasp_controller', cli_args=cli_args)
         self.config = config = declare(self, GraspConfig)
         self._law = GraspLaw(config)
         self._slip = self._slip_valid = self._trusted = False

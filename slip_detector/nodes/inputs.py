@@ -1,14 +1,16 @@
 """Samples out of messages of any type."""
 
+import contextlib
 import importlib
 import re
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
 
 from slip_detector.config import DetectorConfig
 from slip_detector.fields import FieldReader
+from slip_detector.nodes.joint_states import Alike, Sample
 from slip_detector.nodes.messages import stamp_ns
 
 _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
@@ -45,32 +47,45 @@ class Input:
         self._has_header = fields.get('header') == 'std_msgs/Header'
         self.has_names = fields.get('name') == 'sequence<string>'
         self.replayed = False
+        self._type = config.input_type
+        # Most sensors send these, one for each sample.
+        self._quick = self.message_class is JointState and config.input_field == 'position'
+        self._alike: Alike | None = None
 
-    def rows(self, message: Any) -> NDArray[np.float64]:
-        """Return the samples of a message, shape (n, channels), oldest first.
+    def read(self, raw: bytes, info: dict[str, int]) -> Sample:
+        """Return the samples of a serialised message.
+
+        Their stamp is that of its header or, where there is none or it was left empty, when the
+        message was published.
 
         Raises
         ------
         ValueError
-            When the field is not in it.
+            When the message cannot be read, or the field is not in it.
         """
-        return self._field(message)
+        sample = None if self._alike is None else self._alike.read(raw)
+        if sample is None:
+            sample = self._read_whole(raw)
+        if sample.stamp_ns:
+            return sample
+        return sample._replace(stamp_ns=None if self.replayed else info['source_timestamp'])
 
-    def stamp_ns(self, message: Any, info: dict[str, int]) -> int | None:
-        """Return when the last sample of a message was taken.
-
-        That is the stamp of its header or, where there is none or it was left empty, when it was
-        published; None: unknown.
-        """
-        if self._has_header:
-            at_ns = stamp_ns(message.header.stamp)
-            if at_ns:
-                return at_ns
-        return None if self.replayed else info['source_timestamp']
-
-    def frame_id(self, message: Any) -> str:
-        """Return where the samples were taken, as far as the message says."""
-        return str(message.header.frame_id) if self._has_header else ''
+    def _read_whole(self, raw: bytes) -> Sample:
+        try:
+            message = deserialize_message(raw, self.message_class)
+        except RuntimeError:  # Of the middleware; it names places in its own code.
+            raise ValueError(f'a message is no {self._type}') from None
+        rows = self._field(message)
+        if self._quick:
+            with contextlib.suppress(ValueError):
+                self._alike = Alike(raw, message)
+        header = message.header if self._has_header else None
+        return Sample(
+            rows,
+            None if header is None else stamp_ns(header.stamp),
+            list(message.name) if self.has_names else [],
+            '' if header is None else str(header.frame_id),
+        )
 
 
 def message_class(name: str) -> Any:

@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, NoReturn
 
@@ -14,7 +15,9 @@ EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
 
 def run(executable: str) -> int:
-    """Spin the node of an executable until it ends or a signal comes.
+    """Spin the nodes of an executable until they end or a signal comes.
+
+    That is one node, or one in each of the namespaces ``--fingers`` names, in one process.
 
     Heavy imports wait until the signals are in hand, else one that comes during start-up would
     end in a traceback.
@@ -36,7 +39,8 @@ def run(executable: str) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
     import rclpy
-    from rclpy.executors import ExternalShutdownException
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.utilities import remove_ros_args
 
     from slip_detector.nodes.executor import SampleExecutor
 
@@ -46,16 +50,23 @@ def run(executable: str) -> int:
             sys.__unraisablehook__(problem)
 
     sys.unraisablehook = on_unraisable
-    node: Any = None
+    nodes: list[Any] = []
     try:
         _check_files(sys.argv)
-        make = _node_class(executable)
+        make = _maker(executable)
         rclpy.init()
         initialised = True
-        node = make()
-        # Others wait for events too, which the executor for samples only looks at now and then.
-        executor = SampleExecutor(node) if executable == 'slip_detector' else None
-        rclpy.spin(node, executor)
+        nodes = make(_arguments_of_each(sys.argv, remove_ros_args(sys.argv)))
+        executor: Any
+        if executable == 'slip_detector':
+            executor = SampleExecutor(nodes)
+        else:
+            # These wait for events too, which the executor for samples only looks at now and then.
+            executor = SingleThreadedExecutor()
+            for node in nodes:
+                executor.add_node(node)
+        while rclpy.ok():
+            executor.spin_once()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except ValueError as error:
@@ -80,7 +91,7 @@ def run(executable: str) -> int:
         bound.start()
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, 2 * CLEANING_UP_S)
-        if node is not None:
+        for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
     return code
@@ -95,21 +106,50 @@ def _check_files(words: list[str]) -> None:
             our_sections(path)
 
 
-def _node_class(executable: str) -> Any:
-    if executable == 'slip_driver':
-        from slip_detector.nodes.driver import Driver
+def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | None]:
+    """Return the arguments of ROS for each node: its namespace, where ``--fingers`` is given.
 
-        return Driver
+    Parameters
+    ----------
+    words, ours
+        Those of the command line, with and without ROS's.
+
+    Raises
+    ------
+    ValueError
+        When the names are not there, or not different.
+    """
+    if '--fingers' not in ours:
+        return [None]
+    text = ''.join(ours[ours.index('--fingers') + 1 :][:1])
+    fingers = [finger.strip() for finger in text.split(',')]
+    if not all(fingers) or len(set(fingers)) < len(fingers):
+        raise ValueError(f'--fingers is {text!r}, allowed: different names with commas between')
+    # The namespace of the whole process would otherwise hold for each node as it is.
+    whole = [word.partition(':=')[2] for word in words if word.startswith('__ns:=')]
+    hand = whole[-1].strip('/') if whole else ''
+    return [
+        ['--ros-args', '-r', f'__ns:=/{hand}/{finger}' if hand else f'__ns:=/{finger}']
+        for finger in fingers
+    ]
+
+
+def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
+    """Return what makes the nodes of an executable, given the arguments of each."""
+    if executable == 'slip_driver':
+        from slip_detector.nodes.driver import drivers
+
+        return drivers
     if executable == 'grasp_controller':
         from slip_detector.nodes.grasp_controller import GraspController
 
-        return GraspController
+        return lambda of_each: [GraspController(arguments) for arguments in of_each]
     from slip_detector.chain import SlipChain
     from slip_detector.nodes.detector import Detector
 
     # Where nothing is cached, compiling takes seconds, in which a signal is to end the process.
     SlipChain()
-    return Detector
+    return lambda of_each: [Detector(arguments) for arguments in of_each]
 
 
 def main(executable: str) -> NoReturn:

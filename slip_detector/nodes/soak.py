@@ -82,12 +82,11 @@ def measure(seconds: float, fingers: int, samples_per_message: int) -> dict[str,
     processes: dict[str, subprocess.Popen[bytes]] = {}
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
-        for finger in range(fingers):
-            for name, words in (('slip_detector', detector), ('slip_driver', driver)):
-                command = [sys.executable, '-m', 'slip_detector.nodes.run', name]
-                where = f'{namespace}/finger_{finger + 1}'
-                command += ['--ros-args', '--log-level', 'error', '-r', f'__ns:={where}', *words]
-                processes[f'{where}/{name}'] = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        names = ','.join(f'finger_{finger + 1}' for finger in range(fingers))
+        for name, words in (('slip_detector', detector), ('slip_driver', driver)):
+            command = [sys.executable, '-m', 'slip_detector.nodes.run', name, '--fingers', names]
+            command += ['--ros-args', '--log-level', 'error', '-r', f'__ns:={namespace}', *words]
+            processes[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         watch = Watch(namespace, processes)
         executor = SingleThreadedExecutor()
         executor.add_node(watch)

@@ -1,0 +1,101 @@
+"""One thread for several players, and the ends of all."""
+
+import threading
+import time
+
+import pytest
+
+from slip_detector.nodes.turns import Turns
+
+DEADLINE_S = 60.0
+
+
+def ended(turns):
+    """Wait for the end of all; raises what one has failed with."""
+    deadline_s = time.monotonic() + DEADLINE_S
+    while not turns.ended:
+        assert time.monotonic() < deadline_s
+        time.sleep(1e-3)
+
+
+def test_each_has_its_turn_when_it_is_due_and_all_in_one_thread():
+    taken, threads = [], set()
+    start_s = time.monotonic()
+
+    def player(name, offsets_s):
+        for offset_s in offsets_s:
+            yield start_s + offset_s
+            assert time.monotonic() >= start_s + offset_s
+            taken.append((offset_s, name))
+            threads.add(threading.get_ident())
+
+    turns = Turns()
+    turns.add(player('a', [0.00, 0.02, 0.04, 0.06]))
+    turns.add(player('b', [0.01, 0.03]))
+    turns.add(player('c', [0.01, 0.05]))
+    assert not taken
+    turns.start()
+    ended(turns)
+    assert [name for _, name in taken] == ['a', 'b', 'c', 'a', 'b', 'a', 'c', 'a']
+    assert len(threads) == 1
+
+
+def test_one_that_lags_behind_is_brought_forward_before_the_others():
+    taken = []
+
+    def player(name, moments_s):
+        for moment_s in moments_s:
+            yield moment_s
+            taken.append(name)
+
+    now_s = time.monotonic()
+    turns = Turns()
+    turns.add(player('late', [now_s - 3, now_s - 2, now_s - 1]))
+    turns.add(player('later', [now_s - 0.5, now_s]))
+    turns.start()
+    ended(turns)
+    assert taken == ['late'] * 3 + ['later'] * 2
+
+
+def test_to_stop_ends_all_who_wait():
+    def player():
+        yield time.monotonic() + 10 * DEADLINE_S
+        pytest.fail('its turn had not come')
+
+    waiting = threading.Event()
+
+    def listen(stop):
+        waiting.set()
+        stop.wait()
+
+    turns = Turns()
+    turns.add(player())
+    turns.add_waiting(listen)
+    turns.start()
+    assert waiting.wait(DEADLINE_S)
+    assert not turns.ended
+    turns.stop()
+    assert turns.ended
+    turns.stop()
+
+
+def test_to_stop_what_was_never_started_is_nothing():
+    turns = Turns()
+    turns.add(iter([0.0]))
+    turns.add_waiting(lambda stop: None)
+    turns.stop()
+
+
+@pytest.mark.parametrize('waiting', [False, True])
+def test_what_one_has_failed_with_is_raised_where_the_end_is_looked_for(waiting):
+    def fail(*_):
+        raise OSError('the disk is gone')
+
+    turns = Turns()
+    if waiting:
+        turns.add_waiting(fail)
+    else:
+        turns.add(map(fail, [0.0]))
+    turns.start()
+    with pytest.raises(OSError, match='the disk is gone'):
+        ended(turns)
