@@ -86,8 +86,8 @@ def table(result: dict[str, Any]) -> str:
             f'{first_ms:.2f} ms in the first half, {second_ms:.2f} ms in the second  '
             f'{claim("latency_p99_growth")}',
             f'  memory               grew by {part["memory_growth_percent"]:.2f} % at most  '
-            f'{claim("memory_growth_percent")}; a detector {memory["slip_detector"]:.0f} MiB, '
-            f'a driver {memory["slip_driver"]:.0f} MiB',
+            f'{claim("memory_growth_percent")}; the detectors {memory["slip_detector"]:.0f} MiB, '
+            f'the drivers {memory["slip_driver"]:.0f} MiB',
             f'  share of a core      {part["cpu_percent_total"]:.0f} %  '
             f'{claim("cpu_percent_total")}: detectors {cpu["slip_detector"]:.0f} %, drivers '
             f'{cpu["slip_driver"]:.0f} %',
