@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.compiled import compiled
+
 #: The grid is a line fitted to the stamps of about so many samples: to the first ones after a
 #: start, and in the long run. A long memory averages the jitter out and still follows a drift.
 FIRST_MEMORY, LONG_MEMORY = 16, 256
@@ -26,6 +28,48 @@ BEHIND_A_GAP = 0.5
 
 #: Jitter taken for possible before the stamps have shown theirs, in periods.
 FIRST_JITTER = 0.75
+
+
+# The line, as an array: the time from message to message in nanoseconds (of one sample), how long
+# after the last one the next is expected, the memory in messages, the jitter in periods, and the
+# bounds of the period.
+PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS = range(6)
+
+
+@compiled
+def _follow(line, behind, rows):
+    """Bring the line nearer to the stamp of a message that is ``behind`` it.
+
+    The gains are those of a least-squares line through the last ``memory`` messages.
+    """
+    n = line[MEMORY]
+    if n < LONG_MEMORY:
+        line[MEMORY] = n + 1.0
+    # A late one may be one behind a gap; an early one can only be jitter.
+    off = -behind if behind < 0.0 else min(behind, BEHIND_A_GAP)
+    jitter = line[JITTER] * (1.0 - 1.0 / JITTER_MEMORY)
+    line[JITTER] = off if off > jitter else jitter
+    gain = 1.0 / (n * (n + 1.0))
+    period_ns = line[PERIOD_NS]
+    # From this stamp back to where the line has it, and on to the next.
+    on_line_ns = -behind * (1.0 - 2.0 * (2.0 * n - 1.0) * gain) * rows * period_ns
+    period_ns *= 1.0 + behind * 6.0 * gain
+    period_ns = min(max(period_ns, line[FASTEST_NS]), line[SLOWEST_NS])
+    line[PERIOD_NS] = period_ns
+    line[UNTIL_NEXT_NS] = on_line_ns + period_ns
+
+
+@compiled
+def _follow_all(line, steps_ns):
+    """Follow samples as long as each is simply the next; returns whether all were."""
+    for i in range(steps_ns.size):
+        step_ns = float(steps_ns[i])
+        behind = (step_ns - line[UNTIL_NEXT_NS]) / line[PERIOD_NS]
+        missing = behind - max(0.0, line[JITTER] - BEHIND_A_GAP)
+        if step_ns <= 0.0 or behind < -LARGEST_JITTER or missing > 0.5:
+            return False
+        _follow(line, behind, 1.0)
+    return True
 
 
 class Arrival(NamedTuple):
@@ -69,27 +113,29 @@ class Timeline:
         Time from sample to sample.
     max_gap_s
         Longest gap that is bridged.
-
-    Attributes
-    ----------
-    period_ns : float
-        Time from sample to sample by the stamps.
     """
 
     def __init__(self, period_s: float, max_gap_s: float) -> None:
-        self.period_ns = period_s * 1e9
-        self._bounds_ns = (
-            (1.0 + LARGEST_RATE_ERROR) * self.period_ns,
-            (1.0 - LARGEST_RATE_ERROR) * self.period_ns,
+        period_ns = period_s * 1e9
+        self._line = np.array(
+            [
+                period_ns,
+                0.0,
+                FIRST_MEMORY,
+                FIRST_JITTER,
+                (1.0 - LARGEST_RATE_ERROR) * period_ns,
+                (1.0 + LARGEST_RATE_ERROR) * period_ns,
+            ]
         )
         self.max_gap_s = max_gap_s
         self._last_ns: int | None = None
-        # Since the last one, so that floats tell nanoseconds apart.
-        self._until_next_ns = 0.0
-        self._memory = FIRST_MEMORY
-        self._jitter = FIRST_JITTER
         self._dropped_first_ns: int | None = None
         self._dropped_last_ns = 0
+
+    @property
+    def period_ns(self) -> float:
+        """Time from sample to sample by the stamps."""
+        return float(self._line[PERIOD_NS])
 
     def arrive(self, stamp_ns: int, rows: int = 1) -> Arrival:
         """Judge the next sample by its stamp in nanoseconds.
@@ -104,20 +150,21 @@ class Timeline:
         if step_ns <= 0:
             return self._backwards(stamp_ns)
         self._dropped_first_ns = None
-        period_ns = self.period_ns
+        period_ns, until_next_ns, _, jitter, _, _ = self._line.tolist()
         # In periods of the messages.
-        behind = ((step_ns - self._until_next_ns) / period_ns - (rows - 1)) / rows
+        behind = ((step_ns - until_next_ns) / period_ns - (rows - 1)) / rows
         if behind < -LARGEST_JITTER:
             self._begin(stamp_ns)
             return NEXT
         missing = 0
         if behind >= BEHIND_A_GAP:
-            missing = max(0, round(behind - max(0.0, self._jitter - BEHIND_A_GAP)))
+            missing = max(0, round(behind - max(0.0, jitter - BEHIND_A_GAP)))
             if missing and step_ns - (rows - 1) * period_ns > self.max_gap_s * 1e9:
                 self._begin(stamp_ns)
                 return NEW_STRETCH
             behind -= missing
-        self._follow(stamp_ns, behind, rows)
+        _follow(self._line, behind, float(rows))
+        self._last_ns = stamp_ns
         return Arrival(True, missing * rows, False) if missing else NEXT
 
     def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
@@ -133,41 +180,25 @@ class Timeline:
         bool
             False: they are to be judged one by one.
         """
-        before = dict(vars(self))
-        if all(self.arrive(stamp_ns) is NEXT for stamp_ns in stamps_ns.tolist()):
+        if not stamps_ns.size:
             return True
-        vars(self).update(before)
+        last_ns, line = self._last_ns, self._line.copy()
+        if last_ns is None:
+            self._begin(int(stamps_ns[0]))
+            steps_ns = np.diff(stamps_ns)
+        else:
+            steps_ns = np.diff(stamps_ns, prepend=last_ns)
+        if _follow_all(self._line, steps_ns):
+            self._last_ns, self._dropped_first_ns = int(stamps_ns[-1]), None
+            return True
+        self._last_ns, self._line = last_ns, line
         return False
 
     def _begin(self, stamp_ns: int) -> None:
         self._last_ns = stamp_ns
-        self._until_next_ns = self.period_ns
-        self._memory = FIRST_MEMORY
+        self._line[UNTIL_NEXT_NS] = self._line[PERIOD_NS]
+        self._line[MEMORY] = FIRST_MEMORY
         self._dropped_first_ns = None
-
-    def _follow(self, stamp_ns: int, behind: float, rows: int) -> None:
-        """Bring the line nearer to the stamp of a message that is ``behind`` it.
-
-        The gains are those of a least-squares line through the last ``memory`` messages.
-        """
-        n = self._memory
-        if n < LONG_MEMORY:
-            self._memory = n + 1
-        # A late one may be one behind a gap; an early one can only be jitter.
-        off = -behind if behind < 0.0 else min(behind, BEHIND_A_GAP)
-        jitter = self._jitter * (1.0 - 1.0 / JITTER_MEMORY)
-        self._jitter = off if off > jitter else jitter
-        gain = 1.0 / (n * (n + 1))
-        period_ns = self.period_ns
-        # From this stamp back to where the line has it, and on to the next.
-        on_line_ns = -behind * (1.0 - 2 * (2 * n - 1) * gain) * rows * period_ns
-        period_ns *= 1.0 + behind * 6.0 * gain
-        slowest_ns, fastest_ns = self._bounds_ns
-        if not fastest_ns <= period_ns <= slowest_ns:
-            period_ns = min(max(period_ns, fastest_ns), slowest_ns)
-        self.period_ns = period_ns
-        self._until_next_ns = on_line_ns + period_ns
-        self._last_ns = stamp_ns
 
     def _backwards(self, stamp_ns: int) -> Arrival:
         if self._dropped_first_ns is None or stamp_ns <= self._dropped_last_ns:
