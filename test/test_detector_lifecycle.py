@@ -39,7 +39,13 @@ def state(bench):
     return ask(bench, GetState, 'get_state', GetState.Request()).current_state.id
 
 
+def known(bench):
+    """Wait until the graph has the detector: its services may answer before."""
+    bench.wait_for(lambda: 'slip_detector' in bench.node.get_node_names(), 'the node to be known')
+
+
 def topics(bench):
+    known(bench)
     names = dict(bench.node.get_publisher_names_and_types_by_node('slip_detector', '/'))
     return {name for name in names if 'slip' in name or 'diagnostics' in name} - {
         '/slip_detector/transition_event'
@@ -48,6 +54,7 @@ def topics(bench):
 
 def hears(bench):
     """Return whether the detector subscribes to samples."""
+    known(bench)
     names = dict(bench.node.get_subscriber_names_and_types_by_node('slip_detector', '/'))
     return '/voltages' in names
 
