@@ -152,6 +152,7 @@ def both_have_tried(storage, many):
 
 
 def wait_for(condition, *processes):
+    """Look again and again, with a deadline: a storage tells nobody that it has changed."""
     deadline = time.monotonic() + DEADLINE_S
     while not condition():
         assert time.monotonic() < deadline

@@ -11,7 +11,7 @@ DEADLINE_S = 60.0
 
 
 def ended(turns):
-    """Wait for the end of all; raises what one has failed with."""
+    """Look until all have ended, with a deadline; raises what one has failed with."""
     deadline_s = time.monotonic() + DEADLINE_S
     while not turns.ended:
         assert time.monotonic() < deadline_s
