@@ -52,7 +52,7 @@ class TestTopics(unittest.TestCase):
                 bench.wait_for(lambda heard=slip: heard and heard[-1].data, f'slip of {finger}')
             sender.close()
             heard = {value for message in voltages for value in message.position}
-            # The highest of all may come after slip was heard; the other finger's is half or twice it.
+            # The highest of all may come after slip was heard; the other finger has half or twice.
             assert max(heard) == pytest.approx(SCALE_V * rows.max(), rel=0.2)
 
 
