@@ -248,16 +248,3 @@ def test_a_grip_under_which_the_skin_would_chatter_is_refused():
         scene.hold_force(1000.0)
     assert '\n' not in str(caught.value)
     scene.hold_force(2.0)
-
-
-def test_the_skin_between_the_taxels_does_not_chatter_either():
-    steep = {**TWO_COEFFICIENTS, 'stribeck_velocity_m_s': 10e-3}
-    steps = [{'duration_s': 0.3}]
-    scene = held(1.0, steps, friction=steep, object={'rest_patches': 1000})
-    scene.hold_force(5.0)
-    # A hundredth of the patches carry the same force.
-    scene = held(0.1, steps, friction=steep, object={'rest_patches': 10})
-    with pytest.raises(ValueError, match=r'under 0\.5 N, faster than'):
-        scene.hold_force(5.0)
-    with pytest.raises(ValueError, match='friction: falls with velocity'):
-        held(5.0, steps, friction=steep, object={'rest_patches': 10})

@@ -251,7 +251,7 @@ class Scene:
                 )
         if friction:
             skin: Skin = self.parts.get('skin', Skin())
-            load_n = self._largest_load_n(max(step.force_n for step in steps))
+            load_n = self.contact.largest_load_n(self._largest_force_n(steps))
             well_posed_or_say(friction, skin.numbers(), load_n)
 
     @property
@@ -259,20 +259,16 @@ class Scene:
         """Return how fast the plate moves at most, in either direction; 0 where it stands."""
         return float(np.abs(PlateNumbers(*self.drive_numbers.plate).velocity_m_s).max())
 
-    def _largest_load_n(self, force_n: float) -> float:
-        """Return a load that no patch of the skin exceeds under a force that is held."""
+    def _largest_force_n(self, steps: list[Step]) -> float:
+        """Return the largest normal force that the steps and the disturbances can bring about."""
         ratio = self.motion.ringing_damping
         overshoot = math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) if ratio < 1.0 else 0.0
-        most_n = (1.0 + overshoot) * force_n
+        most_n = (1.0 + overshoot) * max(step.force_n for step in steps)
         if 'taps' in self.parts:
             most_n += max(self.parts['taps'].peak_force_n, 0.0)
         if 'tremor' in self.parts:
             most_n += TREMOR_PEAK * float(self.parts['tremor'].force_rms_n)
-        most_n = max(most_n, 0.0)
-        load_n = self.contact.largest_load_n(most_n)
-        if self._object:  # Between the taxels, as if they carried nothing.
-            load_n = max(load_n, most_n / self._object.rest_patches)
-        return load_n
+        return max(most_n, 0.0)
 
     def _plan(self, sampling: Sampling, of_trial: np.random.Generator) -> Plan:
         friction: Friction | None = self.parts.get('friction')
@@ -335,7 +331,7 @@ class Scene:
         friction: Friction | None = self.parts.get('friction')
         if friction:
             skin: Skin = self.parts.get('skin', Skin())
-            load_n = self._largest_load_n(force_n)
+            load_n = self.contact.largest_load_n(2.0 * force_n)
             well_posed_or_say(friction, skin.numbers(), load_n, f'a grip of {force_n:g} N')
         held = held_force(self.drive_numbers.force, self._next / self.true_rate_hz, force_n)
         self.drive_numbers = self.drive_numbers._replace(force=held)
