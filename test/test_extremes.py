@@ -135,9 +135,9 @@ def test_sliding_friction_never_gives_more_than_it_got(
     assert np.isfinite(clean_v).all()
     assert np.all((sliding >= 0.0) & (sliding <= 1.0))
     # While bristles still stick, a step's work and what it stores differ by 0.05 sigma0 (h w)^2
-    # at most; what they can bend before they slide bounds h w, and so the sum over the taxels.
+    # at most: some 1e-4 of what they can store before they slide, in all that was tried.
     bend_j = 0.5 * (STATIC_COEFFICIENT * FORCE_N) ** 2 / 10.0**log_stiffness
-    assert ledger[LEAST] >= -1e-9 * ledger[WORK] - 0.1 * bend_j
+    assert ledger[LEAST] >= -1e-9 * ledger[WORK] - 1e-3 * bend_j
     assert 0.0 <= ledger[STORED] <= ledger[WORK] * (1.0 + 1e-9)
 
 
