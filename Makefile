@@ -18,17 +18,12 @@ OLDER := .venv-numpy1
 CHECKS := build/checks-$(ROS)
 COLCON := build/colcon-$(ROS)
 
-SOURCES := $(shell find slip_detector launch config resource -type f -not -path '*/__pycache__/*')
+SOURCES := $(shell find slip_detector benchmarks launch config resource -type f -not -path '*/__pycache__/*')
 PACKAGE := $(SOURCES) setup.py setup.cfg pyproject.toml package.xml
 TESTS := $(shell find test docs -name '*.py' -o -name '*.md') README.md
-CHAIN_TESTS := $(addprefix test/test_,$(addsuffix .py,chain chain_bad_samples chain_interface \
-	chain_votes config filters fingertip parameter_sets))
-SCENE_TESTS := $(addprefix test/test_,$(addsuffix .py,contact disturbances drive electronics \
-	free_object friction mechanics motion scene_files scenes texture))
-EVALUATION_TESTS := $(addprefix test/test_,$(addsuffix .py,events replay scores take_filters))
-RECORDING_TESTS := $(addprefix test/test_,$(addsuffix .py,evaluation fields frames grasp overview quiet \
-	recordings recordings_bags recordings_cdr recordings_damaged recordings_labels \
-	recordings_pieces report search sweep tuning))
+# What computes, and what of it the chain alone is.
+CHAIN_TESTS := test/parameters test/chain test/evaluation
+COMPUTING_TESTS := $(CHAIN_TESTS) test/recordings test/scenes test/tuning test/report test/grasp test/commands
 
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -85,15 +80,14 @@ $(CHECKS)/numpy1: $(PACKAGE) $(TESTS) | $(CHECKS)
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
 		$(MAKE) --no-print-directory $(OLDER)/installed && \
 		echo 'All that computes, with NumPy 1.26 and SciPy 1.11:' && \
-		$(OLDER)/bin/python -m pytest $(CHAIN_TESTS) $(SCENE_TESTS) $(EVALUATION_TESTS) \
-			$(RECORDING_TESTS); \
+		$(OLDER)/bin/python -m pytest $(COMPUTING_TESTS); \
 	else echo 'NumPy 1.26 is left out: it needs Python 3.12 or older.'; fi
 	touch $@
 
 $(CHECKS)/interpreted: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
 	@echo 'The chain without Numba:'
 	$(BIN)/python -c "import sys; sys.modules['numba'] = None; import pytest; \
-		sys.exit(pytest.main(sys.argv[1:]))" $(CHAIN_TESTS) $(EVALUATION_TESTS)
+		sys.exit(pytest.main(sys.argv[1:]))" $(CHAIN_TESTS)
 	touch $@
 
 # As on a robot: build, test what was built, run the executables from where they were installed.

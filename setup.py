@@ -16,8 +16,8 @@ def ros_wheels(distribution: str) -> list[str]:
 setup(
     name=NAME,
     version='0.4.0',
-    packages=find_packages(exclude=['test']),
-    package_data={NAME: ['templates/*']},
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={f'{NAME}.report': ['templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -32,7 +32,6 @@ setup(
         'scipy>=1.11',
         'pyyaml',
         'matplotlib',
-        'mpmath>=1.2',
         'pyserial>=3.5',
     ],
     extras_require={
@@ -46,6 +45,7 @@ setup(
         'test': [
             'colcon-common-extensions',
             'hypothesis',
+            'mpmath>=1.2',
             'mypy',
             'playwright',
             'pytest>=7.4',
@@ -69,9 +69,8 @@ setup(
             f'grasp_controller = {NAME}.nodes.run:grasp_controller',
             f'slip_demo = {NAME}.nodes.demo:main',
             f'slip_grasp = {NAME}.nodes.grasp_demo:main',
-            f'slip_evaluate = {NAME}.command_line:evaluate',
-            f'slip_tune = {NAME}.command_line:tune',
-            f'slip_benchmark = {NAME}.command_line:benchmark',
+            f'slip_evaluate = {NAME}.commands.command_line:evaluate',
+            f'slip_tune = {NAME}.commands.command_line:tune',
         ],
     },
 )

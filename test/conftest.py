@@ -3,8 +3,9 @@
 import os
 import signal
 
-from domains import own_domain
 from hypothesis import settings
+
+from support.domains import own_domain
 
 # A run in the background ignores SIGINT, and what it starts would too.
 signal.signal(signal.SIGINT, signal.default_int_handler)

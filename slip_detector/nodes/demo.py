@@ -17,12 +17,15 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from slip_detector.config import DetectorConfig, DriverConfig
+from slip_detector.chain.samples import Source
+from slip_detector.evaluation.scores import false_positive_percent, first_on_delay_s, mean_delay
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.files import shared_folder
 from slip_detector.recordings import Rows
 from slip_detector.recordings.writing import write_recording
-from slip_detector.scores import false_positive_percent, first_on_delay_s, mean_delay
-from slip_detector.sources import Source, open_source, shared_folder
+from slip_detector.sources.source import open_source
 
 #: The demonstration must not mix with the topics of a robot that runs beside it.
 NAMESPACE = 'slip_demo'
@@ -300,7 +303,7 @@ def main() -> None:
 
 def _draw(witness: Witness, config: DetectorConfig, path: Path) -> None:
     """Draw what was received, as the paper's Figs. 5 and 6."""
-    from slip_detector.plots import draw_trial
+    from slip_detector.report.plots import draw_trial
 
     times_s = np.array(witness.stamps_s)
     span_s = motion(witness)

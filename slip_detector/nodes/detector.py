@@ -11,16 +11,16 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 
-from slip_detector.config import DetectorConfig
-from slip_detector.filters import design
-from slip_detector.health import Health
-from slip_detector.live_chain import LiveChain
+from slip_detector.chain.filters import design
+from slip_detector.chain.live_chain import LiveChain
+from slip_detector.chain.timeline import Timeline
 from slip_detector.nodes.diagnostics import Diagnostics
+from slip_detector.nodes.health import Health
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import OF_THE_TOPICS, Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
-from slip_detector.timeline import Timeline
+from slip_detector.parameters.detector import DetectorConfig
 
 #: The input is looked at this often in ``input_timeout_s``, and given up when this share of it has
 #: passed since a look that found some: between 0.8 and 0.9 of the timeout after the last sample.

@@ -4,7 +4,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
-from slip_detector.health import Status
+from slip_detector.nodes.health import Status
 
 
 class Diagnostics:

@@ -14,13 +14,14 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
-from slip_detector.config import DriverConfig
+from slip_detector.chain.samples import Samples, Source
 from slip_detector.nodes.listening import Listening
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.turns import Turns
 from slip_detector.nodes.voltages import Voltages
-from slip_detector.sources import Samples, Source, open_source
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources.source import open_source
 
 #: Samples read from the source at a time.
 READ_ROWS = 32

@@ -8,17 +8,17 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from slip_detector.config import GraspConfig
-from slip_detector.grasp import GraspLaw
+from slip_detector.grasp.law import GraspLaw
 from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.parameters import declare
+from slip_detector.parameters.grasp import GraspConfig
 
 #: Room for the changes that come while this node is busy: none may be missed.
 DEPTH = 100
 
 
 class GraspController(Node):
-    """Lets :class:`~slip_detector.grasp.GraspLaw` decide at each change of slip, and at a rate.
+    """Lets :class:`.GraspLaw` decide at each change of slip, and at a rate.
 
     What it needs to know of ``slip`` is when not to believe it: while ``slip_valid`` is false, and
     when either topic has been silent for longer than the deadline that it asks for, whether the

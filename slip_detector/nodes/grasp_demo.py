@@ -1,7 +1,7 @@
 """The grasp's demonstration: some objects through the real nodes, and a table over many.
 
 The nodes run in real time, so the table over seeds comes from the same loop in simulated time
-(:mod:`slip_detector.grasp_loop`: the same scenes, chain and control law). The objects that were
+(:mod:`slip_detector.grasp.loop`: the same scenes, chain and control law). The objects that were
 played through the nodes stand beside it.
 
 ``grasp.json`` is one object:
@@ -9,7 +9,7 @@ played through the nodes stand beside it.
 ``seeds``
     Of the table.
 ``conditions``
-    By condition, the figures of :func:`slip_detector.grasp_loop.figures`.
+    By condition, the figures of :func:`slip_detector.grasp.loop.figures`.
 ``transport_ms``
     From sample to command, as the simulated loop takes it.
 ``nodes``
@@ -36,8 +36,7 @@ import rclpy
 import yaml
 from rclpy.executors import ExternalShutdownException
 
-from slip_detector.config import ChainConfig, GraspConfig
-from slip_detector.grasp_loop import (
+from slip_detector.grasp.loop import (
     CONTROLLER,
     TRANSPORT_S,
     Trial,
@@ -46,9 +45,11 @@ from slip_detector.grasp_loop import (
     object_scene,
     play_seeds,
 )
-from slip_detector.grasp_table import WANTED, judged, table
+from slip_detector.grasp.table import WANTED, judged, table
 from slip_detector.nodes.grasp_witness import Heard, Witness, play_live
-from slip_detector.sources import shared_folder
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.grasp import GraspConfig
 
 #: The seed that is drawn, where there are so many: this object slips twice.
 SHOWN = 2
@@ -141,7 +142,7 @@ def main() -> None:
             'wanted': judged(parts[CONTROLLER]),
         }
         (arguments.out / 'grasp.json').write_text(json.dumps(result, indent=2) + '\n')
-        from slip_detector.plots_grasp import draw_grasp
+        from slip_detector.report.plots_grasp import draw_grasp
 
         drawn = min(SHOWN, seeds[-1])
         shown = heard.get(drawn)

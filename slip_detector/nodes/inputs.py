@@ -8,10 +8,10 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from slip_detector.config import DetectorConfig
-from slip_detector.fields import FieldReader
 from slip_detector.nodes.joint_states import Alike, Sample
 from slip_detector.nodes.messages import stamp_ns
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.recordings.fields import FieldReader
 
 _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 

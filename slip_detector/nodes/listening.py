@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
 
-from slip_detector.config import DriverConfig
-from slip_detector.health import Level, Status
-from slip_detector.live_source import LiveSource, open_live_source
 from slip_detector.nodes.diagnostics import Diagnostics
+from slip_detector.nodes.health import Level, Status
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources.live import LiveSource
+from slip_detector.sources.source import open_live_source
 
 #: How often it is said how the sensor is, on ``/diagnostics`` and, when something was dropped or
 #: lost, on the log.

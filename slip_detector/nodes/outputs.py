@@ -11,8 +11,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
-from slip_detector.chain import SlipResult
-from slip_detector.config import DetectorConfig
+from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.nodes.messages import (
     beating_qos,
     event_qos,
@@ -20,6 +19,7 @@ from slip_detector.nodes.messages import (
     state_qos,
     time_message,
 )
+from slip_detector.parameters.detector import DetectorConfig
 
 #: The promised longest silence of ``slip``, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0

@@ -14,7 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from slip_detector.parameter_sets import OF_RCLPY, ConfigType, ParameterSet, allowed, default_of
+from slip_detector.parameters.sets import OF_RCLPY, ConfigType, ParameterSet, allowed, default_of
 
 
 def declare(

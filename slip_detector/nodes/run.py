@@ -99,7 +99,7 @@ def run(executable: str) -> int:
 
 def _check_files(words: list[str]) -> None:
     """Read the parameter files once before rcl does, whose messages are for its developers."""
-    from slip_detector.parameter_sets import our_sections
+    from slip_detector.parameters.sets import our_sections
 
     for option, path in pairwise(words):
         if option == '--params-file':
@@ -144,7 +144,7 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
         from slip_detector.nodes.grasp_controller import GraspController
 
         return lambda of_each: [GraspController(arguments) for arguments in of_each]
-    from slip_detector.chain import SlipChain
+    from slip_detector.chain.slip_chain import SlipChain
     from slip_detector.nodes.detector import Detector
 
     # Where nothing is cached, compiling takes seconds, in which a signal is to end the process.

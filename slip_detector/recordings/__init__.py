@@ -4,18 +4,12 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from slip_detector.config import DriverConfig
+from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings.csv_files import CsvRecording
 from slip_detector.recordings.labels import find_labels, read_labels
 from slip_detector.recordings.npz import NpzRecording
-from slip_detector.recordings.recording import (
-    PIECE_ROWS,
-    RATE_TOLERANCE,
-    Counts,
-    Piece,
-    Recording,
-    Rows,
-)
+from slip_detector.recordings.recording import PIECE_ROWS, RATE_TOLERANCE, Counts, Recording
+from slip_detector.recordings.rows import Piece, Rows
 
 __all__ = [
     'BAG_ENDINGS',

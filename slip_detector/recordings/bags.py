@@ -8,14 +8,15 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.config import DriverConfig
+from slip_detector.chain.timeline import GAP_PERIODS
+from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings.cdr import Decoded, Decoder
 from slip_detector.recordings.damaged import Topic
 from slip_detector.recordings.labels import Labels, Motion, states_at
 from slip_detector.recordings.rate import rate_of
-from slip_detector.recordings.recording import PIECE_ROWS, Recording, Rows
+from slip_detector.recordings.recording import PIECE_ROWS, Recording
+from slip_detector.recordings.rows import Rows
 from slip_detector.recordings.storage import Storage, typestore_of
-from slip_detector.timeline import GAP_PERIODS
 
 Bools = NDArray[np.bool_]
 Stamps = NDArray[np.int64]

@@ -2,7 +2,8 @@
 
 Where each number of a message stands depends only on the lengths of the texts and lists in it.
 So it is worked out once, by reading a message whose numbers are their own places through the same
-:class:`~slip_detector.fields.FieldReader`, and every message with the same texts and lengths is
+:class:`~slip_detector.recordings.fields.FieldReader`, and every message with the same texts and
+lengths is
 cut at these places. One that differs is decoded on its own.
 """
 
@@ -13,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.fields import FieldReader
+from slip_detector.recordings.fields import FieldReader
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.config import DriverConfig
+from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.npz import as_truth
 from slip_detector.recordings.rate import rate_of
-from slip_detector.recordings.recording import PIECE_ROWS, Recording, Rows
+from slip_detector.recordings.recording import PIECE_ROWS, Recording
+from slip_detector.recordings.rows import Rows
 
 TIME = 'time_s'
 

@@ -12,9 +12,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.config import DriverConfig
+from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings.labels import Labels
-from slip_detector.recordings.recording import PIECE_ROWS, Recording, Rows
+from slip_detector.recordings.recording import PIECE_ROWS, Recording
+from slip_detector.recordings.rows import Rows
 
 #: Name of the array of stamps that recordings written here have.
 STAMPS_KEY = 'stamps_ns'

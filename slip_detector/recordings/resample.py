@@ -1,13 +1,11 @@
 """Another rate for rows that come in pieces."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from slip_detector.recordings.recording import Piece
+from slip_detector.recordings.rows import Piece
 
 Floats = NDArray[np.float64]
 

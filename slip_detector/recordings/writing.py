@@ -11,7 +11,7 @@ import numpy as np
 
 from slip_detector.recordings.bags import BOOL, JOINT_STATE
 from slip_detector.recordings.cdr import Encoder
-from slip_detector.recordings.recording import Rows
+from slip_detector.recordings.rows import Rows
 from slip_detector.recordings.storage import load_rosbags
 
 #: Version of the metadata that ROS 2 Jazzy and later read.

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.compiled import compiled
-from slip_detector.fingertip import N_CHANNELS
-from slip_detector.parameter_sets import ParameterSet, parameter
+from slip_detector.chain.compiled import compiled
+from slip_detector.parameters.detector import PAPER_CHANNELS
+from slip_detector.parameters.sets import ParameterSet, parameter
 
 Floats = NDArray[np.float64]
 
@@ -319,13 +319,16 @@ class Faults(ParameterSet):
 
     from_s: float = parameter(0.0, 'When they fail.', unit='s', low=0.0, high=1e6)
     dead_channels: tuple[int, ...] = parameter(
-        (), 'Channels that read the lowest voltage there is.', low=1, high=N_CHANNELS
+        (), 'Channels that read the lowest voltage there is.', low=1, high=PAPER_CHANNELS
     )
     flat_channels: tuple[int, ...] = parameter(
-        (), 'Channels that go on reading the first sample of that time.', low=1, high=N_CHANNELS
+        (),
+        'Channels that go on reading the first sample of that time.',
+        low=1,
+        high=PAPER_CHANNELS,
     )
     noisy_channels: tuple[int, ...] = parameter(
-        (), 'Channels with more noise.', low=1, high=N_CHANNELS
+        (), 'Channels with more noise.', low=1, high=PAPER_CHANNELS
     )
     noise_v: float = parameter(
         0.05, 'Standard deviation of the noise they have more.', unit='V', low=0.0, high=100.0

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.compiled import compiled
+from slip_detector.chain.compiled import compiled
 from slip_detector.scenes.disturbances import (
     TapNumbers,
     lines_at,

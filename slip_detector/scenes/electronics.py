@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.fingertip import GROUPS, N_CHANNELS
-from slip_detector.parameter_sets import ParameterSet, parameter
+from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
+from slip_detector.parameters.sets import ParameterSet, parameter
 
 Floats = NDArray[np.float64]
 
@@ -107,16 +107,18 @@ class Frontend:
     def __init__(self, electronics: Electronics, noise: np.random.Generator) -> None:
         self._electronics = electronics
         of_fingertip = np.random.default_rng(electronics.fingertip_seed)
-        self.baseline_v: Floats = of_fingertip.uniform(*electronics.baseline_v, N_CHANNELS)
-        varied = 1 + electronics.spread * of_fingertip.standard_normal((2, N_CHANNELS))
+        self.baseline_v: Floats = of_fingertip.uniform(*electronics.baseline_v, PAPER_CHANNELS)
+        varied = 1 + electronics.spread * of_fingertip.standard_normal((2, PAPER_CHANNELS))
         shares = np.repeat(
-            [[electronics.normal_along_share], [electronics.shear_along_share]], N_CHANNELS, axis=1
+            [[electronics.normal_along_share], [electronics.shear_along_share]],
+            PAPER_CHANNELS,
+            axis=1,
         )
-        shares[:, [channel - 1 for channel in GROUPS['TP'] + GROUPS['TD']]] = 1.0
+        shares[:, [channel - 1 for channel in PAPER_GROUPS['TP'] + PAPER_GROUPS['TD']]] = 1.0
         self.normal_v_n: Floats = electronics.normal_v_n * shares[0] * varied[0]
         self.shear_v_n: Floats = electronics.shear_v_n * shares[1] * varied[1]
         self._drift_steps, self._sample_noise = noise.spawn(2)
-        self._wandered_v = np.zeros(N_CHANNELS)
+        self._wandered_v = np.zeros(PAPER_CHANNELS)
 
     def sample(self, clean_v: Floats, sample_period_s: float) -> Floats:
         """Sample clean voltages: drift, noise, rails and converter, in this order.

@@ -3,7 +3,7 @@
 import dataclasses
 from typing import NamedTuple
 
-from slip_detector.parameter_sets import ParameterSet, parameter
+from slip_detector.parameters.sets import ParameterSet, parameter
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 

@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_detector.compiled import compiled
-from slip_detector.parameter_sets import ParameterSet, parameter
+from slip_detector.chain.compiled import compiled
+from slip_detector.parameters.sets import ParameterSet, parameter
 from slip_detector.scenes.skin import SkinNumbers
 
 #: A lighter patch counts as so heavy in g(w), which must not be zero: below it friction is none

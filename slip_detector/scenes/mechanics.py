@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.compiled import compiled
+from slip_detector.chain.compiled import compiled
 from slip_detector.scenes.contact import HertzNumbers, spread_load
 from slip_detector.scenes.free_object import ObjectNumbers
 from slip_detector.scenes.friction import (

@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector import fingertip
-from slip_detector.parameter_sets import ParameterSet, parameter, read_yaml
+from slip_detector.chain import fingertip
+from slip_detector.chain.samples import Samples
+from slip_detector.parameters.detector import PAPER_CHANNELS
+from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.sets import ParameterSet, parameter, read_yaml
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.disturbances import (
     Clock,
@@ -44,7 +47,6 @@ from slip_detector.scenes.motion import (
 )
 from slip_detector.scenes.skin import Skin, SkinNumbers
 from slip_detector.scenes.texture import RidgeNumbers, Roughness, RoughNumbers, Texture
-from slip_detector.sources import Samples
 
 Floats = NDArray[np.float64]
 
@@ -99,7 +101,7 @@ class Sampling(ParameterSet):
 
 
 class Scene:
-    """A fingertip and what is done to it; a :class:`~slip_detector.sources.Source`.
+    """A fingertip and what is done to it; a :class:`~slip_detector.sources.source.Source`.
 
     Parts that are not named are not built: without ``friction`` the skin is not sheared, without
     ``texture`` and ``roughness`` the surface is smooth, without ``object`` the plate moves as the
@@ -146,7 +148,7 @@ class Scene:
         sampling = Sampling.from_parameters(own)
         steps = steps_from(description.get('steps'))
         children = dict(zip(PARTS, trial.spawn(len(PARTS)), strict=True))
-        self.channel_names = tuple(f'ch{i + 1}' for i in range(fingertip.N_CHANNELS))
+        self.channel_names = tuple(f'ch{i + 1}' for i in range(PAPER_CHANNELS))
         self.sample_rate_hz = sampling.sample_rate_hz
         clock: Clock | None = self.parts.get('clock')
         self.true_rate_hz = self.sample_rate_hz * (clock.rate_ratio if clock else 1.0)
@@ -166,7 +168,7 @@ class Scene:
         self._build_disturbances(children)
         self._check(steps)
         self.plan = self._plan(sampling, children['texture'])
-        n_patches, n_channels = len(self.plan.patches), fingertip.N_CHANNELS
+        n_patches, n_channels = len(self.plan.patches), PAPER_CHANNELS
         self.state = State(
             np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
         )
@@ -287,7 +289,7 @@ class Scene:
                 'help'
             )
         step_s = 1.0 / (self.true_rate_hz * per_sample)
-        patches = np.ones(fingertip.N_CHANNELS if friction else 0)
+        patches = np.ones(PAPER_CHANNELS if friction else 0)
         body = self._object.numbers() if self._object else NO_OBJECT
         if self._object:
             patches = np.append(patches, self._object.rest_patches)
@@ -388,7 +390,7 @@ class Scene:
         m = self._next - first
         plan = self.plan
         clean_v, position_m, sliding = (
-            np.empty((m, fingertip.N_CHANNELS)),
+            np.empty((m, PAPER_CHANNELS)),
             np.empty(m),
             np.empty(m),
         )
@@ -423,7 +425,7 @@ class Scene:
             if len(samples.volts):
                 return samples
         nothing = np.zeros(0)
-        return Samples(np.zeros((0, fingertip.N_CHANNELS)), nothing > 0.0, nothing, nothing)
+        return Samples(np.zeros((0, PAPER_CHANNELS)), nothing > 0.0, nothing, nothing)
 
     def _truth(self, time_s: Floats, sliding: Floats) -> NDArray[np.bool_]:
         """Return whether there is slip."""
@@ -485,3 +487,21 @@ def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
     except ValueError as error:
         text = str(error)
         raise ValueError(text if text.startswith(str(path)) else f'{path}: {text}') from None
+
+
+def find_scene(name: str) -> Path:
+    """Return the path of a scene given by its name or its path.
+
+    Raises
+    ------
+    ValueError
+        When there is none; lists the names there are.
+    """
+    path = Path(name)
+    if path.suffix in ('.yaml', '.yml'):
+        return path
+    folder = shared_folder() / 'config' / 'scenes'
+    known = sorted(file.stem for file in folder.glob('*.yaml'))
+    if name not in known:
+        raise ValueError(f'no scene {name!r}, allowed: {", ".join(known)}, or a path to a .yaml')
+    return folder / f'{name}.yaml'

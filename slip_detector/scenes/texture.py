@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.compiled import compiled
-from slip_detector.parameter_sets import ParameterSet, parameter
+from slip_detector.chain.compiled import compiled
+from slip_detector.parameters.sets import ParameterSet, parameter
 
 Floats = NDArray[np.float64]
 

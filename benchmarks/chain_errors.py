@@ -1,0 +1,66 @@
+"""Inputs on which the chain's precision is measured, and errors against the reference."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import chain_reference as reference
+from slip_detector.parameters.detector import ChainConfig
+
+Floats = NDArray[np.float64]
+#: Rows of one type or the other.
+Reals = NDArray[Any]
+
+BASELINE_V = 4.25
+STEP_V = 2.0**-18
+SWING_V = 0.02
+
+#: NumPy is fastest with about so many rows a call.
+ROWS_PER_CALL = 4096
+
+
+def volts(config: ChainConfig, rows: int, channels: int = 1, seed: int = 0) -> Floats:
+    """Make tones inside the pass-band and noise that swell and fade; exact in float32.
+
+    Returns
+    -------
+    ndarray, shape (rows, channels)
+    """
+    random = np.random.default_rng(seed)
+    low, high = config.passband_hz
+    time_s = np.arange(rows)[:, None] / config.sample_rate_hz
+    tones = sum(
+        np.sin(2 * np.pi * (time_s * tone_hz + random.random(channels)))
+        for tone_hz in (1.2 * low, np.sqrt(low * high), 0.9 * high)
+    )
+    swell = 0.55 - 0.45 * np.cos(6 * np.pi * np.arange(rows) / rows)[:, None]
+    noise = random.standard_normal((rows, channels))
+    return BASELINE_V + quantised(SWING_V * swell * (tones / 3 + noise / 4))
+
+
+def quantised(signals: Floats) -> Floats:
+    """Round to whole multiples of ``STEP_V``."""
+    return np.round(signals / STEP_V) * STEP_V
+
+
+class Exact(NamedTuple):
+    """The reference's result on one channel, as the sum of two float64 each; shape (n,)."""
+
+    envelope: tuple[Floats, Floats]
+    level: tuple[Floats, Floats]
+
+
+def exact(config: ChainConfig, samples: Floats, sections: Any = None) -> Exact:
+    """Run the reference on one channel; with its own design unless sections are given."""
+    filtered = reference.run_filter(sections or reference.design(config), samples)
+    envelope, level = reference.envelope_and_level(filtered, config)
+    return Exact(reference.as_two(envelope), reference.as_two(level))
+
+
+def error(values: Reals, wanted: tuple[Floats, Floats]) -> float | None:
+    """Return the worst difference as a share of the largest value; None if not finite."""
+    near, rest = wanted
+    differences = np.abs((values.astype(np.float64) - near) - rest)
+    worst = float(differences.max() / near.max())
+    return worst if np.isfinite(worst) else None

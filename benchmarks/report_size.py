@@ -1,0 +1,141 @@
+"""How large the report of an hour is, and how soon a browser has drawn it."""
+
+import contextlib
+import importlib
+import importlib.util
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_detector.evaluation.replay import Replay, Rows
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report import page as report
+from slip_detector.report.overview import Overview, events_of
+from slip_detector.report.page_data import Variant
+
+#: Names under which systems have browsers that can run without a screen.
+BROWSERS = (
+    'chromium-headless-shell', 'chromium', 'chromium-browser', 'google-chrome',
+    'google-chrome-stable',
+)  # fmt: skip
+
+#: No screen, and nothing that a browser would do of its own accord.
+FLAGS = (
+    '--headless', '--no-sandbox', '--disable-gpu', '--no-first-run',
+    '--disable-background-networking', '--disable-component-update', '--disable-sync',
+)  # fmt: skip
+
+#: Milliseconds within which a page must have been drawn.
+PATIENCE_MS = 60_000.0
+
+#: The hour is made of these, one after another and again.
+SCENES = ('plate_400um', 'taps', 'tremor_hum', 'rolling')
+
+#: Noise on top, else each repetition would be as easy to compress as it is to remember.
+NOISE_V = 5e-4
+
+#: Two that differ as much as those before and after a search.
+CONFIGS = {
+    'given': ChainConfig(),
+    'tuned': ChainConfig(
+        passband_hz=(12.0, 80.0), stopbands_hz=(), vote='mean', threshold=2.0,
+        envelope_window_s=0.03,
+    ),
+}  # fmt: skip
+
+
+def why_no_browser() -> str:
+    """Say why no page can be opened; empty where one can."""
+    if importlib.util.find_spec('playwright') is None:
+        return 'needs the Python package playwright'
+    if not any(map(shutil.which, BROWSERS)):
+        return f'needs a browser: one of {", ".join(BROWSERS)}'
+    return ''
+
+
+@contextlib.contextmanager
+def browser() -> Iterator[Any]:
+    """Run the system's browser; see :func:`why_no_browser` first.
+
+    Yields
+    ------
+    playwright.sync_api.Browser
+    """
+    # By name: the package does not depend on it, only this measurement and the tests do.
+    sync_playwright = importlib.import_module('playwright.sync_api').sync_playwright
+    path = next(path for path in map(shutil.which, BROWSERS) if path)
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        try:
+            yield running
+        finally:
+            running.close()
+
+
+def ready_ms(path: Path) -> float:
+    """Open a report and return when its timeline was first drawn, from the start of loading."""
+    with browser() as running:
+        page = running.new_page(viewport={'width': 1280, 'height': 900})
+        page.goto(path.resolve().as_uri())
+        drawn = page.locator('html[data-ready-ms]')
+        drawn.wait_for(state='attached', timeout=PATIENCE_MS)
+        return float(drawn.get_attribute('data-ready-ms') or 'nan')
+
+
+def measure(duration_s: float = 3600.0, seed: int = 0) -> dict[str, Any]:
+    """Write the report of two variants on 16 channels at 380 Hz, and open it.
+
+    Returns
+    -------
+    dict
+        ``duration_s``; ``bytes`` of the file; ``ready_ms`` from the start of loading until the
+        timeline is drawn, the least of three; None where no page can be opened, ``skipped`` then
+        says why.
+    """
+    skipped = why_no_browser()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'report.html'
+        report.write(path, 'An hour', _variants(duration_s, seed))
+        times_ms = [] if skipped else [ready_ms(path) for _ in range(3)]
+        return {
+            'duration_s': duration_s,
+            'bytes': path.stat().st_size,
+            'ready_ms': min(times_ms, default=None),
+            'skipped': skipped,
+        }
+
+
+def _variants(duration_s: float, seed: int) -> list[Variant]:
+    parts = [_scene(name, seed) for name in SCENES]
+    variants = []
+    for name, config in CONFIGS.items():
+        overview = Overview('hour', config)
+        random = np.random.default_rng(seed)
+        outcome = Replay(config, scores=False).run(
+            _pieces(parts, round(duration_s * config.sample_rate_hz), random), observer=overview
+        )
+        overview.events = events_of(outcome)
+        variants.append(Variant(name, config, [overview], {'hour': outcome.figures()}))
+    return variants
+
+
+def _scene(name: str, seed: int) -> Rows:
+    from slip_detector.scenes.scene import find_scene, load_scene
+
+    scene = load_scene(find_scene(name), np.random.default_rng(seed))
+    samples = scene.read(1_000_000)  # more than any of them has
+    return Rows(samples.volts, np.asarray(samples.truth, dtype=bool))
+
+
+def _pieces(parts: list[Rows], rows: int, random: np.random.Generator) -> Iterator[Rows]:
+    """Yield the parts, with noise and again and again, until there are so many rows."""
+    left = rows
+    while left > 0:
+        for volts, truth, *_ in parts:
+            some = volts[:left]
+            yield Rows(some + NOISE_V * random.standard_normal(some.shape), truth[:left])
+            left -= len(some)

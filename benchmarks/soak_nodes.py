@@ -1,0 +1,205 @@
+"""A hand left to itself: drivers and detectors as processes, watched through their diagnostics.
+
+What is counted as lost is what the detectors themselves miss, by the stamps of the samples:
+bridged, dropped, or a stretch begun anew. So nothing else has to listen to the samples.
+"""
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from benchmarks.end_to_end import cpu_s
+from slip_detector.nodes.health import AGE_KEYS, VALUES
+
+START_TIMEOUT_S = 120.0
+END_TIMEOUT_S = 10.0
+SPIN_S = 0.2
+
+#: Compiling, discovery and the first of everything are over after a minute, or after this share
+#: of a short soak.
+WARM_UP_S, WARM_UP_SHARE = 60.0, 0.2
+
+
+class Watch(Node):
+    """Notes what the detectors report, and the memory of all processes."""
+
+    def __init__(self, namespace: str, processes: 'dict[str, subprocess.Popen[bytes]]') -> None:
+        super().__init__('slip_watch', namespace=namespace)
+        self._processes = processes
+        # By detector: the values of each report, with the time of its receipt.
+        self.reports: dict[str, list[tuple[float, dict[str, str]]]] = {}
+        self.memory_kib: dict[str, list[tuple[float, int]]] = {name: [] for name in processes}
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
+        self.create_timer(1.0, self._look_at_memory)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            name, _, part = status.name.partition(': ')
+            if part == 'input' and f'/{name}'.startswith(self.get_namespace()):
+                values = {pair.key: pair.value for pair in status.values}
+                self.reports.setdefault(name, []).append((time.monotonic(), values))
+
+    def _look_at_memory(self) -> None:
+        for name, process in self._processes.items():
+            self.memory_kib[name].append((time.monotonic(), memory_kib(process.pid)))
+
+
+def memory_kib(pid: int) -> int:
+    """Return how much memory a process holds."""
+    for line in Path(f'/proc/{pid}/status').read_text().splitlines():
+        if line.startswith('VmRSS:'):
+            return int(line.split()[1])
+    return 0
+
+
+def measure(seconds: float, fingers: int, samples_per_message: int) -> dict[str, Any]:
+    """Run the fingers and return the figures of :mod:`benchmarks.soak`.
+
+    Raises
+    ------
+    RuntimeError
+        When a process ends too early or is not heard of in time.
+    """
+    namespace = f'/slip_soak_{os.getpid()}'
+    driver = ['-p', 'loop:=true', '-p', 'wait_for_subscribers:=1']
+    driver += ['-p', f'samples_per_message:={samples_per_message}']
+    detector = []
+    if samples_per_message > 1:
+        detector = ['-p', 'input_type:=std_msgs/msg/Float32MultiArray', '-p', 'input_field:=data']
+    processes: dict[str, subprocess.Popen[bytes]] = {}
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        names = ','.join(f'finger_{finger + 1}' for finger in range(fingers))
+        for name, words in (('slip_detector', detector), ('slip_driver', driver)):
+            command = [sys.executable, '-m', 'slip_detector.nodes.run', name, '--fingers', names]
+            command += ['--ros-args', '--log-level', 'error', '-r', f'__ns:={namespace}', *words]
+            processes[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        watch = Watch(namespace, processes)
+        executor = SingleThreadedExecutor()
+        executor.add_node(watch)
+
+        def spin(until: Any, deadline_s: float, what: str) -> None:
+            while not until():
+                for name, process in processes.items():
+                    if process.poll() is not None:
+                        raise RuntimeError(f'{name} ended with the exit code {process.returncode}')
+                if time.monotonic() > deadline_s:
+                    raise RuntimeError(f'waited in vain for {what}')
+                executor.spin_once(timeout_sec=SPIN_S)
+
+        def all_run() -> bool:
+            last = [reports[-1][1] for reports in watch.reports.values()]
+            return len(last) == fingers and all(int(values['samples']) > 0 for values in last)
+
+        spin(all_run, time.monotonic() + START_TIMEOUT_S, 'all detectors to have samples')
+        begin_s = time.monotonic()
+        warm_s = begin_s + min(WARM_UP_S, WARM_UP_SHARE * seconds)
+        end_s = begin_s + seconds
+        spin(lambda: time.monotonic() > warm_s, end_s, 'the warm-up')
+        used_s = {name: cpu_s(process.pid) for name, process in processes.items()}
+        spin(lambda: time.monotonic() > end_s, end_s + START_TIMEOUT_S, 'the end')
+        used_s = {name: cpu_s(process.pid) - used_s[name] for name, process in processes.items()}
+        return figures(watch, used_s, warm_s, end_s)
+    finally:
+        for process in processes.values():
+            process.terminate()
+        for process in processes.values():
+            try:
+                process.wait(END_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        rclpy.try_shutdown()
+
+
+def figures(watch: Watch, used_s: dict[str, float], warm_s: float, end_s: float) -> dict[str, Any]:
+    """Sum up what was watched after the warm-up."""
+    import numpy as np
+
+    span_s = end_s - warm_s
+    lost: dict[str, int] = dict.fromkeys(VALUES.values(), 0)
+    samples = 0
+    p99_ms: list[tuple[float, float]] = []
+    median_ms: list[float] = []
+    for reports in watch.reports.values():
+        samples += int(reports[-1][1]['samples'])
+        for key in lost:
+            lost[key] += int(reports[-1][1][key])
+        for at_s, values in reports:
+            if at_s > warm_s and values[AGE_KEYS[1]] != '-':
+                median_ms.append(float(values[AGE_KEYS[0]]))
+                p99_ms.append((at_s, float(values[AGE_KEYS[1]])))
+    middle_s = (warm_s + end_s) / 2
+    halves = [
+        [value for at_s, value in p99_ms if (at_s < middle_s) == first] for first in (True, False)
+    ]
+    if not all(halves):
+        raise RuntimeError('the detectors reported no samples after the warm-up')
+    growth = {}
+    for name, looks in watch.memory_kib.items():
+        after = [kib for at_s, kib in looks if at_s > warm_s]
+        tenth = max(1, len(after) // 10)
+        growth[name] = float(np.median(after[-tenth:]) / np.median(after[:tenth]) - 1.0)
+    roles = {
+        role: 100 * sum(s for name, s in used_s.items() if name.endswith(role)) / span_s
+        for role in ('slip_detector', 'slip_driver')
+    }
+    return {
+        'seconds': span_s,
+        'fingers': len(watch.reports),
+        'samples': samples,
+        'lost': lost,
+        'lost_total': sum(lost.values()),
+        'latency_median_ms': float(np.median(median_ms)),
+        'latency_p99_ms': [float(np.median(half)) for half in halves],
+        'latency_p99_growth': float(np.median(halves[1]) / np.median(halves[0])),
+        'memory_growth_percent': 100 * max(growth.values()),
+        'memory_mib': {
+            role: max(
+                looks[-1][1] for name, looks in watch.memory_kib.items() if name.endswith(role)
+            )
+            / 1024
+            for role in roles
+        },
+        'cpu_percent': roles,
+        'cpu_percent_total': sum(roles.values()),
+    }
+
+
+def _terminated(number: int, frame: FrameType | None) -> None:
+    """Turn the signal into an exception, so that the processes are ended."""
+    sys.exit(128 + number)
+
+
+def main() -> int:
+    """Measure, and print one JSON object."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--seconds', type=float, default=600.0)
+    parser.add_argument('--fingers', type=int, default=1)
+    parser.add_argument('--samples-per-message', type=int, default=1)
+    words = parser.parse_args()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _terminated)
+    try:
+        print(json.dumps(measure(words.seconds, words.fingers, words.samples_per_message)))
+    except (RuntimeError, ValueError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,41 @@
+"""Compile with Numba where it is to be had; the same functions run interpreted where it is not."""
+
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+try:
+    from numba import njit
+
+    COMPILED = True
+except ImportError:  # Numba is not to be had on every robot.
+    COMPILED = False
+
+
+def _fingerprint() -> str:
+    """Return a number that changes with any file that has compiled functions."""
+    number = 0
+    for path in sorted(Path(__file__).parents[1].rglob('*.py')):
+        source = path.read_bytes()
+        if b'@compiled' in source:
+            number = zlib.crc32(source, number)
+    return f'{number:08x}'
+
+
+FINGERPRINT = _fingerprint()
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile with Numba, cached on disk, where Numba is there.
+
+    Numba takes a function from its cache as long as the function's own file is unchanged, whatever
+    became of the functions of other files that are compiled into it. So the cache is named after
+    all files that have some: none that is stale is ever found.
+    """
+    if not COMPILED:
+        return function
+    function.__qualname__ += f'_{FINGERPRINT}'
+    # As NumPy divides: checking each division for a zero costs a tenth of the scenes' time.
+    kept: Callable[..., Any] = njit(cache=True, error_model='numpy')(function)
+    return kept

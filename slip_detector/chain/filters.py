@@ -1,0 +1,123 @@
+"""The chain's filter network as second-order sections: design, response, delay, stability."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from slip_detector.parameters.detector import ChainConfig
+
+Array = NDArray[np.float64]
+
+#: Largest error of the designed gain at an edge, relative; beyond it the design is lost.
+EDGE_TOLERANCE = 1e-3
+
+#: Largest relative error of the gain that rounding the coefficients to float64 may make; found to
+#: be some ten times what it does make. Narrow bands at low edges exceed it.
+ROUND_OFF = 3e-6
+
+#: A pole closer to the unit circle than this forgets its start too slowly to be told from
+#: unstable in float64.
+STABILITY_MARGIN = 1e-9
+
+
+def design(config: ChainConfig) -> Array:
+    """Design the whole network: band-pass (Eq. 1-2), then each stop-band (Eq. 4).
+
+    Filters stay sections from design to run: the polynomials of the same filters lose their
+    poles to round-off at low edges.
+
+    Parameters
+    ----------
+    config
+        The gain is folded into the first section.
+
+    Returns
+    -------
+    ndarray, shape (sections, 6)
+        Rows b0, b1, b2, 1, a1, a2 as SciPy has them.
+
+    Raises
+    ------
+    ValueError
+        When a filter comes out unstable or with a wrong gain at its edges; names the edges.
+    """
+    rate = config.sample_rate_hz
+    low, high = config.passband_hz
+    degree = config.passband_degree
+    if high == 0.0:
+        passband = signal.butter(degree, low, 'highpass', output='sos', fs=rate)
+    else:
+        passband = signal.butter(degree // 2, [low, high], 'bandpass', output='sos', fs=rate)
+    edges = [low] if high == 0.0 else [low, high]
+    # A Butterworth filter lets half the power through at its edges.
+    _check(passband, edges, rate, 'passband_hz', np.sqrt(0.5))
+    parts = [passband]
+    for pair in config.stopbands_hz:
+        stopband = signal.ellip(
+            config.stopband_degree // 2,
+            config.stopband_ripple_db,
+            config.stopband_attenuation_db,
+            pair,
+            'bandstop',
+            output='sos',
+            fs=rate,
+        )
+        # An elliptic filter leaves its passband, by SciPy's definition, at the ripple.
+        _check(stopband, list(pair), rate, 'stopbands_hz', 10 ** (-config.stopband_ripple_db / 20))
+        parts.append(stopband)
+    sections = np.concatenate(parts)
+    sections[0, :3] *= config.gain
+    return sections
+
+
+def _check(sections: Array, edges_hz: list[float], rate_hz: float, name: str, gain: float) -> None:
+    """Refuse a filter that is unstable or whose gain at its edges is not what was designed."""
+    radius = largest_pole_radius(sections)
+    measured = np.abs(response(sections, np.array(edges_hz), rate_hz))
+    lost = not np.all(np.abs(measured - gain) <= EDGE_TOLERANCE * gain)
+    if radius > 1 - STABILITY_MARGIN or lost or round_off(sections) > ROUND_OFF:
+        edges = ' and '.join(f'{edge:g}' for edge in edges_hz)
+        what = 'unstable' if radius >= 1 else 'lost to round-off'
+        raise ValueError(
+            f'parameter {name}: the filter with edges at {edges} Hz is {what} at {rate_hz:g} Hz '
+            f'(largest pole radius {radius:.9f}), allowed: edges further apart and between '
+            f'{1e-3 * rate_hz:g} and {0.49 * rate_hz:g} Hz, or a lower degree'
+        )
+
+
+def largest_pole_radius(sections: Array) -> float:
+    """Return the distance of the outermost pole from the origin; below 1 is stable."""
+    return float(max(np.abs(np.roots(section[3:])).max() for section in sections))
+
+
+def round_off(sections: Array) -> float:
+    """Bound the relative error of the gain that rounding the denominators can make.
+
+    It is largest where a denominator is smallest: on the unit circle next to a pole.
+    """
+    worst = 0.0
+    for _, _, _, *denominator in sections:
+        poles = np.roots(denominator)
+        nearest = np.exp(1j * np.angle(poles))
+        smallest = np.abs(np.prod(nearest[:, None] - poles, axis=1)).min()
+        worst = max(worst, np.finfo(np.float64).eps * np.abs(denominator).sum() / smallest)
+    return worst
+
+
+def response(sections: Array, frequency_hz: Array, rate_hz: float) -> NDArray[np.complex128]:
+    """Return the network's complex gain at the given frequencies."""
+    _, gain = signal.sosfreqz(sections, worN=np.asarray(frequency_hz), fs=rate_hz)
+    return np.asarray(gain, dtype=np.complex128)
+
+
+def group_delay_s(sections: Array, frequency_hz: Array, rate_hz: float) -> Array:
+    """Return the delay of a slow modulation at the given frequencies, in seconds."""
+    omega = 2 * np.pi * np.asarray(frequency_hz, dtype=np.float64) / rate_hz
+    delay = np.zeros_like(omega)
+    for section in sections:
+        for coefficients, sign in ((section[:3], 1.0), (section[3:], -1.0)):
+            powers = np.exp(-1j * np.outer(omega, np.arange(3)))
+            value = powers @ coefficients
+            slope = powers @ (np.arange(3) * coefficients)
+            delay += sign * np.real(slope / value)
+    return delay / rate_hz

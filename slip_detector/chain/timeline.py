@@ -1,0 +1,210 @@
+"""Stamps of incoming samples: what is next, what is missing, what runs backwards."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.compiled import compiled
+
+#: The grid is a line fitted to the stamps of about so many samples: to the first ones after a
+#: start, and in the long run. A long memory averages the jitter out and still follows a drift.
+FIRST_MEMORY, LONG_MEMORY = 16, 256
+
+#: A sample further ahead of the grid, in periods, is no jitter: the grid begins anew.
+LARGEST_JITTER = 2.0
+
+#: Jitter is forgotten over so many samples.
+JITTER_MEMORY = 2048
+
+#: A clock may be off by this share and is followed; what is more is samples that are missing.
+LARGEST_RATE_ERROR = 0.15
+
+#: A step of more than this many periods is a gap, less is jitter, where nothing more is known.
+GAP_PERIODS = 1.5
+
+#: A sample this many periods behind the grid is one behind a gap, where jitter does not say more.
+BEHIND_A_GAP = 0.5
+
+#: Jitter taken for possible before the stamps have shown theirs, in periods.
+FIRST_JITTER = 0.75
+
+
+# The line, as an array: the time from message to message in nanoseconds (of one sample), how long
+# after the last one the next is expected, the memory in messages, the jitter in periods, and the
+# bounds of the period.
+PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS = range(6)
+
+
+@compiled
+def _follow(line, behind, rows):
+    """Bring the line nearer to the stamp of a message that is ``behind`` it.
+
+    The gains are those of a least-squares line through the last ``memory`` messages.
+    """
+    n = line[MEMORY]
+    if n < LONG_MEMORY:
+        line[MEMORY] = n + 1.0
+    # A late one may be one behind a gap; an early one can only be jitter.
+    off = -behind if behind < 0.0 else min(behind, BEHIND_A_GAP)
+    jitter = line[JITTER] * (1.0 - 1.0 / JITTER_MEMORY)
+    line[JITTER] = off if off > jitter else jitter
+    gain = 1.0 / (n * (n + 1.0))
+    period_ns = line[PERIOD_NS]
+    # From this stamp back to where the line has it, and on to the next.
+    on_line_ns = -behind * (1.0 - 2.0 * (2.0 * n - 1.0) * gain) * rows * period_ns
+    period_ns *= 1.0 + behind * 6.0 * gain
+    period_ns = min(max(period_ns, line[FASTEST_NS]), line[SLOWEST_NS])
+    line[PERIOD_NS] = period_ns
+    line[UNTIL_NEXT_NS] = on_line_ns + period_ns
+
+
+@compiled
+def _follow_all(line, steps_ns):
+    """Follow samples as long as each is simply the next; returns whether all were."""
+    for i in range(steps_ns.size):
+        step_ns = float(steps_ns[i])
+        behind = (step_ns - line[UNTIL_NEXT_NS]) / line[PERIOD_NS]
+        missing = behind - max(0.0, line[JITTER] - BEHIND_A_GAP)
+        if step_ns <= 0.0 or behind < -LARGEST_JITTER or missing > 0.5:
+            return False
+        _follow(line, behind, 1.0)
+    return True
+
+
+class Arrival(NamedTuple):
+    """What to do with a sample, by its stamp.
+
+    Attributes
+    ----------
+    accepted : bool
+        False: drop it, its stamp is not after the last one.
+    missing : int
+        Samples missing before it, to be bridged with the last row.
+    reset : bool
+        Too many are missing, or time has started anew: it is the first of a new stretch.
+    """
+
+    accepted: bool
+    missing: int
+    reset: bool
+
+
+NEXT = Arrival(True, 0, False)
+NEW_STRETCH = Arrival(True, 0, True)
+BACKWARDS = Arrival(False, 0, False)
+
+
+class Timeline:
+    """Judges samples by their stamps.
+
+    Samples are expected on an even grid that follows the stamps: a line fitted to them with a
+    fading memory. So a stamp may be off by half a period, and the clock behind the stamps by
+    ``LARGEST_RATE_ERROR``, without a sample being taken for two. Where jitter is larger still, as
+    samples ahead of the grid show, it takes a larger delay to be a gap.
+
+    A stamp that is not after the one before is dropped. When the dropped ones themselves run
+    forward for longer than ``max_gap_s``, the clock was set back (or a bag started again) and a
+    new stretch begins; else one such step would silence the detector for good.
+
+    Parameters
+    ----------
+    period_s
+        Time from sample to sample.
+    max_gap_s
+        Longest gap that is bridged.
+    """
+
+    def __init__(self, period_s: float, max_gap_s: float) -> None:
+        period_ns = period_s * 1e9
+        self._line = np.array(
+            [
+                period_ns,
+                0.0,
+                FIRST_MEMORY,
+                FIRST_JITTER,
+                (1.0 - LARGEST_RATE_ERROR) * period_ns,
+                (1.0 + LARGEST_RATE_ERROR) * period_ns,
+            ]
+        )
+        self.max_gap_s = max_gap_s
+        self._last_ns: int | None = None
+        self._dropped_first_ns: int | None = None
+        self._dropped_last_ns = 0
+
+    @property
+    def period_ns(self) -> float:
+        """Time from sample to sample by the stamps."""
+        return float(self._line[PERIOD_NS])
+
+    def arrive(self, stamp_ns: int, rows: int = 1) -> Arrival:
+        """Judge the next sample by its stamp in nanoseconds.
+
+        Of a batch of ``rows`` samples it is the stamp of the last one; a batch comes or is
+        missing as a whole.
+        """
+        if self._last_ns is None:
+            self._begin(stamp_ns)
+            return NEXT
+        step_ns = stamp_ns - self._last_ns
+        if step_ns <= 0:
+            return self._backwards(stamp_ns)
+        self._dropped_first_ns = None
+        period_ns, until_next_ns, _, jitter, _, _ = self._line.tolist()
+        # In periods of the messages.
+        behind = ((step_ns - until_next_ns) / period_ns - (rows - 1)) / rows
+        if behind < -LARGEST_JITTER:
+            self._begin(stamp_ns)
+            return NEXT
+        missing = 0
+        if behind >= BEHIND_A_GAP:
+            missing = max(0, round(behind - max(0.0, jitter - BEHIND_A_GAP)))
+            if missing and step_ns - (rows - 1) * period_ns > self.max_gap_s * 1e9:
+                self._begin(stamp_ns)
+                return NEW_STRETCH
+            behind -= missing
+        _follow(self._line, behind, float(rows))
+        self._last_ns = stamp_ns
+        return Arrival(True, missing * rows, False) if missing else NEXT
+
+    def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
+        """Take samples all at once if each is simply the next; else take none of them.
+
+        Parameters
+        ----------
+        stamps_ns : ndarray of int, shape (n,)
+            One of each sample.
+
+        Returns
+        -------
+        bool
+            False: they are to be judged one by one.
+        """
+        if not stamps_ns.size:
+            return True
+        last_ns, line = self._last_ns, self._line.copy()
+        if last_ns is None:
+            self._begin(int(stamps_ns[0]))
+            steps_ns = np.diff(stamps_ns)
+        else:
+            steps_ns = np.diff(stamps_ns, prepend=last_ns)
+        if _follow_all(self._line, steps_ns):
+            self._last_ns, self._dropped_first_ns = int(stamps_ns[-1]), None
+            return True
+        self._last_ns, self._line = last_ns, line
+        return False
+
+    def _begin(self, stamp_ns: int) -> None:
+        self._last_ns = stamp_ns
+        self._line[UNTIL_NEXT_NS] = self._line[PERIOD_NS]
+        self._line[MEMORY] = FIRST_MEMORY
+        self._dropped_first_ns = None
+
+    def _backwards(self, stamp_ns: int) -> Arrival:
+        if self._dropped_first_ns is None or stamp_ns <= self._dropped_last_ns:
+            self._dropped_first_ns = stamp_ns
+        self._dropped_last_ns = stamp_ns
+        if stamp_ns - self._dropped_first_ns <= self.max_gap_s * 1e9:
+            return BACKWARDS
+        self._begin(stamp_ns)
+        return NEW_STRETCH

@@ -1,0 +1,64 @@
+"""What the command lines share: errors of one line, output that may not be read to its end.
+
+The commands start here, as loading what they compute with takes a second in which Ctrl-C is to be
+no traceback either: nothing heavy is imported.
+"""
+
+import argparse
+import importlib
+import os
+import sys
+from typing import NoReturn
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong with the arguments in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with the exit code 2."""
+        self.exit(2, f'{self.prog}: {message} ({self.prog} --help says more)\n')
+
+
+def print_text(name: str, text: str) -> int:
+    """Print; a reader that stops early, like ``head``, is no error, a full disk is.
+
+    Parameters
+    ----------
+    name
+        Of the command.
+    text
+        What to print.
+
+    Returns
+    -------
+    int
+        The exit code: 0, or 1 after an error, which is one line on stderr.
+    """
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        # What is left in the buffer must not fail again when the interpreter flushes it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            return 0
+        sys.stderr.write(f'{name}: the output cannot be written ({error.strerror})\n')
+        return 1
+    return 0
+
+
+def evaluate() -> int:
+    """Start ``slip_evaluate``."""
+    return _start('slip_evaluate', 'slip_detector.commands.evaluate')
+
+
+def tune() -> int:
+    """Start ``slip_tune``."""
+    return _start('slip_tune', 'slip_detector.commands.tune')
+
+
+def _start(name: str, module: str) -> int:
+    try:
+        return int(importlib.import_module(module).main())
+    except KeyboardInterrupt:
+        sys.stderr.write(f'{name}: ended before it was done\n')
+        return 130

@@ -1,0 +1,377 @@
+"""Tune the chain on labelled recordings, some of them held out: the command ``slip_tune``.
+
+No ROS here. The search is :mod:`slip_detector.tuning.search`, its memory
+:mod:`slip_detector.tuning.study`; what
+is handed back is judged on the recordings that the search has not seen.
+"""
+
+import datetime
+import hashlib
+import importlib.util
+import shlex
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slip_detector.commands.command_line import print_text
+from slip_detector.commands.evaluate import recording_sets
+from slip_detector.commands.tune_options import NAME, arguments_of
+from slip_detector.evaluation.evaluator import Evaluator
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.files import check_writable, with_parameters, write_file
+from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.recordings import Counts, with_options
+from slip_detector.tuning.quiet import quiet_threshold
+from slip_detector.tuning.search import Found, Objective
+from slip_detector.tuning.tracks import Track, fingerprint, held_out, track_of
+from slip_detector.tuning.verdict import judge, pooled, table
+from slip_detector.tuning.workers import SEARCHED, Problem, Stopper, search, search_in_processes
+
+#: Of a run that shows no bar, a line is printed so often.
+LINES = 10
+
+NEEDS = "needs {}, which is not installed: pip install 'slip_detector[tune]'"
+
+
+class Settings(NamedTuple):
+    """What a parameter file says that tuning needs; without a file the defaults."""
+
+    chain: ChainConfig = ChainConfig()
+    driver: DriverConfig = DriverConfig()
+    evaluation: EvaluationConfig = EvaluationConfig()
+    tune: TuneConfig = TuneConfig()
+    max_gap_s: float = DetectorConfig.max_gap_s
+
+
+def settings_of(file: str | None) -> Settings:
+    """Read a parameter file; without one it is the defaults.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be read or holds what is not allowed; names it.
+    """
+    if file is None:
+        return Settings()
+    return Settings(
+        ChainConfig.from_yaml(file),
+        DriverConfig.from_yaml(file),
+        EvaluationConfig.from_yaml(file),
+        TuneConfig.from_yaml(file),
+        DetectorConfig.from_yaml(file).max_gap_s,
+    )
+
+
+class Loaded(NamedTuple):
+    """Recordings in memory.
+
+    Attributes
+    ----------
+    tracks : list of Track
+    notes : list of str
+        A line for each that is not as it should be: what is missing, bad or lost.
+    """
+
+    tracks: list[Track]
+    notes: list[str]
+
+
+def load(
+    paths: Sequence[str],
+    settings: Settings,
+    labelled: bool = True,
+    but: Sequence[str] = (),
+) -> Loaded:
+    """Read recordings, or folders of them, into the memory.
+
+    Parameters
+    ----------
+    paths
+        As they were given.
+    settings
+        Of the chain that they must suit, and of what to read.
+    labelled
+        Whether they must have labels.
+    but
+        Recordings, or folders of them, that are left out where they are among those.
+
+    Raises
+    ------
+    ValueError
+        When one cannot be read or does not suit the chain; names it.
+    """
+    evaluator = Evaluator(settings.chain, settings.driver, settings.evaluation, settings.max_gap_s)
+    sets = recording_sets(paths)
+    left_out = {file.resolve() for files in recording_sets(but).values() for file in files}
+    tracks, notes = [], []
+    for name, files in sets.items():
+        for file in files:
+            if file.resolve() in left_out:
+                continue
+            opened = evaluator.open(file, labelled)
+            shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
+            tracks.append(track_of(shown, opened.rows, opened.sample_rate_hz))
+            met = _met(opened.recording.counts)
+            notes += [f'{shown}: {met}'] if met else []
+    return Loaded(tracks, notes)
+
+
+def _met(counts: Counts) -> str:
+    """Say what was met on the way through a recording; empty when nothing was."""
+    many = {
+        'values that are no number': counts.bad_samples,
+        'rows bridged': counts.bridged_rows,
+        'long gaps': counts.stretches - 1,
+        'rows dropped': counts.dropped,
+    }
+    parts = [f'{number} {what}' for what, number in many.items() if number > 0]
+    return ', '.join(parts + ([counts.lost] if counts.lost else []))
+
+
+def study_name(problem: Problem) -> str:
+    """Return a name that another question does not have."""
+    asked = (
+        fingerprint(problem.tracks),
+        problem.given.to_parameters(),
+        problem.figures,
+        problem.evaluation.to_parameters(),
+        problem.config.to_parameters(),
+    )
+    return f'{NAME}-{hashlib.sha256(repr(asked).encode()).hexdigest()[:16]}'
+
+
+class Progress:
+    """Shows how far the search is and the best so far: a bar, or lines where none can be shown."""
+
+    def __init__(self, problem: Problem, study: Any, total: int) -> None:
+        from tqdm import tqdm
+
+        self._problem, self._study, self._total = problem, study, total
+        self._count = self._said = study.follow()
+        self._lowest = np.inf
+        self._shown = 'none tells slip so far'
+        self._bar = tqdm(
+            total=total, initial=self._count, unit='trial', disable=not sys.stderr.isatty(),
+            file=sys.stderr, dynamic_ncols=True,
+        )  # fmt: skip
+
+    def __call__(self, count: int) -> None:
+        """Show that there are so many trials."""
+        best = self._problem.best(self._study)
+        if best is not None and best.cost_ms < self._lowest:
+            self._lowest = best.cost_ms
+            self._shown = f'best: {in_short(best)}'
+            self._bar.set_postfix_str(self._shown, refresh=False)
+        self._bar.update(count - self._count)
+        self._count = count
+        if self._bar.disable and count - self._said >= max(self._total // LINES, 1):
+            self._said = count
+            sys.stderr.write(f'{count} of {self._total} trials, {self._shown}\n')
+
+    def close(self) -> None:
+        """Leave the bar as it is."""
+        self._bar.close()
+
+
+def in_short(found: Found) -> str:
+    """Say in few words what a chain does."""
+    counts = found.figures
+    latency = '-' if counts.latency_ms is None else f'{counts.latency_ms:.1f} ms'
+    return (
+        f'costs {found.cost_ms:.1f} ms, latency {latency}, {counts.missed:.0%} missed, '
+        f'{counts.false_alarms_per_minute:.2g} false/min'
+    )
+
+
+def tune(
+    problem: Problem,
+    where: str,
+    trials: int,
+    jobs: int,
+    seed: int,
+    stop: Callable[[], bool],
+) -> Any:
+    """Search, in this process or in several, and return the study.
+
+    Raises
+    ------
+    ValueError
+        When the storage fails; names it.
+    """
+    name = study_name(problem)
+    study = problem.study(where, name, seed)
+    progress = Progress(problem, study, trials)
+    try:
+        if jobs == 1:
+            search(problem, study, trials, stop, progress)
+        else:
+            search_in_processes(
+                problem, where, name, trials, jobs, seed + 1, study, stop, progress
+            )
+    finally:
+        progress.close()
+    return study
+
+
+def _listed(tracks: Sequence[Track]) -> str:
+    """Name tracks, and say how much they hold."""
+    n = sum(len(track.slips) for track in tracks)
+    minutes = sum(track.duration_s for track in tracks) / 60.0
+    names = ', '.join(track.name for track in tracks)
+    return f'{names} ({n} slip{"" if n == 1 else "s"} in {minutes:.3g} min)'
+
+
+def _settings(options: Namespace) -> Settings:
+    settings = settings_of(options.config)
+    return settings._replace(driver=with_options(settings.driver, options))
+
+
+def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
+    """Return what stands at the top of the file: when, how, and the given lines."""
+    now = datetime.datetime.now(datetime.timezone.utc)
+    words = sys.argv[1:] if argv is None else argv
+    return [
+        f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:',
+        f'  {NAME} {shlex.join(words)}',
+        *lines,
+    ]
+
+
+def _run_quiet(options: Namespace, argv: Sequence[str] | None) -> list[str]:
+    """Set the threshold from a recording without slip."""
+    settings = _settings(options)
+    check_writable(options.out)
+    tracks, notes = load([options.quiet], settings, labelled=False)
+    if len(tracks) != 1:
+        raise ValueError(f'{options.quiet}: has {len(tracks)} recordings, allowed: one')
+    found = quiet_threshold(
+        tracks[0], settings.chain, options.false_alarms_per_hour,
+        np.random.default_rng(options.seed),
+    )  # fmt: skip
+    lines = [*notes, f'On {tracks[0].name}, without slip: {found}']
+    document = with_parameters(options.config, {'threshold': found.chain.threshold})
+    write_file(options.out, document, _comments(argv, lines))
+    return [*lines, f'Written: {options.out}']
+
+
+def _run(options: Namespace, argv: Sequence[str] | None) -> list[str]:
+    """Tune, and write what was found."""
+    for module in ('optuna', 'tqdm'):
+        if importlib.util.find_spec(module) is None:
+            raise ValueError(NEEDS.format(module))
+    settings = _settings(options)
+    for path in (options.out, options.report):
+        if path is not None:
+            check_writable(path)
+    tracks, notes = load(options.recordings, settings, but=options.held_out)
+    if options.held_out:
+        training = tracks
+        held, more_notes = load(options.held_out, settings)
+        notes += more_notes
+        for part, what in ((training, 'to tune on'), (held, 'held out')):
+            if not any(track.slips for track in part):
+                names = ', '.join(track.name for track in part)
+                none = f'{names}: has no slip' if names else 'no recording is left'
+                raise ValueError(f'{none}, allowed: some with slips {what}')
+    else:
+        training, held = held_out(tracks, options.hold_out)
+    tuned_on = {fingerprint([track]): track.name for track in training}
+    for track in held:
+        same = tuned_on.get(fingerprint([track]))
+        if same is not None:
+            raise ValueError(
+                f'{track.name}: is held out and holds the same as {same}, which is tuned on, '
+                'allowed: each recording once'
+            )
+    stopper = Stopper()
+    with stopper.listening():
+        problem = Problem(training, settings.chain, None, settings.evaluation, settings.tune)
+        before = Objective(training, problem.evaluation, problem.config).as_it_is(problem.given)
+        if not settings.tune.trade:
+            problem = Problem(
+                training, settings.chain, before.figures, settings.evaluation, settings.tune
+            )
+        where = options.storage or f'{options.out}.study.journal'
+        study = tune(problem, where, options.trials, options.jobs, options.seed, stopper)
+        early = ['Stopped early.'] if stopper.stopped else []
+        return _finish(options, argv, problem, held, study, notes + early)
+
+
+def _finish(
+    options: Namespace,
+    argv: Sequence[str] | None,
+    problem: Problem,
+    held: Sequence[Track],
+    study: Any,
+    notes: Sequence[str],
+) -> list[str]:
+    """Judge the best found and write the files."""
+    from slip_detector.report.tuning_report import replayed, write_tuning_report
+
+    count = study.follow()
+    verdict = judge(problem, held, problem.choice(study))
+    tracks = [*held, *problem.tracks]
+    shown = options.report is not None or options.plot is not None
+    given = replayed(problem.given, tracks, problem.evaluation, shown)
+    tuned = replayed(verdict.chain, tracks, problem.evaluation, shown)
+    n = len(held)
+    parts = {'held out': slice(0, n), 'tuned on': slice(n, None)}
+    both = {
+        what: [pooled(one.outcomes[part]) for one in (given, tuned)]
+        for what, part in parts.items()
+    }
+    lines = [
+        *notes,
+        f'{count} trials ({options.trials} asked for), seed {options.seed}',
+        f'Tuned on: {_listed(problem.tracks)}',
+        f'Held out, and not tuned on: {_listed(held)}',
+    ]
+    if verdict.kept:
+        lines.append(f'The given parameters are kept: {verdict.kept}')
+    lines += ['On what was held out:', *table(*both['held out'])]
+    lines += ['On what was tuned on:', *table(*both['tuned on'])]
+    parameters = verdict.chain.to_parameters()
+    changes = {} if verdict.kept else {name: parameters[name] for name in SEARCHED}
+    write_file(options.out, with_parameters(options.config, changes), _comments(argv, lines))
+    written = [options.out]
+    if shown:
+        written += write_tuning_report(
+            options.report, options.plot, lines, given, tuned, held, both, study
+        )
+    return [*lines, f'Written: {", ".join(map(str, written))}']
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of ``slip_tune``.
+
+    Parameters
+    ----------
+    argv
+        The arguments; those of the process if not given.
+
+    Returns
+    -------
+    int
+        Exit code: 0, 1 after an error, which is one line on stderr, or 130 where Ctrl-C ended it
+        before all was written.
+    """
+    options = arguments_of(argv)
+    run = _run if options.quiet is None else _run_quiet
+    try:
+        lines = run(options, argv)
+    except ValueError as error:
+        sys.stderr.write(f'{NAME}: {error}\n')
+        return 1
+    except KeyboardInterrupt:
+        sys.stderr.write(f'{NAME}: ended before all was written\n')
+        return 130
+    return print_text(NAME, '\n'.join(lines))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

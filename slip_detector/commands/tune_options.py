@@ -1,0 +1,114 @@
+"""The options of ``slip_tune``."""
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from slip_detector.commands.command_line import Parser
+from slip_detector.recordings import add_options
+
+NAME = 'slip_tune'
+
+TRIALS = 200
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(
+        prog=NAME,
+        description='Search the bands, stop-bands, exponent, windows, threshold, votes and common '
+        'mode that catch the slips of labelled recordings soonest without false alarms. Some '
+        'recordings are held out: what is handed back is never worse on them than what was given. '
+        'Ctrl-C keeps what was found, and the same command goes on from there.',
+    )
+    parser.add_argument(
+        'recordings', nargs='*', metavar='RECORDING', help='a recording or a folder of them'
+    )
+    parser.add_argument(
+        '--out', type=Path, required=True, metavar='FILE', help='the parameter file to write'
+    )
+    parser.add_argument('--report', type=Path, metavar='FILE', help='an HTML report to write')
+    parser.add_argument(
+        '--plot', nargs='?', const=Path('out'), type=Path, metavar='FOLDER',
+        help='write its figures as pictures to a folder (default: out)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--config', metavar='FILE',
+        help='a ROS parameter file to begin with: what is not searched stays as it is there; the '
+        f'section {NAME} has the weights (default: the defaults)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--trials', type=_at_least_one, default=TRIALS, metavar='N',
+        help='how many trials the study is to have, earlier runs counted (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--jobs', type=_at_least_one, default=1, metavar='N',
+        help='processes that search (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--storage', metavar='URL',
+        help='where the study is kept and shared: the path of a journal (.journal), '
+        'sqlite:///FILE, postgresql://USER@HOST/NAME (default: a journal beside --out)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--seed', type=int, default=0, metavar='N', help='of the search (default: %(default)s)'
+    )
+    held = parser.add_mutually_exclusive_group()
+    held.add_argument(
+        '--hold-out', type=_share, default=1 / 3, metavar='SHARE',
+        help='of the recordings, or of the time of a single one, to hold out (default: a third)',
+    )  # fmt: skip
+    held.add_argument(
+        '--held-out', action='append', default=[], metavar='RECORDING',
+        help='hold out these recordings, or folders of them, and tune on all other RECORDINGs; '
+        'repeatable',
+    )  # fmt: skip
+    add_options(parser)
+    quiet = parser.add_argument_group('only the threshold')
+    quiet.add_argument('--quiet', metavar='RECORDING', help='a recording without slip')
+    quiet.add_argument(
+        '--false-alarms-per-hour', type=_rate, metavar='R', help='that are allowed, above 0'
+    )
+    return parser
+
+
+def _at_least_one(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f'is {text!r}, allowed: a whole number from 1')
+    return int(text)
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text)
+    except ValueError:
+        share = 0.0
+    if not 0.0 < share < 1.0:
+        raise argparse.ArgumentTypeError(f'is {text!r}, allowed: a number between 0 and 1')
+    return share
+
+
+def _rate(text: str) -> float:
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = 0.0
+    if not 0.0 < rate < math.inf:
+        raise argparse.ArgumentTypeError(f'is {text!r}, allowed: a number above 0')
+    return rate
+
+
+def arguments_of(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Read the arguments and see that they go together; else leave with the exit code 2."""
+    parser = _parser()
+    options = parser.parse_args(argv)
+    if (options.quiet is None) != (options.false_alarms_per_hour is None):
+        parser.error('--quiet and --false-alarms-per-hour go together')
+    if options.quiet is not None:
+        for name in ('recordings', 'held_out', 'report', 'plot', 'storage'):
+            if getattr(options, name):
+                word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'
+                parser.error(f'--quiet sets only the threshold, allowed: no {word} with it')
+    elif not options.recordings:
+        parser.error('the following arguments are required: RECORDING (or --quiet)')
+    return options

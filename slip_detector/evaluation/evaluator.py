@@ -1,0 +1,256 @@
+"""The evaluator: one chain over recordings, each read in pieces and on its own."""
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.evaluation.replay import Observer, Outcome, Replay, Rows, figures
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.recordings import RATE_TOLERANCE, Counts, Recording, open_recording
+from slip_detector.recordings.labels import labels_name
+
+Bools = NDArray[np.bool_]
+
+
+class Opened(NamedTuple):
+    """A recording that suits the chain.
+
+    Attributes
+    ----------
+    rows : iterator of Rows
+        Its pieces, to be read once. Reading them raises ValueError where the file is broken.
+    sample_rate_hz : float
+        Of these rows.
+    channel_names : tuple of str
+    recording : Recording
+        Its ``counts`` are complete when all pieces have been read.
+    """
+
+    rows: Iterator[Rows]
+    sample_rate_hz: float
+    channel_names: tuple[str, ...]
+    recording: Recording
+
+
+class Evaluation(NamedTuple):
+    """What a chain made of a recording, and what was met on the way through it.
+
+    Attributes
+    ----------
+    outcome : Outcome
+    counts : Counts
+        Gaps, bad samples and what was lost.
+    observer : Observer or None
+        What looked on, if it was asked for.
+    """
+
+    outcome: Outcome
+    counts: Counts
+    observer: Observer | None
+
+
+def counted(evaluations: Iterable[Evaluation]) -> dict[str, int]:
+    """Return what was met in recordings.
+
+    Returns
+    -------
+    dict
+        ``bad_samples``: values that are no number; ``gaps``: those that were bridged, with
+        ``bridged_rows``; ``long_gaps``, after which the chain began anew; ``dropped``: rows whose
+        stamp is not after the last one.
+    """
+    counts = [one.counts for one in evaluations]
+    return {
+        'bad_samples': sum(one.bad_samples for one in counts),
+        'gaps': sum(one.gaps for one in counts),
+        'bridged_rows': sum(one.bridged_rows for one in counts),
+        'long_gaps': sum(one.stretches - 1 for one in counts),
+        'dropped': sum(one.dropped for one in counts),
+    }
+
+
+def figures_of(evaluations: Iterable[Evaluation]) -> dict[str, Any]:
+    """Return the figures of recordings taken together, and what was met in them."""
+    several = list(evaluations)
+    return {**figures([one.outcome for one in several]), **counted(several)}
+
+
+class Evaluator:
+    """Runs one chain over recordings, each on its own.
+
+    Parameters
+    ----------
+    chain_config
+        The chain's parameters.
+    driver_config
+        Names of the parts of a recording.
+    config
+        What counts as detected, and which rows are rows of motion.
+    max_gap_s
+        A shorter gap is bridged, a longer one resets the chain, as in the detector node.
+
+    Raises
+    ------
+    ValueError
+        When the chain cannot be built.
+    """
+
+    def __init__(
+        self,
+        chain_config: ChainConfig,
+        driver_config: DriverConfig,
+        config: EvaluationConfig,
+        max_gap_s: float = DetectorConfig.max_gap_s,
+    ) -> None:
+        self.chain_config = chain_config
+        self._replay = Replay(chain_config, config)
+        self._driver_config, self._config = driver_config, config
+        self._max_gap_s = max_gap_s
+
+    def open(self, path: Path, require_truth: bool = True) -> Opened:
+        """Open a recording and see that it suits the chain.
+
+        Parameters
+        ----------
+        path
+            Of the recording.
+        require_truth
+            Whether one without labels is refused; else it is taken to have no slip.
+
+        Raises
+        ------
+        ValueError
+            When it cannot be read, does not suit the chain or has no labels; names the file.
+        """
+        recording = open_recording(path, self._driver_config)
+        config = self._replay.chain.config
+        if len(recording.channel_names) != config.channels:
+            raise ValueError(
+                f'{path}: has {len(recording.channel_names)} channels, allowed: '
+                f'{config.channels}, the parameter channels'
+            )
+        named = recording.named and config.channel_names
+        if named and recording.channel_names != config.channel_names:
+            raise ValueError(
+                f'{path}: has the channels {", ".join(recording.channel_names)}, allowed: '
+                f'{", ".join(config.channel_names)}, the parameter channel_names'
+            )
+        if require_truth and not recording.has_truth:
+            raise ValueError(
+                f'{path}: {self._no_truth(recording)}, or a file of labels beside it, '
+                f'{labels_name(path)} (--labels: elsewhere)'
+            )
+        wanted_hz = config.sample_rate_hz
+        # One of another rate is resampled, or reading it says what is wrong.
+        rate_hz = wanted_hz if _apart(recording, wanted_hz) else recording.sample_rate_hz
+        return Opened(
+            self._rows(recording),
+            rate_hz,
+            recording.channel_names,
+            recording,
+        )
+
+    def _no_truth(self, recording: Recording) -> str:
+        config, there = self._driver_config, ', '.join(recording.array_names())
+        if there:
+            return f'has no label {config.recording_truth_key}, there are: {there}; allowed: one'
+        return (
+            f'has no topic {config.recording_truth_topic} or {config.recording_position_topic} '
+            'that tells the slips, allowed: one'
+        )
+
+    def evaluate(
+        self, path: Path, watch: Callable[[Opened], Observer] | None = None
+    ) -> Evaluation:
+        """Run the chain over a recording from its first row.
+
+        Parameters
+        ----------
+        path
+            Of the recording.
+        watch
+            Makes who looks on, given the opened recording; nobody does if not given.
+
+        Raises
+        ------
+        ValueError
+            When it cannot be read, does not suit the chain or has no labels; names the file.
+        """
+        opened = self.open(path)
+        observer = None if watch is None else watch(opened)
+        outcome = self._replay.run(opened.rows, opened.sample_rate_hz, observer)
+        return Evaluation(outcome, opened.recording.counts, observer)
+
+    def _rows(self, recording: Recording) -> Iterator[Rows]:
+        """Yield the pieces of a recording with its label and whether the robot moves."""
+        moving = self._moving(recording)
+        wanted_hz = self._replay.chain.config.sample_rate_hz
+        last = -1
+        for piece in recording.pieces(wanted_hz, self._max_gap_s):
+            truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
+            last = int(piece.rows[-1])
+            if moving is None:
+                yield Rows(piece.volts, truth, piece.stamps_ns, piece.new_stretch)
+                continue
+            if last >= len(moving):
+                raise self._other_length(recording, moving)
+            yield Rows(piece.volts, truth, piece.stamps_ns, piece.new_stretch, moving[piece.rows])
+        # The last rows may have been dropped; resampling may end before the last row.
+        left = 0 if moving is None else len(moving) - 1 - last - recording.counts.dropped
+        if moving is not None and left > (1 if _apart(recording, wanted_hz) else 0):
+            raise self._other_length(recording, moving)
+
+    def _other_length(self, recording: Recording, moving: Bools) -> ValueError:
+        return ValueError(
+            f'{recording.path}: {self._config.motion_key} has {len(moving)} rows, allowed: as '
+            'many as the recording has'
+        )
+
+    def _moving(self, recording: Recording) -> Bools | None:
+        """Tell the rows of motion, shape (n,), from the recording's velocities."""
+        key, path = self._config.motion_key, recording.path
+        if not key:
+            return None
+        velocities = recording.array(key)
+        if velocities is None:
+            there = ', '.join(recording.array_names()) or 'none'
+            raise ValueError(f'{path}: has no array {key}, there are: {there}')
+        numbers = velocities.dtype.kind in 'fiu' and velocities.ndim in (1, 2) and velocities.size
+        if not numbers:
+            raise ValueError(
+                f'{path}: {key} has the shape {velocities.shape} and type {velocities.dtype}, '
+                'allowed: numbers of shape (rows,) or (rows, columns)'
+            )
+        table = velocities.astype(np.float64).reshape(len(velocities), -1)
+        if self._config.motion_columns:
+            names = recording.array(f'{key}_names')
+            table = table[:, self._columns(names, table.shape[1], path)]
+        if not np.isfinite(table).all():
+            row = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0]) + 1
+            raise ValueError(f'{path}: {key} is not finite in row {row}, allowed: finite numbers')
+        return np.asarray(np.linalg.norm(table, axis=1) > self._config.moving_above)
+
+    def _columns(self, names: NDArray[Any] | None, n_columns: int, path: Path) -> list[int]:
+        """Look up the configured columns of motion by their names."""
+        where = f'{path}: {self._config.motion_key}_names'
+        if names is None or names.shape != (n_columns,):
+            found = 'is not there' if names is None else f'has the shape {names.shape}'
+            raise ValueError(f'{where} {found}, allowed: a name for each of {n_columns} columns')
+        known = [str(name) for name in names]
+        for name in self._config.motion_columns:
+            if known.count(name) != 1:
+                raise ValueError(
+                    f'{where} has {name} {known.count(name)} times, allowed: once; there are: '
+                    f'{", ".join(known)}'
+                )
+        return [known.index(name) for name in self._config.motion_columns]
+
+
+def _apart(recording: Recording, wanted_hz: float) -> bool:
+    """Return whether the rates differ by more than the bands and windows can bear."""
+    return abs(recording.sample_rate_hz - wanted_hz) > RATE_TOLERANCE * wanted_hz

@@ -1,0 +1,264 @@
+"""Trials of the paper's protocol: simulated once, run through a chain, told in figures."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.samples import Samples, Source
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.scores import false_positive_percent, first_on_delay_s, mean_delay
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.recordings import RATE_TOLERANCE
+from slip_detector.scenes.scene import find_scene, load_scene
+
+Bools = NDArray[np.bool_]
+
+Floats = NDArray[np.float64]
+
+#: The plates by their spatial period in micrometres (Section 3), and their scenes.
+SCENES = {'400': 'plate_400um', '440': 'plate_440um', '480': 'plate_480um'}
+
+#: Table 2: mean and standard deviation of the delay over the trials of each plate.
+PAPER_DELAY_MS = {'400': (36.02, 3.91), '440': (41.78, 10.78), '480': (48.90, 9.91)}
+
+#: The paper's share of the time without slip at which its detector was ON.
+PAPER_FALSE_POSITIVE_PERCENT = 1.01
+
+#: Fig. 4: lengths of both windows; the last is the paper's choice.
+WINDOWS_S = (0.02, 0.03, 0.04)
+
+#: Fig. 7: the band-passes that go without the high stop-band.
+BANDS_HZ = ((10.0, 100.0), (10.0, 150.0))
+
+ROWS_PER_READ = 4096
+
+
+class Trial(NamedTuple):
+    """A trial to its end.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, c)
+    position_m : ndarray, shape (n,)
+        Of the platform.
+    sample_rate_hz : float
+    start, end : int
+        The last row at which the plate still stood (Eq. 9), and the first at which it stood again.
+    """
+
+    volts: Floats
+    position_m: Floats
+    sample_rate_hz: float
+    start: int
+    end: int
+
+    @property
+    def time_s(self) -> Floats:
+        """When each row was taken, from 0; shape (n,)."""
+        return np.arange(len(self.volts)) / self.sample_rate_hz
+
+    @property
+    def moving(self) -> Bools:
+        """Whether the plate moves, from ``start`` to ``end``; shape (n,)."""
+        rows = np.arange(len(self.volts))
+        return np.asarray((rows >= self.start) & (rows <= self.end))
+
+    @property
+    def motion_s(self) -> tuple[float, float]:
+        """Times of ``start`` and ``end``."""
+        return self.start / self.sample_rate_hz, self.end / self.sample_rate_hz
+
+
+def trial_of(samples: Samples, sample_rate_hz: float) -> Trial:
+    """Make a trial of all its samples.
+
+    Raises
+    ------
+    ValueError
+        When the position of the platform is not known or never changes.
+    """
+    if samples.position_m is None:
+        raise ValueError('the platform has no position, allowed: a source that gives it')
+    moved = np.flatnonzero(np.diff(samples.position_m))
+    if not moved.size:
+        raise ValueError('the platform does not move, allowed: a trial in which it does')
+    start, end = int(moved[0]), int(moved[-1]) + 1
+    return Trial(samples.volts, samples.position_m, sample_rate_hz, start, end)
+
+
+def play(source: Source) -> Trial:
+    """Read a source to its end.
+
+    Raises
+    ------
+    ValueError
+        As :func:`trial_of`.
+    """
+    parts = [source.read(ROWS_PER_READ)]
+    while len(parts[-1].volts) == ROWS_PER_READ:
+        parts.append(source.read(ROWS_PER_READ))
+    positions = [part.position_m for part in parts if part.position_m is not None]
+    whole = Samples(
+        np.concatenate([part.volts for part in parts]),
+        position_m=np.concatenate(positions) if len(positions) == len(parts) else None,
+    )
+    return trial_of(whole, source.sample_rate_hz)
+
+
+def simulate(scene: str, seeds: Iterable[int]) -> list[Trial]:
+    """Play a scene once for each seed.
+
+    Parameters
+    ----------
+    scene
+        Its name or path.
+    seeds
+        Of the noise.
+
+    Raises
+    ------
+    ValueError
+        When there is no such scene, it cannot be read, or its plate does not move; names it.
+    """
+    path = find_scene(scene)
+    sources = [load_scene(path, np.random.default_rng(seed)) for seed in seeds]
+    try:
+        return [play(source) for source in sources]
+    except ValueError as error:
+        raise ValueError(f'{path}: {error}') from None
+
+
+class Outcome(NamedTuple):
+    """What a chain made of a trial.
+
+    Attributes
+    ----------
+    delays_s : tuple of float or None
+        By enabled channel: from the start of the plate to the first ON while it moves.
+    on : ndarray of bool, shape (n,)
+        The global decision.
+    moving : ndarray of bool, shape (n,)
+        Whether the plate moves.
+    """
+
+    delays_s: tuple[float | None, ...]
+    on: Bools
+    moving: Bools
+
+
+def outcome(trial: Trial, chain: SlipChain) -> Outcome:
+    """Run a trial through a chain from its first row.
+
+    An ON that comes when the plate stands again is none of the motion: such a channel has no
+    delay.
+
+    Raises
+    ------
+    ValueError
+        When the trial does not suit the chain.
+    """
+    config = chain.config
+    rate, wanted = trial.sample_rate_hz, config.sample_rate_hz
+    if abs(rate - wanted) > RATE_TOLERANCE * wanted:
+        raise ValueError(
+            f'the trial has {rate:g} Hz where the parameter sample_rate_hz is {wanted:g} Hz, '
+            f'allowed: at most {RATE_TOLERANCE:.0%} apart'
+        )
+    if trial.volts.shape[1] != config.channels:
+        raise ValueError(
+            f'the trial has {trial.volts.shape[1]} channels, allowed: {config.channels}, the '
+            'parameter channels'
+        )
+    chain.reset()
+    result = chain.update(trial.volts, envelope=False, level=False)
+    moving, time_s = trial.moving, trial.time_s
+    delays_s = tuple(
+        first_on_delay_s(result.channels[:, c] & moving, time_s, trial.motion_s[0])
+        for c in range(config.channels)
+        if c + 1 not in config.disabled_channels
+    )
+    return Outcome(delays_s, result.slip, moving)
+
+
+def figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Return the figures of merit of trials; the keys are in the module's docstring.
+
+    Parameters
+    ----------
+    outcomes
+        At least one.
+    """
+    delays_ms = [_in_ms(mean_delay(one.delays_s)[0]) for one in outcomes]
+    mean_ms, sd_ms = mean_delay(delays_ms)
+    return {
+        'mean_delay_ms': mean_ms,
+        'sd_delay_ms': sd_ms,
+        'trial_delays_ms': delays_ms,
+        'detected': sum(bool((one.on & one.moving).any()) for one in outcomes),
+        'trials': len(outcomes),
+        'false_positive_percent': false_positive_percent(
+            np.concatenate([one.on for one in outcomes]),
+            np.concatenate([one.moving for one in outcomes]),
+        ),
+        'channels_without_on': sum(one.delays_s.count(None) for one in outcomes),
+    }
+
+
+def _in_ms(seconds: float | None) -> float | None:
+    return None if seconds is None else seconds * 1e3
+
+
+def evaluate_plates(
+    plates: Mapping[str, Sequence[Trial]], config: ChainConfig
+) -> dict[str, dict[str, Any]]:
+    """Run trials through one chain.
+
+    Parameters
+    ----------
+    plates
+        The trials by plate, at least one on each; see :func:`simulate` and, for other sources than
+        the scenes that come with the package, :func:`play`.
+    config
+        The chain's.
+
+    Returns
+    -------
+    dict
+        ``plates`` and ``all``, as the module's docstring has them.
+
+    Raises
+    ------
+    ValueError
+        When the chain cannot be built or a trial does not suit it; names the plate.
+    """
+    chain = SlipChain(config)
+    outcomes: dict[str, list[Outcome]] = {}
+    for plate, trials in plates.items():
+        try:
+            outcomes[plate] = [outcome(trial, chain) for trial in trials]
+        except ValueError as error:
+            raise ValueError(f'plate {plate}: {error}') from None
+    return {
+        'plates': {plate: figures(mine) for plate, mine in outcomes.items()},
+        'all': figures([one for mine in outcomes.values() for one in mine]),
+    }
+
+
+def with_windows(config: ChainConfig, window_s: float) -> ChainConfig:
+    """Return the configuration with both windows of one length."""
+    return dataclasses.replace(config, envelope_window_s=window_s, decision_window_s=window_s)
+
+
+def with_band(config: ChainConfig, passband_hz: tuple[float, float]) -> ChainConfig:
+    """Return the configuration with another pass-band and no stop-band above its own."""
+    top_hz = config.passband_hz[1] or np.inf  # 0: a high-pass, above which there is nothing.
+    kept = tuple(pair for pair in config.stopbands_hz if pair[0] < top_hz)
+    return dataclasses.replace(config, passband_hz=passband_hz, stopbands_hz=kept)
+
+
+def band_name(name: str) -> str:
+    """Return how a band is called in tables and pictures."""
+    return f'[{name.replace("-", ", ")}] Hz, no high stop-band'

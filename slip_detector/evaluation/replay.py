@@ -1,0 +1,424 @@
+"""Replay: one chain over a recording, piece by piece, to the figures of the whole.
+
+What is kept does not grow with the rows, only with the slips and alarms.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.slip_chain import SlipChain, SlipResult
+from slip_detector.evaluation.events import (
+    ALREADY_ON,
+    FALSE,
+    REPEAT,
+    TRUE,
+    Alarm,
+    Intervals,
+    TrueSlip,
+    event_figures,
+    match,
+)
+from slip_detector.evaluation.scores import (
+    MOTION,
+    REST,
+    SLIP,
+    DecisionStatistic,
+    ScoreCounts,
+    ScoreTally,
+    mean_delay,
+)
+from slip_detector.evaluation.stages import StageWatch
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+#: Values that the chain is given at a time: what it makes of them is to stay in the cache.
+BLOCK_VALUES = 131072
+
+#: The block that begins with a slip is as short: mostly its alarm is in it, and then the rows
+#: after it go without the envelope.
+WATCHED_ROWS = 64
+
+
+class Rows(NamedTuple):
+    """A piece of a recording: n rows of c channels.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, c)
+    truth : ndarray of bool, shape (n,)
+        Label: whether there is slip.
+    stamps_ns : ndarray of int, shape (n,), or None
+        Only asked how long the gap before a new stretch is.
+    new_stretch : bool
+        Too many rows are missing before these: the chain starts anew.
+    moving : ndarray of bool, shape (n,), or None
+        Whether the robot moves, where that is known.
+    """
+
+    volts: Floats
+    truth: Bools
+    stamps_ns: NDArray[np.int64] | None = None
+    new_stretch: bool = False
+    moving: Bools | None = None
+
+
+class Observer(Protocol):
+    """Who looks on while a recording is replayed, such as what a report gathers."""
+
+    def add(self, volts: Floats, result: SlipResult, truth: Bools, /) -> None:
+        """Take the next rows, with their level."""
+
+    def gap(self, seconds: float, /) -> None:
+        """Learn of the time that is missing before the next rows."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What a chain made of a recording.
+
+    Attributes
+    ----------
+    rows, slip_rows : int
+    moving_rows : int or None
+        None where nobody says what moves.
+    on_rows : int
+        Rows without slip in which the global decision is ON.
+    sample_rate_hz : float
+        Of the recording.
+    slips : tuple of TrueSlip
+    alarms : tuple of Alarm
+    scores : ScoreCounts or None
+        Of the decision statistic; None where they were not asked for.
+    """
+
+    rows: int
+    slip_rows: int
+    moving_rows: int | None
+    on_rows: int
+    sample_rate_hz: float
+    slips: tuple[TrueSlip, ...]
+    alarms: tuple[Alarm, ...]
+    scores: ScoreCounts | None
+
+    @property
+    def duration_s(self) -> float:
+        """Time of its rows, gaps left out."""
+        return self.rows / self.sample_rate_hz
+
+    @property
+    def quiet_s(self) -> float:
+        """Time of its rows without slip."""
+        return (self.rows - self.slip_rows) / self.sample_rate_hz
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures of merit by name; see :func:`figures`."""
+        return figures([self])
+
+
+def figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Return the figures of merit of recordings, at least one, taken together.
+
+    Returns
+    -------
+    dict
+        Plain numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows``,
+        ``duration_s``; areas under the ROC curve of the decision statistic, of rows with slip
+        against all others, ``auc_all``, and against those of motion, ``auc_moving``; the paper's
+        figures, each slip being a trial: ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1) over the
+        slips of the mean delay of the channels (Eq. 10), ``success_percent``: the share of the
+        slips while which the global decision is ON, ``false_positive_percent``: the share of the
+        rows without slip in which it is; and those of
+        :func:`slip_detector.evaluation.events.event_figures`.
+    """
+    slips = [slip for one in outcomes for slip in one.slips]
+    rows, slip_rows = sum(one.rows for one in outcomes), sum(one.slip_rows for one in outcomes)
+    moving = [one.moving_rows for one in outcomes if one.moving_rows is not None]
+    scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
+    mean_s, sd_s = mean_delay(slip.delay_s for slip in slips)
+    on_rows = sum(one.on_rows for one in outcomes)
+    return {
+        'rows': rows,
+        'slip_rows': slip_rows,
+        'moving_rows': sum(moving) if moving else None,
+        'duration_s': sum(one.duration_s for one in outcomes),
+        'auc_all': scores.auc(),
+        'auc_moving': scores.auc([MOTION]) if moving else None,
+        'mean_delay_ms': None if mean_s is None else mean_s * 1e3,
+        'sd_delay_ms': None if sd_s is None else sd_s * 1e3,
+        'success_percent': 100.0 * sum(slip.on_while for slip in slips) / len(slips)
+        if slips
+        else None,
+        'false_positive_percent': 100.0 * on_rows / (rows - slip_rows)
+        if rows > slip_rows
+        else None,
+        **event_figures(
+            slips,
+            [alarm for one in outcomes for alarm in one.alarms],
+            sum(one.quiet_s for one in outcomes),
+        ),
+    }
+
+
+class Replay:
+    """Runs one chain over recordings, each from its first row as the detector node would.
+
+    Parameters
+    ----------
+    chain_config
+        The chain's parameters.
+    config
+        What counts as detected.
+    scores, stages
+        Whether the outcome has the scores of the ROC curve, and where the time of each detection
+        went: what is left out costs nothing.
+
+    Raises
+    ------
+    ValueError
+        When the chain cannot be built.
+    """
+
+    def __init__(
+        self,
+        chain_config: ChainConfig,
+        config: EvaluationConfig | None = None,
+        *,
+        scores: bool = True,
+        stages: bool = True,
+    ) -> None:
+        self.config = config or EvaluationConfig()
+        self.chain = SlipChain(chain_config)
+        self.statistic = DecisionStatistic(chain_config)
+        self.tally = ScoreTally() if scores else None
+        self.watch = StageWatch(chain_config) if stages else None
+
+    def run(
+        self,
+        pieces: Iterable[Rows],
+        sample_rate_hz: float | None = None,
+        observer: Observer | None = None,
+    ) -> Outcome:
+        """Replay a recording.
+
+        Parameters
+        ----------
+        pieces
+            The whole recording, cut in any way.
+        sample_rate_hz
+            Its own rate, by which rows become times; the chain's if not given.
+        observer
+            Is shown all rows, and every gap, in their order.
+
+        Raises
+        ------
+        ValueError
+            When the shape of a piece is not that of the chain.
+        """
+        self.chain.reset()
+        run = _Run(self, sample_rate_hz or self.chain.config.sample_rate_hz, observer)
+        for piece in pieces:
+            run.add(piece)
+        return run.outcome()
+
+
+@dataclasses.dataclass
+class _Slip:
+    """What is noted of a slip from its start on.
+
+    Attributes
+    ----------
+    start : int
+        Row.
+    first_on : ndarray of int, shape (c,)
+        Row of the first ON of each enabled channel while it lasts, -1 before.
+    """
+
+    start: int
+    first_on: NDArray[np.int64]
+    on_at_start: bool
+    on_while: bool = False
+    stages: dict[str, int] | None = None
+    lost_at: str | None = None
+
+
+class _Run:
+    """One recording on its way through a chain."""
+
+    def __init__(self, replay: Replay, rate_hz: float, observer: Observer | None) -> None:
+        self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
+        self._chain, self._tally, self._watch = replay.chain, replay.tally, replay.watch
+        config, chain_config = replay.config, self._chain.config
+        self._early, self._tail, self._late_after = (
+            round(seconds * rate_hz)
+            for seconds in (config.early_s, config.tail_s, config.late_after_s)
+        )
+        disabled = {channel - 1 for channel in chain_config.disabled_channels}
+        self._enabled = [c for c in range(chain_config.channels) if c not in disabled]
+        self._block_rows = max(BLOCK_VALUES // chain_config.channels, 1)
+        self._row = 0  # of time: those missing in gaps are counted
+        self._rows = self._slip_rows = self._moving_rows = self._on_rows = 0
+        self._moves = False
+        self._last_ns: int | None = None
+        self._labels, self._alarms = Intervals(), Intervals()
+        self._slips: list[_Slip] = []
+
+    def add(self, piece: Rows) -> None:
+        volts, truth = np.asarray(piece.volts, np.float64), np.asarray(piece.truth, np.bool_)
+        n = len(volts)
+        if truth.shape != (n,):
+            raise ValueError(f'truth has the shape {truth.shape}, allowed: ({n},), as volts')
+        if not n:
+            return
+        if piece.new_stretch and self._rows:
+            self._begin_stretch(piece.stamps_ns)
+        # A block ends before each slip: the chain is then as it was when the slip began.
+        starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
+        cuts = {*range(0, n, self._block_rows), *starts.tolist(), n}
+        if self._watch:
+            cuts.update(row for row in (starts + WATCHED_ROWS).tolist() if row < n)
+        for a, b in itertools.pairwise(sorted(cuts)):
+            moving = None if piece.moving is None else piece.moving[a:b]
+            self._block(volts[a:b], truth[a:b], moving)
+        if piece.stamps_ns is not None:
+            self._last_ns = int(piece.stamps_ns[-1])
+
+    def _begin_stretch(self, stamps_ns: NDArray[np.int64] | None) -> None:
+        self._end_stretch()
+        if stamps_ns is not None and self._last_ns is not None:
+            # A clock that was set back does not turn time back.
+            missing = round((int(stamps_ns[0]) - self._last_ns) * 1e-9 * self._rate_hz) - 1
+            self._row += max(missing, 0)
+            if self._observer and missing > 0:
+                self._observer.gap(missing / self._rate_hz)
+        self._chain.reset()
+
+    def _end_stretch(self) -> None:
+        self._labels.close(self._row)
+        self._alarms.close(self._row)
+        self._end_watch()
+
+    def _block(self, volts: Floats, truth: Bools, moving: Bools | None) -> None:
+        """Take rows of which the first ones, or none, have slip, and that of one slip."""
+        if truth[0] and not self._labels.on:
+            self._begin_slip()
+        watching = self._watch is not None and self._watch.watching
+        level = self._tally is not None or self._observer is not None
+        result = self._chain.update(volts, envelope=watching, level=level)
+        on = np.ascontiguousarray(result.slip)
+        self._labels.add(truth, self._row)
+        self._alarms.add(on, self._row)
+        n_slip = int(np.count_nonzero(truth))
+        if n_slip:
+            self._note_first_on(result, on[:n_slip], n_slip)
+        if watching:
+            self._follow(volts, result, on)
+        self._rows += len(on)
+        self._slip_rows += n_slip
+        self._on_rows += int(np.count_nonzero(on[n_slip:]))
+        if moving is not None:
+            self._moves = True
+            self._moving_rows += int(np.count_nonzero(moving))
+        if self._tally:
+            kinds = np.full(len(on), REST)
+            if moving is not None:
+                kinds[moving] = MOTION
+            kinds[:n_slip] = SLIP
+            self._tally.add(self._replay.statistic(result), kinds)
+        if self._observer:
+            self._observer.add(volts, result, truth)
+        self._row += len(on)
+
+    def _begin_slip(self) -> None:
+        self._end_watch()
+        slip = _Slip(self._row, np.full(len(self._enabled), -1), on_at_start=self._alarms.on)
+        self._slips.append(slip)
+        if slip.on_at_start:
+            slip.lost_at = ALREADY_ON  # unless it has another alarm
+        elif self._watch:
+            self._watch.begin(self._chain, self._row)
+
+    def _note_first_on(self, result: SlipResult, on: Bools, n_slip: int) -> None:
+        slip = self._slips[-1]
+        slip.on_while |= bool(on.any())
+        waiting = np.flatnonzero(slip.first_on < 0)
+        if waiting.size:
+            channels = result.channels[:n_slip, np.array(self._enabled)[waiting]]
+            found = channels.any(axis=0)
+            slip.first_on[waiting[found]] = self._row + channels.argmax(axis=0)[found]
+
+    def _follow(self, volts: Floats, result: SlipResult, on: Bools) -> None:
+        """Let the watch have the rows in which the alarm of the last slip may come."""
+        assert self._watch is not None
+        n = len(on)
+        if not self._labels.on:
+            n = min(n, self._labels.edges[-1] + self._tail - self._row)
+        rises = np.flatnonzero(on[: max(n, 0)])
+        if n > 0:
+            rise = int(rises[0]) if rises.size else None
+            self._watch.follow(volts[:n], result, self._row, rise)
+        if n < len(on) or rises.size:
+            self._end_watch()
+
+    def _end_watch(self) -> None:
+        """Note what became of the last slip on its way to an alarm."""
+        if self._watch and self._watch.watching:
+            slip = self._slips[-1]
+            slip.stages = self._watch.stages()
+            slip.lost_at = None if slip.stages else self._watch.lost_at()
+            self._watch.watching = False
+
+    def outcome(self) -> Outcome:
+        self._end_stretch()
+        labels, alarms = self._labels.closed(), self._alarms.closed()
+        alarm_of, slip_of = match(labels, [a.start for a in alarms], self._early, self._tail)
+        slips = [
+            self._true_slip(slip, label.end, None if k is None else alarms[k].start, k)
+            for slip, label, k in zip(self._slips, labels, alarm_of, strict=True)
+        ]
+        kinds = [
+            FALSE if k is None else TRUE if alarm_of[k] == a else REPEAT
+            for a, k in enumerate(slip_of)
+        ]
+        return Outcome(
+            rows=self._rows,
+            slip_rows=self._slip_rows,
+            moving_rows=self._moving_rows if self._moves else None,
+            on_rows=self._on_rows,
+            sample_rate_hz=self._rate_hz,
+            slips=tuple(slips),
+            alarms=tuple(
+                Alarm(alarm.start / self._rate_hz, alarm.end / self._rate_hz, kind, slip)
+                for alarm, kind, slip in zip(alarms, kinds, slip_of, strict=True)
+            ),
+            scores=self._tally.take() if self._tally else None,
+        )
+
+    def _true_slip(self, slip: _Slip, end: int, rise: int | None, alarm: int | None) -> TrueSlip:
+        rate_hz = self._rate_hz
+        latency = None if rise is None else rise - slip.start
+        delays_s = tuple(
+            None if row < 0 else (row - slip.start) / rate_hz for row in slip.first_on.tolist()
+        )
+        known = [delay for delay in delays_s if delay is not None]
+        own = slip.stages if latency is not None and latency >= 0 else None
+        return TrueSlip(
+            start_s=slip.start / rate_hz,
+            end_s=end / rate_hz,
+            alarm=alarm,
+            latency_s=None if latency is None else latency / rate_hz,
+            late=latency is not None and latency > self._late_after,
+            stages_s=None if own is None else {name: n / rate_hz for name, n in own.items()},
+            lost_at=slip.lost_at if latency is None else None,
+            on_at_start=slip.on_at_start,
+            on_while=slip.on_while,
+            channel_delays_s=delays_s,
+            delay_s=sum(known) / len(known) if known else None,
+        )

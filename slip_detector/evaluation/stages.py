@@ -1,0 +1,113 @@
+"""Where the time of a detection goes: filter, envelope, decision, vote.
+
+The filtered signal comes from a chain like the one that is watched, with windows of one sample:
+its envelope is the rectified signal to its exponent. It takes over the filters where a slip
+begins and runs no further than the alarm, so that there is no second copy of the algorithm and
+hardly a second run.
+"""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.slip_chain import SlipChain, SlipResult
+from slip_detector.evaluation.events import STAGES
+from slip_detector.parameters.detector import ChainConfig
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+#: A row that never came.
+NEVER = np.iinfo(np.int64).max
+
+
+class StageWatch:
+    """Follows a chain from the start of one slip to its alarm.
+
+    Parameters
+    ----------
+    config
+        Of the chain that is watched.
+
+    Attributes
+    ----------
+    watching : bool
+        Whether it is on the way: it wants the chain's envelope. Whoever follows it to the end says
+        so.
+    """
+
+    def __init__(self, config: ChainConfig) -> None:
+        one_sample_s = 1.0 / config.sample_rate_hz
+        self._filters = SlipChain(
+            dataclasses.replace(
+                config, envelope_window_s=one_sample_s, decision_window_s=one_sample_s
+            )
+        )
+        self._members = [np.array(members) - 1 for members in config.groups.values()]
+        self._threshold = config.threshold
+        self.watching = False
+
+    def begin(self, chain: SlipChain, row: int) -> None:
+        """Start at a slip, before the chain is given its first row.
+
+        Parameters
+        ----------
+        chain
+            The chain that is watched, whose global decision is OFF.
+        row
+            When that row is.
+        """
+        # By the first three stages and channel: the first row at which the signal got through.
+        self._first = np.full((3, chain.config.channels), NEVER)
+        self._start, self._alarm = row, NEVER
+        self._filters.take_filters(chain)
+        self.watching = True
+
+    def follow(self, volts: Floats, result: SlipResult, row: int, rise: int | None) -> None:
+        """Take the next rows while watching.
+
+        Parameters
+        ----------
+        volts : ndarray, shape (n, c)
+            At least one row.
+        result
+            What the chain made of them, with its envelope.
+        row
+            When the first of them is.
+        rise
+            Index of the row at which the global decision rises, where it does: the end.
+        """
+        n = len(volts) if rise is None else rise + 1
+        filtered = self._filters.update(volts[:n], level=False).envelope
+        valid = result.valid[:n]
+        passed = (
+            valid & (filtered > self._threshold),
+            valid & (result.envelope[:n] > self._threshold),
+            valid & result.channels[:n],
+        )
+        for first, through in zip(self._first, passed, strict=True):
+            new = through.any(axis=0) & (first == NEVER)
+            first[new] = row + through.argmax(axis=0)[new]
+        if rise is not None:
+            self._alarm = row + rise
+            self._deciding = self._members[int(result.groups[rise].argmax())]
+
+    def stages(self) -> dict[str, int] | None:
+        """Return how many rows each stage took, from the slip to the alarm; None without one."""
+        if self._alarm == NEVER:
+            return None
+        # A stage may be passed anew before the one that feeds it is: what came before the slip is
+        # still in the windows. Then the earlier stage took no time of its own.
+        ends = [*self._first[:, self._deciding].min(axis=1).tolist(), self._alarm]
+        for k in (2, 1, 0):
+            ends[k] = min(ends[k], ends[k + 1])
+        starts = [self._start, *ends]
+        return {stage: ends[k] - starts[k] for k, stage in enumerate(STAGES)}
+
+    def lost_at(self) -> str:
+        """Return the stage that nothing came through, for a slip without an alarm."""
+        for stage, first in zip(STAGES, self._first, strict=False):
+            if (first == NEVER).all():
+                return stage
+        return STAGES[-1]

@@ -1,0 +1,1 @@
+"""The control law of a grasp, and its closed loop without ROS."""

@@ -1,0 +1,74 @@
+"""A control law for a grip, as an example of how to use slip: a few rules, no model of the object.
+
+It knows neither weight nor friction. It holds lightly, raises the force when the object slips,
+and lets it sink slowly when it has not slipped for a while.
+"""
+
+from slip_detector.parameters.grasp import GraspConfig
+
+
+class GraspLaw:
+    """The grip force over time, from what the detector says.
+
+    - It closes to ``grip_n`` at ``closing_n_s``. A contact that is being made looks like slip, so
+      slip does not count before the grip has been closed for ``settle_s``.
+    - Slip raises the force at once by ``step_factor`` and ``step_n``, up to ``limit_n``. While it
+      lasts, or comes again, that is repeated, but not sooner than ``repeat_s`` after the last
+      time: the gripper needs time to follow, and the detector to see it.
+    - When there has been no slip for ``relax_after_s`` the force sinks at ``relax_n_s``, not below
+      ``grip_n``.
+    - While slip is not valid the force stays as it is (``on_invalid: hold``), or sinks at
+      ``closing_n_s`` (``open``). A grip that has opened wholly stays open.
+
+    Parameters
+    ----------
+    config
+        The parameters named above.
+
+    Attributes
+    ----------
+    force_n : float
+        The grip force to command.
+    """
+
+    def __init__(self, config: GraspConfig) -> None:
+        self._config = config
+        self.force_n = 0.0
+        self._last_s: float | None = None
+        self._held_s = self._settled_s = 0.0
+        self._raised_s = self._slipped_s = float('-inf')
+        self._given_up = False
+
+    def update(self, time_s: float, slip: bool, valid: bool) -> float:
+        """Return the grip force to command from now on.
+
+        Parameters
+        ----------
+        time_s
+            Of any clock; one that is set back counts as one that stands.
+        slip, valid
+            The last that was heard; ``valid`` is false also when nothing is heard any more.
+        """
+        config = self._config
+        elapsed_s = 0.0 if self._last_s is None else max(time_s - self._last_s, 0.0)
+        self._last_s = time_s
+        self._held_s += elapsed_s
+        now_s = self._held_s
+        if not valid:
+            if config.on_invalid == 'open' and self.force_n > 0.0:
+                self.force_n = max(self.force_n - config.closing_n_s * elapsed_s, 0.0)
+                self._given_up = self.force_n == 0.0
+        elif self._given_up:
+            pass
+        elif self.force_n < config.grip_n:
+            self.force_n = min(self.force_n + config.closing_n_s * elapsed_s, config.grip_n)
+            self._settled_s = now_s + config.settle_s
+        elif slip:
+            self._slipped_s = now_s
+            if now_s >= max(self._settled_s, self._raised_s + config.repeat_s):
+                self._raised_s = now_s
+                raised_n = self.force_n * config.step_factor + config.step_n
+                self.force_n = min(raised_n, config.limit_n)
+        elif now_s >= self._slipped_s + config.relax_after_s:
+            self.force_n = max(self.force_n - config.relax_n_s * elapsed_s, config.grip_n)
+        return self.force_n

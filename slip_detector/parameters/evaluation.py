@@ -1,0 +1,54 @@
+"""The parameters of the evaluation."""
+
+import dataclasses
+
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class EvaluationConfig(ParameterSet):
+    """Parameters of the evaluation: what counts as detected, and which rows are rows of motion."""
+
+    NODE = 'slip_evaluate'
+
+    early_s: float = parameter(
+        0.0,
+        'An alarm that rises this long before the label of a slip still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    tail_s: float = parameter(
+        0.1,
+        'An alarm that rises this long after the end of a slip, while the windows still hold it, '
+        'still counts for it.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
+    late_after_s: float = parameter(
+        0.1, 'A detection with a longer latency is late.', unit='s', low=0.0, high=10.0
+    )
+
+    motion_key: str = parameter(
+        '', 'Name of the array of velocities in a recording; empty: it has none.'
+    )
+    motion_columns: tuple[str, ...] = parameter(
+        (), 'Which of its columns, by their names in the array <motion_key>_names; empty: all.'
+    )
+    moving_above: float = parameter(
+        0.01,
+        'A row is one of motion when the norm of these velocities exceeds this.',
+        unit='m/s',
+        low=0.0,
+        high=1e6,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields against each other."""
+        super().__post_init__()
+        if self.motion_columns and not self.motion_key:
+            raise ValueError(
+                "parameter motion_key is '', allowed: the name of an array, as motion_columns "
+                'names columns of it'
+            )

@@ -1,0 +1,83 @@
+"""The parameters of the grasp controller."""
+
+import dataclasses
+
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class GraspConfig(ParameterSet):
+    """Parameters of the grasp controller."""
+
+    NODE = 'grasp_controller'
+
+    grip_n: float = parameter(
+        1.8, 'Grip force at first, and the least it relaxes to.', unit='N', low=0.001, high=1000.0
+    )
+    limit_n: float = parameter(
+        10.0, 'Largest grip force that is commanded.', unit='N', low=0.001, high=1000.0
+    )
+    step_factor: float = parameter(
+        1.7, 'Slip raises the force by this factor ...', low=1.0, high=100.0
+    )
+    step_n: float = parameter(0.0, '... and by this much more.', unit='N', low=0.0, high=1000.0)
+    repeat_s: float = parameter(
+        0.1,
+        'While slip lasts, or comes again, the force is raised again after this time.',
+        unit='s',
+        low=0.0,
+        high=60.0,
+    )
+    relax_after_s: float = parameter(
+        1.0,
+        'The force begins to sink so long after the last slip.',
+        unit='s',
+        low=0.0,
+        high=3600.0,
+    )
+    relax_n_s: float = parameter(
+        0.1, 'How fast it sinks; 0: never.', unit='N/s', low=0.0, high=1000.0
+    )
+    closing_n_s: float = parameter(
+        5.0, 'How fast the grip closes at first, and opens.', unit='N/s', low=0.001, high=1e6
+    )
+    settle_s: float = parameter(
+        0.3,
+        'Slip does not count before the grip has been closed so long: contact looks like slip.',
+        unit='s',
+        low=0.0,
+        high=60.0,
+    )
+    on_invalid: str = parameter(
+        'hold',
+        'What to do while slip is not valid, or silent: hold the force, or open.',
+        choices=('hold', 'open'),
+    )
+    deadline_s: float = parameter(
+        0.3,
+        'Longest silence of slip and slip_valid; no less than two heartbeats of the detector.',
+        unit='s',
+        low=0.001,
+        high=60.0,
+    )
+    command_hz: float = parameter(
+        100.0,
+        'Rate at which the force is commanded, beside at once.',
+        unit='Hz',
+        low=1.0,
+        high=1000.0,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields against each other."""
+        super().__post_init__()
+        if self.grip_n > self.limit_n:
+            raise ValueError(
+                f'parameter grip_n is {self.grip_n:g} N, allowed: at most limit_n, '
+                f'{self.limit_n:g} N'
+            )
+        if self.step_factor == 1.0 and self.step_n == 0.0:
+            raise ValueError(
+                'parameter step_factor is 1 and step_n is 0, allowed: one of them larger, else '
+                'slip changes nothing'
+            )

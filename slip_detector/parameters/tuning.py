@@ -1,0 +1,35 @@
+"""The parameters of the search."""
+
+import dataclasses
+
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class TuneConfig(ParameterSet):
+    """Parameters of the search: what the tuner weighs against each other, in milliseconds.
+
+    The cost of a chain is the mean latency over the true slips, plus these.
+    """
+
+    NODE = 'slip_tune'
+
+    missed_costs_ms: float = parameter(
+        500.0, 'A missed slip counts as one detected so late.', unit='ms', low=1.0, high=1e6
+    )
+    false_alarm_costs_ms: float = parameter(
+        10.0, 'What each false alarm per minute costs.', unit='ms', low=0.0, high=1e6
+    )
+    auc_costs_ms: float = parameter(
+        100.0,
+        'What an area under the ROC curve of 0 would cost, 1 being free: few slips say little, '
+        'all their rows say more.',
+        unit='ms',
+        low=0.0,
+        high=1e6,
+    )
+    trade: bool = parameter(
+        False,
+        'Whether latency, misses, false alarms or area may get worse than with the given '
+        'parameters where the cost falls.',
+    )

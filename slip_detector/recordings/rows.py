@@ -1,0 +1,67 @@
+"""Rows of a recording, as they were recorded and as the chain gets them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+class Rows(NamedTuple):
+    """Rows as they were recorded.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, c)
+    stamps_ns : ndarray of int, shape (n,)
+        When each was taken.
+    truth : ndarray of bool, shape (n,), or None
+        Whether there is slip, where it is known.
+    position_m : ndarray, shape (n,), or None
+        Position of the platform; written, but not read back but as the truth that it tells.
+    """
+
+    volts: Floats
+    stamps_ns: Stamps
+    truth: 'Bools | None' = None
+    position_m: 'Floats | None' = None
+
+    def take(self, which: 'NDArray[np.intp] | slice') -> 'Rows':
+        """Return some of the rows."""
+        truth = None if self.truth is None else self.truth[which]
+        return Rows(self.volts[which], self.stamps_ns[which], truth)
+
+    def then(self, more: 'Rows') -> 'Rows':
+        """Return these rows and those of more."""
+        truth = None
+        if self.truth is not None and more.truth is not None:
+            truth = np.concatenate([self.truth, more.truth])
+        return Rows(
+            np.concatenate([self.volts, more.volts]),
+            np.concatenate([self.stamps_ns, more.stamps_ns]),
+            truth,
+        )
+
+
+class Piece(NamedTuple):
+    """Rows as the chain gets them, evenly spaced within a stretch.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, c)
+    stamps_ns : ndarray of int, shape (n,)
+    truth : ndarray of bool, shape (n,), or None
+    new_stretch : bool
+        Whether the chain is reset before it: the first piece, one after a long gap.
+    rows : ndarray of int, shape (n,)
+        Which row of the recording each is, counted from 0; a bridged row is the one before it.
+    """
+
+    volts: Floats
+    stamps_ns: Stamps
+    truth: 'Bools | None'
+    new_stretch: bool
+    rows: Stamps

@@ -1,0 +1,1 @@
+"""Pages and pictures for people, and what they are drawn from."""

@@ -1,0 +1,171 @@
+"""The figures of ``slip_evaluate`` as tables of text."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from slip_detector.evaluation.events import ALREADY_ON, STAGES
+
+Cells = tuple[str, ...]
+
+
+class Section(NamedTuple):
+    """One table.
+
+    Attributes
+    ----------
+    title : str
+        What it is about; empty: the name of the set.
+    columns : dict
+        Heads by the names of the figures.
+    optional : bool
+        Whether it is left out where all figures of the set are 0 or not defined.
+    """
+
+    title: str
+    columns: dict[str, str]
+    optional: bool = False
+
+
+SECTIONS = (
+    Section(
+        '',
+        {
+            'rows': 'rows',
+            'slip_rows': 'slip rows',
+            'moving_rows': 'moving rows',
+            'auc_all': 'AUC all',
+            'auc_moving': 'AUC moving',
+        },
+    ),
+    Section(
+        "as the paper's",
+        {
+            'mean_delay_ms': 'mean delay [ms]',
+            'sd_delay_ms': 'sd [ms]',
+            'success_percent': 'success [%]',
+            'false_positive_percent': 'false positives [%]',
+        },
+    ),
+    Section(
+        'slips',
+        {
+            'slips': 'slips',
+            'matched': 'detected',
+            'late': 'of them late',
+            'missed': 'missed',
+            'recall': 'recall',
+            'latency_median_ms': 'latency median [ms]',
+            'latency_p90_ms': 'p90 [ms]',
+            'latency_worst_ms': 'worst [ms]',
+        },
+    ),
+    Section(
+        'alarms',
+        {
+            'alarms': 'alarms',
+            'repeated_alarms': 'repeated',
+            'false_alarms': 'false',
+            'precision': 'precision',
+            'false_alarms_per_minute': 'false a minute',
+        },
+    ),
+    Section(
+        'mean latency, by stage',
+        {f'{stage}_ms': f'{stage} [ms]' for stage in STAGES},
+        True,
+    ),
+    Section(
+        'of the late ones',
+        {f'late_{stage}_ms': f'{stage} [ms]' for stage in STAGES},
+        True,
+    ),
+    Section(
+        'missed slips, lost at',
+        {
+            **{f'missed_at_{stage}': stage for stage in STAGES},
+            f'missed_{ALREADY_ON}': 'already ON',
+        },
+        True,
+    ),
+    Section(
+        'what was met',
+        {
+            'bad_samples': 'bad samples',
+            'gaps': 'gaps bridged',
+            'bridged_rows': 'rows bridged',
+            'long_gaps': 'long gaps',
+            'dropped': 'rows dropped',
+        },
+        True,
+    ),
+)
+
+#: Said in place of the last section.
+NOTHING_MET = '{}: no bad samples, no gaps, no rows dropped'
+
+UNDEFINED = '-'
+
+LEGEND = f'{UNDEFINED}: not defined (no rows or events of the kind, or nobody says what moves)'
+
+
+def as_tables(report: Mapping[str, Any]) -> str:
+    """Write a report of ``slip_evaluate`` as tables, each set as a whole in its last lines.
+
+    Parameters
+    ----------
+    report
+        Of :func:`slip_detector.commands.evaluate.as_report`.
+    """
+    blocks: list[list[Cells]] = []
+    notes = []
+    for name, whole in report['sets'].items():
+        blocks += _tables(name, {**whole['recordings'], 'all rows': whole}, whole)
+        files = whole['recordings'].items()
+        if not any(whole[column] for column in SECTIONS[-1].columns):
+            notes.append(NOTHING_MET.format(name))
+        notes += [f'{file}: {one["lost"]}' for file, one in files if one['lost']]
+    if len(report['sets']) > 1:
+        blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']}, report['all'])
+    if any(cell == UNDEFINED for block in blocks for line in block for cell in line):
+        notes.append(LEGEND)
+    if 'written' in report:
+        notes.append(f'Written: {", ".join(report["written"])}')
+    return '\n\n'.join([*map(_aligned, blocks), '\n'.join(notes)])
+
+
+def _tables(
+    name: str, rows: Mapping[str, Mapping[str, Any]], whole: Mapping[str, Any]
+) -> list[list[Cells]]:
+    """Return the cells of one table a section, with as wide a first column in each."""
+    width = max(map(len, [name, *rows, *(section.title for section in SECTIONS)]))
+    return [
+        [
+            ((section.title or name).ljust(width), *section.columns.values()),
+            *(
+                (row.ljust(width), *(cell(column, figures[column]) for column in section.columns))
+                for row, figures in rows.items()
+            ),
+        ]
+        for section in SECTIONS
+        if not section.optional or any(whole[column] for column in section.columns)
+    ]
+
+
+def cell(name: str, value: float | None) -> str:
+    """Write a figure with as many digits as it deserves; a dash where it is not defined."""
+    if value is None:
+        return UNDEFINED
+    if isinstance(value, int):
+        return str(value)
+    if name.endswith('_ms'):
+        return f'{value:.1f}'
+    return f'{value:.2f}' if name.endswith(('_percent', '_per_minute')) else f'{value:.3f}'
+
+
+def _aligned(lines: Sequence[Cells]) -> str:
+    """Lay lines of text out in columns, the first to the left and the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return '\n'.join(
+        '  '.join([first.ljust(widths[0]), *map(str.rjust, rest, widths[1:])])
+        for first, *rest in lines
+    )

@@ -1,0 +1,334 @@
+"""Reports for people: one HTML file that needs no network, and the same figures as pictures.
+
+The timeline is drawn by the scripts in ``templates`` from what
+:mod:`slip_detector.report.page_data`
+writes; all else is laid out here, and can be read without scripts.
+"""
+
+import base64
+import json
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib import resources
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from slip_detector.report.evaluation_tables import cell
+from slip_detector.report.overview import Overview
+from slip_detector.report.page_data import Trial, Variant, bin_rows, chosen_snippets, front, pack
+
+SCRIPTS = ('report_data.js', 'report_draw.js', 'report.js')
+
+UNDEFINED = '\N{EN DASH}'
+
+#: The figures that the first table shows, in this order; a second one shows all.
+MAIN_FIGURES = (
+    'slips', 'missed', 'late', 'recall', 'precision', 'false_alarms', 'false_alarms_per_minute',
+    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
+)  # fmt: skip
+
+UNITS = {'ms': 'ms', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
+
+#: More trials of the front than this are not listed.
+MOST_LISTED = 60
+
+
+def write(
+    path: str | Path,
+    title: str,
+    variants: Sequence[Variant],
+    trials: Sequence[Trial] = (),
+    notes: Iterable[str] = (),
+) -> None:
+    """Write a report.
+
+    Parameters
+    ----------
+    path
+        The HTML file to write.
+    title
+        Plain text, as are all texts here.
+    variants
+        One, or two to compare: the one given first, then the tuned one.
+    trials
+        Of a search; none: the report has no trade-off front.
+    notes
+        Lines under the title.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be written, or the variants do not show the same recordings.
+    """
+    page = Template(_read('report.html')).substitute(
+        title=escape(title),
+        notes=_list(notes),
+        css=_read('report.css'),
+        js='\n'.join(map(_read, SCRIPTS)),
+        data=_data(variants),
+        sections='\n'.join(_sections(variants, trials)),
+    )
+    try:
+        Path(path).write_text(page, encoding='utf-8', errors='backslashreplace')
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be written ({error.strerror})') from None
+
+
+def write_pictures(
+    folder: str | Path, variants: Sequence[Variant], trials: Sequence[Trial] = ()
+) -> list[Path]:
+    """Write the figures of a report as PNG files, and its table as text.
+
+    Returns
+    -------
+    list of Path
+        ``timeline_<recording>.png`` of each recording, ``filters.png``, with trials ``front.png``,
+        and ``figures.txt``.
+
+    Raises
+    ------
+    ValueError
+        When they cannot be written, or the variants do not show the same recordings.
+    """
+    from slip_detector.report import plots_report
+
+    recordings = _recordings(variants)
+    names = [variant.name for variant in variants]
+    folder, paths = Path(folder), []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for r, overviews in enumerate(recordings):
+            number = f'{r + 1}_' if len(recordings) > 1 else ''
+            paths.append(folder / f'timeline_{number}{_file_name(overviews[0].name)}.png')
+            plots_report.png(plots_report.timeline_figure(names, overviews), paths[-1])
+        paths.append(folder / 'filters.png')
+        plots_report.png(plots_report.filters_figure(variants), paths[-1])
+        if trials:
+            paths.append(folder / 'front.png')
+            plots_report.png(plots_report.front_figure(trials), paths[-1])
+        paths.append(folder / 'figures.txt')
+        paths[-1].write_text(figures_text(variants), encoding='utf-8', errors='backslashreplace')
+    except OSError as error:
+        raise ValueError(f'{folder}: cannot be written ({error.strerror})') from None
+    return paths
+
+
+def figures_text(variants: Sequence[Variant]) -> str:
+    """Lay out all figures as text: a block for each recording, a line for each figure."""
+    names = _figure_names(variants)
+    width = max((len(_heading(name)) for name in names), default=0)
+    lines = []
+    for row in _row_titles(variants):
+        lines.append(
+            '  '.join([row.ljust(width), *(f'{variant.name:>12}' for variant in variants)])
+        )
+        lines += [
+            '  '.join([_heading(name).ljust(width), *(f'{cell:>12}' for cell in cells)])
+            for name in names
+            for cells in [
+                [_cell(name, variant.figures.get(row, {}).get(name)) for variant in variants]
+            ]
+        ]
+        lines.append('')
+    return '\n'.join([*lines, f'{UNDEFINED}: not defined', ''])
+
+
+def _file_name(text: str) -> str:
+    return ''.join(c if c.isalnum() or c in '._-' else '_' for c in text)[:80]
+
+
+def _recordings(variants: Sequence[Variant]) -> list[list[Overview]]:
+    """Return for each recording how each variant saw it."""
+    first = variants[0].overviews
+    for variant in variants:
+        same = len(variant.overviews) == len(first) and all(
+            (a.name, a.rows, a.config.channels) == (b.name, b.rows, b.config.channels)
+            for a, b in zip(variant.overviews, first, strict=True)
+        )
+        if not first or not same:
+            shown = ', '.join(overview.name for overview in variant.overviews) or 'no recording'
+            raise ValueError(f'{variant.name}: shows {shown}, allowed: the same for all variants')
+    return [list(overviews) for overviews in zip(*(v.overviews for v in variants), strict=True)]
+
+
+def _read(name: str) -> str:
+    return resources.files('slip_detector.report').joinpath(f'templates/{name}').read_text('utf-8')
+
+
+def _data(variants: Sequence[Variant]) -> str:
+    """Write what the scripts read: a header of JSON, and the data of each recording."""
+    recordings = _recordings(variants)
+    chosen = chosen_snippets(recordings)
+    packed = [pack(*parts) for parts in zip(recordings, bin_rows(recordings), chosen, strict=True)]
+    header = {
+        'variants': [variant.name for variant in variants],
+        'recordings': [header for header, _ in packed],
+    }
+    # In a script only what could end it needs care; JSON may write it otherwise.
+    text = json.dumps(header, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
+    blocks = [f'<script type="application/json" id="header">{text}</script>']
+    blocks += [
+        f'<script type="text/plain" id="data-{r}">{data}</script>'
+        for r, (_, data) in enumerate(packed)
+    ]
+    return '\n'.join(blocks)
+
+
+def _sections(variants: Sequence[Variant], trials: Sequence[Trial]) -> list[str]:
+    from slip_detector.report import plots_report
+
+    sections = [_section('Figures', _figures(variants))]
+    if trials:
+        sections.append(_section('Trade-off', _front(trials)))
+    filters = _image(
+        plots_report.svg(plots_report.filters_figure(variants)),
+        'Response and group delay of the filters over the frequency',
+    )
+    sections.append(_section('Filter', filters))
+    sections.append(_section('Parameters', _parameters(variants)))
+    return sections
+
+
+def _section(title: str, content: str) -> str:
+    return f'<section>\n<h2>{title}</h2>\n{content}\n</section>'
+
+
+def _figures(variants: Sequence[Variant]) -> str:
+    names = _figure_names(variants)
+    main = [name for name in MAIN_FIGURES if name in names] or names
+    content = _figure_table(variants, main)
+    if len(main) < len(names):
+        whole = _figure_table(variants, names)
+        content += f'<details><summary>All figures</summary>{whole}</details>'
+    legend = f'{UNDEFINED}: not defined, as nothing of its kind occurred or it was not asked for'
+    return f'{content}<p class="legend">{legend}</p>'
+
+
+def _figure_table(variants: Sequence[Variant], names: Sequence[str]) -> str:
+    several = len(variants) > 1
+    heads = ['recording', *([''] if several else []), *map(_heading, names)]
+    bodies = []
+    for row in _row_titles(variants):
+        lines = [
+            [
+                row if v == 0 else '',
+                *([variant.name] if several else []),
+                *(_cell(name, variant.figures.get(row, {}).get(name)) for name in names),
+            ]
+            for v, variant in enumerate(variants)
+        ]
+        kind = ' class="whole"' if row.startswith('all ') else ''
+        bodies.append(f'<tbody{kind}>{"".join(map(_row, lines))}</tbody>')
+    return _table(heads, ''.join(bodies), 'figures')
+
+
+def _front(trials: Sequence[Trial]) -> str:
+    from slip_detector.report import plots_report
+
+    searched = [trial for trial in trials if trial.number is not None]
+    best = front(searched)
+    text = (
+        f'{len(searched)} trials, of which {len(best)} are not beaten by another in all three: '
+        'latency, false alarms and misses. The figures are of the recordings tuned on.'
+    )
+    undefined = sum(trial.costs is None for trial in searched)
+    if undefined:
+        text += (
+            f' {undefined} are not drawn, as one of the three is not defined, such as the latency '
+            'where no slip was found.'
+        )
+    image = _image(
+        plots_report.svg(plots_report.front_figure(trials)),
+        'Latency, false alarms and misses of all trials',
+    )
+    rows = [
+        [
+            _trial_name(trial),
+            _cell('latency_ms', None if trial.latency_s is None else 1e3 * trial.latency_s),
+            _cell('false_alarms_per_minute', trial.false_alarms_per_minute),
+            _cell('missed_percent', trial.missed_percent),
+            ', '.join(f'{name} {_value(value)}' for name, value in trial.parameters.items()),
+        ]
+        for trial in [*(trial for trial in trials if trial.number is None), *best[:MOST_LISTED]]
+    ]
+    heads = ['trial', 'latency [ms]', 'false alarms per minute', 'missed [%]', 'parameters']
+    listed = '' if len(best) <= MOST_LISTED else f' (the first {MOST_LISTED})'
+    table = _table(heads, ''.join(map(_row, rows)), 'front')
+    return (
+        f'<p>{text}</p>{image}'
+        f'<details><summary>The trials on the front{listed}</summary>{table}</details>'
+    )
+
+
+def _trial_name(trial: Trial) -> str:
+    if trial.number is None:
+        return trial.mark
+    return f'{trial.number} ({trial.mark})' if trial.mark else f'{trial.number}'
+
+
+def _parameters(variants: Sequence[Variant]) -> str:
+    columns = [variant.config.to_parameters() for variant in variants]
+    rows = []
+    for name in dict.fromkeys(name for column in columns for name in column):
+        cells = [_value(column.get(name, UNDEFINED)) for column in columns]
+        differs = 'differs' if len(set(cells)) > 1 else ''
+        rows.append((_row([name, *cells], differs), differs))
+    heads = ['parameter', *(variant.name for variant in variants)]
+    if len(variants) == 1:
+        return _table(heads, ''.join(row for row, _ in rows), 'parameters')
+    differing = [row for row, differs in rows if differs]
+    whole = _table(heads, ''.join(row for row, _ in rows), 'parameters')
+    shown = _table(heads, ''.join(differing), 'parameters') if differing else '<p>All equal.</p>'
+    return f'{shown}<details><summary>All parameters</summary>{whole}</details>'
+
+
+def _table(heads: Sequence[str], rows: str, name: str) -> str:
+    head = ''.join(f'<th scope="col">{escape(text)}</th>' for text in heads)
+    return (
+        f'<div class="scroll"><table class="{name}"><thead><tr>{head}</tr></thead>{rows}</table>'
+        '</div>'
+    )
+
+
+def _row(cells: Sequence[str], name: str = '') -> str:
+    kind = f' class="{name}"' if name else ''
+    return f'<tr{kind}>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>'
+
+
+def _list(lines: Iterable[str]) -> str:
+    items = ''.join(f'<li>{escape(line)}</li>' for line in lines)
+    return f'<ul>{items}</ul>' if items else ''
+
+
+def _image(svg: str, meaning: str) -> str:
+    data = base64.b64encode(svg.encode()).decode()
+    return f'<img alt="{meaning}" src="data:image/svg+xml;base64,{data}">'
+
+
+def _row_titles(variants: Sequence[Variant]) -> list[str]:
+    return list(dict.fromkeys(row for variant in variants for row in variant.figures))
+
+
+def _figure_names(variants: Sequence[Variant]) -> list[str]:
+    rows = [row for variant in variants for row in variant.figures.values()]
+    return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def _heading(name: str) -> str:
+    """Write the name of a figure, whose end is its unit, for people."""
+    words = name.split('_')
+    unit = f' [{UNITS[words.pop()]}]' if words[-1] in UNITS and len(words) > 1 else ''
+    return ' '.join('AUC' if word == 'auc' else word for word in words) + unit
+
+
+def _cell(name: str, value: float | str | None) -> str:
+    if value is None:
+        return UNDEFINED
+    return value if isinstance(value, str) else cell(name, value)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return ' '.join(map(_value, value)) or 'none'
+    return f'{value:.6g}' if isinstance(value, float) else str(value)

@@ -1,0 +1,285 @@
+"""How the volts, levels and decisions of overviews are written into a report.
+
+All that the timeline draws of a recording is one run of bytes, compressed and in base64, beside a
+header that is JSON. A report stays small however long its recordings are: bins are merged until
+all fit, and of the rows about events those of false alarms, misses and late ones come first.
+
+The bytes are, one after another (``templates/report.js`` reads them in this order):
+
+- lowest volts of each bin as 16-bit codes, channel after channel, each as its difference from the
+  bin before; then highest less lowest;
+- starts and stops of true slip, each as its difference from the one before;
+- for each variant the codes of the levels, channel after channel; the intervals of the global
+  decision and of each group; for each snippet its volts and the codes of its levels.
+
+Numbers of more than one byte are written as all lowest bytes, then all next ones, and so on:
+those of a slow signal compress better. A signed difference d is written as 2 d, or as -2 d - 1
+where it is negative.
+"""
+
+import base64
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report.overview import KINDS, Event, Overview, Rows, Snippet, Volts
+
+#: Bins times channels, and rows times channels of snippets, of a whole report.
+MOST_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19
+
+#: More intervals of one decision than this are joined where no bin lies between.
+MOST_INTERVALS = 20_000
+
+#: Multiples of it, modulo 1, lie evenly in 0 to 1, however many are taken.
+GOLDEN = 0.5 * 5**0.5 - 0.5
+
+#: Code of a bin without samples, and the highest code of the channel's range. More steps would be
+#: noise that takes room: a lane of the timeline has some 40 pixels.
+NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
+
+Recording = Sequence[Overview]
+
+
+class Variant(NamedTuple):
+    """One configuration of the chain and what it did on all recordings.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``given`` or ``tuned``.
+    config : ChainConfig
+    overviews : sequence of Overview
+        One for each recording, in one order for all variants.
+    figures : mapping
+        By the name of a recording, or of all, its figures: by name a number, a text or None where
+        it is not defined.
+    """
+
+    name: str
+    config: ChainConfig
+    overviews: Sequence[Overview]
+    figures: Mapping[str, Mapping[str, float | str | None]]
+
+
+class Trial(NamedTuple):
+    """One configuration that a search tried.
+
+    Attributes
+    ----------
+    number : int or None
+        None: it is none of the search, but is shown beside those.
+    latency_s, false_alarms_per_minute, missed_percent : float or None
+        None where it is not defined.
+    parameters : mapping
+        What was tried, by name.
+    mark : str
+        Set where it is one that the reader should find, such as ``given`` or ``tuned``.
+    """
+
+    number: int | None
+    latency_s: float | None
+    false_alarms_per_minute: float | None
+    missed_percent: float | None
+    parameters: Mapping[str, Any] = {}
+    mark: str = ''
+
+    @property
+    def costs(self) -> tuple[float, float, float] | None:
+        """Latency, false alarms and misses, the less the better; None where one is undefined."""
+        if (
+            self.latency_s is None
+            or self.false_alarms_per_minute is None
+            or self.missed_percent is None
+        ):
+            return None
+        return self.latency_s, self.false_alarms_per_minute, self.missed_percent
+
+
+def front(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the trials than which no other is better in one cost and as good in the others.
+
+    Those with an undefined cost are left out; the quickest comes first.
+    """
+    known = [(trial.costs, trial) for trial in trials if trial.costs is not None]
+    costs = np.array([costs for costs, _ in known]).reshape(-1, 3)
+    best = [
+        (mine, trial)
+        for mine, trial in known
+        if not np.any(np.all(costs <= mine, axis=1) & np.any(costs < mine, axis=1))
+    ]
+    return [trial for _, trial in sorted(best, key=lambda pair: pair[0])]
+
+
+def bin_rows(recordings: Sequence[Recording]) -> list[int]:
+    """Return how many rows make a bin of each recording so that all fit into one report."""
+    sizes = [max(overview.bin_rows for overview in variants) for variants in recordings]
+    cells = [
+        -(-variants[0].rows // size) * variants[0].config.channels
+        for variants, size in zip(recordings, sizes, strict=True)
+    ]
+    while sum(cells) > MOST_CELLS:
+        largest = int(np.argmax(cells))
+        sizes[largest] *= 2
+        cells[largest] = -(-cells[largest] // 2)
+    return sizes
+
+
+def chosen_snippets(recordings: Sequence[Recording]) -> list[list[list[Snippet]]]:
+    """Choose the snippets that fit, for each recording and variant, in order.
+
+    Those come first that show a kind of event that comes first; of one kind some from each part
+    of each recording.
+    """
+    candidates = [
+        (_rank(snippet, overview), i * GOLDEN % 1.0, r, v, snippet)
+        for r, variants in enumerate(recordings)
+        for v, overview in enumerate(variants)
+        for i, snippet in enumerate(overview.snippets)
+    ]
+    candidates.sort(key=lambda candidate: candidate[:4])
+    chosen: list[list[list[Snippet]]] = [[[] for _ in variants] for variants in recordings]
+    room = MOST_SNIPPET_CELLS
+    for _, _, r, v, snippet in candidates:
+        if snippet.codes.size <= room:
+            room -= snippet.codes.size
+            chosen[r][v].append(snippet)
+    for variants in chosen:
+        for snippets in variants:
+            snippets.sort(key=lambda snippet: snippet.start)
+    return chosen
+
+
+def _rank(snippet: Snippet, overview: Overview) -> int:
+    rate = overview.sample_rate_hz
+    stop = snippet.start + len(snippet.codes)
+    shown = [
+        KINDS.index(event.kind)
+        for event in overview.events
+        if snippet.start <= round(event.start_s * rate) < stop
+    ]
+    return min(shown, default=len(KINDS))
+
+
+def pack(
+    variants: Recording, rows_of_bin: int, snippets: Sequence[Sequence[Snippet]]
+) -> tuple[dict[str, Any], str]:
+    """Write one recording, as each variant saw it.
+
+    Parameters
+    ----------
+    variants
+        Of the same volts.
+    rows_of_bin
+        As :func:`bin_rows` has it.
+    snippets
+        Of each variant, those to be written.
+
+    Returns
+    -------
+    header : dict
+        What reading the data takes, and the events; for JSON.
+    data : str
+        Base64 of the bytes compressed with zlib.
+    """
+    first = variants[0]
+    low, high, _ = first.bins(rows_of_bin)
+    lowest, step = _scale(low, high)
+    codes = _as_codes(low, lowest, step)
+    span = np.where(codes == NO_SAMPLE, 0, _as_codes(high, lowest, step) - codes)
+    truth = None if first.truth is None else _joined(first.truth, rows_of_bin)
+    parts = [
+        _differences(codes),
+        _planes(span.astype(np.uint16).T),
+        b'' if truth is None else _intervals(truth),
+    ]
+    header: dict[str, Any] = {
+        'name': first.name,
+        'rate_hz': first.sample_rate_hz,
+        'rows': first.rows,
+        'bin_rows': rows_of_bin,
+        'bins': len(low),
+        'channels': first.channel_names,
+        'lowest_v': lowest.tolist(),
+        'step_v': step.tolist(),
+        'truth': None if truth is None else len(truth),
+        'variants': [],
+    }
+    for overview, mine in zip(variants, snippets, strict=True):
+        slip = _joined(overview.slip, rows_of_bin)
+        groups = {name: _joined(on, rows_of_bin) for name, on in overview.groups.items()}
+        parts += [overview.bins(rows_of_bin)[2].T.tobytes(), _intervals(slip)]
+        parts += [_intervals(on) for on in groups.values()]
+        for snippet in mine:
+            parts += [
+                _differences(_as_codes(snippet.volts, lowest, step)),
+                snippet.codes.T.tobytes(),
+            ]
+        header['variants'].append(
+            {
+                'slip': len(slip),
+                'groups': [
+                    {'name': name, 'members': members, 'intervals': len(groups[name])}
+                    for name, members in overview.config.groups.items()
+                ],
+                'snippets': [[snippet.start, len(snippet.codes)] for snippet in mine],
+                'events': [_event(event) for event in overview.events],
+            }
+        )
+    return header, base64.b64encode(zlib.compress(b''.join(parts))).decode()
+
+
+def _event(event: Event) -> list[Any]:
+    # Microseconds are finer than any sample.
+    times = [None if t is None else round(t, 6) for t in event[1:4]]
+    parts = {name: round(t, 6) for name, t in event.parts.items()}
+    return [KINDS.index(event.kind), *times, parts, event.note]
+
+
+def _scale(low: Volts, high: Volts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the lowest volts of each channel and the volts of one step of its codes."""
+    lowest = np.fmin.reduce(low, axis=0, initial=np.inf).astype(np.float64)
+    highest = np.fmax.reduce(high, axis=0, initial=-np.inf).astype(np.float64)
+    none = lowest > highest  # a channel without a single sample
+    lowest[none] = highest[none] = 0.0
+    step = (highest - lowest) / MOST_CODE
+    # A channel that is flat has one code; any step will do.
+    return lowest, np.where(step > 0.0, step, 1.0)
+
+
+def _as_codes(
+    volts: Volts, lowest: NDArray[np.float64], step: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    codes = (volts.astype(np.float64) - lowest) / step
+    rounded = np.rint(np.nan_to_num(codes)).clip(0, MOST_CODE)
+    return np.where(np.isnan(codes), NO_SAMPLE, rounded).astype(np.int64)
+
+
+def _differences(codes: NDArray[np.int64]) -> bytes:
+    """Write columns of codes one after another, each value as its step from the one before."""
+    steps = np.diff(codes.T, axis=1, prepend=0).astype(np.int16)  # modulo 2**16
+    return _planes(((steps << 1) ^ (steps >> 15)).view(np.uint16))
+
+
+def _planes(values: NDArray[Any]) -> bytes:
+    """Write all lowest bytes, then all next ones, and so on."""
+    little = np.ascontiguousarray(values, values.dtype.newbyteorder('<'))
+    planes = little.reshape(-1).view(np.uint8).reshape(-1, values.dtype.itemsize).T
+    return bytes(planes.tobytes())
+
+
+def _intervals(pairs: Rows) -> bytes:
+    return _planes(np.diff(pairs.reshape(-1), prepend=0).astype(np.uint64))
+
+
+def _joined(pairs: Rows, rows_of_bin: int) -> Rows:
+    """Join intervals of which there are too many to tell apart."""
+    if len(pairs) <= MOST_INTERVALS:
+        return pairs
+    apart = pairs[1:, 0] - pairs[:-1, 1] > rows_of_bin
+    starts = pairs[np.concatenate([[True], apart]), 0]
+    stops = pairs[np.concatenate([apart, [True]]), 1]
+    return np.column_stack([starts, stops])

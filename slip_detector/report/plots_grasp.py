@@ -1,0 +1,179 @@
+"""The picture of the grasp."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use('Agg')  # files only: a robot has no screen
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from slip_detector.grasp.loop import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED, Trial
+
+Floats = NDArray[np.float64]
+
+#: Of the conditions; told apart also by the colour-blind (Okabe and Ito).
+COLORS = {CONTROLLER: '#0072B2', PAPER: '#E69F00', UNCONTROLLED: '#D55E00', AT_LIMIT: '#009E73'}
+LABELS = {
+    CONTROLLER: 'controller',
+    PAPER: "controller,\npaper's detector",
+    UNCONTROLLED: 'no controller',
+    AT_LIMIT: 'always\nat the limit',
+}
+NEEDED_COLOR = '0.55'
+
+#: The panel of the displacement is so many times as high as the object slides.
+SHOWN_SLIDES = 4.0
+
+#: Where the dropped ones are drawn, in units of the longest slide.
+HEADROOM = 1.35
+
+
+def draw_grasp(
+    path: Path,
+    trials: Mapping[str, Trial],
+    figures: Mapping[str, Mapping[str, Any]],
+    limit_n: float,
+    live: Mapping[str, Floats],
+    wanted_mm: float,
+) -> None:
+    """Draw one object under each condition, and the figures over all objects.
+
+    Parameters
+    ----------
+    path
+        The picture to write.
+    trials
+        By condition, the trial of one object.
+    figures
+        By condition, those of :func:`slip_detector.grasp.loop.figures`.
+    limit_n
+        The largest grip.
+    live
+        The same object through the nodes: ``position`` and ``command``, arrays of shape (n, 2)
+        with times in their first columns; empty when it was not played.
+    wanted_mm
+        What the worst slide has to stay below.
+    """
+    figure = plt.figure(figsize=(12.5, 7.2), layout='constrained')
+    halves: Any = figure.subfigures(1, 2, width_ratios=[2.1, 1.0])
+    left, right = halves
+    force, decision, place = left.subplots(3, 1, sharex=True, height_ratios=[3.0, 0.8, 2.6])
+    mine = trials[CONTROLLER]
+    _draw_force(force, mine, limit_n, live.get('command'))
+    _draw_slip(decision, mine)
+    _draw_place(place, trials, live.get('position'))
+    begin_s = mine.time_s[np.argmax(mine.needed_n > 0.0)]
+    for axis in (force, decision, place):
+        for onset_s in mine.onsets_s[mine.onsets_s >= begin_s]:
+            axis.axvline(onset_s, color=COLORS[CONTROLLER], linewidth=0.8, alpha=0.35, zorder=0)
+        axis.spines[['top', 'right']].set_visible(False)
+    place.set(xlabel='time [s]', xlim=(mine.time_s[0], mine.time_s[-1]))
+    left.suptitle('One object: gripped, lifted, filled', fontsize=11)
+    slides, spent = right.subplots(2, 1)
+    _draw_slides(slides, figures, wanted_mm)
+    _draw_spent(spent, figures)
+    count = figures[CONTROLLER]['trials']
+    right.suptitle(f'All {count} objects', fontsize=11)
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def _draw_force(axis: Axes, trial: Trial, limit_n: float, command: Floats | None) -> None:
+    axis.fill_between(
+        trial.time_s, trial.needed_n, color=NEEDED_COLOR, alpha=0.3, linewidth=0,
+        label='just enough to hold it',
+    )  # fmt: skip
+    axis.axhline(limit_n, color=COLORS[AT_LIMIT], linestyle='--', linewidth=1.2)
+    axis.annotate(
+        'limit', (0.995, limit_n), xycoords=('axes fraction', 'data'), xytext=(0, -3),
+        textcoords='offset points', ha='right', va='top', color=COLORS[AT_LIMIT], fontsize=9,
+    )  # fmt: skip
+    axis.plot(trial.time_s, trial.command_n, color='k', linewidth=0.9, label='commanded')
+    axis.plot(trial.time_s, trial.force_n, color=COLORS[CONTROLLER], linewidth=2.0, label='grip')
+    if command is not None:
+        axis.plot(*command.T, color='k', linestyle=':', linewidth=1.6, label='commanded, live')
+    axis.set(ylabel='force [N]', ylim=(0.0, 1.06 * limit_n))
+    axis.legend(loc='upper left', bbox_to_anchor=(0.0, 0.93), fontsize=9, frameon=False)
+    # The weight grows twice: when the object is lifted and when it is filled.
+    grows = np.diff(trial.needed_n) > 0.0
+    edges = np.flatnonzero(np.diff(grows.astype(int), prepend=0, append=0))
+    for word, first, last in zip(('lifted', 'filled'), edges[::2], edges[1::2], strict=False):
+        axis.annotate(
+            word, (0.5 * (trial.time_s[first] + trial.time_s[last]), 0.15), ha='center',
+            fontsize=9, color='0.25',
+        )  # fmt: skip
+
+
+def _draw_slip(axis: Axes, trial: Trial) -> None:
+    for row, (on, color) in enumerate(((trial.sliding, '0.35'), (trial.slip, COLORS[CONTROLLER]))):
+        edges = np.flatnonzero(np.diff(on.astype(int), prepend=0, append=0))
+        period_s = trial.time_s[1] - trial.time_s[0]
+        spans = [(trial.time_s[0] + a * period_s, (b - a) * period_s)
+                 for a, b in zip(edges[::2], edges[1::2], strict=True)]  # fmt: skip
+        axis.broken_barh(spans, (row - 0.35, 0.7), color=color)
+    axis.set(ylim=(-0.6, 1.6))
+    axis.set_yticks([0, 1], ['it slides', '/slip'])
+
+
+def _draw_place(axis: Axes, trials: Mapping[str, Trial], position: Floats | None) -> None:
+    # What slides further leaves the panel; how far it came is in the legend.
+    most_mm = max(SHOWN_SLIDES * float(trials[CONTROLLER].position_m[-1]) * 1e3, 0.1)
+    for name in (UNCONTROLLED, PAPER, CONTROLLER):
+        trial = trials[name]
+        end = ': dropped' if trial.dropped else f': {trial.position_m[-1] * 1e3:.2f} mm'
+        axis.plot(
+            trial.time_s, trial.position_m * 1e3, color=COLORS[name],
+            linewidth=2.0 if name == CONTROLLER else 1.3,
+            label=LABELS[name].replace('\n', ' ') + end,
+        )  # fmt: skip
+    if position is not None:
+        label = f'controller, live: {position[-1, 1] * 1e3:.2f} mm'
+        axis.plot(position[:, 0], position[:, 1] * 1e3, 'k:', linewidth=1.6, label=label)
+    axis.set(ylabel='displacement [mm]', ylim=(-0.03 * most_mm, most_mm))
+    axis.legend(loc='upper left', fontsize=9, frameon=False)
+
+
+def _draw_slides(axis: Axes, figures: Mapping[str, Mapping[str, Any]], wanted_mm: float) -> None:
+    names = (CONTROLLER, PAPER, UNCONTROLLED)
+    known = [
+        slide_mm
+        for name in names
+        for slide_mm in figures[name]['slide_mm']
+        if slide_mm is not None
+    ]
+    dropped_mm = HEADROOM * max([wanted_mm, *known])
+    for place, name in enumerate(names):
+        slides = [dropped_mm if s is None else s for s in figures[name]['slide_mm']]
+        spread = np.linspace(-0.28, 0.28, len(slides)) if len(slides) > 1 else np.zeros(1)
+        axis.plot(place + spread, slides, 'o', color=COLORS[name], markersize=4, alpha=0.8)
+        mean_mm = figures[name]['mean_slide_mm']
+        if mean_mm is not None:
+            axis.hlines(mean_mm, place - 0.36, place + 0.36, color='k', linewidth=1.5)
+            axis.text(place + 0.38, mean_mm, f'{mean_mm:.2f}', va='center', fontsize=9)
+    axis.axhline(wanted_mm, color='0.4', linestyle='--', linewidth=1)
+    axis.axhline(dropped_mm, color='0.8', linewidth=0.8, zorder=0)
+    axis.text(-0.45, dropped_mm, 'dropped', va='bottom', fontsize=9, color='0.4')
+    axis.text(-0.45, wanted_mm, 'wanted', va='bottom', fontsize=9, color='0.4')
+    axis.set_xticks(range(len(names)), [LABELS[name] for name in names])
+    axis.set(ylabel='slide of each, and mean [mm]', xlim=(-0.5, len(names) - 0.3),
+             ylim=(0.0, 1.1 * dropped_mm))  # fmt: skip
+    axis.spines[['top', 'right']].set_visible(False)
+
+
+def _draw_spent(axis: Axes, figures: Mapping[str, Mapping[str, Any]]) -> None:
+    names = (CONTROLLER, PAPER, UNCONTROLLED, AT_LIMIT)
+    shares = [figures[name]['force_percent'] for name in names]
+    bars = axis.bar(range(len(names)), shares, 0.65, color=[COLORS[name] for name in names])
+    axis.bar_label(bars, [f'{share:.0f}' for share in shares], padding=2, fontsize=9)
+    needed = figures[CONTROLLER]['needed_percent']
+    axis.axhline(needed, color='k', linestyle=':', linewidth=1.4)
+    axis.text(2.0, needed, 'just enough', ha='center', va='bottom', fontsize=9)
+    axis.set_xticks(range(len(names)), [LABELS[name] for name in names], fontsize=8)
+    axis.set(ylabel='mean grip [% of the limit]', ylim=(0.0, 115.0))
+    axis.spines[['top', 'right']].set_visible(False)

@@ -1,0 +1,207 @@
+"""Figures of a report, the same for the HTML file and as pictures."""
+
+import io
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use('Agg')  # files only: a robot has no screen
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from slip_detector.chain.filters import design, group_delay_s, response
+from slip_detector.report.overview import KINDS, Overview, Rows
+from slip_detector.report.page_data import Trial, Variant, front
+from slip_detector.report.plots import COLORS
+
+Floats = NDArray[np.float64]
+
+STYLES = ('-', '--', ':', '-.')
+
+#: Marker and colour of each kind of event.
+EVENT_STYLES = (('v', COLORS[1]), ('x', COLORS[3]), ('D', COLORS[4]), ('.', COLORS[2]))
+
+#: Bins of a channel in a picture of a timeline: more would not be seen.
+PICTURE_BINS = 2000
+
+
+def svg(figure: Figure) -> str:
+    """Return a figure as SVG, text as text, the same bytes for the same figure."""
+    stream = io.StringIO()
+    with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': 'slip_detector'}):
+        _save(figure, stream, format='svg', metadata={'Date': None, 'Creator': None})
+    return stream.getvalue()
+
+
+def png(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG."""
+    _save(figure, path, dpi=120)
+
+
+def _save(figure: Figure, to: Any, **settings: Any) -> None:
+    with warnings.catch_warnings():
+        # Names of files may have any character; one that the font lacks is drawn as a box.
+        warnings.filterwarnings('ignore', 'Glyph', UserWarning)
+        figure.savefig(to, **settings)
+
+
+def _plain(text: str) -> str:
+    """Return a text of the user's in which nothing is taken for a formula."""
+    return text.replace('$', r'\$')
+
+
+def filters_figure(variants: Sequence[Variant]) -> Figure:
+    """Draw gain and group delay of the filters of each variant over the frequency."""
+    figure = Figure(figsize=(10, 3.6), layout='constrained')
+    gain_axis, delay_axis = figure.subplots(1, 2)
+    longest_ms = 0.0
+    for variant, color, style in zip(variants, COLORS, STYLES, strict=False):
+        config = variant.config
+        rate = config.sample_rate_hz
+        sections = design(config)
+        low, high = config.passband_hz
+        frequency = np.geomspace(min(low, 0.01 * rate) / 3, 0.499 * rate, 1000)
+        # The gain of the whole, without the constant factor.
+        gain = np.abs(response(sections, frequency, rate)) / config.gain
+        delay_ms = 1e3 * group_delay_s(sections, frequency, rate)
+        line = {'color': color, 'linestyle': style, 'label': _plain(variant.name)}
+        gain_axis.plot(frequency, 20 * np.log10(np.maximum(gain, 1e-6)), **line)
+        delay_axis.plot(frequency, delay_ms, **line)
+        within = (frequency >= low) & (frequency <= (high or frequency[-1]))
+        longest_ms = max(longest_ms, float(delay_ms[within].max()))
+        for axis in (gain_axis, delay_axis):
+            axis.axvspan(low, high or frequency[-1], color=color, alpha=0.08, linewidth=0)
+    gain_axis.set(ylabel='gain [dB]', title='Response (shaded: passband)', ylim=(-80, 5))
+    # Where nothing passes the delay says nothing, and dips of stop-bands would set the scale.
+    delay_axis.set(
+        ylabel='group delay [ms]',
+        title='Delay',
+        ylim=(min(0.0, -0.05 * longest_ms), 1.3 * longest_ms),
+    )
+    for axis in (gain_axis, delay_axis):
+        axis.set(xscale='log', xlabel='frequency [Hz]')
+        axis.grid(color='0.9', linewidth=0.5)
+    if len(variants) > 1:
+        gain_axis.legend(loc='lower center')
+    return figure
+
+
+def front_figure(trials: Sequence[Trial]) -> Figure:
+    """Draw the trials of a search: latency against false alarms, misses as colour."""
+    figure = Figure(figsize=(8, 4.6), layout='constrained')
+    axis = figure.subplots()
+    known = [trial for trial in trials if trial.costs is not None]
+    latency_ms, alarms, missed = _columns([trial for trial in known if not trial.mark])
+    points = axis.scatter(
+        latency_ms, alarms, c=missed, cmap='viridis_r', vmin=0.0, vmax=100.0, s=22, zorder=2,
+        label='trial',
+    )  # fmt: skip
+    figure.colorbar(points, label='missed slips [%]')
+    latency_ms, alarms, _ = _columns(front(trials))
+    axis.plot(
+        latency_ms, alarms, 'o', markersize=9, markerfacecolor='none', markeredgecolor='k',
+        label='not beaten in all three', zorder=3,
+    )  # fmt: skip
+    marked = [trial for trial in known if trial.mark]
+    for trial, color in zip(marked, COLORS[1:], strict=False):
+        (x,), (y,), (missed_percent,) = _columns([trial])
+        figures = f'{x:.0f} ms, {y:.2g} a minute, {missed_percent:.0f} % missed'
+        axis.plot(
+            x, y, '*', color=color, markersize=17, markeredgecolor='k', zorder=4,
+            label=f'{_plain(trial.mark)}: {figures}',
+        )  # fmt: skip
+    # Few and many false alarms both matter, and none is a value as well.
+    axis.set_yscale('symlog', linthresh=1.0)
+    axis.set_ylim(bottom=-0.1)
+    axis.set(xlabel='median latency [ms]', ylabel='false alarms per minute')
+    axis.grid(color='0.9', linewidth=0.5)
+    axis.legend(fontsize=9)
+    return figure
+
+
+def _columns(trials: Sequence[Trial]) -> tuple[Floats, Floats, Floats]:
+    """Return latency in ms, false alarms per minute and percent missed of trials."""
+    table = np.array([trial.costs for trial in trials], np.float64).reshape(-1, 3)
+    return 1e3 * table[:, 0], table[:, 1], table[:, 2]
+
+
+def timeline_figure(names: Sequence[str], overviews: Sequence[Overview]) -> Figure:
+    """Draw one recording: label, decisions of all variants, and groups and channels of the last.
+
+    Parameters
+    ----------
+    names, overviews
+        Of each variant its name and how it saw the recording.
+    """
+    last = overviews[-1]
+    config, rate = last.config, last.sample_rate_hz
+    lanes: list[tuple[str, float]] = [('events', 1.0)]
+    if last.truth is not None:
+        lanes.append(('label', 0.8))
+    lanes += [(f'slip {name}' if len(names) > 1 else 'slip', 0.8) for name in names]
+    members = {name: [c - 1 for c in group] for name, group in config.groups.items()}
+    for name, group in members.items():
+        lanes += [(name, 0.7), *((last.channel_names[c], 2.0) for c in group)]
+    heights = np.array([height for _, height in lanes])
+    bottoms = -np.cumsum(heights)
+    figure = Figure(figsize=(12, min(1.2 + 0.16 * heights.sum(), 60.0)), layout='constrained')
+    axis = figure.subplots()
+    places = iter(zip(bottoms + 0.1, heights - 0.2, strict=True))
+
+    bottom, height = next(places)
+    for kind, (marker, color) in zip(KINDS, EVENT_STYLES, strict=True):
+        starts_s = [event.start_s for event in last.events if event.kind == kind]
+        middle = np.full(len(starts_s), bottom + height / 2)
+        axis.plot(starts_s, middle, marker, color=color, markersize=5, label=kind)
+    if last.truth is not None:
+        _bars(axis, last.truth, rate, (bottoms[-1], -bottoms[-1]), '0.92')
+        _bars(axis, last.truth, rate, next(places), '0.5')
+    for overview in overviews:
+        _bars(axis, overview.slip, rate, next(places), COLORS[1])
+    low, high, time_s = _picture_bins(last)
+    for name, group in members.items():
+        _bars(axis, last.groups[name], rate, next(places), COLORS[4])
+        for channel in group:
+            bottom, height = next(places)
+            lowest, highest = low[:, channel], high[:, channel]
+            if not np.isfinite(lowest).any():
+                continue
+            base, span = np.nanmin(lowest), np.nanmax(highest) - np.nanmin(lowest)
+            scale = height / span if span else 0.0
+            axis.fill_between(
+                time_s, bottom + scale * (lowest - base), bottom + scale * (highest - base),
+                color=COLORS[0], linewidth=0.6,
+            )  # fmt: skip
+    axis.set_yticks(bottoms + heights / 2, [_plain(name) for name, _ in lanes], fontsize=8)
+    axis.set(
+        xlabel='time [s]', xlim=(0.0, max(last.duration_s, 1 / rate)), ylim=(bottoms[-1], 0.0)
+    )
+    axis.set_title(
+        f'{_plain(last.name)} (grey: label; each channel from its lowest to its highest volts)'
+    )
+    if last.events:
+        figure.legend(loc='outside lower right', ncols=len(KINDS), fontsize=8, frameon=False)
+    return figure
+
+
+def _bars(axis: Axes, rows: Rows, rate: float, place: tuple[float, float], color: str) -> None:
+    spans = [(start / rate, (stop - start) / rate) for start, stop in rows.tolist()]
+    # With an edge: what is narrower than a pixel must not vanish.
+    axis.broken_barh(spans, place, color=color, linewidth=0.5, zorder=0.5)
+
+
+def _picture_bins(overview: Overview) -> tuple[Floats, Floats, Floats]:
+    """Return lowest and highest volts of few enough bins, and the time of each in seconds."""
+    bin_rows = overview.bin_rows
+    while overview.rows > PICTURE_BINS * bin_rows:
+        bin_rows *= 2
+    low, high, _ = overview.bins(bin_rows)
+    time_s = (np.arange(len(low), dtype=np.float64) + 0.5) * bin_rows
+    time_s /= overview.sample_rate_hz
+    return low.astype(np.float64), high.astype(np.float64), time_s

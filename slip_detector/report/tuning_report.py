@@ -1,0 +1,106 @@
+"""The report of a search: the given and the tuned chain on all recordings, and the trials."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from slip_detector.evaluation.replay import Outcome, Replay
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.report.overview import MOST_CELLS, Overview, events_of
+from slip_detector.report.page import write, write_pictures
+from slip_detector.report.page_data import Trial, Variant
+from slip_detector.tuning.tracks import Track
+from slip_detector.tuning.workers import SEARCHED
+
+#: No recording of a report has less room than this share of it.
+LEAST_SHARE = 1 / 32
+
+
+class Replayed(NamedTuple):
+    """A chain on all recordings."""
+
+    chain: ChainConfig
+    outcomes: list[Outcome]
+    overviews: list[Overview]
+
+
+def replayed(
+    chain: ChainConfig, tracks: Sequence[Track], evaluation: EvaluationConfig, shown: bool
+) -> Replayed:
+    """Replay recordings through a chain; with overviews for a report where it is to be shown."""
+    replay = Replay(chain, evaluation)
+    outcomes, overviews = [], []
+    for track in tracks:
+        overview = None
+        if shown:
+            cells = max(MOST_CELLS // len(tracks), round(LEAST_SHARE * MOST_CELLS))
+            overview = Overview(
+                track.name, chain, most_cells=cells, sample_rate_hz=track.sample_rate_hz
+            )
+        outcome = replay.run(track.rows(), track.sample_rate_hz, overview)
+        outcomes.append(outcome)
+        if overview is not None:
+            overview.events = events_of(outcome)
+            overviews.append(overview)
+    return Replayed(chain, outcomes, overviews)
+
+
+def _trial(name: str, chain: ChainConfig, figures: dict[str, Any]) -> Trial:
+    """Return a chain as a point of the trade-off."""
+    latency_ms, recall = figures['latency_median_ms'], figures['recall']
+    parameters = chain.to_parameters()
+    return Trial(
+        None,
+        None if latency_ms is None else latency_ms / 1e3,
+        figures['false_alarms_per_minute'],
+        None if recall is None else 100.0 * (1.0 - recall),
+        {parameter: parameters[parameter] for parameter in SEARCHED},
+        name,
+    )
+
+
+def write_tuning_report(
+    page: Path | None,
+    folder: Path | None,
+    notes: Sequence[str],
+    given: Replayed,
+    tuned: Replayed,
+    held: Sequence[Track],
+    both: dict[str, list[dict[str, Any]]],
+    study: Any,
+) -> list[Path]:
+    """Write the report of a search, and its figures as pictures; return what was written."""
+    variants = []
+    for k, (name, one) in enumerate((('given', given), ('tuned', tuned))):
+        rows = {f'all {what}': sides[k] for what, sides in both.items()}
+        for i, (overview, outcome) in enumerate(zip(one.overviews, one.outcomes, strict=True)):
+            what = 'held out' if i < len(held) else 'tuned on'
+            rows[f'{overview.name} ({what})'] = outcome.figures()
+        variants.append(Variant(name, one.chain, one.overviews, rows))
+    trials = [
+        Trial(
+            trial.number,
+            None if counts['latency_ms'] is None else counts['latency_ms'] / 1e3,
+            counts['false_alarms_per_minute'],
+            100.0 * counts['missed'],
+            found['parameters'],
+        )
+        for trial in study.trials
+        for found in trial.user_attrs['found'][:1]
+        for counts in [found['figures']]
+    ]
+    shown = [given] if tuned.chain == given.chain else [given, tuned]
+    trials += [
+        _trial(variant.name, one.chain, figures)
+        for variant, one, figures in zip(variants, shown, both['tuned on'], strict=False)
+    ]
+    # The table of the figures is in the report itself.
+    few = [line for line in notes if not line.startswith(('  ', 'On what'))]
+    written = []
+    if page is not None:
+        write(page, 'Tuning of the slip detector', variants, trials, few)
+        written.append(page)
+    if folder is not None:
+        written += write_pictures(folder, variants, trials)
+    return written

@@ -1,0 +1,198 @@
+"""Set a threshold from a recording without slip, and say how sure that much data lets one be.
+
+What counts is alarms, not rows, and alarms come in clusters: one disturbance makes several. So
+time is cut into blocks that are longer than what the windows remember. Blocks with an alarm are
+taken to be independent of each other (Poisson), and each to have as many alarms as those that were
+seen.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.tuning.sweep import Statistics, sweep, thresholds
+from slip_detector.tuning.tracks import Track
+
+Floats = NDArray[np.float64]
+
+#: How sure the bounds are.
+CONFIDENCE = 0.95
+
+#: A block is so many times as long as both windows together, and at least this long.
+WINDOWS_PER_BLOCK = 5.0
+SHORTEST_BLOCK_S = 1.0
+
+#: The tail is fitted to this share of the blocks, the loudest, and to no fewer than so many.
+TAIL_SHARE = 0.1
+LEAST_PEAKS = 30
+
+#: No rate is extrapolated to less than one in so many times the length of the recording.
+FURTHEST = 20.0
+
+RESAMPLES = 200
+
+
+class Quiet(NamedTuple):
+    """A threshold and what is known of its false alarms.
+
+    Attributes
+    ----------
+    chain : ChainConfig
+        The given one with the threshold.
+    hours : float
+        Of the recording.
+    alarms : int
+        At this threshold in the recording.
+    per_hour : tuple of float
+        From and to what rate of false alarms the data allow, at ``CONFIDENCE``.
+    extrapolated : bool
+        Whether the rate lies beyond what the recording can show by counting.
+    """
+
+    chain: ChainConfig
+    hours: float
+    alarms: int
+    per_hour: tuple[float, float]
+    extrapolated: bool
+
+    def __str__(self) -> str:
+        low, high = self.per_hour
+        how = (
+            f'extrapolated: {self.hours:.3g} h without an alarm can only show fewer than '
+            f'{-np.log(1 - CONFIDENCE) / self.hours:.3g} an hour; the tail of its peaks says'
+            if self.extrapolated
+            else f'{self.alarms} false alarms in {self.hours:.3g} h:'
+        )
+        return (
+            f'threshold {self.chain.threshold:g}, {how} {low:.3g} to {high:.3g} an hour at '
+            f'{CONFIDENCE:.0%} confidence'
+        )
+
+
+def quiet_threshold(
+    track: Track, chain: ChainConfig, per_hour: float, random: np.random.Generator
+) -> Quiet:
+    """Return the lowest threshold that keeps to a rate of false alarms.
+
+    Where counting can show the rate, it is the lowest threshold at which the upper bound of the
+    rate is at most that. A lower rate is extrapolated: a generalised Pareto distribution is fitted
+    to the peaks of the loudest blocks, in amplitude, and its bounds are those of resampled blocks.
+
+    Parameters
+    ----------
+    track
+        Without slip.
+    chain
+        Its threshold does not matter.
+    per_hour
+        False alarms that are allowed.
+    random
+        For the resampling.
+
+    Raises
+    ------
+    ValueError
+        When the recording has slip, is too short for the rate, or the chain never moves; names it.
+    """
+    if track.slips:
+        start_s = track.slips[0].start / track.sample_rate_hz
+        raise ValueError(
+            f'{track.name}: has slip at {start_s:.3f} s, allowed: a recording without slip'
+        )
+    hours = track.duration_s / 3600.0
+    shortest = 1.0 / (FURTHEST * per_hour)
+    if hours < shortest:
+        raise ValueError(
+            f'{track.name}: lasts {hours:.3g} h, allowed: at least {shortest:.3g} h for a rate of '
+            f'{per_hour:g} an hour (one that is {FURTHEST:g} times lower than 1 in this time is a '
+            'guess)'
+        )
+    statistic = Statistics(chain, [chain.vote]).of(track)[chain.vote]
+    limits = thresholds([statistic], [track], chain.exponent)
+    if not limits.size:
+        raise ValueError(
+            f'{track.name}: the chain gives 0 throughout, allowed: a sensor that runs'
+        )
+    swept = sweep([statistic], [track], limits, EvaluationConfig())
+    peaks = _peaks(statistic, track, chain)
+    # Alarms per block that has one: a cluster.
+    loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])
+    cluster = np.where(loud > 0, swept.false_alarms / np.maximum(loud, 1), 1.0)
+    cluster = np.maximum(cluster, 1.0)
+    upper = stats.chi2.ppf(CONFIDENCE, 2 * (loud + 1)) / 2 / hours * cluster
+    # From here on upwards the bound holds: at low thresholds all is one alarm without end.
+    holds = np.flatnonzero(upper > per_hour)
+    first = int(holds[-1]) + 1 if holds.size else 0
+    if first < limits.size:
+        low = stats.chi2.ppf(1 - CONFIDENCE, 2 * loud[first]) / 2 / hours if loud[first] else 0.0
+        threshold, alarms = float(limits[first]), int(swept.false_alarms[first])
+        bounds = (float(low * cluster[first]), float(upper[first]))
+        return _quiet(chain, threshold, hours, alarms, bounds, extrapolated=False)
+    amplitude = peaks ** (1.0 / chain.exponent)
+    peaked = np.count_nonzero(amplitude)
+    if peaked * TAIL_SHARE < LEAST_PEAKS:
+        raise ValueError(
+            f'{track.name}: has {peaked} blocks of {_block_s(chain):g} s with a peak, allowed: '
+            f'{LEAST_PEAKS / TAIL_SHARE:.0f}, to extrapolate to {per_hour:g} an hour, or '
+            f'a rate that counting can show, from {-np.log(1 - CONFIDENCE) / hours:.3g} an hour'
+        )
+    blocks_per_hour = peaks.size / hours
+    limit = _limit(amplitude, per_hour / blocks_per_hour)
+    shares = [_share(random.choice(amplitude, amplitude.size), limit) for _ in range(RESAMPLES)]
+    tails = np.quantile(shares, [1 - CONFIDENCE, CONFIDENCE]) * blocks_per_hour
+    bounds = (float(tails[0]), float(tails[1]))
+    alarms = int(np.count_nonzero(amplitude > limit))
+    return _quiet(chain, limit**chain.exponent, hours, alarms, bounds, extrapolated=True)
+
+
+def _quiet(
+    chain: ChainConfig,
+    threshold: float,
+    hours: float,
+    alarms: int,
+    bounds: tuple[float, float],
+    extrapolated: bool,
+) -> Quiet:
+    return Quiet(
+        dataclasses.replace(chain, threshold=float(f'{threshold:.6g}')),
+        hours,
+        alarms,
+        bounds,
+        extrapolated,
+    )
+
+
+def _block_s(chain: ChainConfig) -> float:
+    windows_s = chain.envelope_window_s + chain.decision_window_s
+    return max(SHORTEST_BLOCK_S, WINDOWS_PER_BLOCK * windows_s)
+
+
+def _peaks(statistic: Floats, track: Track, chain: ChainConfig) -> Floats:
+    """Return the largest statistic of each block of time; shape (blocks,)."""
+    rows = max(round(_block_s(chain) * track.sample_rate_hz), 1)
+    return np.array([statistic[k : k + rows].max() for k in range(0, statistic.size, rows)])
+
+
+def _tail(amplitude: Floats) -> tuple[float, float, float, float]:
+    """Fit the tail of the peaks: from where, the share above it, shape and scale."""
+    start = float(np.quantile(amplitude, 1.0 - TAIL_SHARE))
+    above = amplitude[amplitude > start] - start
+    shape, _, scale = stats.genpareto.fit(above, floc=0.0)
+    return start, above.size / amplitude.size, float(shape), float(scale)
+
+
+def _limit(amplitude: Floats, share: float) -> float:
+    """Return the amplitude that a share of the blocks exceeds."""
+    start, of_all, shape, scale = _tail(amplitude)
+    return start + float(stats.genpareto.isf(min(share / of_all, 1.0), shape, scale=scale))
+
+
+def _share(amplitude: Floats, limit: float) -> float:
+    """Return the share of the blocks that exceeds an amplitude."""
+    start, of_all, shape, scale = _tail(amplitude)
+    return of_all * float(stats.genpareto.sf(limit - start, shape, scale=scale))

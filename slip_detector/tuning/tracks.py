@@ -1,0 +1,240 @@
+"""Labelled recordings in memory, as the tuner goes over them again and again."""
+
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.evaluation.events import Interval, Intervals
+from slip_detector.evaluation.replay import Rows
+from slip_detector.evaluation.scores import MOTION, REST, SLIP
+
+Floats = NDArray[np.float64]
+
+#: Where one recording is cut in two, so much is left out at the start of the second part: what
+#: the two share is in neither.
+MARGIN_S = 1.0
+
+
+class Cut(NamedTuple):
+    """Rows that follow each other.
+
+    Attributes
+    ----------
+    begin, end : int
+        Their places in the track's arrays.
+    first_row : int
+        When the first is, in rows from the start, those that are missing in gaps counted.
+    new_stretch : bool
+        Whether the chain is reset before.
+    """
+
+    begin: int
+    end: int
+    first_row: int
+    new_stretch: bool
+
+
+class Track(NamedTuple):
+    """A labelled recording, or a part of one, in memory.
+
+    Attributes
+    ----------
+    name : str
+    volts : ndarray, shape (n, c)
+    kind : ndarray of int8, shape (n,)
+        ``REST``, ``MOTION`` or ``SLIP`` of each row; see :mod:`slip_detector.evaluation.scores`.
+    has_motion : bool
+        Whether it says which rows are rows of motion.
+    cuts : tuple of Cut
+    slips : tuple of Interval
+        True slips, in rows counted as ``first_row``.
+    sample_rate_hz : float
+        Its own, by which rows become times.
+    """
+
+    name: str
+    volts: Floats
+    kind: NDArray[np.int8]
+    has_motion: bool
+    cuts: tuple[Cut, ...]
+    slips: tuple[Interval, ...]
+    sample_rate_hz: float
+
+    @property
+    def duration_s(self) -> float:
+        """Time of its rows, gaps left out."""
+        return len(self.volts) / self.sample_rate_hz
+
+    @property
+    def quiet_s(self) -> float:
+        """Time of its rows without slip."""
+        return float(np.count_nonzero(self.kind != SLIP)) / self.sample_rate_hz
+
+    def rows(self) -> Iterator[Rows]:
+        """Yield its pieces, for a replay."""
+        period_ns = 1e9 / self.sample_rate_hz
+        for begin, end, first_row, new_stretch in self.cuts:
+            kind = self.kind[begin:end]
+            stamps_ns = np.round((first_row + np.arange(end - begin)) * period_ns)
+            yield Rows(
+                self.volts[begin:end],
+                kind == SLIP,
+                stamps_ns.astype(np.int64),
+                new_stretch,
+                kind == MOTION if self.has_motion else None,
+            )
+
+    def part(self, name: str, first: int, last: int) -> 'Track':
+        """Return the rows at the places from ``first`` to before ``last`` as a track."""
+        rows = [
+            Rows(
+                self.volts[max(begin, first) : min(end, last)],
+                self.kind[max(begin, first) : min(end, last)] == SLIP,
+                None,
+                new_stretch,
+                self.kind[max(begin, first) : min(end, last)] == MOTION
+                if self.has_motion
+                else None,
+            )
+            for begin, end, _, new_stretch in self.cuts
+            if begin < last and end > first
+        ]
+        return track_of(name, rows, self.sample_rate_hz)
+
+
+def track_of(name: str, pieces: Iterable[Rows], sample_rate_hz: float) -> Track:
+    """Read a recording into the memory.
+
+    Parameters
+    ----------
+    name
+        What errors and reports call it.
+    pieces
+        The whole recording, cut in any way.
+    sample_rate_hz
+        Its own rate.
+
+    Raises
+    ------
+    ValueError
+        When it has no rows; names it.
+    """
+    labels, kinds, volts, cuts = Intervals(), [], [], []
+    place = row = 0
+    last_ns: int | None = None
+    has_motion = False
+    for piece in pieces:
+        n = len(piece.volts)
+        if not n:
+            continue
+        if piece.new_stretch and place:
+            labels.close(row)
+            if piece.stamps_ns is not None and last_ns is not None:
+                missing = round((int(piece.stamps_ns[0]) - last_ns) * 1e-9 * sample_rate_hz) - 1
+                row += max(missing, 0)
+        kind = np.where(piece.truth, SLIP, REST).astype(np.int8)
+        if piece.moving is not None:
+            has_motion = True
+            kind[piece.moving & ~piece.truth] = MOTION
+        labels.add(piece.truth, row)
+        volts.append(np.asarray(piece.volts, np.float64))
+        kinds.append(kind)
+        cuts.append(Cut(place, place + n, row, piece.new_stretch or not place))
+        place, row = place + n, row + n
+        last_ns = None if piece.stamps_ns is None else int(piece.stamps_ns[-1])
+    if not place:
+        raise ValueError(f'{name}: has no samples')
+    labels.close(row)
+    return Track(
+        name,
+        np.ascontiguousarray(np.concatenate(volts)),
+        np.concatenate(kinds),
+        has_motion,
+        tuple(cuts),
+        tuple(labels.closed()),
+        sample_rate_hz,
+    )
+
+
+def fingerprint(tracks: Sequence[Track]) -> str:
+    """Return a number of what the tracks hold, whatever their files are called."""
+    digest = hashlib.sha256()
+    for track in tracks:
+        digest.update(repr((track.volts.shape, track.cuts, track.sample_rate_hz)).encode())
+        digest.update(track.volts.data)
+        digest.update(track.kind.data)
+    return digest.hexdigest()[:16]
+
+
+def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
+    """Part recordings into those that are tuned on and those that are held out.
+
+    Of several with slip the last of every so many is held out, and likewise of those without. One
+    alone is cut in two between two slips, near the place that leaves the share; what comes within
+    ``MARGIN_S`` after the cut is in neither part.
+
+    Parameters
+    ----------
+    tracks
+        In their order.
+    share
+        Of the recordings, or of the time of one, to hold out: above 0, below 1.
+
+    Returns
+    -------
+    training, held : list of Track
+        Both have slips.
+
+    Raises
+    ------
+    ValueError
+        When there are not slips enough for both; names what there is.
+    """
+    with_slip = [track for track in tracks if track.slips]
+    if not with_slip:
+        raise ValueError(
+            f'{", ".join(track.name for track in tracks)}: has no slip, allowed: recordings with '
+            'slips, to tune on and to hold out'
+        )
+    if len(with_slip) == 1:
+        training, held = _cut_in_two(with_slip[0], share)
+    else:
+        training, held = _every_so_many(with_slip, share)
+    quiet, quiet_held = _every_so_many([track for track in tracks if not track.slips], share)
+    return training + quiet, held + quiet_held
+
+
+def _every_so_many(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
+    """Hold out a share, spread over the recordings; of two or more at least one, and not all."""
+    n = len(tracks)
+    many = min(max(round(share * n), 1), n - 1) if n > 1 else 0
+    places = {round((k + 1) * n / many) - 1 for k in range(many)}
+    held = [track for i, track in enumerate(tracks) if i in places]
+    return [track for i, track in enumerate(tracks) if i not in places], held
+
+
+def _cut_in_two(track: Track, share: float) -> tuple[list[Track], list[Track]]:
+    """Cut a recording between two slips; the later part is held out."""
+    slipping = np.flatnonzero(np.diff(np.concatenate([[0], track.kind == SLIP, [0]]).astype(int)))
+    starts, ends = slipping[::2], slipping[1::2]
+    if len(starts) < 2:
+        raise ValueError(
+            f'{track.name}: has one slip, allowed: two or more, to tune on and to hold out'
+        )
+    margin = round(MARGIN_S * track.sample_rate_hz)
+    wanted = (1.0 - share) * len(track.volts)
+    # The margin begins in the middle of what lies between two slips, as far as it fits.
+    rooms = [
+        (int(end) + int(start)) // 2 - min(margin, (int(start) - int(end)) // 2) // 2
+        for end, start in zip(ends[:-1], starts[1:], strict=True)
+    ]
+    k = int(np.argmin([abs(room - wanted) for room in rooms]))
+    after = rooms[k] + min(margin, (int(starts[k + 1]) - int(ends[k])) // 2)
+    n = len(track.volts)
+    rate = track.sample_rate_hz
+    training = track.part(f'{track.name} to {rooms[k] / rate:.1f} s', 0, rooms[k])
+    held = track.part(f'{track.name} from {after / rate:.1f} s', after, n)
+    return [training], [held]

@@ -1,0 +1,233 @@
+"""Baselines, huge values and bad samples: what they leave behind in the chain."""
+
+import numpy as np
+import pytest
+
+from slip_detector.chain.filters import design, largest_pole_radius
+from slip_detector.chain.slip_chain import COMPILED, SlipChain
+from slip_detector.parameters.detector import ChainConfig
+from support.chain_cases import COMMON_MODES, FAST, bits, noise, sine
+
+# --- baselines and huge values -------------------------------------------------------------
+
+
+@pytest.mark.parametrize('common_mode', COMMON_MODES)
+def test_a_constant_baseline_gives_no_level_from_the_first_row(common_mode):
+    volts = np.full((200, 16), 4.3)
+    volts[:, 3:9] = [-1.7, 0.1, 3.3, 1e3, -1e8, 0.0]
+    result = SlipChain(ChainConfig(common_mode=common_mode)).update(volts)
+    assert not result.level.any()
+    assert not result.envelope.any()
+    assert not result.slip.any()
+
+
+@pytest.mark.parametrize('common_mode', COMMON_MODES)
+def test_signals_differing_by_a_baseline_give_the_same_bits(common_mode):
+    config = ChainConfig(common_mode=common_mode)
+    # Multiples of 2**-20 V: the sum with a baseline is exact.
+    volts = np.round(noise(14, 100, 16) * 2**20) / 2**20
+    baselines = np.arange(-8.0, 8.0) / 4
+    chain = SlipChain(config)
+    result = chain.update(volts)
+    assert result.level.any()
+    assert bits(SlipChain(config).update(volts + baselines)) == bits(result)
+
+
+def rows_to_forget(config, size, rest):
+    """Return after how many rows the network's answer to a pulse of some size is below rest."""
+    radius = largest_pole_radius(design(config))
+    # A factor for the network's gain and for poles that lie together.
+    return int(np.log(rest / (1e6 * config.gain * size)) / np.log(radius))
+
+
+@pytest.mark.parametrize('stopbands', [(), ((0.5, 7.0), (50.0, 180.0))])
+@pytest.mark.parametrize('common_mode', ['none', 'mean'])
+def test_a_huge_pulse_leaves_no_trace(stopbands, common_mode):
+    config = ChainConfig(channels=2, stopbands_hz=stopbands, common_mode=common_mode)
+    after = rows_to_forget(config, 1e6, 1e-12)
+    windows = config.samples(config.envelope_window_s) + config.samples(config.decision_window_s)
+    volts = 0.1 * noise(15, 20 + after + windows + 100, 2)
+    calm = SlipChain(config).update(volts)
+    hit = volts.copy()
+    hit[15:20, 0] += 1e6
+    shaken = SlipChain(config).update(hit)
+    assert shaken.level[40, 0] > 1e15 * calm.level.max()
+    end = slice(20 + after + windows, None)
+    assert calm.level[end].min() > 1e-3
+    # The filters are linear and have forgotten; what is left is each row's own rounding.
+    assert np.allclose(shaken.level[end], calm.level[end], rtol=1e-9, atol=0.0)
+    assert np.array_equal(shaken.flags[end], calm.flags[end])
+
+
+def test_a_huge_step_leaves_no_more_than_the_rounding_of_its_size():
+    config = ChainConfig(channels=1, exponent=1, flat_after_s=0.0)
+    after = rows_to_forget(config, 1e6, 1e-12)
+    # Multiples of 2**-20 V: on top of the step they are still exact.
+    volts = np.round(0.1 * noise(16, 20 + after + 100, 1) * 2**20) / 2**20
+    calm = SlipChain(config).update(volts)
+    hit = volts.copy()
+    hit[15:] += 1e6
+    shaken = SlipChain(config).update(hit)
+    # The sections carry 1e6 V at 2**-53 with the gain of 100, and sum some 100 rows of it.
+    tolerance = 100 * 1e6 * config.gain * 2.0**-53
+    assert tolerance < 1e-5 * calm.level[-100:].max()
+    assert np.abs(shaken.level[-100:] - calm.level[-100:]).max() < tolerance
+
+
+def test_a_window_forgets_a_huge_value_at_once_when_it_leaves():
+    # A high-pass at a quarter of the rate of degree 1 has its pole at the origin: what leaves the
+    # windows is all there is to forget.
+    config = ChainConfig(
+        **FAST | {'passband_hz': (100.0, 0.0), 'passband_degree': 1, 'channels': 1, 'exponent': 3}
+    )
+    assert largest_pole_radius(design(config)) < 1e-15
+    volts = noise(17, 120, 1)
+    volts[0] = 0.0
+    calm = SlipChain(config).update(volts).level
+    for row in range(30, 55):
+        hit = volts.copy()
+        hit[row] = 1e6
+        shaken = SlipChain(config).update(hit).level
+        # The pulse is 2 rows long, the windows 16 each; the pole keeps 1e-16 of it a row more.
+        end = row + 2 + 16 + 16
+        assert shaken[end - 4, 0] > 1e10
+        assert np.allclose(shaken[end:], calm[end:], rtol=1e-9, atol=0.0)
+
+
+# --- bad samples ---------------------------------------------------------------------------
+
+
+BURSTS = {
+    'nan': np.nan,
+    'inf': np.inf,
+    'minus inf': -np.inf,
+    'above the range': 10.5,
+    'below the range': -3.0,
+    'largest float': np.finfo(float).max,
+}
+
+
+@pytest.mark.parametrize('value', BURSTS.values(), ids=BURSTS)
+@pytest.mark.parametrize('first', [0, 40])
+def test_a_bad_burst_in_one_channel_touches_no_other(value, first):
+    config = ChainConfig(channels=5, valid_range_v=(-2.0, 10.0), vote='mean')
+    volts = 4 + 0.1 * noise(18, 120, 5)
+    hit = volts.copy()
+    hit[first : first + 30, 2] = value
+    calm, shaken = (SlipChain(config).update(rows) for rows in (volts, hit))
+    others = [0, 1, 3, 4]
+    for name in ('level', 'envelope', 'channels', 'valid'):
+        a, b = getattr(calm, name), getattr(shaken, name)
+        assert a[:, others].tobytes() == b[:, others].tobytes(), name
+    marks = np.ones(120, dtype=bool)
+    marks[first : first + 30] = False
+    assert np.array_equal(shaken.valid[:, 2], marks)
+    assert np.isfinite(shaken.level).all()
+    # Held, not stepped: the channel itself stays in the order of its signal.
+    assert shaken.level.max() <= 2 * calm.level.max()
+
+
+@pytest.mark.parametrize('value', BURSTS.values(), ids=BURSTS)
+@pytest.mark.parametrize('common_mode', ['mean', 'median'])
+@pytest.mark.parametrize('first', [0, 40])
+def test_a_bad_burst_moves_the_common_mode_no_further_than_the_channels_lie_apart(
+    value, common_mode, first
+):
+    config = ChainConfig(
+        channels=5, valid_range_v=(-2.0, 10.0), common_mode=common_mode, exponent=1
+    )
+    hum = sine(160, 50.0, 380.0)[:, None]
+    volts = np.arange(1.0, 6.0) + hum + 0.01 * noise(19, 160, 5)
+    hit = volts.copy()
+    hit[first : first + 30, 2] = value
+    calm, shaken = (SlipChain(config).update(rows) for rows in (volts, hit))
+    # The mean of some of the deviations lies among them all: the inputs differ by no more than
+    # their spread, once more as the burst can take the first value, and the network makes at
+    # most the sum of its absolute impulse response of that. Both windows are means.
+    deviations = volts - volts[0]
+    spread = np.ptp(deviations, axis=1).max()
+    kernel = SlipChain(
+        ChainConfig(
+            channels=1, exponent=1, envelope_window_s=1e-9 + 1 / 380, decision_window_s=0.003
+        )
+    )
+    impulse = np.zeros((3000 if COMPILED else 1500, 1))
+    impulse[1] = 1.0
+    norm = kernel.update(impulse).level.sum()
+    others = [0, 1, 3, 4]
+    change = np.abs(shaken.level - calm.level)[:, others].max()
+    assert 0 < change <= 2 * spread * norm
+    assert np.array_equal(shaken.valid[:, others], calm.valid[:, others])
+    # The hum that all share is gone, with the burst as without.
+    plain = SlipChain(ChainConfig(channels=5, valid_range_v=(-2.0, 10.0), exponent=1)).update(
+        volts
+    )
+    assert shaken.level[:, others].max() < 0.1 * plain.level.max()
+
+
+@pytest.mark.parametrize('common_mode', ['mean', 'median'])
+def test_a_late_starter_is_taken_to_have_followed_the_others(common_mode):
+    config = ChainConfig(channels=4, common_mode=common_mode)
+    # All channels go the same way from different baselines: nothing is left of it.
+    volts = np.array([1.0, 2.0, 3.0, 4.0]) + np.round(noise(20, 90, 1) * 2**20) / 2**20
+    volts[:37, 3] = np.nan
+    result = SlipChain(config).update(volts)
+    assert not result.level.any()
+    assert np.array_equal(result.valid[:, 3], np.arange(90) >= 37)
+
+
+@pytest.mark.parametrize('common_mode', COMMON_MODES)
+def test_a_channel_that_never_worked_gives_no_level_and_no_vote(common_mode):
+    config = ChainConfig(channels=3, common_mode=common_mode, vote=2)
+    volts = noise(21, 80, 3)
+    volts[:, 1] = np.nan
+    result = SlipChain(config).update(volts)
+    assert not result.level[:, 1].any()
+    assert not result.valid[:, 1].any()
+    assert result.valid[:, [0, 2]].all()
+    assert result.can_vote.all()
+
+
+def test_the_ends_of_the_valid_range_are_valid():
+    config = ChainConfig(channels=2, valid_range_v=(-1.0, 1.0))
+    volts = np.array([[1.0, -1.0], [np.nextafter(1.0, 2), np.nextafter(-1.0, -2)], [-1.0, 1.0]])
+    valid = SlipChain(config).update(volts).valid
+    assert valid.tolist() == [[True, True], [False, False], [True, True]]
+
+
+# --- flat channels -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('flat_after_s', [0.02, 0.25])
+def test_a_flat_channel_leaves_the_vote_after_its_time_and_returns_at_once(flat_after_s):
+    config = ChainConfig(**FAST | {'channels': 3, 'flat_after_s': flat_after_s})
+    wait = config.samples(flat_after_s)
+    volts = noise(22, wait + 60, 3)
+    start, end = 20, 20 + wait + 17
+    volts[start:end, 1] = volts[start, 1]
+    valid = SlipChain(config).update(volts).valid
+    assert valid[:, [0, 2]].all()
+    assert np.array_equal(np.flatnonzero(~valid[:, 1]), np.arange(start + wait, end))
+
+
+def test_a_bad_sample_does_not_wake_a_flat_channel():
+    config = ChainConfig(**FAST | {'channels': 1, 'flat_after_s': 0.05})
+    volts = np.full((60, 1), 2.5)
+    volts[30] = np.nan
+    valid = SlipChain(config).update(volts).valid
+    assert np.array_equal(np.flatnonzero(valid), np.arange(20))
+
+
+def test_without_a_flat_time_a_still_channel_stays_valid():
+    config = ChainConfig(**FAST | {'channels': 2, 'flat_after_s': 0.0})
+    assert SlipChain(config).update(np.full((500, 2), 4.3)).valid.all()
+
+
+def test_a_flat_channel_no_longer_holds_its_group_off():
+    config = ChainConfig(**FAST | {'channels': 3, 'flat_after_s': 0.25, 'threshold': 0.1})
+    volts = np.repeat(sine(200, 47.0)[:, None], 3, axis=1)
+    volts[:, 1] = 1.0
+    result = SlipChain(config).update(volts)
+    assert result.channels[50:, [0, 2]].all()
+    assert not result.channels[:, 1].any()
+    assert np.array_equal(np.flatnonzero(result.slip), np.arange(100, 200))

@@ -1,0 +1,144 @@
+"""A chain whose parameters change while it runs."""
+
+import dataclasses
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.chain.live_chain import HISTORY_S, LiveChain
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.parameters.detector import ChainConfig
+
+CONFIG = ChainConfig(sample_rate_hz=400.0, channels=4, stopbands_hz=[0.5, 7.0])
+KEPT = round(HISTORY_S * 400.0)
+
+
+def noise(n, seed=0, channels=4):
+    random = np.random.default_rng(seed)
+    return 4.0 + 0.05 * random.standard_normal((n, channels))
+
+
+class Bed:
+    """A live chain, and the news that a chain has been built."""
+
+    def __init__(self, config=CONFIG):
+        self.built = threading.Event()
+        self.chain = LiveChain(config, self.built.set)
+
+    def levels(self, rows):
+        return [self.chain.update(row[None], level=True).level[0] for row in rows]
+
+    def change(self, **values):
+        self.built.clear()
+        return self.chain.change(dataclasses.replace(self.chain.config, **values))
+
+
+@given(st.integers(1, 400), st.floats(1e-3, 1e3), st.sampled_from(['all', 'mean', 2]))
+def test_a_new_threshold_and_vote_hold_from_the_next_row_and_leave_the_levels_alone(
+    at, threshold, vote
+):
+    rows = noise(600)
+    bed = Bed()
+    flags = [bed.chain.update(rows[:at], level=False).flags]
+    assert bed.change(threshold=threshold, vote=vote)
+    after = bed.chain.update(rows[at:], level=True)
+    flags.append(after.flags)
+    wanted_before = SlipChain(CONFIG).update(rows)
+    changed = dataclasses.replace(CONFIG, threshold=threshold, vote=vote)
+    wanted_after = SlipChain(changed).update(rows)
+    np.testing.assert_array_equal(after.level, wanted_after.level[at:])
+    wanted = np.concatenate([wanted_before.flags[:at], wanted_after.flags[at:]])
+    np.testing.assert_array_equal(np.concatenate(flags), wanted)
+
+
+@given(st.integers(0, 2 * KEPT), st.integers(0, 50))
+def test_a_new_band_decides_as_if_it_had_run_for_the_history(before, meanwhile):
+    rows = noise(before + meanwhile + 100)
+    bed = Bed()
+    bed.chain.update(rows[:before], level=False)
+    assert not bed.change(passband_hz=(20.0, 100.0))
+    assert bed.built.wait(60.0)
+    old = bed.chain.update(rows[before : before + meanwhile], level=True)
+    # Until the swap the old filters decide.
+    np.testing.assert_array_equal(
+        old.level, SlipChain(CONFIG).update(rows[: before + meanwhile]).level[before:]
+    )
+    assert bed.chain.swap()
+    new = bed.chain.update(rows[before + meanwhile :], level=True)
+    config = dataclasses.replace(CONFIG, passband_hz=(20.0, 100.0))
+    assert bed.chain.config == config
+    # One call may have brought more than the history keeps: then all of it is kept.
+    wanted = SlipChain(config).update(rows).level[before + meanwhile :]
+    np.testing.assert_array_equal(new.level, wanted)
+
+
+def test_the_history_has_an_end_after_which_the_filters_have_settled():
+    rows = noise(3 * KEPT)
+    bed = Bed()
+    bed.levels(rows[:-100])
+    assert sum(len(block) for block in bed.chain._history) == KEPT
+    bed.change(exponent=2)
+    assert bed.built.wait(60.0)
+    assert bed.chain.swap()
+    levels = bed.levels(rows[-100:])
+    short = SlipChain(bed.chain.config).update(rows[-100 - KEPT :]).level[-100:]
+    np.testing.assert_array_equal(levels, short)
+    whole = SlipChain(bed.chain.config).update(rows).level[-100:]
+    np.testing.assert_allclose(levels, whole, rtol=1e-4)
+
+
+def test_rows_before_a_reset_are_not_in_the_new_chain():
+    rows = noise(300)
+    bed = Bed()
+    bed.levels(rows[:100])
+    bed.change(gain=50.0)
+    assert bed.built.wait(60.0)
+    bed.levels(rows[100:150])
+    bed.chain.reset()
+    bed.levels(rows[150:200])
+    assert bed.chain.swap()
+    wanted = SlipChain(bed.chain.config).update(rows[150:]).level[50:]
+    np.testing.assert_array_equal(bed.levels(rows[200:]), wanted)
+
+
+@pytest.mark.parametrize('values', [{'sample_rate_hz': 500.0}, {'channels': 3, 'groups': {}}])
+def test_another_input_starts_anew(values):
+    rows = noise(300)
+    bed = Bed()
+    bed.levels(rows[:200])
+    assert not bed.change(**values)
+    assert bed.built.wait(60.0)
+    assert bed.chain.swap()
+    rows = rows[200:, : bed.chain.config.channels]
+    wanted = SlipChain(bed.chain.config).update(rows).level
+    np.testing.assert_array_equal(bed.levels(rows), wanted)
+
+
+def test_of_several_changes_the_last_one_counts():
+    rows = noise(300)
+    bed = Bed()
+    bed.levels(rows[:200])
+    for gain in (10.0, 20.0, 30.0):
+        bed.change(gain=gain)
+    while not bed.chain.swap():
+        assert bed.built.wait(60.0)
+        bed.built.clear()
+    assert bed.chain.config.gain == 30.0
+    assert not bed.chain.swap()
+    wanted = SlipChain(bed.chain.config).update(rows).level[200:]
+    np.testing.assert_array_equal(bed.levels(rows[200:]), wanted)
+
+
+def test_taking_a_change_back_before_it_was_built_leaves_all_as_it_was():
+    rows = noise(300)
+    bed = Bed()
+    bed.levels(rows[:200])
+    bed.change(gain=10.0)
+    assert bed.change(gain=CONFIG.gain)
+    assert not bed.chain.swap()
+    np.testing.assert_array_equal(
+        bed.levels(rows[200:]), SlipChain(CONFIG).update(rows).level[200:]
+    )

@@ -1,0 +1,80 @@
+"""A chain that takes over the filters of another."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.parameters.detector import ChainConfig
+
+CONFIG = ChainConfig(
+    sample_rate_hz=400.0,
+    channels=5,
+    passband_hz=(20.0, 100.0),
+    stopbands_hz=((45.0, 55.0),),
+    valid_range_v=(-10.0, 10.0),
+    envelope_window_s=0.02,
+    decision_window_s=0.03,
+)
+ONE_SAMPLE = {'envelope_window_s': 1 / 400.0, 'decision_window_s': 1 / 400.0}
+
+
+@given(
+    st.integers(0, 150),
+    st.sampled_from(['none', 'mean', 'median']),
+    st.sampled_from([(), (2,)]),
+    st.integers(0, 2**32 - 1),
+)
+def test_it_goes_on_as_if_it_had_seen_all_rows(at, common_mode, disabled, seed):
+    rng = np.random.default_rng(seed)
+    volts = 4.3 + rng.normal(size=(200, 5)).cumsum(axis=0) * 0.1
+    volts[rng.random(volts.shape) < 0.02] = np.nan
+    config = dataclasses.replace(
+        CONFIG, common_mode=common_mode, disabled_channels=disabled, groups={}
+    )
+    long, short = SlipChain(config), SlipChain(dataclasses.replace(config, **ONE_SAMPLE))
+    long.update(volts[:at])
+    # What it did before does not matter.
+    short.update(rng.normal(size=(30, 5)))
+    short.take_filters(long)
+    found = short.update(volts[at:])
+    whole = SlipChain(short.config).update(volts)
+    np.testing.assert_array_equal(found.envelope, whole.envelope[at:])
+    np.testing.assert_array_equal(found.flags, whole.flags[at:])
+
+
+def test_its_windows_are_empty():
+    rng = np.random.default_rng(0)
+    volts = rng.normal(size=(100, 5))
+    first, second = SlipChain(CONFIG), SlipChain(CONFIG)
+    first.update(volts)
+    before = first.state.tiles.copy()
+    second.take_filters(first)
+    np.testing.assert_array_equal(first.state.tiles, before)
+    more = rng.normal(size=(50, 5))
+    filtered = SlipChain(dataclasses.replace(CONFIG, **ONE_SAMPLE)).update(
+        np.concatenate([volts, more])
+    )
+    padded = np.concatenate([np.zeros((7, 5)), filtered.envelope[100:]]) ** 2
+    mean = np.array([padded[k : k + 8].mean(axis=0) for k in range(50)])
+    np.testing.assert_allclose(second.update(more).envelope, np.sqrt(mean), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'said'),
+    [
+        ({'channels': 6, 'groups': {}}, 'has channels = 5, allowed: 6'),
+        ({'disabled_channels': (1,), 'groups': {}}, r'has disabled_channels = \(\)'),
+        ({'valid_range_v': (0.0, 5.0)}, 'has valid_range_v = '),
+        ({'common_mode': 'mean'}, 'has common_mode = none, allowed: mean'),
+        ({'passband_hz': (20.0, 90.0)}, 'has other filters'),
+        ({'stopbands_hz': ()}, 'has other filters'),
+        ({'gain': 1.0}, 'has other filters'),
+    ],
+)
+def test_a_chain_of_other_channels_or_filters_is_refused(changes, said):
+    with pytest.raises(ValueError, match=said):
+        SlipChain(dataclasses.replace(CONFIG, **changes)).take_filters(SlipChain(CONFIG))

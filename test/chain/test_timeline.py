@@ -1,0 +1,211 @@
+"""Stamps of incoming samples: what is next, what is missing, what runs backwards."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from slip_detector.chain.timeline import BACKWARDS, NEW_STRETCH, NEXT, Timeline
+
+PERIOD_NS = 2_500_000  # 400 Hz
+PERIOD_S = 0.0025
+MAX_GAP_S = 0.1
+MAX_GAP_SAMPLES = 40
+START_NS = 1_750_000_000 * 10**9  # A stamp of today: floats no longer tell nanoseconds apart.
+
+
+def arrivals(samples, jitter_ns=None, max_gap_s=MAX_GAP_S):
+    """Let samples arrive by their numbers."""
+    timeline = Timeline(PERIOD_S, max_gap_s)
+    jitter_ns = jitter_ns or [0] * len(samples)
+    return [
+        timeline.arrive(START_NS + k * PERIOD_NS + j)
+        for k, j in zip(samples, jitter_ns, strict=True)
+    ]
+
+
+@given(
+    st.lists(st.integers(-PERIOD_NS // 5, PERIOD_NS // 5), min_size=1, max_size=50),
+    st.sampled_from([0.0, MAX_GAP_S]),
+)
+def test_jitter_of_the_stamps_is_no_gap(jitter_ns, max_gap_s):
+    judged = arrivals(range(len(jitter_ns)), jitter_ns, max_gap_s)
+    assert judged == [NEXT] * len(jitter_ns)
+
+
+@given(st.lists(st.integers(1, MAX_GAP_SAMPLES), max_size=30))
+def test_bridged_gaps_make_up_for_every_missing_sample(steps):
+    samples = [sum(steps[:i]) for i in range(len(steps) + 1)]
+    judged = arrivals(samples)
+    assert all(a.accepted and not a.reset for a in judged)
+    assert [a.missing for a in judged[1:]] == [step - 1 for step in steps]
+
+
+@given(
+    st.integers(2, MAX_GAP_SAMPLES),
+    st.integers(-PERIOD_NS // 5, PERIOD_NS // 5),
+    st.integers(-PERIOD_NS // 5, PERIOD_NS // 5),
+)
+def test_jitter_does_not_change_how_many_samples_are_missing(step, first, second):
+    assume(step * PERIOD_NS + second - first <= MAX_GAP_S * 1e9)
+    assert arrivals([0, step], [first, second])[1].missing == step - 1
+
+
+@given(st.integers(MAX_GAP_SAMPLES + 1, 10**12))
+def test_a_gap_too_long_to_bridge_begins_a_new_stretch(step):
+    judged = arrivals([0, step, step + 1, step + 3])
+    assert judged == [NEXT, NEW_STRETCH, NEXT, (True, 1, False)]
+
+
+def test_without_bridging_every_gap_begins_a_new_stretch():
+    assert arrivals([0, 1, 3, 4], max_gap_s=0.0) == [NEXT, NEXT, NEW_STRETCH, NEXT]
+
+
+@given(st.integers(0, 10**12))
+def test_a_stamp_that_is_not_after_the_last_one_is_dropped_and_forgotten(back):
+    assert arrivals([10, 11, 11 - back, 12]) == [NEXT, NEXT, BACKWARDS, NEXT]
+
+
+def test_repeated_stamps_are_dropped_however_many():
+    assert arrivals([5] * 200 + [6]) == [NEXT] + [BACKWARDS] * 199 + [NEXT]
+
+
+@given(st.integers(MAX_GAP_SAMPLES + 10, 10**12))
+def test_a_clock_that_was_set_back_begins_a_new_stretch_after_the_longest_gap(back):
+    before = [100, 101]
+    after = [101 - back + k for k in range(MAX_GAP_SAMPLES + 6)]
+    judged = arrivals(before + after)
+    # The dropped ones must have run forward for longer than the longest gap.
+    assert judged[2 : 3 + MAX_GAP_SAMPLES] == [BACKWARDS] * (MAX_GAP_SAMPLES + 1)
+    assert judged[3 + MAX_GAP_SAMPLES :] == [NEW_STRETCH, NEXT, NEXT, NEXT, NEXT]
+
+
+def test_a_clock_that_was_set_back_twice_is_followed_from_the_second_time_on():
+    judged = arrivals([1000, *range(500, 530), *range(100, 142)])
+    assert judged[:-1] == [NEXT] + [BACKWARDS] * (30 + MAX_GAP_SAMPLES + 1)
+    assert judged[-1] == NEW_STRETCH
+
+
+def test_late_samples_among_good_ones_never_begin_a_new_stretch():
+    # A second source, an hour behind, runs forward all the time; the first is not disturbed.
+    hour = 3600 * 400
+    samples = [n for k in range(hour, hour + 200) for n in (k, k - hour)]
+    judged = arrivals(samples)
+    assert judged[0::2] == [NEXT] * 200
+    assert judged[1::2] == [BACKWARDS] * 200
+
+
+@given(st.lists(st.integers(-200, 400), max_size=80))
+def test_accepted_stamps_rise_within_a_stretch_and_only_there_rows_are_bridged(samples):
+    last = None
+    for sample, arrival in zip(samples, arrivals(samples), strict=True):
+        if not arrival.accepted:
+            assert sample <= last
+            assert arrival == BACKWARDS
+            continue
+        if last is not None and not arrival.reset:
+            assert last + 1 + arrival.missing == sample
+        if arrival.reset:
+            assert arrival.missing == 0
+            assert sample - last > MAX_GAP_SAMPLES or sample <= last
+        last = sample
+
+
+@pytest.mark.parametrize('rate_hz', [59.7, 380.0, 2012.5])
+def test_a_period_that_is_no_whole_number_of_nanoseconds_gathers_no_error(rate_hz):
+    timeline = Timeline(1 / rate_hz, MAX_GAP_S)
+    stamps = [START_NS + round(k * 1e9 / rate_hz) for k in range(5000)]
+    assert all(timeline.arrive(stamp) == NEXT for stamp in stamps)
+
+
+def line_of(rate_hz, n, jitter_s=0.0, seed=0):
+    """Return the stamps of n samples, each off by up to the jitter."""
+    random = np.random.default_rng(seed)
+    off_s = random.uniform(-jitter_s, jitter_s, n)
+    return [START_NS + round((k / rate_hz + off) * 1e9) for k, off in enumerate(off_s)]
+
+
+@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('rate_hz', [380.0, 0.98 * 380.0, 1.02 * 380.0])
+def test_a_millisecond_of_jitter_and_a_clock_that_is_off_make_no_rows(rate_hz, seed):
+    timeline = Timeline(1 / 380, MAX_GAP_S)
+    judged = [timeline.arrive(s) for s in line_of(rate_hz, 20_000, 1e-3, seed)]
+    assert judged == [NEXT] * len(judged)
+    assert 1e9 / timeline.period_ns == pytest.approx(rate_hz, rel=5e-3)
+
+
+@pytest.mark.parametrize('rate_hz', [0.9 * 380.0, 1.1 * 380.0])
+def test_a_rate_that_is_wrong_by_a_tenth_makes_no_rows(rate_hz):
+    timeline = Timeline(1 / 380, MAX_GAP_S)
+    judged = [timeline.arrive(s) for s in line_of(rate_hz, 5000)]
+    assert judged == [NEXT] * len(judged)
+    assert 1e9 / timeline.period_ns == pytest.approx(rate_hz, rel=1e-6)
+
+
+@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('jitter_s', [0.0, 1e-3])
+def test_each_sample_lost_at_random_is_made_up_for_in_spite_of_jitter(jitter_s, seed):
+    stamps = line_of(380.0, 20_000, jitter_s, seed)
+    kept = np.random.default_rng(100 + seed).random(len(stamps)) > 0.05
+    kept[0] = kept[-1] = True
+    timeline = Timeline(1 / 380, MAX_GAP_S)
+    judged = [timeline.arrive(s) for s, keep in zip(stamps, kept, strict=True) if keep]
+    assert all(arrival.accepted and not arrival.reset for arrival in judged)
+    # The line may take some dozens of samples to find its place.
+    assert sum(a.missing for a in judged) == pytest.approx((~kept).sum(), abs=2)
+
+
+def test_every_second_sample_only_is_a_gap_each_and_no_slower_clock():
+    timeline = Timeline(1 / 380, MAX_GAP_S)
+    judged = [timeline.arrive(s) for s in line_of(190.0, 500)]
+    assert [arrival.missing for arrival in judged[1:]] == [1] * 499
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_large_jitter_costs_a_few_rows_but_never_the_place_on_the_line(seed):
+    random = np.random.default_rng(seed)
+    stamps = [
+        START_NS + round(k * 1e9 / 380 + j) for k, j in enumerate(random.normal(0, 5e5, 20_000))
+    ]
+    timeline = Timeline(1 / 380, MAX_GAP_S)
+    judged = [timeline.arrive(s) for s in stamps]
+    assert sum(arrival.missing for arrival in judged) < 40
+    assert not any(arrival.reset for arrival in judged)
+
+
+@given(st.integers(1, 40), st.integers(2, 40), st.data())
+def test_batches_come_or_are_missing_as_a_whole(rows, n, data):
+    lost = data.draw(st.integers(1, n - 1))
+    late_ns = data.draw(st.integers(0, rows * PERIOD_NS // 3))
+    timeline = Timeline(PERIOD_S, 1.0)
+    for number in range(n + 1):
+        if number != lost:
+            at_ns = START_NS + number * rows * PERIOD_NS
+            arrival = timeline.arrive(at_ns + late_ns * (number == 1), rows)
+            assert arrival == (True, rows if number == lost + 1 else 0, False)
+
+
+@given(st.lists(st.integers(-2, 45), max_size=60), st.lists(st.integers(0, 60), max_size=4))
+def test_samples_taken_all_at_once_are_judged_as_one_by_one(steps, cuts):
+    stamps = np.array([START_NS + sum(steps[:i]) * PERIOD_NS for i in range(len(steps) + 1)])
+    one_by_one, at_once = Timeline(PERIOD_S, MAX_GAP_S), Timeline(PERIOD_S, MAX_GAP_S)
+    for block in np.split(stamps, sorted(cuts)):
+        judged = [one_by_one.arrive(stamp) for stamp in block.tolist()]
+        if at_once.arrive_all(block):
+            assert judged == [NEXT] * len(block)
+        else:
+            assert judged != [NEXT] * len(block)
+            assert [at_once.arrive(stamp) for stamp in block.tolist()] == judged
+
+
+def test_after_a_flood_gaps_are_told_again():
+    timeline = Timeline(PERIOD_S, MAX_GAP_S)
+    flood = [START_NS + k * PERIOD_NS // 20 for k in range(2000)]
+    judged = [timeline.arrive(s) for s in flood]
+    assert judged == [NEXT] * len(judged)
+    judged = [timeline.arrive(flood[-1] + k * PERIOD_NS) for k in [*range(1, 6001), 6011]]
+    # The line has to find the old rate again.
+    assert sum(arrival.missing for arrival in judged[:-1]) < 10
+    assert judged[2000:-1] == [NEXT] * 4000
+    assert judged[-1].missing == 10
+    assert timeline.arrive(flood[-1] + 6100 * PERIOD_NS) == NEW_STRETCH

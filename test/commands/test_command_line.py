@@ -1,0 +1,43 @@
+"""The commands as processes: what a user sees before anything is computed."""
+
+import subprocess
+import sys
+
+import pytest
+
+INTERRUPTED = """
+import sys
+
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == 'numpy':
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Interrupt())
+from slip_detector.commands import command_line
+
+sys.exit(command_line.{command}())
+"""
+
+
+@pytest.mark.parametrize('command', ['evaluate', 'tune', 'benchmark'])
+def test_an_interrupt_while_a_command_loads_is_one_line(command):
+    done = subprocess.run(
+        [sys.executable, '-c', INTERRUPTED.format(command=command)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 130
+    assert done.stderr == f'slip_{command}: ended before it was done\n'
+
+
+@pytest.mark.parametrize('command', ['evaluate', 'tune', 'benchmark'])
+def test_a_command_passes_its_exit_code_on(command, monkeypatch):
+    from slip_detector.commands import command_line
+
+    monkeypatch.setattr(sys, 'argv', [f'slip_{command}', '--no-such-option'])
+    with pytest.raises(SystemExit) as ended:
+        getattr(command_line, command)()
+    assert ended.value.code == 2

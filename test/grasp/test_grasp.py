@@ -1,0 +1,204 @@
+"""The control law of a grip, whatever the detector says and whenever it says it."""
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.grasp.law import GraspLaw
+from slip_detector.parameters.grasp import GraspConfig
+
+TICK_S = 0.01
+
+configs = st.builds(
+    lambda grip_n, more_n, **rest: GraspConfig(grip_n=grip_n, limit_n=grip_n + more_n, **rest),
+    grip_n=st.floats(0.1, 5.0),
+    more_n=st.floats(0.0, 20.0),
+    step_factor=st.floats(1.01, 3.0),
+    step_n=st.floats(0.0, 2.0),
+    repeat_s=st.floats(0.0, 0.5),
+    relax_after_s=st.floats(0.0, 2.0),
+    relax_n_s=st.floats(0.0, 5.0),
+    closing_n_s=st.floats(0.1, 50.0),
+    settle_s=st.floats(0.0, 0.5),
+    on_invalid=st.sampled_from(['hold', 'open']),
+)
+
+#: What is heard one after the other: time since the last, slip, valid. Clocks may be set back.
+heard = st.lists(
+    st.tuples(st.floats(-1.0, 2.0), st.booleans(), st.sampled_from([True, True, True, False])),
+    max_size=60,
+)
+
+
+def forces(law, entries):
+    """Return the force before the first and after each of the entries."""
+    time_s, found = 0.0, [law.force_n]
+    for elapsed_s, slip, valid in entries:
+        time_s += elapsed_s
+        found.append(law.update(time_s, slip, valid))
+    return found
+
+
+def closed(config, time_s=0.0):
+    """Return a law whose grip has closed and settled without slip, and the time of that."""
+    law = GraspLaw(config)
+    law.update(time_s, False, True)
+    while law.force_n < config.grip_n:
+        time_s += TICK_S
+        law.update(time_s, False, True)
+    time_s += config.settle_s
+    law.update(time_s, False, True)
+    return law, time_s
+
+
+@given(configs, heard)
+def test_the_force_is_never_negative_and_never_above_the_limit(config, entries):
+    found = forces(GraspLaw(config), entries)
+    assert min(found) == 0.0
+    assert max(found) <= config.limit_n
+
+
+@given(configs, heard)
+def test_a_grip_that_has_closed_is_never_below_its_least_while_slip_is_valid(config, entries):
+    law, time_s = closed(config)
+    for elapsed_s, slip, _ in entries:
+        time_s += elapsed_s
+        assert config.grip_n <= law.update(time_s, slip, True) <= config.limit_n
+
+
+@given(configs, heard)
+def test_the_force_never_sinks_while_it_slips(config, entries):
+    found = forces(GraspLaw(config), entries)
+    for (_, slip, valid), before, after in zip(entries, found[:-1], found[1:], strict=True):
+        assert not (slip and valid) or after >= before
+
+
+@given(configs, heard)
+def test_the_force_never_rises_without_slip_once_closed(config, entries):
+    law, time_s = closed(config)
+    before_n = law.force_n
+    for elapsed_s, _, _ in entries:
+        time_s += elapsed_s
+        after_n = law.update(time_s, False, True)
+        assert after_n <= before_n
+        before_n = after_n
+
+
+@given(configs, heard, heard)
+def test_an_invalid_slip_is_held_or_the_grip_opens_and_stays_open(config, before, after):
+    law = GraspLaw(config)
+    forces(law, before)
+    held_n, time_s = law.force_n, sum(entry[0] for entry in before)
+    while_invalid = []
+    for elapsed_s, slip, _ in after:
+        time_s += elapsed_s
+        while_invalid.append(law.update(time_s, slip, False))
+    if config.on_invalid == 'hold':
+        assert all(force_n == held_n for force_n in while_invalid)
+        return
+    assert while_invalid == sorted(while_invalid, reverse=True)
+    time_s += held_n / config.closing_n_s + 1.0
+    assert law.update(time_s, True, False) == 0.0
+    if held_n > 0.0:
+        for elapsed_s, slip, _ in after:
+            time_s += elapsed_s
+            assert law.update(time_s, slip, True) == 0.0
+
+
+@given(configs, heard)
+def test_the_same_is_answered_to_the_same(config, entries):
+    assert forces(GraspLaw(config), entries) == forces(GraspLaw(config), entries)
+
+
+@given(configs, heard, st.integers(-1000, 1_000_000))
+def test_only_differences_of_times_count(config, entries, begin_s):
+    # Multiples of 1/64 s, whose sums and differences are exact.
+    exact = [(round(elapsed_s * 64) / 64, slip, valid) for elapsed_s, slip, valid in entries]
+    late, early = ([(first_s, False, False), *exact] for first_s in (float(begin_s), 0.0))
+    assert forces(GraspLaw(config), late) == forces(GraspLaw(config), early)
+
+
+def test_a_clock_that_is_set_back_stands_and_then_goes_on():
+    config = GraspConfig(repeat_s=0.1, relax_n_s=0.0)
+    law, time_s = closed(config)
+    raised_n = law.update(time_s, True, True)
+    assert law.update(time_s - 1000.0, True, True) == raised_n
+    assert law.update(time_s - 999.95, True, True) == raised_n
+    assert law.update(time_s - 999.85, True, True) > raised_n
+
+
+def test_it_closes_at_its_rate_and_slip_of_the_contact_does_not_count():
+    config = GraspConfig(grip_n=2.0, closing_n_s=4.0, settle_s=0.3)
+    law = GraspLaw(config)
+    assert law.update(0.0, False, True) == 0.0
+    assert law.update(0.25, True, True) == pytest.approx(1.0)
+    assert law.update(0.5, True, True) == 2.0
+    assert law.update(0.79, True, True) == 2.0
+    assert law.update(0.81, True, True) == 2.0 * config.step_factor
+
+
+def test_slip_raises_the_force_at_once_and_again_while_it_lasts():
+    config = GraspConfig(
+        grip_n=1.0, limit_n=5.0, step_factor=2.0, step_n=0.5, repeat_s=0.1, relax_n_s=0.0
+    )
+    law, time_s = closed(config)
+    assert law.update(time_s + 0.01, True, True) == 2.5
+    assert law.update(time_s + 0.10, True, True) == 2.5
+    assert law.update(time_s + 0.12, True, True) == 5.0
+    assert law.update(time_s + 0.30, True, True) == 5.0
+    # An onset that comes before the gripper has followed waits, one that comes later does not.
+    law, time_s = closed(config)
+    law.update(time_s + 0.01, True, True)
+    law.update(time_s + 0.02, False, True)
+    assert law.update(time_s + 0.03, True, True) == 2.5
+    law.update(time_s + 0.04, False, True)
+    assert law.update(time_s + 0.12, True, True) == 5.0
+
+
+def test_it_relaxes_slowly_when_it_has_not_slipped_for_a_while():
+    config = GraspConfig(
+        grip_n=1.0, limit_n=9.0, step_factor=4.0, relax_after_s=1.0, relax_n_s=0.5
+    )
+    law, time_s = closed(config)
+    law.update(time_s, True, True)
+    assert law.update(time_s + 0.9, False, True) == 4.0
+    assert law.update(time_s + 1.5, False, True) == pytest.approx(4.0 - 0.5 * 0.6)
+    assert law.update(time_s + 60.0, False, True) == 1.0
+
+
+def test_a_grip_that_had_begun_to_open_closes_again_when_slip_is_valid():
+    config = GraspConfig(grip_n=2.0, closing_n_s=1.0, on_invalid='open')
+    law, time_s = closed(config)
+    assert law.update(time_s + 0.5, False, False) == pytest.approx(1.5)
+    assert law.update(time_s + 0.7, False, True) == pytest.approx(1.7)
+    assert law.update(time_s + 5.0, False, True) == 2.0
+
+
+def test_nothing_is_gripped_before_slip_is_valid():
+    for on_invalid in ('hold', 'open'):
+        law = GraspLaw(GraspConfig(on_invalid=on_invalid))
+        assert [law.update(0.1 * k, True, False) for k in range(50)] == [0.0] * 50
+        law.update(5.0, False, True)
+        assert law.update(5.1, False, True) > 0.0
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'grip_n': 3.0, 'limit_n': 2.0}, ['grip_n is 3 N', 'at most limit_n, 2 N']),
+        ({'step_factor': 1.0}, ['step_factor is 1', 'step_n is 0']),
+        ({'step_factor': 0.5}, ['step_factor is 0.5', '1 to 100']),
+        ({'on_invalid': 'drop'}, ["on_invalid is 'drop'", 'hold, open']),
+        ({'limit_n': math.nan}, ['limit_n', 'a number']),
+        ({'deadline_s': 0.0}, ['deadline_s is 0 s', '0.001 to 60 s']),
+    ],
+)
+def test_values_that_make_no_sense_are_refused_in_one_line(values, words):
+    with pytest.raises(ValueError, match='parameter ') as caught:
+        dataclasses.replace(GraspConfig(), **values)
+    assert '\n' not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)

@@ -1,0 +1,47 @@
+"""grasp.launch.py, run by launch_testing."""
+
+import unittest
+
+import pytest
+
+reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
+launch_testing = pytest.importorskip('launch_testing', reason=reason)
+pytest.importorskip('launch_ros', reason=reason)
+
+from launch_testing.asserts import assertExitCodes  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Bool, Header  # noqa: E402
+
+from slip_detector.nodes.messages import event_qos, state_qos  # noqa: E402
+from slip_detector.parameters.grasp import GraspConfig  # noqa: E402
+from support.harness import launched, package_share, patient_qos  # noqa: E402
+
+CONFIG = package_share() / 'config' / 'grasp.yaml'
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    return launched('grasp.launch.py', {'namespace': 'hand', 'seed': '3'})
+
+
+class TestGrasp(unittest.TestCase):
+    def test_the_object_slips_and_the_grip_rises_within_its_limit(self, bench):
+        valid = bench.listen(Bool, 'hand/slip_valid', state_qos())
+        forces = bench.listen(JointState, 'hand/grip_force', state_qos(depth=1000))
+        position = bench.listen(JointState, 'hand/platform_position', patient_qos())
+        onsets = bench.listen(Header, 'hand/slip_onset', event_qos())
+        config = GraspConfig.from_yaml(CONFIG)
+        bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')
+        bench.wait_for(lambda: forces and forces[-1].effort[0] >= config.grip_n, 'the grip')
+        bench.wait_for(lambda: onsets, 'the slip of the scene')
+        bench.wait_for(lambda: forces[-1].effort[0] > config.grip_n, 'the grip to rise')
+        assert max(message.effort[0] for message in forces) <= config.limit_n
+        assert list(position[-1].name) == ['object']
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_all_three_nodes_end_with_exit_code_0(self, proc_info, bench):
+        bench.close()
+        assert len(proc_info.process_names()) == 3
+        assertExitCodes(proc_info)

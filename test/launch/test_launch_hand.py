@@ -1,0 +1,42 @@
+"""hand.launch.py, run by launch_testing."""
+
+import unittest
+
+import pytest
+
+reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
+launch_testing = pytest.importorskip('launch_testing', reason=reason)
+pytest.importorskip('launch_ros', reason=reason)
+
+from launch_testing.asserts import assertExitCodes  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Bool  # noqa: E402
+
+from slip_detector.nodes.messages import state_qos  # noqa: E402
+from support.harness import launched, package_share, patient_qos  # noqa: E402
+
+package_share()
+
+FINGERS = ('thumb', 'index')
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    return launched('hand.launch.py', {'namespace': 'left', 'fingers': ', '.join(FINGERS)})
+
+
+class TestTopics(unittest.TestCase):
+    def test_each_finger_has_a_pair_of_nodes_in_its_namespace(self, bench):
+        for finger in FINGERS:
+            voltages = bench.listen(JointState, f'left/{finger}/voltages', patient_qos())
+            valid = bench.listen(Bool, f'left/{finger}/slip_valid', state_qos())
+            bench.wait_for(lambda heard=voltages: len(heard) > 100, f'voltages of {finger}')
+            bench.wait_for(lambda heard=valid: heard and heard[-1].data, f'{finger}/slip_valid')
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_both_processes_end_with_exit_code_0(self, proc_info, bench):
+        bench.close()
+        assert len(proc_info.process_names()) == 2
+        assertExitCodes(proc_info)

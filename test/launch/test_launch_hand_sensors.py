@@ -1,0 +1,66 @@
+"""hand.launch.py with a sensor for each finger, run by launch_testing."""
+
+import tempfile
+import unittest
+from pathlib import Path
+
+import pytest
+
+reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
+launch_testing = pytest.importorskip('launch_testing', reason=reason)
+pytest.importorskip('launch_ros', reason=reason)
+
+from launch_testing.asserts import assertExitCodes  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Bool  # noqa: E402
+
+from slip_detector.nodes.messages import state_qos  # noqa: E402
+from support.harness import launched, package_share, patient_qos  # noqa: E402
+from support.sensors import SCALE_V, Sender, free_udp_port, make_frames, sending, vibration  # noqa: E402
+
+package_share()
+
+RATE_HZ = 380.0
+
+PORTS = {'thumb': free_udp_port(), 'index': free_udp_port()}
+
+#: What is alike for both, and then what each has of its own.
+CONFIG = '/**/slip_driver:\n  ros__parameters: {source: scene}\n' + ''.join(
+    f'/left/{finger}/slip_driver:\n  ros__parameters: {{udp_port: {port}}}\n'
+    for finger, port in PORTS.items()
+)
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    folder = tempfile.TemporaryDirectory()
+    path = Path(folder.name) / 'hand.yaml'
+    path.write_text('/**/slip_detector:\n  ros__parameters: {}\n' + CONFIG)
+    arguments = {'namespace': 'left', 'fingers': ','.join(PORTS), 'source': 'udp'}
+    description, context = launched('hand.launch.py', {**arguments, 'config': str(path)})
+    return description, {**context, 'folder': folder}
+
+
+class TestTopics(unittest.TestCase):
+    def test_each_finger_hears_the_sensor_at_its_own_port(self, bench):
+        for factor, (finger, port) in enumerate(PORTS.items(), 1):
+            voltages = bench.listen(JointState, f'left/{finger}/voltages', patient_qos())
+            slip = bench.listen(Bool, f'left/{finger}/slip', state_qos())
+            rows = factor * vibration(20_000, RATE_HZ)
+            sender = Sender(port)
+            with sending(sender.send, make_frames(rows, RATE_HZ), RATE_HZ):
+                bench.wait_for(lambda heard=slip: heard and heard[-1].data, f'slip of {finger}')
+                # Two periods of the vibration and more: the highest value is among them.
+                bench.wait_for(lambda heard=voltages: len(heard) > 200, f'samples of {finger}')
+            sender.close()
+            heard = {value for message in voltages for value in message.position}
+            assert max(heard) == pytest.approx(SCALE_V * rows.max())
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_all_nodes_end_with_exit_code_0(self, proc_info, bench, folder):
+        bench.close()
+        folder.cleanup()
+        assert len(proc_info.process_names()) == 2  # one of all drivers, one of all detectors
+        assertExitCodes(proc_info)

@@ -1,0 +1,41 @@
+"""slip_detector.launch.py, run by launch_testing."""
+
+import unittest
+
+import pytest
+
+reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
+launch_testing = pytest.importorskip('launch_testing', reason=reason)
+pytest.importorskip('launch_ros', reason=reason)
+
+from launch_testing.asserts import assertExitCodes  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Bool  # noqa: E402
+
+from slip_detector.nodes.messages import state_qos  # noqa: E402
+from support.harness import launched, package_share, patient_qos  # noqa: E402
+
+package_share()
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    return launched('slip_detector.launch.py', {'namespace': 'index', 'source': 'scene'})
+
+
+class TestTopics(unittest.TestCase):
+    def test_both_nodes_talk_in_the_namespace(self, bench):
+        voltages = bench.listen(JointState, 'index/voltages', patient_qos())
+        valid = bench.listen(Bool, 'index/slip_valid', state_qos())
+        slip = bench.listen(Bool, 'index/slip', state_qos())
+        bench.wait_for(lambda: len(voltages) > 100, 'voltages')
+        bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')
+        bench.wait_for(lambda: any(message.data for message in slip), 'the slip of the scene')
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_both_nodes_end_with_exit_code_0(self, proc_info, bench):
+        bench.close()
+        assert len(proc_info.process_names()) == 2
+        assertExitCodes(proc_info)

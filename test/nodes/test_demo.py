@@ -1,0 +1,108 @@
+"""The demonstration, run as a user runs it."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.recordings import open_recording
+from slip_detector.sources.source import open_source
+from support.harness import DEADLINE_S
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+pytest.importorskip('rosbags', reason='needs rosbags')
+
+
+def played(out, *words):
+    """Let a demonstration write to a folder and return what it prints."""
+    command = [sys.executable, '-m', 'slip_detector.nodes.demo', '--out', str(out), *words]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=2 * DEADLINE_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope='module')
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp('demo')
+    return out, played(out, '--record', str(out / 'trial.mcap'))
+
+
+def test_every_figure_is_there_and_plausible(finished):
+    figures = json.loads((finished[0] / 'demo.json').read_text())
+    assert list(figures['channel_delay_ms']) == list(DetectorConfig().names)
+    assert list(figures['group_delay_ms']) == list(DetectorConfig().groups)
+    assert figures['motion']['end_s'] - figures['motion']['start_s'] == pytest.approx(2.5, abs=0.1)
+    channels = figures['channel_delay_ms'].values()
+    # The plate moves for 2.5 s: all channels feel it, none before it starts.
+    assert all(0.0 < delay < 2500.0 for delay in channels)
+    mean = sum(channels) / len(channels)
+    assert figures['mean_delay_ms'] == pytest.approx(mean, abs=0.01)
+    assert min(channels) < figures['global_delay_ms'] <= max(figures['group_delay_ms'].values())
+    assert 0.0 <= figures['false_positive_percent'] < 20.0
+    assert 0.0 < figures['latency_ms']['median'] <= figures['latency_ms']['p99']
+
+
+def test_the_table_names_every_channel_group_and_figure(finished):
+    for word in ('ch16', 'TP', 'LU', 'mean', 'slip', 'False positives', 'p99'):
+        assert word in finished[1]
+
+
+def test_the_picture_is_a_picture(finished):
+    assert (finished[0] / 'demo.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told(tmp_path):
+    text = played(tmp_path, '--scene', 'taps')
+    assert 'first ON: undefined, as nothing moves' in text
+    for word in ('False positives', '% of the rest', 'p99'):
+        assert word in text
+    figures = json.loads((tmp_path / 'demo.json').read_text())
+    assert figures['motion'] is None
+    assert set(figures['channel_delay_ms'].values()) == {None}
+    assert set(figures['group_delay_ms'].values()) == {None}
+    for name in ('mean_delay_ms', 'sd_delay_ms', 'global_delay_ms'):
+        assert figures[name] is None
+    assert 0.0 <= figures['false_positive_percent'] <= 100.0
+    assert 0.0 < figures['latency_ms']['median'] <= figures['latency_ms']['p99']
+    assert (tmp_path / 'demo.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_recording_is_the_trial_with_its_labels(finished):
+    wanted = open_source(DriverConfig()).read(100_000)
+    recording = open_recording(finished[0] / 'trial.mcap')
+    pieces = list(recording.pieces(DetectorConfig().sample_rate_hz))
+    assert np.concatenate([piece.volts for piece in pieces]).tobytes() == wanted.volts.tobytes()
+    np.testing.assert_array_equal(np.concatenate([piece.truth for piece in pieces]), wanted.truth)
+    assert recording.channel_names == DetectorConfig().names
+    assert recording.counts.gaps == recording.counts.dropped == 0
+    assert str(finished[0] / 'trial.mcap') in finished[1]
+
+
+def test_a_recording_that_is_there_already_is_not_overwritten(tmp_path):
+    path = tmp_path / 'a.npz'
+    path.write_text('precious')
+    command = [sys.executable, '-m', 'slip_detector.nodes.demo', '--record', str(path)]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE_S, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr == f'slip_demo: {path}: is there already, allowed: a new path\n'
+    assert path.read_text() == 'precious'
+
+
+def test_a_scene_that_is_not_there_ends_in_one_line():
+    command = [sys.executable, '-m', 'slip_detector.nodes.demo', '--scene', 'moon']
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+    assert done.returncode == 1
+    assert 'Traceback' not in done.stderr
+    assert "no scene 'moon', allowed: " in done.stderr

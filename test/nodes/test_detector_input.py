@@ -1,0 +1,224 @@
+"""Messages of any type as the detector's input, batches, and the driver that sends them."""
+
+import itertools
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import JointState, PointCloud
+from std_msgs.msg import Bool, Float32MultiArray, Float64MultiArray, Header, MultiArrayDimension
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos, time_message
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources.source import open_source
+from support.harness import Bench, patient_qos
+
+PERIOD_NS = round(1e9 / 380)
+START_NS = 1_700_000_000 * 10**9
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+def started(bench, message_type, **parameters):
+    """Start a detector and return its envelope and a publisher of its input."""
+    envelope = bench.listen(JointState, 'slip_detector/envelope', patient_qos())
+    voltages = bench.node.create_publisher(message_type, 'voltages', sensor_qos())
+    words = {'input_timeout_s': 60.0, **parameters}
+    process = bench.start('slip_detector', parameters=words)
+    bench.wait_for(voltages.get_subscription_count, 'the detector to connect')
+    return process, envelope, voltages
+
+
+def settled(bench, envelope, voltages, message, at_ns):
+    """Send one message over and over until decisions come; returns the next stamp."""
+    while not envelope:
+        message.header.stamp = time_message(at_ns)
+        voltages.publish(message)
+        at_ns += PERIOD_NS
+        bench.executor.spin_once(timeout_sec=0.01)
+    last_ns = at_ns - PERIOD_NS
+    bench.wait_for(lambda: stamp_ns(envelope[-1].header.stamp) == last_ns, 'the last decision')
+    return at_ns
+
+
+def test_a_field_deep_in_a_message_with_a_header(bench):
+    _, envelope, voltages = started(
+        bench,
+        WrenchStamped,
+        input_type='geometry_msgs/msg/WrenchStamped',
+        input_field='wrench.force.z',
+        channels=1,
+    )
+    values = 2.0 + np.random.default_rng(0).standard_normal(100)
+    message = WrenchStamped(header=Header(frame_id='wrist'))
+    message.wrench.force.z = float(values[0])
+    at_ns = settled(bench, envelope, voltages, message, START_NS)
+    for value in values:
+        message.wrench.force.z = float(value)
+        message.header.stamp = time_message(at_ns)
+        voltages.publish(message)
+        bench.wait_for(
+            lambda at_ns=at_ns: stamp_ns(envelope[-1].header.stamp) == at_ns, 'the decision'
+        )
+        at_ns += PERIOD_NS
+    assert envelope[-1].header.frame_id == 'wrist'
+    chain = SlipChain(DetectorConfig(channels=1))
+    chain.update(values[:1, None])
+    wanted = chain.update(values[:, None]).level
+    heard = [decision.position for decision in envelope[-100:]]
+    np.testing.assert_allclose(heard, wanted, rtol=1e-9)
+
+
+def test_one_field_of_each_element_of_a_list(bench):
+    from geometry_msgs.msg import Point32
+
+    _, envelope, voltages = started(
+        bench,
+        PointCloud,
+        input_type='sensor_msgs/PointCloud',
+        input_field='points[].z',
+        channels=3,
+    )
+    message = PointCloud(points=[Point32(z=float(k)) for k in range(3)])
+    settled(bench, envelope, voltages, message, START_NS)
+    assert len(envelope[-1].position) == 3
+
+
+def test_without_a_header_the_middlewares_stamp_counts(bench):
+    _, envelope, voltages = started(
+        bench,
+        Float64MultiArray,
+        input_type='std_msgs/msg/Float64MultiArray',
+        input_field='data',
+        channels=2,
+    )
+    before_ns = bench.node.get_clock().now().nanoseconds
+    while len(envelope) < 5:
+        voltages.publish(Float64MultiArray(data=[1.0, 2.0]))
+        bench.executor.spin_once(timeout_sec=0.01)
+    after_ns = bench.node.get_clock().now().nanoseconds
+    stamps = [stamp_ns(decision.header.stamp) for decision in envelope]
+    assert before_ns < stamps[0]
+    assert stamps == sorted(stamps)
+    assert stamps[-1] < after_ns
+
+
+def test_samples_of_a_batch_are_rows_and_have_their_own_times(bench):
+    _, envelope, voltages = started(
+        bench,
+        Float32MultiArray,
+        input_type='std_msgs/msg/Float32MultiArray',
+        input_field='data',
+        channels=4,
+        threshold=1e-3,
+        max_gap_s=60.0,
+    )
+    onsets = bench.listen(Header, 'slip_onset', event_qos())
+    bench.wait_for(lambda: bench.node.count_publishers('slip_onset'), 'the topic of onsets')
+    rows = np.full((400, 4), 2.0, np.float32)
+    rows[200:] += np.random.default_rng(0).standard_normal((200, 4)).astype(np.float32)
+
+    def send(batch):
+        message = Float32MultiArray(data=batch.ravel().tolist())
+        message.layout.dim = [
+            MultiArrayDimension(label='sample', size=len(batch), stride=batch.size),
+            MultiArrayDimension(label='channel', size=4, stride=4),
+        ]
+        voltages.publish(message)
+
+    while not envelope:
+        send(rows[:1])
+        bench.executor.spin_once(timeout_sec=0.01)
+    levels = []
+    for begin in range(0, 400, 50):
+        known = len(envelope)
+        send(rows[begin : begin + 50])
+        bench.wait_for(lambda known=known: len(envelope) > known, 'the decision')
+        levels.append(envelope[-1].position)
+    chain = SlipChain(DetectorConfig(channels=4))
+    chain.update(rows[:1])
+    wanted = chain.update(rows)
+    if not onsets:
+        bench.wait_for(lambda: onsets, 'the onset')
+    # The rows between batches that came slower than the rate are made up for, at rest only.
+    assert np.count_nonzero(np.asarray(levels[:4])) == 0
+    assert np.all(np.asarray(levels[4:]) > 0)
+    onset = int(np.flatnonzero(wanted.level.min(axis=1) > 1e-3)[0])
+    message_of_onset = envelope[-4 + (onset - 200) // 50]
+    after_ns = stamp_ns(message_of_onset.header.stamp) - stamp_ns(onsets[0].stamp)
+    assert after_ns == pytest.approx((49 - onset % 50) * PERIOD_NS, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'words'),
+    [
+        ({'input_type': 'no_msgs/msg/Such'}, ["input_type is 'no_msgs/msg/Such'", 'installed']),
+        ({'input_type': 'std_msgs/msg/Nothing'}, ['input_type', 'installed message type']),
+        ({'input_type': 'JointState'}, ['input_type', 'sensor_msgs/msg/JointState']),
+        ({'input_field': 'volts'}, ["input_field is 'volts'", 'position, velocity, effort']),
+        ({'input_field': 'position['}, ['position[']),
+    ],
+)
+def test_a_type_or_field_there_is_not_stops_the_start_with_one_line(bench, parameters, words):
+    process = bench.start('slip_detector', parameters=parameters)
+    assert process.wait() == 1
+    (line,) = process.log().strip().splitlines()
+    assert line.startswith('slip_detector: ')
+    for word in words:
+        assert word in line
+
+
+def test_messages_without_the_field_are_counted_and_the_node_goes_on(bench):
+    process, envelope, voltages = started(bench, JointState, input_field='position[2]', channels=1)
+    stamps_ns = itertools.count(START_NS, PERIOD_NS)
+
+    def told():
+        # The detector may not have found the publisher yet.
+        message = JointState(position=[1.0, 2.0])
+        message.header.stamp = time_message(next(stamps_ns))
+        voltages.publish(message)
+        return 'position has 2 elements' in process.log()
+
+    bench.wait_for(told, 'the log')
+    message = JointState(position=[1.0, 2.0, 3.0])
+    settled(bench, envelope, voltages, message, next(stamps_ns))
+    assert len(envelope[-1].position) == 1
+
+
+def test_the_drivers_batches_carry_the_same_samples(bench):
+    qos = sensor_qos()
+    qos.depth = 5000
+    heard = bench.listen(Float32MultiArray, 'voltages', qos)
+    bench.start(
+        'slip_driver',
+        parameters={'samples_per_message': 7, 'wait_for_subscribers': 1, 'rate': 4.0},
+    )
+    samples = open_source(DriverConfig()).read(10**6).volts
+    full, rest = divmod(len(samples), 7)
+    bench.wait_for(lambda: len(heard) == full + (rest > 0), 'all batches')
+    for message in heard:
+        assert [dimension.label for dimension in message.layout.dim] == ['sample', 'channel']
+    sizes = [message.layout.dim[0].size for message in heard]
+    assert sizes == [7] * full + [rest] * (rest > 0)
+    rows = np.concatenate([np.reshape(message.data, (-1, 16)) for message in heard])
+    np.testing.assert_array_equal(rows, samples.astype(np.float32))
+
+
+def test_driver_and_detector_agree_on_batches(bench):
+    slip = bench.listen(Bool, 'slip', state_qos())
+    valid = bench.listen(Bool, 'slip_valid', state_qos())
+    process = bench.start(
+        'slip_detector',
+        parameters={'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data'},
+    )
+    bench.start('slip_driver', parameters={'samples_per_message': 4, 'wait_for_subscribers': 1})
+    bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')
+    bench.wait_for(lambda: slip and slip[-1].data, 'the slip of the scene')
+    assert 'dropped' not in process.log()

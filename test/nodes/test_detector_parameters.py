@@ -1,0 +1,211 @@
+"""Parameters of the detector, changed while it runs."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.parameter import Parameter, parameter_value_to_python
+from std_msgs.msg import Bool
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.nodes.messages import state_qos
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.sets import default_of
+from support.harness import Bench, Detected
+
+PERIOD_NS = round(1e9 / 380)
+START_NS = 1_700_000_000 * 10**9
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+def ask(bench, kind, service, request):
+    client = bench.node.create_client(kind, f'slip_detector/{service}')
+    bench.wait_for(client.service_is_ready, service)
+    future = client.call_async(request)
+    bench.wait_for(future.done, service)
+    bench.node.destroy_client(client)
+    return future.result()
+
+
+def set_all(bench, **values):
+    """Set parameters as a set; a double underscore stands for a dot."""
+    parameters = [
+        Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+        for name, value in values.items()
+    ]
+    request = SetParametersAtomically.Request(parameters=parameters)
+    return ask(bench, SetParametersAtomically, 'set_parameters_atomically', request).result
+
+
+def value_of(bench, name):
+    request = GetParameters.Request(names=[name])
+    (value,) = ask(bench, GetParameters, 'get_parameters', request).values
+    value = parameter_value_to_python(value)
+    return list(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
+
+
+def rows_of(n, seed=0):
+    random = np.random.default_rng(seed)
+    return 4.0 + 0.05 * random.standard_normal((n, 16))
+
+
+def levels(detected, n):
+    return np.array([message.position for message in detected.envelope[-n:]])
+
+
+def test_a_new_threshold_holds_from_the_next_row_and_leaves_the_filters_alone(bench):
+    rows = rows_of(300)
+    detected = Detected(bench)
+    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
+    begin = detected.send_all(rows[:200], begin, PERIOD_NS)
+    chain = SlipChain()
+    chain.update(rows[:1])
+    level = chain.update(rows).level
+    threshold = float(np.median(level[200:]))
+    # An integer where a number is wanted is taken, as on the command line.
+    assert set_all(bench, threshold=threshold, vote=1, flat_after_s=2).successful
+    detected.send_all(rows[200:], begin, PERIOD_NS)
+    np.testing.assert_allclose(levels(detected, 300), level, rtol=1e-9, atol=1e-12)
+    on = np.array([message.effort for message in detected.envelope[-100:]])
+    np.testing.assert_array_equal(on, level[200:] > threshold)
+    assert on.any()
+    assert value_of(bench, 'threshold') == threshold
+    assert value_of(bench, 'flat_after_s') == 2.0
+
+
+def test_a_new_band_takes_over_between_two_rows_settled_on_the_rows_before(bench):
+    rows = rows_of(400)
+    detected = Detected(bench)
+    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
+    begin = detected.send_all(rows[:200], begin, PERIOD_NS)
+    band = {'passband_hz': [20.0, 120.0], 'stopbands_hz': [], 'threshold': 0.25}
+    assert set_all(bench, **band).successful
+    # Rows go on while it is built.
+    sent = 200
+    while 'new filters have taken over' not in detected.process.log():
+        row = rows[sent % 400]
+        begin = detected.send_all([row], begin, PERIOD_NS)
+        sent += 1
+    at = len(detected.envelope)
+    detected.send_all(rows[:100], begin, PERIOD_NS)
+    before = np.concatenate([rows[:1], rows[np.arange(sent) % 400]])
+    config = DetectorConfig.from_parameters(band)
+    chain = SlipChain(config)
+    chain.update(before)
+    wanted = chain.update(rows[:100]).level
+    heard = np.array([message.position for message in detected.envelope[at:]])
+    np.testing.assert_allclose(heard, wanted, rtol=1e-9, atol=1e-12)
+    assert value_of(bench, 'passband_hz') == [20.0, 120.0]
+
+
+def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
+    detected = Detected(bench)
+    for values, words in (
+        ({'threshold': 0.3, 'passband_hz': [50.0, 7.0]}, ['passband_hz', 'the low edge first']),
+        ({'threshold': 0.3, 'threshhold': 0.4}, ['threshhold', 'did you mean threshold?']),
+        ({'threshold': 0.3, 'vote': 5}, ['vote is 5', 'at most 4']),
+        ({'threshold': 0.3, 'gain': -1.0}, ['gain', '-1']),
+        ({'threshold': 0.3, 'rectify': 'quarter'}, ["'quarter'", 'full, half']),
+        ({'threshold': 0.3, 'groups__TP': [1, 2]}, ['groups', 'channel']),
+        ({'threshold': 0.3, 'gain': None}, ['cannot be undeclared']),
+        ({'threshold': 0.3, 'stopbands_hz': None}, ['stopbands_hz', 'cannot be deleted']),
+        ({'threshold': 0.3, 'autostart': False}, ['autostart', 'read-only']),
+        ({'threshold': 0.3, 'passband_hz': [0.01, 0.0101]}, ['passband_hz', 'round-off']),
+        ({'threshold': 0.3, 'channels': 8}, ['groups', 'channel 14', '1 to 8']),
+    ):
+        result = set_all(bench, **values)
+        assert not result.successful
+        for word in words:
+            assert word in result.reason, result.reason
+        assert value_of(bench, 'threshold') == 0.5
+    assert 'Traceback' not in detected.process.log()
+
+
+def test_what_only_fits_together_is_taken_together(bench):
+    detected = Detected(bench)
+    old = {f'groups__{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
+    topic = bench.listen(Bool, 'slip/group/front', state_qos())
+    assert set_all(bench, channels=2, groups__front=[2, 1], **old).successful
+    detected.envelope.clear()
+    begin = detected.settle([1.0, 2.0], START_NS, PERIOD_NS)
+    detected.send_all(np.ones((5, 2)), begin, PERIOD_NS)
+    assert list(detected.envelope[-1].name) == ['ch1', 'ch2']
+    bench.wait_for(lambda: topic, 'the new group')
+    request = ListParameters.Request(prefixes=['groups'])
+    listed = ask(bench, ListParameters, 'list_parameters', request).result.names
+    assert listed == ['groups.front']
+    request = DescribeParameters.Request(names=['groups.front'])
+    (descriptor,) = ask(bench, DescribeParameters, 'describe_parameters', request).descriptors
+    assert 'Channels (counted from 1) of each group' in descriptor.description
+
+
+def test_the_ordinary_service_takes_them_one_by_one(bench):
+    Detected(bench)
+    parameters = [
+        Parameter('threshold', value=0.7).to_parameter_msg(),
+        Parameter('vote', value='some').to_parameter_msg(),
+        Parameter('vote', value='mean').to_parameter_msg(),
+    ]
+    request = SetParameters.Request(parameters=parameters)
+    results = ask(bench, SetParameters, 'set_parameters', request).results
+    assert [result.successful for result in results] == [True, False, True]
+    assert 'allowed: all, mean' in results[1].reason
+    assert value_of(bench, 'vote') == 'mean'
+
+
+def test_heartbeat_and_topics_change_too(bench):
+    detected = Detected(bench)
+    assert set_all(bench, heartbeat_hz=50.0, publish_channels=False).successful
+
+    def offered():
+        infos = bench.node.get_publishers_info_by_topic('slip')
+        return [info.qos_profile.deadline.nanoseconds for info in infos]
+
+    bench.wait_for(lambda: offered() == [40_000_000], 'the new deadline')
+    beats = len(detected.slip)
+    bench.wait_for(lambda: len(detected.slip) > beats + 5, 'the heartbeat')
+
+    def channels():
+        names = dict(bench.node.get_topic_names_and_types())
+        return [
+            name
+            for name in names
+            if name.startswith('/slip/channel') and bench.node.count_publishers(name)
+        ]
+
+    bench.wait_for(lambda: not channels(), 'the topics of the channels to go')
+
+
+def test_each_parameter_has_a_description_and_numbers_have_their_range(bench):
+    Detected(bench)
+    fields = {field.name: field for field in dataclasses.fields(DetectorConfig)}
+    names = list(DetectorConfig().to_parameters())
+    request = DescribeParameters.Request(names=names)
+    descriptors = ask(bench, DescribeParameters, 'describe_parameters', request).descriptors
+    assert [descriptor.name for descriptor in descriptors] == names
+    for descriptor in descriptors:
+        field = fields[descriptor.name.partition('.')[0]]
+        assert descriptor.description.startswith(field.metadata['meaning'])
+        assert field.metadata['unit'] in descriptor.description
+        assert descriptor.read_only == (field.name == 'autostart')
+        if type(default_of(field)) is float:
+            (bounds,) = descriptor.floating_point_range
+            assert bounds.from_value == field.metadata['low']
+            assert bounds.to_value == field.metadata['high']
+        elif type(default_of(field)) is int:
+            (bounds,) = descriptor.integer_range
+            assert bounds.from_value == field.metadata['low']
+            assert bounds.to_value == field.metadata['high']

@@ -1,0 +1,123 @@
+"""Replayed time: a clock on /clock, at any speed."""
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Header
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.nodes.messages import event_qos, stamp_ns, time_message
+from support.harness import Bench, Detected
+
+PERIOD_NS = round(1e9 / 380)
+START_NS = 1_700_000_000 * 10**9
+
+#: So many samples at most are on their way at a time, whatever the speed.
+IN_FLIGHT = 50
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+class Replayed(Detected):
+    """A detector that lives in the time of a recording."""
+
+    def __init__(self, bench):
+        self._clock = bench.node.create_publisher(Clock, '/clock', 10)
+        self.onsets = bench.listen(Header, 'slip_onset', event_qos())
+        super().__init__(bench, parameters={'use_sim_time': 'true'})
+        bench.wait_for(self._clock.get_subscription_count, 'the subscription to the clock')
+        bench.wait_for(lambda: bench.node.count_publishers('slip_onset'), 'the onsets')
+
+    def send(self, volts, at_ns, names=()):
+        self.tick(at_ns)
+        super().send(volts, at_ns, names)
+
+    def tick(self, at_ns):
+        self._clock.publish(Clock(clock=time_message(at_ns)))
+
+    def play(self, rows, at_ns, speed):
+        """Send rows at a speed and wait for the decision on the last one."""
+        begin_s, begin_ns, known = time.monotonic(), at_ns, len(self.envelope)
+        for sent, row in enumerate(rows, start=1):
+            due_s = begin_s + (at_ns - begin_ns) * 1e-9 / speed
+            while (ahead_s := due_s - time.monotonic()) > 0:
+                self.bench.executor.spin_once(timeout_sec=ahead_s)
+            self.bench.wait_for(
+                lambda sent=sent: sent - (len(self.envelope) - known) <= IN_FLIGHT, 'decisions'
+            )
+            self.send(row, at_ns)
+            at_ns += PERIOD_NS
+        self.bench.wait_for(lambda: self.answered(at_ns - PERIOD_NS), 'the last decision')
+        return self.envelope[known:]
+
+
+@pytest.mark.parametrize('speed', [0.5, 1.0, 5.0])
+def test_at_any_speed_the_decisions_and_their_stamps_are_the_same(bench, speed):
+    rows = 4.0 + 1e-4 * np.random.default_rng(0).standard_normal((600, 16))
+    rows[200:400] += 0.3 * np.random.default_rng(1).standard_normal((200, 16))
+    replayed = Replayed(bench)
+    begin_ns = replayed.settle(rows[0], START_NS, PERIOD_NS)
+    heard = replayed.play(rows, begin_ns, speed)
+    chain = SlipChain()
+    chain.update(rows[:1])
+    result = chain.update(rows)
+    assert [stamp_ns(decision.header.stamp) for decision in heard] == [
+        begin_ns + k * PERIOD_NS for k in range(len(rows))
+    ]
+    np.testing.assert_allclose(
+        [decision.position for decision in heard], result.level, rtol=1e-9, atol=1e-12
+    )
+    first = np.flatnonzero(np.diff(result.slip, prepend=False) & result.slip)
+    assert len(first)
+    bench.wait_for(lambda: len(replayed.onsets) == len(first), 'the onsets')
+    assert [stamp_ns(onset.stamp) for onset in replayed.onsets] == [
+        begin_ns + k * PERIOD_NS for k in first
+    ]
+
+
+def test_the_timeout_follows_the_clock(bench):
+    rows = 4.0 + 0.1 * np.random.default_rng(0).standard_normal((100, 16))
+    replayed = Replayed(bench)
+    begin_ns = replayed.settle(rows[0], START_NS, PERIOD_NS)
+    end_ns = replayed.send_all(rows, begin_ns, PERIOD_NS)
+    bench.wait_for(lambda: replayed.valid[-1].data, 'slip_valid')
+    # Time stands still: for ten beats of the heart nothing is lost.
+    beats = len(replayed.valid)
+    bench.wait_for(lambda: len(replayed.valid) > beats + 10, 'ten beats')
+    assert replayed.valid[-1].data
+    ticks = itertools.count(0, 10_000_000)
+
+    def fallen():
+        replayed.tick(end_ns + next(ticks))
+        return not replayed.valid[-1].data
+
+    bench.wait_for(fallen, 'slip_valid to fall')
+
+
+def test_a_recording_that_starts_again_goes_on(bench):
+    rows = 4.0 + 0.1 * np.random.default_rng(0).standard_normal((100, 16))
+    replayed = Replayed(bench)
+    begin_ns = replayed.settle(rows[0], START_NS, PERIOD_NS)
+    replayed.send_all(rows, begin_ns, PERIOD_NS)
+    # The clock leaps back; the first tenth of a second is taken for late samples.
+    for k, row in enumerate(rows):
+        replayed.send(row, begin_ns + k * PERIOD_NS)
+    last_ns = begin_ns + 99 * PERIOD_NS
+    bench.wait_for(lambda: replayed.answered(last_ns), 'the decision')
+    bench.wait_for(lambda: replayed.valid[-1].data, 'slip_valid')
+    end_ns = last_ns + PERIOD_NS
+    ticks = itertools.count(0, 10_000_000)
+
+    def fallen():
+        replayed.tick(end_ns + next(ticks))
+        return not replayed.valid[-1].data
+
+    bench.wait_for(fallen, 'slip_valid to fall')

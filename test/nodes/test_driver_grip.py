@@ -1,0 +1,155 @@
+"""The driver's grip on an object, commanded from outside."""
+
+import itertools
+
+import pytest
+from sensor_msgs.msg import JointState
+
+from slip_detector.nodes.messages import stamp_ns, state_qos
+from support.harness import Bench, patient_qos
+
+#: Slow samples: that of one block are a good part of a second.
+RATE_HZ = 50.0
+
+#: A gripper that follows at once, and an object that falls out of a weak grip.
+SCENE = f"""
+sample_rate_hz: {RATE_HZ}
+steps:
+  - {{duration_s: 0.2, force_n: 3.0}}
+  - {{duration_s: 0.4, carried: 1.0}}
+  - {{duration_s: 60.0}}
+motion: {{ringing_hz: 500.0, ringing_damping: 1.0}}
+friction: {{stribeck_velocity_m_s: 0.1}}
+object: {{mass_kg: 0.2, length_m: 0.05, rest_patches: 200}}
+"""
+
+PLATE = """
+steps: [{duration_s: 60.0, force_n: 0.4}]
+"""
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+class Gripped:
+    """A driver process with a scene, the test in place of its controller."""
+
+    def __init__(self, bench, folder, scene=SCENE, **parameters):
+        self.bench = bench
+        self.voltages = bench.listen(JointState, 'voltages', patient_qos())
+        self.position = bench.listen(JointState, 'platform_position', patient_qos())
+        self.command = bench.node.create_publisher(JointState, 'grip_force', state_qos())
+        path = folder / 'scene.yaml'
+        path.write_text(scene)
+        self.process = bench.start(
+            'slip_driver', parameters={'scene': path, 'wait_for_subscribers': 1, **parameters}
+        )
+
+    def hold(self, *efforts):
+        message = JointState(name=['grip'], effort=efforts)
+        message.header.stamp = self.bench.node.get_clock().now().to_msg()
+        self.command.publish(message)
+        return stamp_ns(message.header.stamp)
+
+    def connect(self):
+        self.bench.wait_for(self.command.get_subscription_count, 'the driver to listen')
+
+    def play(self, seconds):
+        """Wait until so much more of the scene was heard."""
+        count = len(self.voltages) + round(seconds * RATE_HZ)
+        self.bench.wait_for(lambda: len(self.voltages) >= count, f'{count} samples')
+
+    def moved_m(self):
+        return self.position[-1].position[0]
+
+    def said(self, *words):
+        self.bench.wait_for(
+            lambda: all(word in self.process.log() for word in words), f'the log to say {words}'
+        )
+
+
+def test_a_firm_grip_holds_the_object_and_a_weak_one_lets_it_fall(bench, tmp_path):
+    driver = Gripped(bench, tmp_path)
+    driver.connect()
+    driver.hold(5.0)
+    driver.play(1.5)
+    assert list(driver.position[-1].name) == ['object']
+    assert driver.moved_m() < 1e-4
+    driver.hold(0.5)
+    bench.wait_for(lambda: driver.moved_m() >= 0.05, 'the object to fall')
+
+
+def test_a_command_is_felt_in_the_next_samples(bench, tmp_path):
+    driver = Gripped(bench, tmp_path)
+    driver.connect()
+    driver.hold(2.0)
+    driver.play(1.0)
+    at_ns = driver.hold(6.0)
+    firm_v = driver.voltages[-1].position[0]
+    driver.play(2.0)
+    # Volts sink as the load grows: a step of newtons stands out from the noise by far.
+    lower = [
+        stamp_ns(message.header.stamp)
+        for message in driver.voltages
+        if message.position[0] < firm_v - 0.05
+    ]
+    # A block of samples read ahead would be later than this.
+    assert 0 < min(lower) - at_ns < 0.5 * 32 / RATE_HZ * 1e9
+
+
+def test_a_driver_that_is_told_to_waits_for_the_first_command(bench, tmp_path):
+    driver = Gripped(bench, tmp_path, wait_for_grip='true')
+    driver.said('waiting for a grip force')
+    driver.connect()
+    for _ in range(20):
+        bench.executor.spin_once(timeout_sec=0.02)
+    assert not driver.voltages
+    at_ns = driver.hold(5.0)
+    driver.play(0.2)
+    assert stamp_ns(driver.voltages[0].header.stamp) > at_ns
+
+
+@pytest.mark.parametrize(
+    ('efforts', 'words'),
+    [
+        ([-1.0], ['force_n is -1 N', '0 to 1000 N', 'ignored']),
+        ([float('nan')], ['force_n is nan N', 'ignored']),
+        ([], ['grip_force has 0 efforts', 'allowed: 1', 'ignored']),
+        ([1.0, 2.0], ['grip_force has 2 efforts', 'allowed: 1', 'ignored']),
+    ],
+)
+def test_a_command_that_makes_no_sense_is_named_and_changes_nothing(
+    bench, tmp_path, efforts, words
+):
+    driver = Gripped(bench, tmp_path)
+    driver.connect()
+    driver.hold(5.0)
+    driver.play(1.0)
+    driver.hold(*efforts)
+    driver.said(*words)
+    driver.play(0.5)
+    assert driver.moved_m() < 1e-4
+
+
+def test_the_grip_stays_when_a_looped_scene_begins_anew(bench, tmp_path):
+    driver = Gripped(bench, tmp_path, SCENE.replace('60.0}}', '0.4}}'), loop='true')
+    driver.connect()
+    driver.hold(0.0)
+    driver.play(4.0)
+    # Without a grip nothing is felt, in no repetition.
+    late = driver.voltages[-100:]
+    volts = [message.position[0] for message in late]
+    assert max(volts) - min(volts) < 0.01
+    stamps = [stamp_ns(message.header.stamp) for message in driver.voltages]
+    assert all(b > a for a, b in itertools.pairwise(stamps))
+
+
+def test_a_scene_without_an_object_takes_no_grip(bench, tmp_path):
+    driver = Gripped(bench, tmp_path, PLATE)
+    bench.wait_for(lambda: driver.position, 'positions')
+    assert list(driver.position[0].name) == ['platform']
+    assert bench.node.count_subscribers('grip_force') == 0

@@ -1,0 +1,392 @@
+"""The driver node at real ports: serial and UDP, sound and broken streams, unplugged and back."""
+
+import random
+import signal
+from collections import Counter
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float32MultiArray
+
+from slip_detector.nodes.health import Level
+from slip_detector.nodes.listening import sensor_status
+from slip_detector.nodes.messages import stamp_ns, state_qos
+from slip_detector.sources.packets import FrameDecoder, LineDecoder, encode
+from support.harness import Bench, ended_quietly, patient_qos
+from support.sensors import (
+    SCALE_V,
+    Port,
+    Sender,
+    free_udp_port,
+    make_frames,
+    on_the_line,
+    sending,
+    vibration,
+)
+
+RATE_HZ = 1000.0
+
+#: Three seconds of a sensor at 1 kHz with 16 channels.
+INTEGERS = np.random.default_rng(9).integers(-32768, 32768, (3000, 16))
+
+#: What 115200 baud bring in half an hour, ten bits a byte; here as fast as the driver takes it.
+NOISE_BYTES = 1800 * 11520
+NOISE_PIECE = 1 << 14
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
+def port(tmp_path):
+    port = Port(tmp_path / 'tty')
+    yield port
+    port.unplug()
+
+
+class Listening:
+    """A driver process that listens to a sensor, and all that it publishes."""
+
+    def __init__(self, bench, parameters):
+        self.bench = bench
+        self.voltages = bench.listen(JointState, 'voltages', patient_qos())
+        self.process = bench.start(
+            'slip_driver', parameters={'wait_for_subscribers': 1, **parameters}
+        )
+        bench.wait_for(lambda: 'listening' in self.process.log(), 'the driver to listen')
+
+    @classmethod
+    def to_port(cls, bench, port, **parameters):
+        given = {'source': 'serial', 'serial_port': port.path, **parameters}
+        listening = cls(bench, given)
+        return listening, port.send
+
+    @classmethod
+    def to_udp(cls, bench, **parameters):
+        number = free_udp_port()
+        listening = cls(bench, {'source': 'udp', 'udp_port': number, **parameters})
+        return listening, Sender(number).send
+
+    def wait_for(self, samples):
+        self.bench.wait_for(lambda: len(self.voltages) >= samples, f'{samples} samples')
+
+    def rows(self):
+        return np.array([message.position for message in self.voltages])
+
+    def stamps_ns(self):
+        return np.array([stamp_ns(message.header.stamp) for message in self.voltages])
+
+    def counted(self):
+        """Return what the driver said last of what it dropped or lost."""
+        lines = [line for line in self.process.log().splitlines() if 'counted so far: ' in line]
+        words = lines[-1].partition('counted so far: ')[2] if lines else ''
+        return Counter({k: int(n) for k, n in (w.split(' ') for w in words.split(', ') if w)})
+
+    def wait_for_counts(self, wanted):
+        wanted = Counter({k: n for k, n in wanted.items() if n and k not in ('frames', 'samples')})
+        self.bench.wait_for(lambda: self.counted() == wanted, f'{wanted} to be counted')
+
+
+def check_stream(listening, send, pieces, samples):
+    """Check that all ``INTEGERS`` come, in order, stamped as evenly as they were taken."""
+    due = range(0, len(INTEGERS), samples)
+    with sending(send, pieces, RATE_HZ / samples, listening.voltages, due):
+        listening.wait_for(len(INTEGERS))
+    np.testing.assert_array_equal(listening.rows(), SCALE_V * INTEGERS)
+    names = [f'ch{i + 1}' for i in range(16)]
+    assert all(list(message.name) == names for message in listening.voltages)
+    steps_s = np.diff(listening.stamps_ns()) * 1e-9
+    np.testing.assert_allclose(steps_s, 1 / RATE_HZ, rtol=0.1 + 1e-3)
+    assert listening.counted() == {}
+    assert not listening.process.ended()
+
+
+@pytest.mark.parametrize('samples', [1, 10])
+def test_a_clean_serial_stream_arrives_complete_and_in_order(bench, port, samples):
+    listening, send = Listening.to_port(bench, port, frame_id='index_tip')
+    pieces = [on_the_line(frame) for frame in make_frames(INTEGERS, RATE_HZ, samples)]
+    check_stream(listening, send, pieces, samples)
+    assert listening.voltages[0].header.frame_id == 'index_tip'
+
+
+@pytest.mark.parametrize('samples', [1, 10])
+def test_a_clean_udp_stream_arrives_complete_and_in_order(bench, samples):
+    listening, send = Listening.to_udp(bench)
+    check_stream(listening, send, make_frames(INTEGERS, RATE_HZ, samples), samples)
+
+
+def test_a_stream_of_text_arrives_complete_and_in_order(bench, port):
+    listening, send = Listening.to_port(bench, port, serial_format='text', text_rate_hz=380.0)
+    volts = SCALE_V * INTEGERS[:1000]
+    lines = [(','.join(map(repr, row.tolist())) + '\n').encode() for row in volts]
+    with sending(send, [b'of a line\n', *lines], 380.0, listening.voltages, range(1001)):
+        listening.wait_for(1000)
+    np.testing.assert_array_equal(listening.rows(), volts)
+    assert np.all(np.diff(listening.stamps_ns()) > 0)
+    listening.wait_for_counts({'partial': 1, 'garbage_bytes': 9})
+
+
+def noise(rng):
+    """Return half an hour of random bytes."""
+    return [rng.randbytes(NOISE_PIECE) for _ in range(0, NOISE_BYTES, NOISE_PIECE)]
+
+
+def spoilt_frames(rng):
+    """Return frames as they should not come: sound ones among all kinds of others."""
+    sound = make_frames(INTEGERS[:400], RATE_HZ)
+    came = []
+    for k, frame in enumerate(sound):
+        came.append(frame)
+        fault = k % 8
+        if fault == 1:
+            came.append(frame)
+        elif fault == 2:
+            came.append(sound[k - rng.randint(1, 100) % (k + 1)])
+        elif fault == 3:
+            flipped = bytearray(frame)
+            flipped[rng.randrange(len(frame))] ^= 1 << rng.randrange(8)
+            came.append(bytes(flipped))
+        elif fault == 4:
+            came.append(frame[: rng.randrange(len(frame))])
+        elif fault == 5:
+            came.append(encode(INTEGERS[:1, : rng.choice([1, 15])], 'int16', k + 1, 1000 * k))
+        elif fault == 6:
+            came.append(encode(INTEGERS[:1], 'int32', k + 1, 1000 * k))
+        elif fault == 7:
+            came.append(rng.randbytes(rng.randint(1, 300)))
+    # Some are overtaken by the next one, some are lost.
+    for k in range(50, len(came), 50):
+        came[k], came[k + 1] = came[k + 1], came[k]
+    del came[60:1000:60]
+    return came
+
+
+def test_a_spoilt_serial_stream_gives_the_sound_samples_and_counts_the_rest(bench, port):
+    listening, send = Listening.to_port(bench, port)
+    rng = random.Random(5)
+    frames = spoilt_frames(rng)
+    pieces = [on_the_line(frame) for frame in frames]
+    for k in range(5, len(pieces), 20):
+        # Bytes lost on the way, and noise, which may swallow the frame after it.
+        pieces[k] = pieces[k][: rng.randrange(len(pieces[k]))]
+        pieces[k + 1] = rng.randbytes(40) + pieces[k + 1]
+    pieces += noise(rng)
+    pieces += [b'\0', on_the_line(make_frames(INTEGERS[400:401], RATE_HZ, first=400)[0])]
+    decoder = FrameDecoder(16, 'int16', SCALE_V, 0.0)
+    received = [decoder.feed(piece) for piece in pieces]
+    check_spoilt(listening, send, pieces, received, decoder.counts)
+
+
+def test_a_spoilt_udp_stream_gives_the_sound_samples_and_counts_the_rest(bench):
+    listening, send = Listening.to_udp(bench)
+    rng = random.Random(6)
+    pieces = spoilt_frames(rng)
+    for k, frame in enumerate(make_frames(INTEGERS[:800], RATE_HZ)[400:]):
+        pieces += [rng.randbytes(rng.randint(0, 200)) for _ in range(k % 5)] + [frame]
+    decoder = FrameDecoder(16, 'int16', SCALE_V, 0.0)
+    received = [[samples] if samples else [] for samples in map(decoder.frame, pieces)]
+    check_spoilt(listening, send, pieces, received, decoder.counts)
+
+
+def test_noise_on_a_line_of_text_is_no_sample(bench, port):
+    listening, send = Listening.to_port(bench, port, serial_format='text')
+    rng = random.Random(7)
+    sound = ','.join(f'{i}.5' for i in range(16)).encode() + b'\n'
+    pieces = [
+        sound[5:],
+        sound,
+        sound[:-9] + b'\n',
+        sound[:20] + sound,
+        b'1,2,3\n',
+        b'nan,' + sound,
+    ]
+    pieces += [*noise(rng), b'\n', sound]
+    decoder = LineDecoder(16, 0.0)
+    received = [decoder.feed(piece) for piece in pieces]
+    rows = pass_on(listening, send, pieces, received, decoder.counts)
+    assert set(map(tuple, rows)) == {tuple(i + 0.5 for i in range(16))}
+
+
+def check_spoilt(listening, send, pieces, received, counts):
+    """Send pieces of ``INTEGERS`` and check that what comes of them was sent, in its order."""
+    rows = pass_on(listening, send, pieces, received, counts)
+    sent = {tuple(row): k for k, row in enumerate((SCALE_V * INTEGERS).tolist())}
+    places = [sent[tuple(row)] for row in rows.tolist()]
+    assert places == sorted(set(places))
+    assert len(places) > 200
+    assert min(counts[fault] for fault in ('checksum', 'channels', 'kind', 'duplicate')) > 20
+    assert min(counts[fault] for fault in ('late', 'lost', 'broken')) > 5
+
+
+def pass_on(listening, send, pieces, received, counts):
+    """Send pieces; the node is to make of them what a decoder in the test does, and live on.
+
+    ``received`` is what comes of each piece.
+    """
+    wanted = np.concatenate([samples.volts for of_piece in received for samples in of_piece])
+    due = np.cumsum([0, *(len(of_piece) for of_piece in received)])
+    with sending(send, pieces, 2000.0, listening.voltages, due):
+        listening.wait_for(len(wanted))
+        listening.wait_for_counts(counts)
+    np.testing.assert_array_equal(listening.rows(), wanted)
+    with ended_quietly(listening.process):
+        pass
+    return wanted
+
+
+def test_datagrams_of_strangers_are_counted_and_not_taken(bench):
+    number = free_udp_port()
+    listening = Listening(bench, {'source': 'udp', 'udp_port': number})
+    frames = make_frames(INTEGERS[:20], RATE_HZ)
+    stranger, known = Sender(number, '127.0.0.2'), Sender(number)
+    for mine, theirs in zip(frames[:10], frames[10:], strict=True):
+        known.send(mine)
+        stranger.send(theirs)
+    listening.wait_for(10)
+    listening.wait_for_counts({'strangers': 10})
+    np.testing.assert_array_equal(listening.rows(), SCALE_V * INTEGERS[:10])
+
+
+def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(bench, port):
+    rate_hz = 380.0
+    rows = vibration(100_000, rate_hz)
+    pieces = [on_the_line(frame) for frame in make_frames(rows, rate_hz)]
+    slip = bench.listen(Bool, 'slip', state_qos(depth=1000))
+    valid = bench.listen(Bool, 'slip_valid', state_qos(depth=1000))
+    bench.start('slip_detector')
+    listening, send = Listening.to_port(bench, port, wait_for_subscribers=2)
+
+    def slips():
+        return bool(valid and slip and valid[-1].data and slip[-1].data)
+
+    with sending(send, pieces, rate_hz):
+        bench.wait_for(slips, 'slip')
+        port.unplug()
+        bench.wait_for(lambda: not valid[-1].data and not slip[-1].data, 'slip_valid to fall')
+    assert 'cannot be read' in listening.process.log()
+    port.plug_in()
+    bench.wait_for(lambda: listening.process.log().count('listening to') == 2, 'the port')
+    # The sensor was without power: it counts from 0 again.
+    with sending(send, pieces, rate_hz):
+        bench.wait_for(slips, 'slip after it was plugged in')
+    assert np.all(np.diff(listening.stamps_ns()) > 0)
+
+
+def test_what_waits_for_its_batch_is_sent_when_the_sensor_goes(bench, port):
+    batches = bench.listen(Float32MultiArray, 'voltages', patient_qos())
+    given = {'source': 'serial', 'serial_port': port.path, 'samples_per_message': 10}
+    driver = bench.start('slip_driver', parameters={'wait_for_subscribers': 1, **given})
+    bench.wait_for(lambda: 'listening' in driver.log(), 'the driver to listen')
+    rows = vibration(14, 380.0)
+    for frame in make_frames(rows, 380.0):
+        port.send(on_the_line(frame))
+    bench.wait_for(lambda: batches, 'the first batch')
+    # Its last frame may still be on its way.
+    bench.wait_for(port.is_read, 'the rest to be read')
+    port.unplug()
+    bench.wait_for(lambda: len(batches) == 2, 'the rest')
+    assert [batch.layout.dim[0].size for batch in batches] == [10, 4]
+
+
+@pytest.mark.parametrize(
+    ('connected', 'since', 'level', 'message'),
+    [
+        (True, {'samples': 380, 'frames': 380}, Level.OK, 'listening'),
+        (False, {}, Level.ERROR, 'listening'),
+        (True, {}, Level.ERROR, 'no samples come; listening'),
+        (
+            True,
+            {'samples': 380, 'lost': 2, 'checksum': 1},
+            Level.WARN,
+            'dropped or lost in the last second: checksum 1, lost 2',
+        ),
+        (
+            True,
+            {'strangers': 9},
+            Level.ERROR,
+            'no samples come; listening; dropped or lost in the last second: strangers 9',
+        ),
+    ],
+)
+def test_a_sensor_is_told_in_words(connected, since, level, message):
+    status = sensor_status('listening', connected, Counter(since))
+    assert (status.level, status.message) == (level, message)
+
+
+def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_frames_stops_and_is_gone(bench, port):
+    _, send = Listening.to_port(bench, port)
+    heard = bench.listen(DiagnosticArray, '/diagnostics', 10)
+
+    def told(level, words):
+        def said():
+            return any(
+                status.level == bytes([level]) and words in status.message
+                for array in heard
+                for status in array.status
+            )
+
+        bench.wait_for(said, f'{words!r} on /diagnostics')
+
+    told(Level.ERROR, 'no samples come; listening to')
+    frames = [on_the_line(frame) for frame in make_frames(vibration(20_000, 380.0), 380.0)]
+    with sending(send, frames, 380.0):
+        told(Level.OK, 'listening to')
+    spoilt = [frame[:9] + bytes([frame[9] % 255 + 1]) + frame[10:] for frame in frames]
+    with sending(send, spoilt, 380.0):
+        told(Level.WARN, 'dropped or lost in the last second: ')
+    port.unplug()
+    told(Level.ERROR, 'cannot be read')
+    (status,) = heard[-1].status
+    assert status.name == 'slip_driver: sensor'
+    assert status.hardware_id == 'fingertip'
+    values = {pair.key: int(pair.value) for pair in status.values}
+    assert values['samples'] == values['frames'] > 0
+    assert values['garbage_bytes'] > 0
+
+
+def test_a_sensor_that_was_reset_is_heard_again(bench):
+    listening, send = Listening.to_udp(bench)
+    frames = make_frames(INTEGERS[:1000], RATE_HZ)
+    due = [*range(500), *[500] * 250, *range(500, 1250)]
+    with sending(send, frames[500:] + frames, RATE_HZ, listening.voltages, due):
+        listening.wait_for(500 + 750)
+    rows = listening.rows()
+    np.testing.assert_array_equal(rows[:500], SCALE_V * INTEGERS[500:1000])
+    np.testing.assert_array_equal(rows[500:], SCALE_V * INTEGERS[250:1000])
+    listening.wait_for_counts({'late': 250, 'restarts': 1})
+    assert np.all(np.diff(listening.stamps_ns()) > 0)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('there', [True, False])
+def test_signals_end_a_driver_that_listens_cleanly(bench, port, number, there):
+    path = port.path if there else f'{port.path}_not_there'
+    process = bench.start('slip_driver', parameters={'source': 'serial', 'serial_port': path})
+    bench.wait_for(lambda: str(path) in process.log(), 'the driver to look for the port')
+    with ended_quietly(process, number):
+        pass
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'words'),
+    [
+        ({'source': 'serial'}, ['serial_port', "''", 'a port']),
+        ({'source': 'serial', 'serial_baud': 1}, ['serial_baud', '1', '50 to']),
+        ({'source': 'udp', 'udp_senders': '[hand]'}, ['udp_senders', "'hand'", '127.0.0.1']),
+        ({'source': 'udp', 'udp_bind_address': '192.0.2.1'}, ['192.0.2.1', 'Cannot assign']),
+        ({'source': 'udp', 'frame_values': 'int8'}, ['frame_values', "'int8'", 'int16, int24']),
+    ],
+)
+def test_a_wrong_parameter_ends_the_driver_with_one_line(bench, parameters, words):
+    process = bench.start('slip_driver', parameters=parameters)
+    assert process.wait() == 1
+    (line,) = process.log().strip().splitlines()
+    assert line.startswith('slip_driver: ')
+    for word in words:
+        assert word in line

@@ -1,0 +1,297 @@
+"""The driver node as a process of its own, and both nodes together."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.recordings import Rows
+from slip_detector.recordings.writing import write_recording
+from slip_detector.sources.source import open_source
+from support.harness import ROOT, Bench, ended_quietly, patient_qos
+from support.recorded import read_recording
+
+XELA = ROOT.parent / 'shared' / 'data' / 'xela_uskin_slip'
+
+SHORT_SCENE = """
+sample_rate_hz: 380.0
+steps:
+  - {duration_s: 0.2, force_n: 0.4}
+  - {duration_s: 0.2, velocity_m_s: 10.0e-3}
+  - {duration_s: 0.2}
+motion: {}
+contact: {}
+friction: {}
+texture: {}
+electronics: {}
+"""
+
+LOSSY_SCENE = f"""{SHORT_SCENE}
+drops: {{share: 0.2, burst_samples: 3}}
+clock: {{rate_ratio: 1.1}}
+"""
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / 'short.yaml'
+    path.write_text(SHORT_SCENE)
+    return path
+
+
+@pytest.fixture
+def lossy_scene(tmp_path):
+    path = tmp_path / 'lossy.yaml'
+    path.write_text(LOSSY_SCENE)
+    return path
+
+
+@pytest.fixture
+def recording(tmp_path):
+    volts = 4.3 + 1e-3 * np.random.default_rng(5).standard_normal((150, 3))
+    truth = np.arange(150) >= 100
+    path = tmp_path / 'mine.npz'
+    np.savez(path, volts=volts, slip=truth, sample_rate_hz=500.0)
+    return path
+
+
+class Played:
+    """A driver process that waits for the test, and all that it publishes."""
+
+    def __init__(self, bench, parameters, samples):
+        self.voltages = bench.listen(JointState, 'voltages', patient_qos())
+        self.truth = bench.listen(Bool, 'slip_truth', state_qos())
+        self.position = bench.listen(JointState, 'platform_position', patient_qos())
+        self.process = bench.start(
+            'slip_driver', parameters={'wait_for_subscribers': 1, **parameters}
+        )
+        bench.wait_for(lambda: len(self.voltages) >= samples, f'{samples} samples')
+
+    def rows(self):
+        return np.array([message.position for message in self.voltages])
+
+    def stamps_ns(self):
+        return np.array([stamp_ns(message.header.stamp) for message in self.voltages])
+
+
+def test_a_scene_is_played_whole_with_truth_and_position(bench, scene):
+    wanted = open_source(DriverConfig(scene=str(scene), seed=7)).read(10_000)
+    played = Played(bench, {'scene': scene, 'seed': 7, 'frame_id': 'index_tip'}, len(wanted.volts))
+    assert played.process.wait() == 0
+    np.testing.assert_array_equal(played.rows(), wanted.volts)
+    k = np.arange(len(wanted.volts))
+    stamps = played.stamps_ns()
+    np.testing.assert_array_equal(stamps - stamps[0], np.round(k * 1e9 / 380).astype(int))
+    assert played.voltages[0].header.frame_id == 'index_tip'
+    assert list(played.voltages[0].name) == [f'ch{i + 1}' for i in range(16)]
+    bench.wait_for(lambda: len(played.truth) == 3, 'truth to rise and fall')
+    assert [message.data for message in played.truth] == [False, True, False]
+    positions = {
+        stamp_ns(message.header.stamp): message.position[0] for message in played.position
+    }
+    heard = [positions[stamp] for stamp in stamps if stamp in positions]
+    kept = np.isin(stamps, list(positions))
+    np.testing.assert_array_equal(heard, wanted.position_m[kept])
+    assert 'joint_states' not in str(bench.node.get_topic_names_and_types())
+
+
+def test_a_recording_is_played_once_at_its_own_rate(bench, recording):
+    played = Played(bench, {'source': 'recording', 'recording': recording}, 150)
+    assert played.process.wait() == 0
+    wanted = read_recording(recording)
+    np.testing.assert_array_equal(played.rows(), wanted.volts)
+    stamps = played.stamps_ns()
+    np.testing.assert_array_equal(np.diff(stamps), np.full(149, 2_000_000))
+    assert 'played all 150 samples' in played.process.log()
+
+
+@pytest.mark.parametrize('ending', ['.mcap', '.db3', '', '.csv'])
+def test_a_bag_is_played_as_it_was_recorded_with_its_labels_and_gaps(bench, tmp_path, ending):
+    if ending != '.csv':
+        pytest.importorskip('rosbags', reason='needs rosbags')
+    k = np.arange(120)
+    k = k[(k < 40) | (k > 47)]  # a gap that the detector is to see
+    stamps_ns = 1_700_000_000_000_000_000 + k * 2_000_000
+    wanted = Rows(4.3 + 1e-3 * np.sin(k[:, np.newaxis] * [1, 2, 3]), stamps_ns, k >= 80)
+    write_recording(tmp_path / f'mine{ending}', [wanted], 500.0, ['left', 'right', 'tip'])
+    parameters = {'source': 'recording', 'recording': tmp_path / f'mine{ending}'}
+    played = Played(bench, parameters, len(k))
+    assert played.process.wait() == 0
+    np.testing.assert_array_equal(played.rows(), wanted.volts)
+    heard_ns = played.stamps_ns()
+    np.testing.assert_array_equal(heard_ns - heard_ns[0], stamps_ns - stamps_ns[0])
+    assert list(played.voltages[0].name) == ['left', 'right', 'tip']
+    bench.wait_for(lambda: len(played.truth) == 2, 'truth to rise')
+    assert [message.data for message in played.truth] == [False, True]
+
+
+def test_any_topic_of_a_bag_and_labels_by_hand_are_played(bench, tmp_path):
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    k = np.arange(100)
+    wanted = Rows(np.ones((100, 2)) * k[:, np.newaxis], k * 2_000_000, None, k * 1e-3)
+    write_recording(tmp_path / 'mine.mcap', [wanted], 500.0, ['a', 'b'])
+    (tmp_path / 'mine.labels.yaml').write_text('slip_s: [[0.1, 0.15]]')
+    parameters = {
+        'source': 'recording',
+        'recording': tmp_path / 'mine.mcap',
+        'recording_topic': 'platform_position',
+        'recording_field': 'position[0]',
+    }
+    played = Played(bench, parameters, 100)
+    assert played.process.wait() == 0
+    np.testing.assert_array_equal(played.rows()[:, 0], wanted.position_m)
+    bench.wait_for(lambda: len(played.truth) == 3, 'truth to rise and fall')
+    assert [message.data for message in played.truth] == [False, True, False]
+
+
+def test_a_looped_recording_goes_on_and_its_stamps_with_it(bench, recording):
+    parameters = {'source': 'recording', 'recording': recording, 'loop': 'true', 'rate': 2.0}
+    played = Played(bench, parameters, 400)
+    rows, stamps = played.rows()[:400], played.stamps_ns()[:400]
+    wanted = np.tile(read_recording(recording).volts, (3, 1))[:400]
+    np.testing.assert_array_equal(rows, wanted)
+    np.testing.assert_array_equal(np.diff(stamps), np.full(399, 2_000_000))
+    assert not played.process.ended()
+
+
+def test_a_scene_with_losses_and_a_wrong_clock_is_stamped_when_its_samples_were_taken(
+    bench, lossy_scene
+):
+    wanted = open_source(DriverConfig(scene=str(lossy_scene), seed=3)).read(10_000)
+    count = len(wanted.volts)
+    assert count < 0.95 * 0.6 * 380 * 1.1  # Some are missing, and none comes in their place.
+    played = Played(bench, {'scene': lossy_scene, 'seed': 3}, count)
+    assert played.process.wait() == 0
+    np.testing.assert_array_equal(played.rows(), wanted.volts)
+    stamps = played.stamps_ns()
+    np.testing.assert_array_equal(
+        stamps - stamps[0], np.round(wanted.time_s * 1e9) - np.round(wanted.time_s[0] * 1e9)
+    )
+    assert f'played all {count} samples' in played.process.log()
+
+
+def test_a_looped_scene_goes_on_where_its_clock_was(bench, lossy_scene):
+    config = DriverConfig(scene=str(lossy_scene), seed=3)
+    trials = [open_source(config, repetition).read(10_000) for repetition in range(3)]
+    assert len({trial.volts.tobytes() for trial in trials}) == 3
+    # Each begins a period, as the sensor says it, after the last sample of the one before.
+    times_s, begin_s = [], 0.0
+    for trial in trials:
+        times_s.append(begin_s + trial.time_s)
+        begin_s = times_s[-1][-1] + 1.0 / 380.0
+    taken_ns = np.round(np.concatenate(times_s) * 1e9)
+    volts = np.concatenate([trial.volts for trial in trials])
+    parameters = {'scene': lossy_scene, 'seed': 3, 'loop': 'true', 'rate': 2.0}
+    played = Played(bench, parameters, len(volts))
+    np.testing.assert_array_equal(played.rows()[: len(volts)], volts)
+    stamps = played.stamps_ns()[: len(volts)]
+    np.testing.assert_array_equal(stamps - stamps[0], taken_ns - taken_ns[0])
+    assert not played.process.ended()
+
+
+def test_the_pace_does_not_drift(bench, scene):
+    arrivals = []
+    bench.node.create_subscription(
+        JointState,
+        'voltages',
+        lambda message: arrivals.append(time.time_ns() - stamp_ns(message.header.stamp)),
+        sensor_qos(),
+    )
+    played = Played(bench, {'scene': scene, 'loop': 'true', 'wait_for_subscribers': 2}, 1500)
+    delays = np.array(arrivals[: len(played.voltages)]) * 1e-9
+    # A driver that waited one period after each sample would add what each wake-up costs, some
+    # 0.1 ms, 1500 times over. What a busy machine does to single messages is not in the minimum.
+    first, last = delays[:300].min(), delays[-300:].min()
+    assert abs(last - first) < 20e-3, (first, last)
+
+
+def test_a_driver_that_cannot_keep_its_pace_says_how_late_it_is(bench, scene):
+    played = Played(bench, {'scene': scene, 'loop': 'true', 'rate': 1000.0}, 500)
+    bench.wait_for(lambda: 'ms late: the pace cannot be kept' in played.process.log(), 'the log')
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_the_driver_cleanly(bench, scene, number):
+    played = Played(bench, {'scene': scene, 'loop': 'true'}, 50)
+    with ended_quietly(played.process, number):
+        pass
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_a_driver_that_still_waits(bench, scene, number):
+    process = bench.start('slip_driver', parameters={'wait_for_subscribers': 1, 'scene': scene})
+    bench.wait_for(lambda: 'playing' in process.log(), 'the driver to wait')
+    with ended_quietly(process, number):
+        pass
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'words'),
+    [
+        ({'source': 'recording'}, ['recording', "''", 'a path']),
+        ({'source': 'radio'}, ['source', "'radio'", 'scene, recording']),
+        ({'source': 'recording', 'recording': '/nowhere/x.npz'}, ['/nowhere/x.npz', 'No such']),
+        ({'source': 'recording', 'recording': __file__}, [__file__, '.npz, .csv']),
+        ({'scene': 'moon'}, ["'moon'", 'plate_400um']),
+        ({'scene': '/nowhere/x.yaml'}, ['/nowhere/x.yaml', 'No such file']),
+        ({'rate': 0.0}, ['rate', '0', '0.001 to 1000']),
+        ({'looop': True}, ['looop', 'did you mean loop?']),
+    ],
+)
+def test_a_wrong_parameter_or_file_stops_the_start_with_one_line(bench, parameters, words):
+    process = bench.start('slip_driver', parameters=parameters)
+    assert process.wait() == 1
+    (line,) = process.log().strip().splitlines()
+    assert line.startswith('slip_driver: ')
+    for word in words:
+        assert word in line
+
+
+def test_a_broken_recording_is_named_in_one_line(bench, recording):
+    recording.write_bytes(recording.read_bytes()[:300])
+    process = bench.start(
+        'slip_driver', parameters={'source': 'recording', 'recording': recording}
+    )
+    assert process.wait() == 1
+    (line,) = process.log().strip().splitlines()
+    assert str(recording) in line
+
+
+@pytest.mark.skipif(not XELA.is_dir(), reason='the XELA recordings are not beside the project')
+def test_a_real_recording_plays_through_both_nodes(bench):
+    path = sorted(XELA.glob('*.npz'))[-1]
+    file = ROOT / 'config' / 'xela_uskin.yaml'
+    voltages = bench.listen(JointState, 'voltages', patient_qos())
+    envelope = bench.listen(JointState, 'slip_detector/envelope', patient_qos())
+    slip = bench.listen(Bool, 'slip', state_qos())
+    detector = bench.start('slip_detector', '--params-file', file)
+    bench.wait_for(lambda: slip, 'the detector')
+    wanted = read_recording(path, DriverConfig.from_yaml(file)).volts
+    parameters = {'source': 'recording', 'recording': path, 'wait_for_subscribers': 2}
+    driver = bench.start('slip_driver', '--params-file', file, parameters=parameters)
+    bench.wait_for(lambda: len(voltages) == len(wanted), 'the samples')
+    bench.wait_for(
+        lambda: envelope and envelope[-1].header.stamp == voltages[-1].header.stamp,
+        'the decisions',
+    )
+    assert driver.wait() == 0
+    result = SlipChain(ChainConfig.from_yaml(file)).update(wanted)
+    heard = np.array([message.position for message in envelope])
+    np.testing.assert_allclose(heard, result.level[-len(heard) :], rtol=1e-9, atol=1e-6)
+    bench.wait_for(lambda: not slip[-1].data, 'slip to end')
+    assert any(message.data for message in slip) == bool(result.slip.any())
+    assert 'dropped' not in detector.log()

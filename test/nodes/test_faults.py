@@ -1,0 +1,356 @@
+"""Each fault of the README's table, caused for real, and what a user sees.
+
+In none of them may ``slip_valid`` be true, with ``slip`` ON or OFF, for longer than
+``input_timeout_s`` after the last sample that counted.
+"""
+
+import contextlib
+import itertools
+import math
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
+from support.harness import Bench
+
+RATE_HZ = 380.0
+PERIOD_S = 1 / RATE_HZ
+TIMEOUT_S = 0.5
+
+#: What a busy machine may add to a time that the detector promises.
+SLACK_S = 0.5
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+class Sensor:
+    """A sensor of the test's own: noise that slips, sent in real time, with any fault."""
+
+    def __init__(self, bench, output=None, **parameters):
+        self.bench, self._output = bench, output
+        self.reports = bench.listen(DiagnosticArray, '/diagnostics', 10)
+        # Each message with the time of its receipt.
+        self.slip, self.valid = [], []
+        for topic, heard in (('slip', self.slip), ('slip_valid', self.valid)):
+            bench.node.create_subscription(
+                Bool,
+                topic,
+                lambda message, heard=heard: heard.append((time.monotonic(), message.data)),
+                state_qos(depth=100),
+            )
+        self._voltages = bench.node.create_publisher(JointState, 'voltages', sensor_qos())
+        self._parameters = parameters
+        self.start()
+        self.random = np.random.default_rng(0)
+        self.next_s = time.monotonic()
+        # The clock of the sensor's stamps.
+        self.clock_s = time.time()
+        self.sent_s = -math.inf
+
+    def start(self):
+        self.process = self.bench.start(
+            'slip_detector', parameters=self._parameters, output=self._output
+        )
+        known = len(self.slip)
+        self.bench.wait_for(
+            lambda: len(self.slip) > known and self._voltages.get_subscription_count(),
+            'the detector',
+        )
+
+    def row(self, slipping=True):
+        """Return a row that slips, or one of a finger at rest."""
+        return 4.0 + (0.3 if slipping else 1e-4) * self.random.standard_normal(16)
+
+    def send(self, row, *, after_s=PERIOD_S, stamped_after_s=PERIOD_S):
+        """Publish a row, some time after the one before and stamped some time after it."""
+        self.next_s = max(self.next_s + after_s, time.monotonic() - 0.05)
+        while (ahead_s := self.next_s - time.monotonic()) > 0:
+            self.bench.executor.spin_once(timeout_sec=ahead_s)
+        self.clock_s += stamped_after_s
+        message = JointState(position=row)
+        message.header.stamp = time_message(round(self.clock_s * 1e9))
+        self._voltages.publish(message)
+        self.sent_s = time.monotonic()
+
+    def play(self, until, what, slipping=True, change=None):
+        """Send good samples until something holds."""
+        deadline_s = time.monotonic() + 60.0
+        for k in itertools.count():
+            if until():
+                return
+            if time.monotonic() > deadline_s:
+                pytest.fail(f'waited in vain for {what}:\n{self.process.log()}')
+            row = self.row(slipping)
+            self.send(row if change is None else change(k, row))
+
+    def slips(self):
+        """Play until slip is ON and valid."""
+        self.play(self.says_slip, 'slip')
+
+    def says_slip(self):
+        return bool(self.slip and self.valid and self.slip[-1][1] and self.valid[-1][1])
+
+    def fell(self):
+        return not self.valid[-1][1] and not self.slip[-1][1]
+
+    def fell_in_time(self):
+        """Check that slip_valid and slip fell in time after the last sample, of themselves."""
+        self.bench.wait_for(self.fell, 'slip_valid and slip to fall')
+        at_s = next(at for at, valid in reversed(self.valid[: self._first_false()]) if valid)
+        assert at_s - self.sent_s < TIMEOUT_S + SLACK_S
+
+    def _first_false(self):
+        """Return where the last run of false begins."""
+        n = len(self.valid)
+        while n and not self.valid[n - 1][1]:
+            n -= 1
+        return n
+
+    def told(self, part, words):
+        """Return whether the diagnostics say something."""
+        return any(
+            status.name.endswith(f': {part}') and words in status.message
+            for report in self.reports
+            for status in report.status
+        )
+
+    def goes_on(self):
+        """Check that the detector works as before."""
+        self.slips()
+        assert not self.process.ended()
+        assert 'Traceback' not in self.process.log()
+
+
+def test_sensor_silent(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    sensor.fell_in_time()
+    bench.wait_for(lambda: sensor.told('input', 'no samples for'), 'the diagnostics')
+    sensor.goes_on()
+
+
+def test_one_channel_dead(bench):
+    sensor = Sensor(bench)
+
+    def dead(k, row):
+        row[13] = 4.0  # of group TP, where all must agree
+        return row
+
+    sensor.play(lambda: sensor.told('channels', 'flat: ch14'), 'the diagnostics', change=dead)
+    # The other three of its group and the other groups go on.
+    sensor.play(sensor.says_slip, 'slip', change=dead)
+
+
+def test_all_channels_at_the_rail(bench):
+    sensor = Sensor(bench, valid_range_v=[0.0, 5.0], flat_after_s=0.2)
+    sensor.slips()
+    rail = np.full(16, 5.0)
+    last_good_s = sensor.sent_s
+    sensor.play(sensor.fell, 'slip_valid to fall', change=lambda k, row: rail)
+    assert time.monotonic() - last_good_s < TIMEOUT_S + SLACK_S
+    sensor.play(
+        lambda: sensor.told('channels', 'at the upper rail'), 'why', change=lambda k, row: rail
+    )
+    sensor.goes_on()
+
+
+def test_not_a_number(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    nan = np.full(16, math.nan)
+    sensor.send(nan)
+    sensor.play(sensor.fell, 'slip_valid to fall', change=lambda k, row: nan)
+    sensor.play(lambda: sensor.told('channels', 'not a number'), 'why', change=lambda k, row: nan)
+    sensor.goes_on()
+
+
+def test_messages_with_too_few_channels(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    last_good_s = sensor.sent_s
+    sensor.play(sensor.fell, 'slip_valid to fall', change=lambda k, row: row[:15])
+    assert time.monotonic() - last_good_s < TIMEOUT_S + SLACK_S
+    sensor.play(
+        lambda: sensor.told('input', 'samples dropped: not as many channels as configured'),
+        'why',
+        change=lambda k, row: row[:15],
+    )
+    sensor.goes_on()
+
+
+def test_a_burst_of_late_messages(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    sent = [sensor.row(slipping=False) for _ in range(50)]
+    for row in sent:  # stamped a quarter of a second ago, all at once
+        sensor.send(row, after_s=0.0, stamped_after_s=-0.25)
+        sensor.clock_s += 0.25
+    sensor.play(lambda: sensor.told('input', 'samples dropped: late'), 'the diagnostics')
+    assert sensor.says_slip()  # the late ones of a finger at rest did not count
+    sensor.goes_on()
+
+
+def test_five_percent_lost_at_random(bench):
+    sensor = Sensor(bench)
+    lost = 0
+    sensor.slips()
+    until_s = time.monotonic() + 3.0
+    while time.monotonic() < until_s:
+        if sensor.random.random() < 0.05:
+            lost += 1
+            sensor.next_s += PERIOD_S
+            sensor.clock_s += PERIOD_S
+        sensor.send(sensor.row())
+    assert lost
+    assert sensor.says_slip()
+    sensor.play(lambda: sensor.told('input', 'lost and bridged'), 'the diagnostics')
+
+
+@pytest.mark.parametrize('leap_s', [-3600.0, 3600.0])
+def test_the_clock_of_the_samples_is_set(bench, leap_s):
+    sensor = Sensor(bench)
+    sensor.slips()
+    sensor.clock_s += leap_s
+    known = len(sensor.slip)
+    sensor.slips()
+    sensor.play(lambda: sensor.told('input', 'started anew 1 times'), 'the diagnostics')
+    sensor.goes_on()
+    assert len(sensor.slip) > known
+
+
+def test_wrong_rate(bench):
+    sensor = Sensor(bench)
+    slow = 1.1 * PERIOD_S
+    deadline_s = time.monotonic() + 30.0
+    while not sensor.told('input', 'samples a second, 380 configured'):
+        assert time.monotonic() < deadline_s, sensor.process.log()
+        sensor.send(sensor.row(), after_s=slow, stamped_after_s=slow)
+    assert not sensor.told('input', 'lost and bridged')
+    sensor.fell_in_time()
+
+
+def test_detector_killed_and_started_again(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    sensor.process.signal(signal.SIGKILL)
+    sensor.process.wait()
+    # The state that was kept for late subscribers died with it (see also test_detector_health).
+    late = []
+    bench.node.create_subscription(Bool, 'slip', late.append, state_qos())
+    sensor.start()
+    bench.wait_for(sensor.fell, 'slip_valid and slip to be false')
+    bench.wait_for(lambda: late, 'the state')
+    assert not late[0].data
+    sensor.goes_on()
+
+
+def test_driver_killed_and_started_again(bench):
+    slip, valid = [], []
+    for topic, heard in (('slip', slip), ('slip_valid', valid)):
+        bench.node.create_subscription(
+            Bool, topic, lambda m, h=heard: h.append((time.monotonic(), m.data)), state_qos()
+        )
+    detector = bench.start('slip_detector')
+    driver = bench.start('slip_driver', parameters={'loop': 'true', 'wait_for_subscribers': 1})
+    bench.wait_for(lambda: slip and slip[-1][1] and valid[-1][1], 'slip')
+    driver.signal(signal.SIGKILL)
+    killed_s = time.monotonic()
+    driver.wait()
+    bench.wait_for(lambda: not slip[-1][1] and not valid[-1][1], 'both to fall')
+    last_true_s = max(at for at, state in valid if state)
+    assert last_true_s - killed_s < TIMEOUT_S + SLACK_S
+    bench.start('slip_driver', parameters={'loop': 'true', 'wait_for_subscribers': 1})
+    bench.wait_for(lambda: slip[-1][1] and valid[-1][1], 'slip again')
+    assert not detector.ended()
+
+
+def test_a_flood_at_twenty_times_the_rate(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    flood_s = PERIOD_S / 20
+    until_s = time.monotonic() + 3.0
+    row = sensor.row(slipping=False)
+    while time.monotonic() < until_s:
+        sensor.next_s = time.monotonic()
+        for _ in range(40):
+            sensor.send(row, after_s=0.0, stamped_after_s=flood_s)
+        sensor.bench.executor.spin_once(timeout_sec=40 * flood_s)
+    # It still keeps its time: the heart beats, the timeout comes.
+    sensor.fell_in_time()
+    assert sensor.told('input', '380 configured') or sensor.told('input', 'started anew')
+    sensor.clock_s = time.time() + 10.0
+    sensor.goes_on()
+
+
+def test_a_parameter_changed_in_the_middle_of_a_slip(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    client = bench.node.create_client(
+        SetParametersAtomically, 'slip_detector/set_parameters_atomically'
+    )
+    bench.wait_for(client.service_is_ready, 'the service')
+    for values in ({'threshold': 0.4}, {'passband_hz': [10.0, 60.0]}):
+        known = len(sensor.slip)
+        parameters = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
+        future = client.call_async(SetParametersAtomically.Request(parameters=parameters))
+        sensor.play(future.done, 'the answer')
+        assert future.result().result.successful
+        end_s = time.monotonic() + 0.5
+        sensor.play(lambda end_s=end_s: time.monotonic() > end_s, 'half a second')
+        # Neither an OFF in between nor a gap.
+        assert all(on for _, on in sensor.slip[known:])
+        assert len(sensor.slip) > known
+    assert 'new filters have taken over' in sensor.process.log()
+    sensor.goes_on()
+
+
+def test_disk_full_where_the_log_goes(bench):
+    # /dev/full takes nothing, as a full disk.
+    with contextlib.ExitStack() as stack:
+        full = stack.enter_context(open('/dev/full', 'w'))
+        sensor = Sensor(bench, output=full)
+        # What it says on its log is lost; what it does is not.
+        sensor.play(sensor.says_slip, 'slip')
+        sensor.fell_in_time()
+        sensor.play(sensor.says_slip, 'slip again')
+
+
+#: Records a scene where files may not grow beyond 64 KiB, as on a disk that fills up.
+RECORD = """
+import resource, sys, time
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.nodes.demo import record
+from slip_detector.sources.source import open_source
+source = open_source(DriverConfig())
+resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536))
+try:
+    record(sys.argv[1], source, time.time_ns())
+except ValueError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize('name', ['trial.mcap', 'trial', 'trial.npz', 'trial.csv'])
+def test_disk_full_while_recording(tmp_path, name):
+    path = tmp_path / name
+    done = subprocess.run(
+        [sys.executable, '-c', RECORD, str(path)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f'{path}: cannot be written (File too large)\n'
+    # Half a recording would pass for a whole one.
+    assert not list(tmp_path.iterdir())

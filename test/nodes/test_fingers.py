@@ -1,0 +1,107 @@
+"""Several fingers in one process of drivers and one of detectors."""
+
+import itertools
+import signal
+
+import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
+from slip_detector.nodes.run import _arguments_of_each
+from support.harness import Bench
+
+NAMES = 'thumb, index,little'
+FINGERS = ('thumb', 'index', 'little')
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+def start(bench, name, **parameters):
+    words = ('-r', '__ns:=/left', '--', '--fingers', NAMES)
+    return bench.start(name, *words, parameters=parameters)
+
+
+def test_each_finger_has_nodes_and_parameters_of_its_own_and_all_samples_come(bench):
+    valid = {
+        finger: bench.listen(Bool, f'left/{finger}/slip_valid', state_qos()) for finger in FINGERS
+    }
+    voltages = {
+        finger: bench.listen(JointState, f'left/{finger}/voltages', sensor_qos())
+        for finger in FINGERS
+    }
+    detector = start(bench, 'slip_detector')
+    driver = start(bench, 'slip_driver', wait_for_subscribers=2, loop='true')
+    for finger in FINGERS:
+        bench.wait_for(
+            lambda finger=finger: valid[finger] and valid[finger][-1].data, f'{finger}/slip_valid'
+        )
+        bench.wait_for(lambda finger=finger: len(voltages[finger]) > 400, f'the input of {finger}')
+    for heard in voltages.values():
+        stamps_ns = [stamp_ns(message.header.stamp) for message in heard]
+        steps_ns = [b - a for a, b in itertools.pairwise(stamps_ns)]
+        assert max(steps_ns) - min(steps_ns) <= 1
+    # A change at one finger is no change at another.
+    client = bench.node.create_client(SetParameters, 'left/index/slip_detector/set_parameters')
+    bench.wait_for(client.service_is_ready, 'the service')
+    none_valid = Parameter('valid_range_v', value=[-2.0, -1.0]).to_parameter_msg()
+    request = SetParameters.Request(parameters=[none_valid])
+    answer = client.call_async(request)
+    bench.wait_for(answer.done, 'the answer')
+    bench.wait_for(lambda: not valid['index'][-1].data, 'the finger to be invalid')
+    others = [len(valid[finger]) for finger in ('thumb', 'little')]
+    bench.wait_for(
+        lambda: all(
+            len(valid[finger]) > before + 10
+            for finger, before in zip(('thumb', 'little'), others, strict=True)
+        ),
+        'more of the others',
+    )
+    for finger in ('thumb', 'little'):
+        assert valid[finger][-1].data
+    for process in (detector, driver):
+        process.signal(signal.SIGINT)
+        assert process.wait() == 0
+        assert 'Traceback' not in process.log()
+        assert 'dropped' not in process.log()
+
+
+@pytest.mark.parametrize('name', ['slip_detector', 'slip_driver'])
+@pytest.mark.parametrize('fingers', ['thumb,thumb', 'thumb,,index'])
+def test_names_that_are_not_different_stop_the_start_with_one_line(bench, name, fingers):
+    process = bench.start(name, '--', '--fingers', fingers)
+    assert process.wait() == 1
+    wanted = f'{name}: --fingers is {fingers!r}, allowed: different names with commas between'
+    assert process.log().strip() == wanted
+
+
+def test_drivers_end_when_all_have_played(bench):
+    process = bench.start('slip_driver', '--', '--fingers', NAMES, parameters={'rate': 20.0})
+    assert process.wait() == 0
+    assert process.log().count('played all') == len(FINGERS)
+
+
+@pytest.mark.parametrize(
+    ('of_ros', 'wanted'),
+    [
+        ([], '/thumb'),
+        (['--ros-args', '-r', '__ns:=/left'], '/left/thumb'),
+        (['--ros-args', '-r', '__ns:=/'], '/thumb'),
+        (['--ros-args', '-r', '__ns:=/a', '-r', '__ns:=/b/c/'], '/b/c/thumb'),
+    ],
+)
+def test_a_finger_is_a_namespace_in_that_of_the_process(of_ros, wanted):
+    ours = ['slip_detector', '--fingers', 'thumb']
+    assert _arguments_of_each(ours + of_ros, ours) == [['--ros-args', '-r', f'__ns:={wanted}']]
+
+
+def test_without_names_there_is_one_node_where_ros_says():
+    words = ['slip_detector', '--ros-args', '-r', '__ns:=/left']
+    assert _arguments_of_each(words, words[:1]) == [None]

@@ -1,0 +1,234 @@
+"""The grasp controller as a process of its own, told by the test or by a real detector."""
+
+import itertools
+import signal
+
+import pytest
+from rclpy.event_handler import PublisherEventCallbacks
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Header
+
+from slip_detector.nodes.messages import event_qos, state_qos
+from slip_detector.parameters.grasp import GraspConfig
+from support.harness import ROOT, Bench, ended_quietly, patient_qos
+
+CONFIG = ROOT / 'config' / 'grasp.yaml'
+
+#: As the detector offers it.
+DEADLINE_S = 0.2
+
+#: Quick, so that no test has to wait.
+QUICK = {
+    'grip_n': 2.0,
+    'limit_n': 9.0,
+    'step_factor': 1.5,
+    'closing_n_s': 50.0,
+    'settle_s': 0.0,
+    'relax_after_s': 0.1,
+    'relax_n_s': 20.0,
+    'deadline_s': 0.5,
+}
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+class Controlled:
+    """A controller process, the test in place of its detector."""
+
+    def __init__(self, bench, **parameters):
+        self.bench = bench
+        self.forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
+        self._says = {
+            topic: bench.node.create_publisher(Bool, topic, state_qos(deadline_s=DEADLINE_S))
+            for topic in ('slip', 'slip_valid')
+        }
+        self.state = {'slip': False, 'slip_valid': True}
+        self.process = bench.start('grasp_controller', parameters={**QUICK, **parameters})
+        bench.wait_for(
+            lambda: (
+                all(says.get_subscription_count() for says in self._says.values())
+                and bench.node.count_publishers('grip_force')
+            ),
+            'the controller to connect',
+        )
+
+    def say(self, **state):
+        """Say what slip is from now on, and say it once."""
+        self.state.update(state)
+        for topic, says in self._says.items():
+            says.publish(Bool(data=self.state[topic]))
+
+    def force_n(self):
+        return self.forces[-1].effort[0] if self.forces else None
+
+    def wait_for(self, condition, what, beating=True):
+        """Wait until the condition holds, the heart of the detector beating meanwhile."""
+
+        def beaten():
+            if beating:
+                self.say()
+            return condition()
+
+        self.bench.wait_for(beaten, what)
+
+    def close(self):
+        self.wait_for(lambda: self.force_n() == QUICK['grip_n'], 'the grip to close')
+
+
+def test_nothing_is_commanded_before_the_detector_is_heard_and_nothing_gripped_before_it_is_valid(
+    bench,
+):
+    hand = Controlled(bench)
+    hand.wait_for(lambda: 'waiting' in hand.process.log(), 'the controller', beating=False)
+    for _ in range(20):
+        bench.executor.spin_once(timeout_sec=0.02)
+    assert not hand.forces
+    hand.state['slip_valid'] = False
+    hand.wait_for(lambda: len(hand.forces) > 20, 'commands')
+    assert {message.effort[0] for message in hand.forces} == {0.0}
+    hand.state['slip_valid'] = True
+    hand.close()
+    assert list(hand.forces[-1].name) == ['grip']
+    assert hand.forces[-1].header.stamp.sec > 0
+
+
+def test_slip_raises_the_grip_to_the_limit_and_without_it_the_grip_relaxes(bench):
+    hand = Controlled(bench)
+    hand.close()
+    hand.say(slip=True)
+    hand.wait_for(lambda: hand.force_n() == QUICK['limit_n'], 'the limit')
+    assert 'slip: grip raised to 3.00 N' in hand.process.log()
+    raised = [message.effort[0] for message in hand.forces]
+    assert raised == sorted(raised)
+    hand.say(slip=False)
+    hand.wait_for(lambda: hand.force_n() == QUICK['grip_n'], 'the grip to relax')
+    assert max(message.effort[0] for message in hand.forces) == QUICK['limit_n']
+
+
+def test_a_short_slip_is_not_missed(bench):
+    hand = Controlled(bench, relax_n_s=0.0)
+    hand.close()
+    hand.say(slip=True)
+    hand.say(slip=False)
+    hand.wait_for(lambda: hand.force_n() == 3.0, 'one raise')
+
+
+@pytest.mark.parametrize('why', ['not valid', 'silent'])
+@pytest.mark.parametrize('on_invalid', ['hold', 'open'])
+def test_a_slip_that_cannot_be_relied_on_is_answered_as_told(bench, why, on_invalid):
+    hand = Controlled(bench, on_invalid=on_invalid, relax_n_s=0.0)
+    hand.close()
+    hand.say(slip=True)
+    hand.wait_for(lambda: hand.force_n() > QUICK['grip_n'], 'a raise')
+    hand.say(slip=False)
+    hand.wait_for(lambda: 'raised' in hand.process.log(), 'the log')
+    if why == 'not valid':
+        hand.state['slip_valid'] = False
+    beating = why == 'not valid'
+    hand.wait_for(lambda: 'cannot be relied on' in hand.process.log(), 'the log', beating)
+    assert why in hand.process.log()
+    if on_invalid == 'open':
+        hand.wait_for(lambda: hand.force_n() == 0.0, 'the grip to open', beating)
+    count, held_n = len(hand.forces), hand.force_n()
+    hand.wait_for(lambda: len(hand.forces) > count + 20, 'commands', beating)
+    assert {message.effort[0] for message in hand.forces[count:]} == {held_n}
+    # And when all is well again: a grip that holds goes on, one that has opened stays open.
+    hand.say(slip_valid=True, slip=True)
+    if on_invalid == 'hold':
+        assert held_n > QUICK['grip_n']
+        hand.wait_for(lambda: hand.force_n() > held_n, 'the next raise')
+    else:
+        count = len(hand.forces)
+        hand.wait_for(lambda: len(hand.forces) > count + 20, 'commands')
+        assert {message.effort[0] for message in hand.forces} >= {0.0, QUICK['grip_n']}
+        assert hand.force_n() == 0.0
+
+
+def test_a_detector_that_promises_less_than_is_asked_for_is_named(bench):
+    forces = bench.listen(JointState, 'grip_force', state_qos())
+    offered = bench.node.create_publisher(
+        Bool,
+        'slip_valid',
+        state_qos(deadline_s=5.0),
+        event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
+    )
+    offered.publish(Bool(data=True))
+    process = bench.start('grasp_controller', parameters=QUICK)
+    bench.wait_for(lambda: 'DEADLINE' in process.log(), 'the warning')
+    assert "'slip_valid', offering incompatible QoS" in process.log()
+    assert not forces
+
+
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize('on_invalid', ['hold', 'open'])
+def test_a_detector_that_is_killed_or_hangs_is_noticed(bench, on_invalid, number):
+    forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
+    words = ['--params-file', CONFIG]
+    # What comes after a parameter file takes precedence over it.
+    told = ['-p', f'on_invalid:={on_invalid}', '-p', 'closing_n_s:=50.0']
+    detector = bench.start('slip_detector', *words)
+    controller = bench.start('grasp_controller', *words, *told)
+    bench.start('slip_driver', *words, parameters={'wait_for_subscribers': 1, 'loop': 'true'})
+    bench.wait_for(lambda: forces and forces[-1].effort[0] >= GraspConfig().grip_n, 'a grip')
+    detector.signal(number)
+    bench.wait_for(lambda: 'silent' in controller.log(), 'the silence')
+    if on_invalid == 'open':
+        bench.wait_for(lambda: forces[-1].effort[0] == 0.0, 'the grip to open')
+    count = len(forces)
+    bench.wait_for(lambda: len(forces) > count + 20, 'commands')
+    held = {message.effort[0] for message in forces[count:]}
+    assert len(held) == 1
+    assert (held == {0.0}) == (on_invalid == 'open')
+
+
+def test_an_object_that_is_lifted_and_filled_is_held_by_the_three_nodes(bench):
+    forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
+    position = bench.listen(JointState, 'platform_position', patient_qos())
+    onsets = bench.listen(Header, 'slip_onset', event_qos())
+    words = ['--params-file', CONFIG]
+    bench.start('slip_detector', *words)
+    controller = bench.start('grasp_controller', *words)
+    driver = bench.start('slip_driver', *words, parameters={'wait_for_subscribers': 1})
+    bench.wait_for(driver.ended, 'the scene to end')
+    assert driver.wait() == 0, driver.log()
+    bench.wait_for(lambda: position, 'positions')
+    assert list(position[-1].name) == ['object']
+    found = [message.effort[0] for message in forces]
+    config = GraspConfig.from_yaml(CONFIG)
+    assert config.grip_n < max(found) <= config.limit_n
+    assert onsets
+    assert 'slip: grip raised' in controller.log()
+    # It slid, but it was not lost.
+    assert 1e-5 < position[-1].position[0] < 0.05
+    # Grips sink slowly, and only rise at once.
+    assert min(b - a for a, b in itertools.pairwise(found)) > -0.1
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_the_controller_cleanly(bench, number):
+    hand = Controlled(bench)
+    hand.close()
+    with ended_quietly(hand.process, number):
+        pass
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'words'),
+    [
+        ({'grip_n': 20.0}, ['grip_n', '20', 'at most limit_n, 10 N']),
+        ({'on_invalid': 'panic'}, ['on_invalid', "'panic'", 'hold, open']),
+        ({'step_facto': 2.0}, ['step_facto', 'did you mean step_factor?']),
+    ],
+)
+def test_a_wrong_parameter_stops_the_start_with_one_line(bench, parameters, words):
+    process = bench.start('grasp_controller', parameters=parameters)
+    assert process.wait() == 1
+    (line,) = process.log().strip().splitlines()
+    assert line.startswith('grasp_controller: ')
+    for word in words:
+        assert word in line

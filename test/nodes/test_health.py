@@ -1,0 +1,167 @@
+"""What is said of the detector's input and load."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slip_detector.nodes.health import Health, Level
+from slip_detector.parameters.detector import DetectorConfig
+
+CONFIG = DetectorConfig(valid_range_v=(0.0, 5.0))
+PERIOD_NS = 1e9 / 380
+
+
+def fed(health, rows, first=0, period_ns=PERIOD_NS, valid=None, spent_s=1e-4):
+    """Note rows one by one, as the node does."""
+    valid = np.isfinite(rows) & (rows >= 0) & (rows <= 5) if valid is None else valid
+    for k, row in enumerate(rows):
+        stamp_ns = 10**18 + round((first + k) * period_ns)
+        health.note_rows(row[None], valid[k][None], stamp_ns, 0.001, spent_s)
+    return first + len(rows)
+
+
+def good(n):
+    return 2.0 + 0.01 * np.random.default_rng(0).standard_normal((n, 16))
+
+
+def summed(health, passed_s=1.0, silent_s=0.0, slip=False, valid=True):
+    statuses = health.summary(passed_s, silent_s=silent_s, slip=slip, valid=valid)
+    assert [status.name for status in statuses] == ['input', 'channels', 'decisions']
+    return statuses
+
+
+def test_all_is_well():
+    health = Health(CONFIG)
+    first = fed(health, good(380))
+    summed(health)
+    fed(health, good(380), first)
+    statuses = summed(health, slip=True)
+    assert [status.level for status in statuses] == [Level.OK] * 3
+    assert statuses[0].message == '380.0 samples a second'
+    assert statuses[0].values['measured rate [Hz]'] == '380.00'
+    assert statuses[1].message == 'all 16 channels are valid'
+    assert statuses[1].values['valid now'] == '16 of 16'
+    assert statuses[2].message == 'slip is ON'
+    assert statuses[2].values['time per row [ms]'] == '0.100'
+
+
+@pytest.mark.parametrize(
+    ('share', 'level'),
+    [
+        (1.0, Level.OK),
+        (1.015, Level.OK),
+        (0.97, Level.WARN),
+        (1.1, Level.ERROR),
+        (0.5, Level.ERROR),
+    ],
+)
+def test_a_wrong_rate_is_measured(share, level):
+    health = Health(CONFIG)
+    fed(health, good(400), period_ns=PERIOD_NS / share)
+    status = summed(health)[0]
+    assert status.level == level
+    assert status.values['measured rate [Hz]'] == f'{380 * share:.2f}'
+    if level:
+        assert f'{380 * share:.1f} samples a second, 380 configured' in status.message
+
+
+def test_silence_is_an_error_and_the_rate_undefined():
+    health = Health(CONFIG)
+    status = summed(health, silent_s=math.inf, valid=False)[0]
+    assert status.level == Level.ERROR
+    assert 'no samples yet' in status.message
+    fed(health, good(10))
+    summed(health)
+    status, channels, decisions = summed(health, silent_s=3.21, valid=False)
+    assert 'no samples for 3.2 s' in status.message
+    assert status.values['measured rate [Hz]'] == '-'
+    assert status.values['age of the samples, median [ms]'] == '-'
+    assert channels.level == decisions.level == Level.ERROR
+    assert decisions.values['time per row [ms]'] == '-'
+
+
+def test_a_short_silence_is_not_yet_a_fault():
+    health = Health(CONFIG)
+    fed(health, good(10))
+    assert summed(health, silent_s=0.4)[0].level == Level.OK
+
+
+@pytest.mark.parametrize(
+    ('value', 'kind'),
+    [(math.nan, 'not a number'), (5.0, 'at the upper rail'), (-0.5, 'at the lower rail')],
+)
+def test_a_channel_that_gives_nothing_is_named(value, kind):
+    health = Health(CONFIG)
+    rows = good(380)
+    rows[100:, 4] = value
+    fed(health, rows)
+    status = summed(health)[1]
+    assert status.level == Level.WARN
+    assert status.message.startswith(f'{kind}: ch5: ')
+    assert status.values[kind] == 'ch5'
+    assert status.values['valid now'] == ('16 of 16' if value == 5.0 else '15 of 16')
+
+
+def test_a_flat_channel_is_named_and_told_from_a_bad_one():
+    health = Health(CONFIG)
+    rows = good(380)
+    valid = np.ones(rows.shape, bool)
+    valid[200:, 2] = False
+    fed(health, rows, valid=valid)
+    status = summed(health)[1]
+    assert status.message == 'flat: ch3: repeats one value, broken?'
+
+
+def test_all_channels_at_the_rail_is_an_error_and_only_the_first_are_listed():
+    health = Health(CONFIG)
+    fed(health, np.full((380, 16), 5.0))
+    status = summed(health)[1]
+    assert status.level == Level.ERROR
+    assert 'ch8 and 8 more' in status.message
+
+
+def test_disabled_channels_are_not_complained_of():
+    health = Health(DetectorConfig(disabled_channels=(3,)))
+    rows = good(100)
+    rows[:, 2] = np.nan
+    valid = np.ones(rows.shape, bool)
+    valid[:, 2] = False
+    fed(health, rows, valid=valid)
+    status = summed(health)[1]
+    assert status.level == Level.OK
+    assert status.values['valid now'] == '15 of 15'
+    assert status.values['disabled'] == 'ch3'
+
+
+def test_what_was_lost_is_complained_of_once_and_counted_on():
+    health = Health(CONFIG)
+    first = fed(health, good(100))
+    health.totals['bridged'] += 7
+    health.totals['channels'] += 1
+    status = summed(health)[0]
+    assert status.level == Level.ERROR
+    worst, other = status.message.split('; ')
+    assert worst == '1 samples dropped: not as many channels as configured'
+    assert other.startswith('7 samples lost and bridged')
+    fed(health, good(100), first)
+    status = summed(health)[0]
+    assert status.level == Level.OK
+    assert status.values['lost and bridged'] == '7'
+
+
+@pytest.mark.parametrize(
+    ('spent_s', 'level'), [(1e-3, Level.OK), (1.5e-3, Level.WARN), (2.5e-3, Level.ERROR)]
+)
+def test_rows_that_take_too_much_of_the_time_are_said(spent_s, level):
+    health = Health(CONFIG)
+    fed(health, good(380), spent_s=spent_s)
+    assert summed(health)[2].level == level
+
+
+def test_after_a_leap_of_the_stamps_the_rate_is_measured_anew():
+    health = Health(CONFIG)
+    fed(health, good(100))
+    health.restart()
+    fed(health, good(100), first=10**6)
+    assert summed(health)[0].values['measured rate [Hz]'] == '380.00'

@@ -1,0 +1,134 @@
+"""Serialised messages read without rclpy's conversion, against what rclpy makes of them."""
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+
+from slip_detector.nodes.inputs import Input
+from slip_detector.nodes.joint_states import Alike
+from slip_detector.nodes.messages import stamp_ns, time_message
+from slip_detector.parameters.detector import DetectorConfig
+
+PUBLISHED_NS = 7
+
+texts = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=9)
+numbers = st.floats(width=64)
+stamps = st.integers(-(2**31), 2**31 - 1)
+nanoseconds = st.integers(0, 10**9 - 1)
+
+
+@st.composite
+def messages(draw):
+    message = JointState(
+        name=draw(st.lists(texts, max_size=4)),
+        position=draw(st.lists(numbers, min_size=1, max_size=5)),
+        velocity=draw(st.lists(numbers, max_size=3)),
+        effort=draw(st.lists(numbers, max_size=3)),
+    )
+    message.header.frame_id = draw(texts)
+    message.header.stamp.sec, message.header.stamp.nanosec = draw(stamps), draw(nanoseconds)
+    return message
+
+
+def assert_same(sample, message):
+    np.testing.assert_array_equal(sample.rows, [message.position])
+    assert sample.rows.flags.writeable
+    assert sample.rows.flags.aligned
+    assert sample.names == list(message.name)
+    assert sample.frame_id == message.header.frame_id
+    assert sample.stamp_ns == (stamp_ns(message.header.stamp) or PUBLISHED_NS)
+
+
+def a_message(position=(1.0, 2.0), name=('a', 'bc'), frame_id='tip', at_ns=5):
+    message = JointState(position=position, name=list(name))
+    message.header.frame_id = frame_id
+    message.header.stamp = time_message(at_ns)
+    return message
+
+
+@given(st.lists(messages(), min_size=1, max_size=6))
+def test_any_messages_in_any_order_are_read_as_rclpy_reads_them(sent):
+    source = Input(DetectorConfig())
+    for message in sent:
+        raw = serialize_message(message)
+        assert_same(source.read(raw, {'source_timestamp': PUBLISHED_NS}), message)
+
+
+@given(messages(), st.data())
+def test_a_message_that_differs_in_stamp_and_numbers_is_alike(first, data):
+    second = deserialize_message(serialize_message(first), JointState)
+    n = len(first.position)
+    second.position = data.draw(st.lists(numbers, min_size=n, max_size=n))
+    second.header.stamp = time_message(data.draw(st.integers(1, 10**18)))
+    alike = Alike(serialize_message(first), first)
+    sample = alike.read(serialize_message(second))
+    assert sample is not None
+    assert_same(sample, second)
+
+
+def test_what_pads_a_message_may_be_anything():
+    message = a_message()
+    raw = bytearray(serialize_message(message))
+    place = raw.index(b'bc\0') + 3  # of one byte that brings the next length to a multiple of 4
+    alike = Alike(bytes(raw), message)
+    raw[place] ^= 0xFF
+    assert deserialize_message(bytes(raw), JointState).name == message.name
+    sample = alike.read(bytes(raw))
+    assert sample is not None
+    assert_same(sample, message)
+
+
+@pytest.mark.parametrize(
+    'other',
+    [
+        {'name': ('a', 'bd')},
+        {'name': ('ab', 'c')},
+        {'name': ()},
+        {'frame_id': 'top'},
+        {'position': (1.0, 2.0, 3.0)},
+        {'position': (1.0,)},
+    ],
+)
+def test_a_message_with_other_texts_or_lengths_is_not_alike(other):
+    first = a_message()
+    alike = Alike(serialize_message(first), first)
+    assert alike.read(serialize_message(a_message(**other))) is None
+
+
+def test_a_message_that_was_cut_off_or_is_something_else_is_refused_in_one_line():
+    source = Input(DetectorConfig())
+    info = {'source_timestamp': PUBLISHED_NS}
+    message = a_message()
+    raw = serialize_message(message)
+    assert_same(source.read(raw, info), message)
+    for broken in (raw[:50], raw[:20], raw[:4], b'', raw[:4] + b'\xff' * 60):
+        with pytest.raises(ValueError, match=r'^a message is no sensor_msgs/msg/JointState$'):
+            source.read(broken, info)
+    assert_same(source.read(raw, info), message)
+
+
+def test_a_message_of_a_machine_with_the_other_byte_order_is_read():
+    # Header without a frame, no names, one position, nothing else.
+    raw = b'\0\0\0\0' + struct.pack('>iI', 3, 4) + struct.pack('>I', 1) + b'\0' * 4
+    raw += struct.pack('>I', 0) + struct.pack('>I', 1) + struct.pack('>d', 2.5)
+    raw += struct.pack('>II', 0, 0)
+    sample = Input(DetectorConfig()).read(raw, {'source_timestamp': PUBLISHED_NS})
+    np.testing.assert_array_equal(sample.rows, [[2.5]])
+    assert sample.stamp_ns == 3_000_000_004
+
+
+@pytest.mark.parametrize(('replayed', 'wanted'), [(False, PUBLISHED_NS), (True, None)])
+def test_an_empty_stamp_is_that_of_publication_unless_time_is_replayed(replayed, wanted):
+    source = Input(DetectorConfig())
+    source.replayed = replayed
+    raw = serialize_message(a_message(at_ns=0))
+    for _ in range(2):
+        assert source.read(raw, {'source_timestamp': PUBLISHED_NS}).stamp_ns == wanted

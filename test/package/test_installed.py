@@ -1,0 +1,74 @@
+"""The package as colcon installed it; skipped where colcon has not."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PREFIX = os.environ.get('SLIP_DETECTOR_PREFIX', '')
+
+pytestmark = pytest.mark.skipif(
+    not PREFIX, reason='SLIP_DETECTOR_PREFIX does not name a folder that colcon installed into'
+)
+
+EXECUTABLES = [
+    'grasp_controller',
+    'slip_benchmark',
+    'slip_demo',
+    'slip_detector',
+    'slip_driver',
+    'slip_evaluate',
+    'slip_grasp',
+    'slip_tune',
+]
+
+
+def run(name, *words):
+    command = [str(Path(PREFIX) / 'lib' / 'slip_detector' / name), *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_every_executable_is_where_ros2_run_looks():
+    folder = Path(PREFIX) / 'lib' / 'slip_detector'
+    assert sorted(path.name for path in folder.iterdir()) == EXECUTABLES
+
+
+def test_the_index_and_all_shared_files_are_there():
+    share = Path(PREFIX) / 'share'
+    assert (share / 'ament_index/resource_index/packages/slip_detector').is_file()
+    for name in ('package.xml', 'launch/hand.launch.py', 'config/slip_detector.yaml'):
+        assert (share / 'slip_detector' / name).is_file()
+
+
+def test_the_installed_package_is_the_one_that_runs_and_finds_its_scenes(tmp_path):
+    code = (
+        'import slip_detector.scenes.scene as s; '
+        'print(s.__file__); print(s.find_scene("plate_400um"))'
+    )
+    command = [sys.executable, '-c', code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    for line in done.stdout.splitlines():
+        assert Path(line).resolve().is_relative_to(Path(PREFIX).resolve())
+
+
+def test_what_reports_are_made_of_is_installed(tmp_path):
+    code = 'import slip_detector.report.page as r; print(*(len(r._read(n)) for n in r.SCRIPTS))'
+    command = [sys.executable, '-c', code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert all(int(size) > 1000 for size in done.stdout.split())
+
+
+@pytest.mark.parametrize('name', ['slip_benchmark', 'slip_demo', 'slip_evaluate', 'slip_grasp'])
+def test_the_command_lines_run(name):
+    done = run(name, '--help')
+    assert done.returncode == 0, done.stderr
+    assert name in done.stdout
+
+
+@pytest.mark.parametrize('name', ['slip_detector', 'slip_driver', 'grasp_controller'])
+def test_the_nodes_run_and_refuse_what_is_wrong(name):
+    done = run(name, '--ros-args', '-p', 'no_such_parameter:=1')
+    assert done.returncode == 1
+    assert 'unknown parameter no_such_parameter' in done.stderr

@@ -1,0 +1,111 @@
+"""What is written twice, in files that different tools read, says the same."""
+
+import ast
+import re
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.sets import NODES, read_yaml
+from slip_detector.scenes.scene import find_scene
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted((ROOT / 'slip_detector').rglob('*.py'))
+LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+
+ROSDEP_KEYS = {
+    'lz4': 'python3-rosbags-pip',  # comes with it
+    'matplotlib': 'python3-matplotlib',
+    'mpmath': 'python3-mpmath',
+    'numba': 'python3-numba',
+    'numpy': 'python3-numpy',
+    'rosbags': 'python3-rosbags-pip',
+    'scipy': 'python3-scipy',
+    'serial': 'python3-serial',
+    'tqdm': 'python3-tqdm',
+    'yaml': 'python3-yaml',
+}
+
+#: What rosdep does not know; a key that it does not know would fail the whole installation.
+#: slip_tune says how to install it.
+WITHOUT_KEY = {'optuna'}
+
+
+def imported(paths):
+    """Return the names of the packages that the files import."""
+    names = set()
+    for path in paths:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                names.update(alias.name.split('.')[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                names.add(node.module.split('.')[0])
+    return names - {'slip_detector'} - set(sys.stdlib_module_names)
+
+
+def package_xml():
+    return ElementTree.parse(ROOT / 'package.xml').getroot()
+
+
+def test_package_xml_names_every_dependency_and_no_other():
+    tags = ('depend', 'exec_depend')
+    declared = {element.text for tag in tags for element in package_xml().findall(tag)}
+    used = imported([*SOURCES, *LAUNCH_FILES])
+    assert used >= WITHOUT_KEY
+    assert {ROSDEP_KEYS.get(name, name) for name in used - WITHOUT_KEY} == declared
+
+
+def test_package_xml_and_setup_py_agree():
+    setup = (ROOT / 'setup.py').read_text()
+    for tag in ('version', 'description', 'license'):
+        assert f"{tag}='{package_xml().findtext(tag)}'" in setup
+    assert f"NAME = '{package_xml().findtext('name')}'" in setup
+    assert package_xml().find('maintainer').get('email') in setup
+
+
+def test_the_changelog_has_the_version():
+    assert re.search(
+        rf'^{package_xml().findtext("version")} ', (ROOT / 'CHANGELOG.rst').read_text(), re.M
+    )
+
+
+@pytest.mark.parametrize('path', sorted((ROOT / 'config').glob('*.yaml')), ids=lambda p: p.name)
+def test_every_shipped_parameter_file_is_taken(path):
+    assert isinstance(DetectorConfig.from_yaml(path), ChainConfig)
+    assert DriverConfig.from_yaml(path).NODE == 'slip_driver'
+    assert GraspConfig.from_yaml(path).NODE == 'grasp_controller'
+    # A section for a name that no node has would be ignored in silence.
+    sections = {section.rsplit('/', 1)[-1] for section in read_yaml(path)}
+    assert sections <= set(NODES)
+
+
+def test_shipped_scenes_are_found_by_name():
+    for path in (ROOT / 'config' / 'scenes').glob('*.yaml'):
+        assert find_scene(path.stem).resolve() == path.resolve()
+    assert (shared_folder() / 'package.xml').is_file()
+
+
+@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
+def test_launch_files_offer_the_documented_arguments(path):
+    tree = ast.parse(path.read_text())
+    declared = {
+        node.args[0].value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'DeclareLaunchArgument'
+    }
+    assert {'namespace', 'config', 'source'} <= declared
+
+
+def test_no_yaml_file_needs_what_ros_parameter_files_lack():
+    for path in (ROOT / 'config').glob('*.yaml'):
+        for section in yaml.safe_load(path.read_text()).values():
+            for name, value in section['ros__parameters'].items():
+                if isinstance(value, list):
+                    assert len({type(item) for item in value}) <= 1, f'{path.name}: {name}'

@@ -1,0 +1,191 @@
+"""Labels: what a person writes by hand is taken as it was meant, or named with its line."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.recordings import open_recording
+from slip_detector.recordings.labels import Motion, find_labels, read_labels, states_at
+
+RATE_HZ = 100.0
+N_ROWS = 1000
+
+
+@pytest.fixture
+def recording(tmp_path):
+    path = tmp_path / 'trial.npz'
+    np.savez(path, volts=np.ones((N_ROWS, 2)), sample_rate_hz=RATE_HZ, slip=np.zeros(N_ROWS))
+    return path
+
+
+def truth(path, labels=''):
+    config = DriverConfig(recording_labels=str(labels))
+    return np.concatenate([piece.truth for piece in open_recording(path, config).pieces()])
+
+
+def complaint(tmp_path, recording, text):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(text)
+    with pytest.raises(ValueError, match=re.escape(str(path))) as caught:
+        truth(recording, path)
+    assert '\n' not in str(caught.value)
+    return str(caught.value).removeprefix(str(path))
+
+
+@given(
+    edges=st.lists(st.integers(0, N_ROWS), min_size=0, max_size=12, unique=True), data=st.data()
+)
+def test_a_row_has_slip_from_a_start_up_to_its_end(tmp_path_factory, edges, data):
+    edges = sorted(edges)[: len(edges) // 2 * 2]
+    pairs = list(zip(edges[::2], edges[1::2], strict=True))
+    lines = [f'  - [{start / RATE_HZ!r}, {end / RATE_HZ!r}]  # seen' for start, end in pairs]
+    shuffled = data.draw(st.permutations(lines))
+    folder = tmp_path_factory.mktemp('labels')
+    np.savez(folder / 'a.npz', volts=np.ones((N_ROWS, 1)), sample_rate_hz=RATE_HZ)
+    path = folder / 'a.labels.yaml'
+    path.write_text('\n'.join(['# by hand', 'slip_s:' if pairs else 'slip_s: []', *shuffled]))
+    k = np.arange(N_ROWS)
+    wanted = np.zeros(N_ROWS, bool)
+    for start, end in pairs:
+        wanted |= (k >= start) & (k < end)
+    np.testing.assert_array_equal(truth(folder / 'a.npz'), wanted)
+
+
+def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recording_says(
+    tmp_path, recording
+):
+    assert not truth(recording).any()
+    (tmp_path / 'trial.labels.yaml').write_text('slip_s: [[1, 2]]')
+    assert truth(recording).sum() == 100
+    folder = tmp_path / 'by_hand'
+    folder.mkdir()
+    (folder / 'trial.labels.yaml').write_text('slip_s: [[1, 3]]')
+    assert truth(recording, folder).sum() == 200
+    assert open_recording(recording).has_truth
+    assert find_labels('', tmp_path / 'other.mcap') is None
+    assert find_labels(str(folder), tmp_path / 'trial') == folder / 'trial.labels.yaml'
+    with pytest.raises(
+        ValueError, match=r'by_hand: has no labels for .*other\.mcap, allowed: a f'
+    ):
+        find_labels(str(folder), tmp_path / 'other.mcap')
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('slip_s:\n- [1, 2]\n- [9, 10.02]', ': line 3: the slip [9, 10.02] s is outside the rec'),
+        (
+            'slip_s:\n- [20, 30]',
+            ': line 2: the slip [20, 30] s is outside the recording trial.npz',
+        ),
+        ('slip_s:\n- [-1, 3]', ': line 2: the slip [-1, 3] s is outside the recording, allowed: '),
+        (
+            'slip_s:\n- [1, 3]\n\n- [2, 4]',
+            ': line 4: the slip [2, 4] s overlaps [1, 3] s of line 2, allowed: each time once',
+        ),
+        (
+            'slip_s:\n- [5, 6]\n- [1, 5.5]',
+            ': line 3: the slip [1, 5.5] s overlaps [5, 6] s of line 2',
+        ),
+        (
+            'slip_s:\n- [1, 2]\n- [3, 3]',
+            ': line 3: the slip [3, 3] s is empty, allowed: the start',
+        ),
+        ('slip_s:\n- [4, 3]', ': line 2: the slip [4, 3] s is empty'),
+        ('slips:\n- [1, 2]', ': line 1: has slips, allowed: slip_s'),
+        ('slip_s: []\nunit: ms', ': line 2: has unit, allowed: slip_s'),
+        ('slip_s: []\nslip_s: []', ': line 2: has slip_s again, allowed: once'),
+        ('slip_s: 3', ': line 1: slip_s is no list, allowed: [start, end] pairs'),
+        ('slip_s:', ': line 1: slip_s is no list'),
+        ('slip_s:\n- 1\n- 2', ': line 2: is no pair, allowed: [start, end] in seconds'),
+        ('slip_s:\n- [1, 2, 3]', ': line 2: is no pair'),
+        ('slip_s:\n- {start: 1, end: 2}', ': line 2: is no pair'),
+        ('slip_s:\n- [1, two]', ": line 2: 'two' is no time, allowed: a number of seconds"),
+        ('slip_s:\n- [1, "2"]', ": line 2: '2' is no time"),
+        ('slip_s:\n- [0:30, 0:40]', ": line 2: '0:30' is no time"),
+        ('slip_s:\n- [1, .nan]', ": line 2: '.nan' is no time"),
+        ('slip_s:\n- [1, .inf]', ": line 2: '.inf' is no time"),
+        ('slip_s:\n- [1, inf]', ": line 2: 'inf' is no time"),
+        ('slip_s:\n- [1, 1_0]', ": line 2: '1_0' is no time"),
+        ('slip_s:\n- [1, [2]]', ': line 2: a list is no time'),
+        ('slip_s:\n- [1, true]', ": line 2: 'true' is no time"),
+        ('slip_s:\n- [1, ]', ': line 2: is no pair'),
+        ('slip_s:\n- [1, 2', ': line 2 is not YAML'),
+        ('- [1, 2]', ': is not a YAML file of labels, allowed: slip_s: [[start, end]]'),
+        ('', ': is not a YAML file of labels'),
+        ('{}', ': has no slip_s, allowed: slip_s: [[start, end]] ([] for no slip)'),
+        ('? [1]\n: 2', ': line 1: has a key that is no name, allowed: slip_s'),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_line(tmp_path, recording, text, said):
+    assert complaint(tmp_path, recording, text).startswith(said)
+
+
+def test_a_dot_in_the_name_of_a_folder_is_no_ending(tmp_path):
+    for name in ('push_0.5N', 'push_0.7N'):
+        (tmp_path / name).mkdir()
+        (tmp_path / f'{name}.labels.yaml').write_text('slip_s: []')
+        assert find_labels('', tmp_path / name) == tmp_path / f'{name}.labels.yaml'
+        assert find_labels(str(tmp_path), tmp_path / name) == tmp_path / f'{name}.labels.yaml'
+
+
+def test_a_file_of_labels_that_cannot_be_read_is_named(tmp_path, recording):
+    with pytest.raises(ValueError, match=r'no\.yaml: cannot be read \(No such file'):
+        truth(recording, tmp_path / 'no.yaml')
+    (tmp_path / 'binary.yaml').write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(ValueError, match=r'binary\.yaml: is not text, allowed: a YAML file'):
+        truth(recording, tmp_path / 'binary.yaml')
+
+
+@given(st.binary(max_size=60) | st.text('slip_:-[]{}0123., \n#&*!', max_size=60).map(str.encode))
+def test_no_file_of_labels_ends_in_anything_but_labels_or_one_line(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp('fuzz') / 'a.yaml'
+    path.write_bytes(content)
+    try:
+        read_labels(path)
+    except ValueError as error:
+        said = str(error)
+        assert said.startswith(f'{path}:')
+        assert '\n' not in said
+
+
+def test_labels_may_end_with_the_last_sample(recording, tmp_path):
+    (tmp_path / 'trial.labels.yaml').write_text('slip_s: [[9.5, 10]]')
+    assert truth(recording).sum() == 50
+
+
+@given(st.lists(st.booleans(), max_size=8), st.data())
+def test_a_state_holds_until_the_next(states, data):
+    steps = data.draw(st.lists(st.integers(1, 5), min_size=len(states), max_size=len(states)))
+    changes = np.cumsum(np.array(steps, dtype=np.int64))
+    at = np.arange(-1, int(changes[-1]) + 3 if len(states) else 3)
+    wanted = [
+        bool(
+            [state for when, state in zip(changes, states, strict=True) if when <= t][-1:]
+            == [True]
+        )
+        for t in at
+    ]
+    np.testing.assert_array_equal(states_at(changes, np.array(states, bool), at), wanted)
+
+
+@given(st.lists(st.sampled_from([0.0, 1.0]), min_size=1, max_size=25), st.data())
+def test_motion_lies_between_positions_that_differ_in_any_cut(positions, data):
+    n = len(positions)
+    position_m = np.array(positions)[:, np.newaxis]
+    stamps_ns = np.arange(n) * 10
+    motion = Motion(0.0)
+    cuts = sorted(data.draw(st.lists(st.integers(0, n), max_size=4)))
+    for begin, end in zip([0, *cuts], [*cuts, n], strict=True):
+        if begin < end:
+            motion.add(stamps_ns[begin:end], position_m[begin:end])
+    moved = np.diff(positions) != 0
+    at = np.arange(-5, 10 * n + 5)
+    wanted = np.zeros(len(at), bool)
+    for k in np.flatnonzero(moved):
+        wanted |= (at >= 10 * k) & (at <= 10 * (k + 1))
+    np.testing.assert_array_equal(motion.at(at), wanted)

@@ -1,0 +1,377 @@
+"""Mechanics: the stepper solves skin and friction, at any cut, and makes no energy."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slip_detector.chain import fingertip
+from slip_detector.parameters.detector import PAPER_CHANNELS
+from slip_detector.scenes.friction import LIGHTEST_LOAD_N
+from slip_detector.scenes.mechanics import DEFLECTION, DISPLACEMENT, LEAST, PASSING, WORK
+from slip_detector.scenes.scene import Scene
+
+ALL = 10**9
+DISTANCE_M = np.hypot(*fingertip.taxel_positions().T)
+
+# Whatever the defaults are: these are the numbers that the tests count on.
+# At 1 N the outer eight taxels lie near the edge of the contact.
+CONTACT = {'radius_at_1n_m': 2.2e-3, 'centre_m': [0.0, 0.0], 'taxel_area_m2': 3e-7}
+MOTION = {'acceleration_m_s2': 0.5, 'ringing_hz': 20.0, 'ringing_damping': 0.7}
+SKIN = {'shear_stiffness_n_m': 500.0, 'damping_n_s_m': 0.3, 'mass_kg': 0.0}
+LUGRE = {
+    'model': 'lugre',
+    'kinetic_coefficient': 0.5,
+    'static_coefficient': 0.6,
+    'stribeck_velocity_m_s': 10e-3,
+    'bristle_stiffness_n_m': 1e5,
+    'bristle_damping_n_s_m': 0.1,
+    'viscous_n_s_m': 0.0,
+    'unloading_s': 1e-4,
+}
+COULOMB = {'model': 'coulomb', 'kinetic_coefficient': 0.5}
+SHEAR_ONLY = {
+    'spread': 0.0, 'noise_v': 0.0, 'normal_v_n': 0.0, 'shear_v_n': 1.0, 'shear_along_share': 1.0,
+    'bandwidth_hz': 0.0,
+}  # fmt: skip
+
+#: Touched at 0.05 s, pushed at 0.6 s: until then the force has settled.
+PUSHED = [
+    {'duration_s': 0.05},
+    {'duration_s': 0.05, 'force_n': 1.0},
+    {'duration_s': 0.5},
+    {'duration_s': 0.3, 'velocity_m_s': 10e-3},
+]
+PUSH_S = 0.6
+
+
+def scene(steps=PUSHED, seed=0, **parts):
+    description = {
+        'steps': steps, 'contact': CONTACT, 'motion': MOTION, 'skin': SKIN, 'friction': LUGRE,
+        'electronics': SHEAR_ONLY, **parts,
+    }  # fmt: skip
+    return Scene(description, np.random.default_rng(seed))
+
+
+def shears_n(**parts):
+    """Return times and the shear force of each taxel's skin."""
+    time_s, clean_v, _, _ = scene(**parts).clean(ALL)
+    return time_s, clean_v
+
+
+# Any cut.
+
+ALL_PARTS = {
+    'sample_rate_hz': 200.0,
+    'step_s': 1e-3,
+    'contact': CONTACT,
+    'skin': {**SKIN, 'mass_kg': 1e-6},
+    'friction': {**LUGRE, 'static_coefficient': 0.52},
+    'texture': {'ridge_height_m': 5e-5, 'harmonics': [0.1, 0.1], 'indentation_m': 1e-3},
+    'roughness': {},
+    'electronics': {'bandwidth_hz': 60.0, 'drift_v': 0.01, 'noise_v': 1e-3, 'adc_bits': 12},
+    'hum': {},
+    'tremor': {},
+    'taps': {'times_s': [0.3], 'duration_s': 0.05},
+    'rolling': {'start_s': 0.35, 'duration_s': 0.1},
+    'faults': {'dead_channels': [1], 'flat_channels': [2], 'noisy_channels': [3], 'from_s': 0.3},
+    'drops': {'share': 0.2, 'burst_samples': 3},
+    'clock': {'rate_ratio': 1.1},
+}
+ON_A_PLATE = [
+    {'duration_s': 0.1, 'force_n': 0.5},
+    {'duration_s': 0.2},
+    {'duration_s': 0.2, 'velocity_m_s': 10e-3},
+    {'duration_s': 0.1, 'force_n': 0.0},
+]
+AN_OBJECT = [
+    {'duration_s': 0.1, 'force_n': 2.0},
+    {'duration_s': 0.1, 'carried': 1.0},
+    {'duration_s': 0.2, 'pull_n': 1.5},
+    {'duration_s': 0.2, 'force_n': 0.0},
+]
+WHOLE_SCENES = {
+    'plate': {**ALL_PARTS, 'steps': ON_A_PLATE, 'motion': MOTION},
+    'object': {**ALL_PARTS, 'steps': AN_OBJECT, 'motion': MOTION, 'object': {'mass_kg': 0.1}},
+    'bare': {'steps': ON_A_PLATE, 'motion': MOTION, 'texture': ALL_PARTS['texture']},
+}
+
+
+@settings(max_examples=20)
+@given(st.sampled_from(sorted(WHOLE_SCENES)), st.lists(st.integers(0, 60), max_size=12))
+def test_any_cut_of_a_scene_gives_the_same_bits(name, cuts):
+    description = WHOLE_SCENES[name]
+    whole = Scene(description, np.random.default_rng(0)).read(ALL)
+    cut = Scene(description, np.random.default_rng(0))
+    pieces = [cut.read(n) for n in [*cuts, ALL, 1]]
+    for field in whole._fields:
+        joined = np.concatenate([getattr(piece, field) for piece in pieces])
+        assert joined.tobytes() == getattr(whole, field).tobytes(), field
+    assert len(pieces[-1].volts) == 0
+
+
+WITHOUT_NUMBA = """
+import json, sys
+sys.modules['numba'] = None
+import numpy as np
+from slip_detector.chain.compiled import COMPILED
+from slip_detector.scenes.scene import Scene
+assert not COMPILED
+scene = Scene(json.load(sys.stdin), np.random.default_rng(0))
+json.dump(scene.clean(10**9)[1].tolist(), sys.stdout)
+"""
+
+
+def test_without_numba_a_scene_is_the_same():
+    short = [{'duration_s': 0.05, 'force_n': 1.0}, {'duration_s': 0.1, 'velocity_m_s': 10e-3}]
+    description = {**ALL_PARTS, 'steps': short}
+    done = subprocess.run(
+        [sys.executable, '-c', WITHOUT_NUMBA],
+        input=json.dumps(description),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    compiled_v = Scene(description, np.random.default_rng(0)).clean(ALL)[1]
+    np.testing.assert_allclose(json.loads(done.stdout), compiled_v, rtol=1e-9, atol=1e-12)
+
+
+def test_the_parts_of_the_whole_scenes_are_all_felt():
+    # Else any cut of them would be of no worth.
+    plate, thing = (Scene(WHOLE_SCENES[name], np.random.default_rng(0)).read(ALL)
+                    for name in ('plate', 'object'))  # fmt: skip
+    for samples in (plate, thing):
+        assert 10 < len(samples.volts) < 130
+        assert samples.truth.any()
+        assert not samples.truth.all()
+        assert np.ptp(samples.volts[:, 3:], axis=0).min() > 0.0
+    assert thing.position_m[-1] > 1e-3
+
+
+# The order of the method.
+
+
+def test_halving_the_step_quarters_the_error():
+    def displacements(step_s):
+        return shears_n(sample_rate_hz=200.0, step_s=step_s)[1]
+
+    steps_s = [4e-4, 2e-4, 1e-4, 5e-5]
+    reference = displacements(2.5e-6)
+    errors = [np.abs(displacements(step_s) - reference).max() for step_s in steps_s]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(orders > 1.6), orders
+    assert errors[-1] < 1e-3 * np.ptp(reference)
+
+
+# Energy.
+
+
+def force_and_velocity(draw_velocity):
+    return st.lists(
+        st.fixed_dictionaries(
+            {
+                'duration_s': st.floats(0.02, 0.1),
+                'force_n': st.sampled_from([-1.0, 0.0]) | st.floats(0.0, 1.0),
+                'velocity_m_s': draw_velocity,
+            }
+        ),
+        min_size=1,
+        max_size=4,
+    )
+
+
+FRICTIONS = st.fixed_dictionaries(
+    {
+        'bristle_stiffness_n_m': st.floats(3.0, 9.0).map(lambda e: 10.0**e),
+        'bristle_damping_n_s_m': st.sampled_from([0.0, 0.01, 0.1, 10.0]),
+        'viscous_n_s_m': st.sampled_from([0.0, 0.1]),
+        'unloading_s': st.sampled_from([1e-6, 1e-4, 1e-2]),
+        'kinetic_coefficient': st.floats(0.1, 0.5),
+        'static_coefficient': st.floats(0.5, 0.6),
+        'stribeck_velocity_m_s': st.sampled_from([1e-1, 3e-1]),
+    }
+) | st.just({'model': 'coulomb', 'kinetic_coefficient': 0.5})
+SKINS = st.fixed_dictionaries(
+    {
+        'shear_stiffness_n_m': st.floats(100.0, 1e4),
+        'damping_n_s_m': st.sampled_from([0.3, 3.0]),
+        'mass_kg': st.sampled_from([0.0, 1e-6, 1e-4]),
+    }
+)
+STEPS_S = st.sampled_from([1e-5, 1e-4, 1e-3, 5e-3])
+
+
+def no_energy_from_friction(played):
+    ledger = np.zeros(3)
+    time_s, clean_v, position_m, _ = played.clean(ALL, ledger)
+    assert len(time_s) == played.length
+    for array in (clean_v, position_m, ledger, *played.state):
+        assert np.all(np.isfinite(array))
+    # Work put in, less what is stored: what has become heat. It never sinks below nothing.
+    assert ledger[LEAST] >= -1e-9 * abs(ledger[WORK]) - 1e-25
+    return ledger
+
+
+@settings(max_examples=80)
+@given(
+    force_and_velocity(st.sampled_from([-0.08, 0.0, 0.08]) | st.floats(-0.1, 0.1)),
+    FRICTIONS,
+    SKINS,
+    STEPS_S,
+)
+def test_friction_never_makes_energy_on_a_plate(steps, friction, skin, step_s):
+    motion = {**MOTION, 'acceleration_m_s2': 20.0}
+    no_energy_from_friction(
+        scene(steps, friction=friction, skin=skin, step_s=step_s, motion=motion)
+    )
+
+
+@settings(max_examples=40)
+@given(
+    force_and_velocity(st.just(0.0)), FRICTIONS, SKINS, STEPS_S, st.floats(-3.0, 1.0),
+    st.floats(0.0, 2.0),
+)  # fmt: skip
+def test_friction_never_makes_energy_on_an_object(steps, friction, skin, step_s, exponent, grip):
+    mass_kg = 10.0**exponent
+    grips = [
+        {**step, 'force_n': min(20.0 * grip * mass_kg * step['force_n'], 20.0), 'carried': 1.0}
+        for step in steps
+        if step['force_n'] >= 0.0
+    ]
+    thing = {'mass_kg': mass_kg, 'length_m': 10.0}
+    # Under a firm grip the skin needs the damping that keeps it from chattering.
+    skin = {**skin, 'damping_n_s_m': 30.0}
+    no_energy_from_friction(
+        scene([{'duration_s': 0.05, 'force_n': 1.0}, *grips], object=thing, friction=friction,
+              skin=skin, step_s=step_s)
+    )  # fmt: skip
+
+
+def test_the_heat_of_steady_sliding_is_friction_times_way():
+    ledger = np.zeros(3)
+    steps = [*PUSHED[:3], {'duration_s': 1.0, 'velocity_m_s': 20e-3}]
+    played = scene(steps, friction=COULOMB)
+    played.clean(played.length - 200, ledger)
+    before, way_m = ledger[WORK], 20e-3 * 200 / 380.0
+    played.clean(200, ledger)
+    loads_n = -scene(
+        steps, electronics={**SHEAR_ONLY, 'normal_v_n': -1.0, 'shear_v_n': 0.0}
+    ).clean(ALL)[1][-1]
+    assert ledger[WORK] - before == pytest.approx(0.5 * loads_n.sum() * way_m, rel=1e-3)
+
+
+# Sticking and sliding.
+
+
+@pytest.mark.parametrize('friction', [COULOMB, LUGRE])
+def test_all_taxels_stick_and_then_slide_with_those_at_the_edge_first(friction):
+    played = scene(friction=friction, sample_rate_hz=5000.0)
+    played.clean(round(PUSH_S * 5000.0))
+    assert np.all(played.state.patches[:, DISPLACEMENT] < 1e-9)
+    first = np.full(PAPER_CHANNELS, -1)
+    for k in range(1500):
+        time_s, *_ = played.clean(1)
+        if not len(time_s):
+            break
+        surface_m_s = min(0.5 * (time_s[0] - PUSH_S), 10e-3)
+        slides = played.state.patches[:, PASSING] > 0.5 * surface_m_s
+        first[(first < 0) & slides & (time_s[0] > PUSH_S)] = k
+    assert np.all(first > 0)
+    # From the edge inward; those at one distance begin together.
+    order = np.argsort(DISTANCE_M)[::-1]
+    assert np.all(np.diff(first[order]) >= -1)
+    assert first[order[-1]] > first[order[0]] + 5
+
+
+@pytest.mark.parametrize('friction', [COULOMB, LUGRE])
+def test_shear_is_elastic_at_first_and_friction_times_load_at_last(friction):
+    time_s, shear_n = shears_n(friction=friction, sample_rate_hz=1000.0)
+    loads_n = -scene(
+        friction=friction,
+        electronics={**SHEAR_ONLY, 'normal_v_n': -1.0, 'shear_v_n': 0.0},
+        sample_rate_hz=1000.0,
+    ).clean(ALL)[1]
+    # The first micrometres: the skin follows, but for the damper and the bristles.
+    soon = np.searchsorted(time_s, PUSH_S + 4e-3)
+    way_m = 0.25 * 4e-3**2
+    np.testing.assert_allclose(shear_n[soon], 500.0 * way_m, rtol=0.15)
+    level = 0.5
+    if friction is LUGRE:
+        level += 0.1 * np.exp(-1.0)  # At 10 mm/s, the Stribeck velocity.
+    np.testing.assert_allclose(shear_n[-1], level * loads_n[-1], rtol=1e-3)
+
+
+def test_skin_without_mass_is_the_limit_of_skin_with_little():
+    def shear_n(mass_kg):
+        skin = {**SKIN, 'mass_kg': mass_kg}
+        return shears_n(skin=skin, step_s=5e-5)[1]
+
+    limit_n = shear_n(0.0)
+    off = [np.abs(shear_n(mass_kg) - limit_n).max() for mass_kg in (1e-5, 1e-6, 1e-7)]
+    assert off[0] < 0.02 * limit_n.max()
+    assert off[1] < 0.2 * off[0]
+    assert off[2] < 0.2 * off[1]
+
+
+def test_coulomb_is_the_limit_of_stiff_bristles_without_stribeck_effect():
+    def shear_n(stiffness_n_m):
+        bristles = {
+            **LUGRE, 'static_coefficient': 0.5, 'bristle_stiffness_n_m': stiffness_n_m,
+            'bristle_damping_n_s_m': 0.0,
+        }  # fmt: skip
+        return shears_n(friction=bristles, step_s=1e-4)[1]
+
+    limit_n = shears_n(friction=COULOMB, step_s=1e-4)[1]
+    off = [np.abs(shear_n(10.0**e) - limit_n).max() / limit_n.max() for e in (5, 6, 8)]
+    assert off[0] > off[1] > off[2]
+    assert off[2] < 1e-3
+
+
+def test_coulomb_friction_needs_neither_mass_nor_damping():
+    bare = {**SKIN, 'damping_n_s_m': 0.0}
+    _, shear_n = shears_n(friction=COULOMB, skin=bare, sample_rate_hz=1000.0)
+    loads_n = -scene(
+        friction=COULOMB,
+        skin=bare,
+        electronics={**SHEAR_ONLY, 'normal_v_n': -1.0, 'shear_v_n': 0.0},
+        sample_rate_hz=1000.0,
+    ).clean(ALL)[1]
+    assert np.all(np.abs(shear_n) <= 0.5 * loads_n + 1e-12)
+    np.testing.assert_allclose(shear_n[-1], 0.5 * loads_n[-1], rtol=1e-9)
+
+
+@pytest.mark.parametrize('velocity_m_s', [20e-3, -20e-3])
+@pytest.mark.parametrize('friction', [COULOMB, LUGRE])
+def test_the_way_back_is_the_mirror_of_the_way_there(friction, velocity_m_s):
+    steps = [*PUSHED[:3], {'duration_s': 0.2, 'velocity_m_s': velocity_m_s}]
+    mirrored = [*PUSHED[:3], {'duration_s': 0.2, 'velocity_m_s': -velocity_m_s}]
+    one, other = (shears_n(steps=way, friction=friction)[1] for way in (steps, mirrored))
+    np.testing.assert_allclose(one, -other, atol=1e-12)
+
+
+@pytest.mark.parametrize('friction', [COULOMB, LUGRE])
+@pytest.mark.parametrize('mass_kg', [0.0, 1e-6])
+def test_after_lift_off_while_sliding_the_skin_goes_back_to_rest(friction, mass_kg):
+    steps = [
+        *PUSHED,
+        {'duration_s': 0.05, 'force_n': 0.0, 'velocity_m_s': 10e-3},
+        {'duration_s': 2.0, 'velocity_m_s': 10e-3},
+    ]
+    played = scene(steps, friction=friction, skin={**SKIN, 'mass_kg': mass_kg})
+    _, clean_v, _, sliding = played.clean(ALL)
+    assert clean_v.max() > 1e-3
+    # Of LuGre's friction the part is left that the lightest load has, below what a taxel feels.
+    left_n = 0.0 if friction is COULOMB else 0.6 * LIGHTEST_LOAD_N
+    shears_n = SKIN['shear_stiffness_n_m'] * played.state.patches[:, DISPLACEMENT]
+    bristles_n = LUGRE['bristle_stiffness_n_m'] * played.state.patches[:, DEFLECTION]
+    assert np.abs(shears_n).max() <= 1.001 * left_n + 1e-12
+    assert np.abs(bristles_n).max() <= 1.001 * left_n
+    assert sliding[-1] == 0.0
+    for array in played.state:
+        sizes = np.abs(array[array != 0.0])
+        assert np.all(np.isfinite(sizes))
+        assert np.all(sizes > np.finfo(float).tiny)

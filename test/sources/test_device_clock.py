@@ -1,0 +1,121 @@
+"""Stamps of samples: the sender's own spacing, on the receiver's clock."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.sources.device_clock import SLEW, STEP_NS, WINDOW_NS, DeviceClock
+from slip_detector.sources.live import stamped
+from slip_detector.sources.packets import Received
+
+PERIOD_NS = 1_000_000
+
+#: What the receiver's clock shows when the sender's shows zero.
+OFFSET_NS = 1_700_000_000_000_000_000
+
+
+def times_ns(n, period_ns=PERIOD_NS):
+    return [k * period_ns for k in range(n)]
+
+
+def stamps_ns(clock, delays_ns, batch=1, drift=0.0, offset_ns=OFFSET_NS):
+    """Send a sample each period, in batches, each delayed; returns stamps and true times."""
+    stamps, true = [], []
+    for k, delay_ns in enumerate(delays_ns):
+        at = [(k * batch + i) * PERIOD_NS for i in range(batch)]
+        true += [offset_ns + round(t * (1 + drift)) for t in at]
+        stamps += clock.stamps_ns(at, true[-1] + delay_ns)
+    return np.array(stamps), np.array(true)
+
+
+@given(
+    st.lists(st.integers(0, 200_000_000), min_size=1, max_size=300),
+    st.integers(1, 10),
+    st.floats(-0.05, 0.05),
+)
+def test_stamps_rise_strictly_whatever_the_delays(delays_ns, batch, drift):
+    stamps, _ = stamps_ns(DeviceClock(), delays_ns, batch, drift)
+    assert np.all(np.diff(stamps) > 0)
+
+
+@given(st.lists(st.integers(0, 100_000_000), min_size=2, max_size=300), st.integers(1, 10))
+def test_the_spacing_is_the_senders_whatever_the_delays(delays_ns, batch):
+    stamps, _ = stamps_ns(DeviceClock(), delays_ns, batch)
+    assert np.all(np.abs(np.diff(stamps) - PERIOD_NS) <= SLEW * PERIOD_NS + 2)
+
+
+@given(st.lists(st.integers(0, 100_000_000), min_size=2, max_size=300))
+def test_stamps_lie_between_the_taking_and_the_longest_delay(delays_ns):
+    stamps, true = stamps_ns(DeviceClock(), delays_ns)
+    assert np.all(stamps >= true)
+    assert np.all(stamps - true <= max(delays_ns) + 2)
+
+
+def test_bursts_of_a_usb_adapter_do_not_show():
+    # It hands over what it has every 16 ms.
+    delays_ns = [(15 - k % 16) * PERIOD_NS + 300_000 for k in range(3000)]
+    stamps, true = stamps_ns(DeviceClock(), delays_ns)
+    late_ns = stamps - true
+    assert late_ns[0] > 15 * PERIOD_NS  # Nothing better is known yet.
+    np.testing.assert_array_equal(late_ns[300:], 300_000)
+
+
+@pytest.mark.parametrize('drift', [-1e-2, -1e-4, 1e-4, 1e-2])
+def test_a_clock_at_another_rate_is_followed(drift):
+    rng = np.random.default_rng(2)
+    delays_ns = rng.integers(0, 5_000_000, 20_000).tolist()
+    stamps, true = stamps_ns(DeviceClock(), delays_ns, drift=drift)
+    # The estimate is at most two windows old, in which the clocks drift apart.
+    off_ns = np.abs(stamps - true)[5000:]
+    assert off_ns.max() < 2 * WINDOW_NS * abs(drift) + 100_000
+    assert np.all(np.diff(stamps) > 0)
+
+
+@pytest.mark.parametrize('step_ns', [-3600 * 10**9, -2 * STEP_NS, 2 * STEP_NS, 3600 * 10**9])
+def test_stamps_follow_a_clock_that_is_set(step_ns):
+    clock = DeviceClock()
+    samples = 2 * (2 * WINDOW_NS // PERIOD_NS) + 10
+    stamps, true = [], []
+    for k in range(2 * samples):
+        at_ns = k * PERIOD_NS
+        true.append(OFFSET_NS + at_ns + (step_ns if k >= samples else 0))
+        stamps += clock.stamps_ns([at_ns], true[-1])
+    np.testing.assert_array_equal(stamps[:samples], true[:samples])
+    assert stamps[-1] == true[-1]
+    steps = np.diff(stamps)
+    assert np.count_nonzero(steps != PERIOD_NS) == 1
+    assert steps[steps != PERIOD_NS] == step_ns + PERIOD_NS
+
+
+def test_a_clock_begun_anew_is_mapped_anew():
+    clock = DeviceClock()
+    assert clock.stamps_ns(times_ns(3), 50_000_000) == [48_000_000, 49_000_000, 50_000_000]
+    clock.start_anew()
+    # The sender's clock began again; by the receiver's a second has passed.
+    assert clock.stamps_ns([5, 6], 1_050_000_000) == [1_049_999_999, 1_050_000_000]
+
+
+def test_times_that_overlap_still_rise():
+    clock = DeviceClock()
+    first = clock.stamps_ns([0, 10, 20], 1000)
+    second = clock.stamps_ns([5, 15, 25], 1005)
+    assert np.all(np.diff(first + second) > 0)
+
+
+def test_samples_without_times_are_stamped_when_they_arrive():
+    clock = DeviceClock()
+    row = np.zeros((1, 2))
+    received = [Received(row, None, False)] * 3
+    assert [s.stamps_ns for s in stamped(received, clock, 700)] == [[700], [701], [702]]
+    assert [s.stamps_ns for s in stamped(received[:1], clock, 900)] == [[900]]
+
+
+def test_samples_of_a_new_clock_are_mapped_anew():
+    clock = DeviceClock()
+    row = np.zeros((1, 2))
+    received = [Received(row, [0], True), Received(row, [100], False)]
+    assert [s.stamps_ns for s in stamped(received, clock, 10**9)] == [[10**9], [10**9 + 90]]
+    received = [Received(row, [200], True)]
+    at_ns = 10**9 + STEP_NS // 2
+    assert [s.stamps_ns for s in stamped(received, clock, at_ns)] == [[at_ns]]

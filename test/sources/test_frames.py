@@ -1,0 +1,511 @@
+"""Frames and lines: what was sent comes out, and nothing else does."""
+
+import random
+import zlib
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.sources.packets import (
+    CHECKSUM,
+    HEADER,
+    KINDS,
+    LONGEST_BYTES,
+    RESTART_US,
+    FrameDecoder,
+    LineDecoder,
+    cobs_decode,
+    cobs_encode,
+    encode,
+)
+
+#: Half an hour at 115200 baud, ten bits a byte.
+HALF_AN_HOUR_BYTES = 115200 // 10 * 1800
+
+PERIOD_US = 1000
+
+MIXED_TEXT = st.lists(
+    st.sampled_from([b'1', b'.5', b',', b'\n', b'\r\n', b'-', b'e9', b' ', b'nan', b'\0', b'\xff'])
+).map(b''.join)
+
+
+def decoder(channels=3, values='int16', scale_v=1e-3, offset_v=0.0):
+    return FrameDecoder(channels, values, scale_v, offset_v)
+
+
+def frames(n, channels=3, first=0, samples=1):
+    """Make frames whose integers differ all over; one a millisecond."""
+    return [
+        encode(
+            (np.arange(samples * channels).reshape(samples, channels) + 7 * k) % 30000 - 9,
+            'int16',
+            k,
+            (k * samples * PERIOD_US) % 2**32,
+            PERIOD_US * 1000,
+        )
+        for k in range(first, first + n)
+    ]
+
+
+def on_the_line(sent):
+    return b''.join(cobs_encode(frame) + b'\0' for frame in sent)
+
+
+def rows(received, channels=3):
+    return np.concatenate([np.empty((0, channels)), *(r.volts for r in received)])
+
+
+def integers(received, channels=3):
+    """Return the integers that were sent, as scale and offset are 1e-3 and 0."""
+    return np.round(rows(received, channels) / 1e-3).astype(int).tolist()
+
+
+def sent_by(*some):
+    """Return what a decoder of its own makes of frames, one by one."""
+    return integers([decoder().frame(frame) for frame in some])
+
+
+# COBS.
+
+
+@pytest.mark.parametrize(
+    ('plain', 'stuffed'),
+    [
+        (b'', b'\x01'),
+        (b'\0', b'\x01\x01'),
+        (b'\0\0', b'\x01\x01\x01'),
+        (b'\0\x11\0', b'\x01\x02\x11\x01'),
+        (b'\x11\x22\0\x33', b'\x03\x11\x22\x02\x33'),
+        (b'\x11\x22\x33\x44', b'\x05\x11\x22\x33\x44'),
+        (b'\x11\0\0\0', b'\x02\x11\x01\x01\x01'),
+        (bytes(range(1, 255)), b'\xff' + bytes(range(1, 255))),
+        (bytes(range(255)), b'\x01\xff' + bytes(range(1, 255))),
+        (bytes(range(1, 256)), b'\xff' + bytes(range(1, 255)) + b'\x02\xff'),
+        (bytes(range(2, 256)) + b'\0', b'\xff' + bytes(range(2, 256)) + b'\x01\x01'),
+        (bytes(range(3, 256)) + b'\0\x01', b'\xfe' + bytes(range(3, 256)) + b'\x02\x01'),
+    ],
+)
+def test_bytes_are_stuffed_as_published(plain, stuffed):
+    assert cobs_encode(plain) == stuffed
+    assert cobs_decode(stuffed) == plain
+
+
+@given(st.lists(st.tuples(st.binary(max_size=3), st.integers(0, 600))))
+def test_stuffed_bytes_have_no_zero_and_come_back(parts):
+    plain = b''.join(some + b'\x07' * more for some, more in parts)
+    stuffed = cobs_encode(plain)
+    assert 0 not in stuffed
+    assert len(stuffed) <= len(plain) + len(plain) // 254 + 1
+    assert cobs_decode(stuffed) == plain
+
+
+def test_codes_past_the_end_are_no_cobs():
+    assert cobs_decode(b'\x05\x11\x22') is None
+    assert cobs_decode(b'\x00') is None
+
+
+# Frames.
+
+
+@given(st.data())
+def test_what_is_encoded_is_decoded(data):
+    values = data.draw(st.sampled_from(sorted(KINDS)))
+    bits = int(values.removeprefix('u').removeprefix('int'))
+    low, high = (0, 2**bits - 1) if values[0] == 'u' else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    channels, n = data.draw(st.integers(1, 20)), data.draw(st.integers(1, 9))
+    numbers = st.one_of(st.sampled_from([low, -1, 0, 1, high]), st.integers(low, high))
+    row = st.lists(numbers.map(lambda x: max(x, low)), min_size=channels, max_size=channels)
+    sent = data.draw(st.lists(row, min_size=n, max_size=n))
+    scale_v, offset_v = data.draw(st.sampled_from([(1.0, 0.0), (-2.5e-6, 1.25), (1e-3, -5.0)]))
+    period_ns = data.draw(st.integers(1, 10**9))
+    receiver = FrameDecoder(channels, values, scale_v, offset_v)
+    frame = encode(sent, values, data.draw(st.integers(0, 2**32 - 1)), 5, period_ns)
+    (received,) = receiver.feed(cobs_encode(frame) + b'\0')
+    np.testing.assert_array_equal(received.volts, offset_v + scale_v * np.array(sent, float))
+    assert received.volts.dtype == np.float64
+    assert np.diff(received.times_ns).tolist() == [period_ns] * (n - 1)
+    assert +receiver.counts == {'frames': 1, 'samples': n}
+
+
+@given(st.lists(st.integers(0, 40)), st.binary(max_size=200))
+def test_any_cut_of_the_bytes_gives_the_same_samples_and_counts(cuts, noise):
+    line = on_the_line(frames(3)) + noise + b'\0' + on_the_line(frames(4, first=4, samples=2))
+    whole, piecewise = decoder(), decoder()
+    wanted = whole.feed(line)
+    received, at = [], 0
+    for cut in [*cuts, len(line)]:
+        received += piecewise.feed(line[at : at + cut])
+        at += cut
+    assert integers(received) == integers(wanted)
+    assert [r.times_ns for r in received] == [r.times_ns for r in wanted]
+    assert piecewise.counts == whole.counts
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 8))
+def test_numbers_and_times_may_wrap(first, n):
+    receiver = decoder(channels=1)
+    received = []
+    for k in range(n):
+        # Both counters wrap somewhere near, at different frames.
+        sequence, time_us = (first + k) % 2**32, (2**32 - 2500 + k * PERIOD_US) % 2**32
+        received += receiver.feed(cobs_encode(encode([[k]], 'int16', sequence, time_us)) + b'\0')
+    times_ns = [r.times_ns[0] for r in received]
+    assert np.diff(times_ns).tolist() == [PERIOD_US * 1000] * (n - 1)
+    assert [r.clock_anew for r in received] == [True] + [False] * (n - 1)
+    assert not receiver.counts['lost']
+
+
+@given(st.data())
+def test_a_corrupted_frame_is_never_taken_for_another(data):
+    good = frames(1, samples=3)[0]
+    line = bytearray(b'\0' + cobs_encode(good) + b'\0')
+    kind = data.draw(st.sampled_from(['bits', 'cut', 'insert', 'swap']))
+    at = data.draw(st.integers(1, len(line) - 2))
+    if kind == 'bits':
+        for i in data.draw(st.lists(st.integers(1, len(line) - 2), min_size=1, max_size=9)):
+            line[i] ^= data.draw(st.integers(1, 255))
+    elif kind == 'cut':
+        del line[at : at + data.draw(st.integers(1, 9))]
+    elif kind == 'insert':
+        line[at:at] = data.draw(st.binary(min_size=1, max_size=9))
+    else:
+        line[at], line[-at] = line[-at], line[at]
+    receiver = decoder()
+    received = receiver.feed(bytes(line) + b'\0')
+    # What was drawn may have undone itself; then the frame is as it was sent.
+    assert received == [] or cobs_decode(bytes(line).strip(b'\0')) == good
+    reasons = ('broken', 'checksum', 'overlong')
+    assert bool(received) != any(receiver.counts[reason] for reason in reasons)
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_of_a_line_damaged_all_over_only_sound_frames_are_taken_in_order(seed):
+    rng = random.Random(seed)
+    wanted = sent_by(*frames(60))
+    line = bytearray(on_the_line(frames(60)))
+    for _ in range(rng.randint(1, 60)):
+        at = rng.randrange(len(line))
+        kind = rng.randrange(4)
+        if kind == 0:
+            line[at] = rng.randrange(256)
+        elif kind == 1:
+            del line[at : at + rng.randint(1, 40)]
+        elif kind == 2:
+            line[at:at] = rng.randbytes(rng.randint(1, 20))
+        else:
+            again = rng.randrange(len(line))
+            line[at:at] = line[again : again + rng.randint(1, 100)]
+    receiver = decoder()
+    places = [wanted.index(row) for row in integers(receiver.feed(bytes(line)))]
+    assert places == sorted(set(places))
+    assert receiver.counts['frames'] == len(places)
+    assert receiver.counts['garbage_bytes'] > 0
+
+
+@pytest.mark.parametrize('bit', range(8 * len(frames(1)[0])))
+def test_every_flipped_bit_of_a_datagram_is_noticed(bit):
+    frame = bytearray(frames(1)[0])
+    frame[bit // 8] ^= 1 << bit % 8
+    receiver = decoder()
+    assert receiver.frame(bytes(frame)) is None
+    assert receiver.counts['checksum'] == 1
+
+
+@pytest.mark.parametrize('length', range(len(frames(1)[0])))
+def test_every_truncated_datagram_is_noticed(length):
+    receiver = decoder()
+    assert receiver.frame(frames(1)[0][:length]) is None
+    assert receiver.counts['checksum'] + receiver.counts['broken'] == 1
+    assert receiver.counts['garbage_bytes'] == length
+
+
+def with_checksum(header, data):
+    frame = HEADER.pack(*header) + data
+    return frame + CHECKSUM.pack(zlib.crc32(frame))
+
+
+@pytest.mark.parametrize(
+    ('frame', 'reason'),
+    [
+        (encode([[1, 2]], 'int16', 0, 0), 'channels'),
+        (encode([[1, 2, 3, 4]], 'int16', 0, 0), 'channels'),
+        (encode([[1, 2, 3]], 'uint16', 0, 0), 'kind'),
+        (encode([[1, 2, 3]], 'int32', 0, 0), 'kind'),
+        (with_checksum((0x22, 3, 1, 0, 0, 0), bytes(6)), 'kind'),
+        (with_checksum((KINDS['int16'], 3, 2, 0, 0, 0), bytes(6)), 'length'),
+        (with_checksum((KINDS['int16'], 3, 1, 0, 0, 0), bytes(7)), 'length'),
+        (with_checksum((KINDS['int16'], 3, 0, 0, 0, 0), b''), 'length'),
+        (with_checksum((KINDS['int16'], 3, 1400, 0, 0, 0), bytes(8400)), 'overlong'),
+        (encode([[1, 2, 3], [4, 5, 6]], 'int16', 0, 0, 0), 'period'),
+    ],
+)
+def test_a_sound_frame_of_another_make_is_dropped_and_counted(frame, reason):
+    receiver = decoder()
+    assert receiver.frame(frame) is None
+    assert receiver.counts == {reason: 1, 'garbage_bytes': len(frame)}
+
+
+def test_the_frame_after_a_broken_one_is_taken():
+    line = on_the_line(frames(3))
+    assert integers(decoder().feed(b'\x09\x01garbage\0' + line)) == sent_by(*frames(3))
+    # A lost delimiter costs two frames, a line that hangs costs one.
+    first = len(cobs_encode(frames(1)[0]))
+    receiver = decoder()
+    assert integers(receiver.feed(line[:first] + line[first + 1 :])) == sent_by(frames(3)[2])
+    receiver = decoder()
+    assert integers(receiver.feed(b'\xff' * 3 * LONGEST_BYTES + b'\0' + line)) == sent_by(
+        *frames(3)
+    )
+    assert receiver.counts['overlong'] == 1
+    assert receiver.counts['garbage_bytes'] == 3 * LONGEST_BYTES
+
+
+def test_lost_frames_are_counted():
+    sent = frames(100)
+    receiver = decoder()
+    received = receiver.feed(on_the_line(sent[:10] + sent[11:50] + sent[57:]))
+    assert receiver.counts['lost'] == 8
+    assert integers(received) == sent_by(*sent[:10], *sent[11:50], *sent[57:])
+
+
+def test_duplicates_and_latecomers_are_dropped():
+    sent = frames(200)
+    order = [0, 0, 1, 2, 1, 5, 3, 4, 4, 6, 150, 6, 10, 151]
+    receiver = decoder()
+    received = receiver.feed(on_the_line([sent[k] for k in order]))
+    assert integers(received) == sent_by(*(sent[k] for k in [0, 1, 2, 5, 6, 150, 151]))
+    assert receiver.counts['duplicate'] == 3  # the second 0, 1 and 4
+    assert receiver.counts['late'] == 4  # 3 and 4; 6 and 10 behind 150 are too old to tell
+    assert receiver.counts['lost'] == 2 + 143
+    assert not receiver.counts['restarts']
+
+
+@given(st.randoms(use_true_random=False))
+def test_any_order_of_datagrams_gives_samples_in_order_and_counts_the_rest(rng):
+    sent = frames(60)
+    came = sorted(sent * 2, key=lambda frame: sent.index(frame) + rng.uniform(0, 12))
+    came = sent[:1] + [frame for frame in came if rng.random() > 0.2]
+    receiver = decoder()
+    received = [r for r in map(receiver.frame, came) if r]
+    taken = integers(received)
+    wanted = sent_by(*sent)
+    assert taken == [row for row in wanted if row in taken]
+    counts = receiver.counts
+    assert counts['frames'] + counts['duplicate'] + counts['late'] == len(came)
+    first, last = wanted.index(taken[0]), wanted.index(taken[-1])
+    assert counts['frames'] + counts['lost'] == last - first + 1
+
+
+def test_a_sender_that_began_again_is_believed_after_a_while():
+    receiver = decoder()
+    before = frames(10, first=5000)
+    after = frames(400)
+    assert len([r for r in map(receiver.frame, before) if r]) == 10
+    received = [r for r in map(receiver.frame, after) if r]
+    assert integers(received) == sent_by(*after[RESTART_US // PERIOD_US :])
+    assert [r.clock_anew for r in received] == [True] + [False] * (len(received) - 1)
+    assert receiver.counts['restarts'] == 1
+    assert receiver.counts['lost'] == 0
+
+
+def test_frames_that_come_out_of_the_past_are_no_new_beginning():
+    receiver = decoder()
+    sent = frames(2000)
+    # Rising, and further apart than a sender takes to be believed; but most are missing between.
+    order = [1000, 100, 500, 900, 1001, *range(700, 100, -1), 1002]
+    received = [r for r in (receiver.frame(sent[k]) for k in order) if r]
+    assert integers(received) == sent_by(sent[1000], sent[1001], sent[1002])
+    assert receiver.counts['restarts'] == 0
+
+
+def test_a_sender_that_began_again_is_believed_though_frames_are_lost():
+    receiver = decoder()
+    assert all(map(receiver.frame, frames(10, first=5000)))
+    after = [frame for k, frame in enumerate(frames(400)) if k % 4 == 0]
+    received = [r for r in map(receiver.frame, after[:64]) if r]
+    # What came before the reset is no measure of what came since.
+    assert receiver.frame(frames(1, first=251)[0]) is None
+    assert receiver.counts['duplicate'] == 0
+    received += [r for r in map(receiver.frame, after[64:]) if r]
+    assert integers(received) == sent_by(*after[63:])  # From 252 ms on.
+
+
+def test_a_sender_that_does_not_count_is_not_heard():
+    receiver = decoder(channels=1)
+    received = [receiver.frame(encode([[k]], 'int16', 0, 1000 * k)) for k in range(1000)]
+    assert [r is not None for r in received] == [True] + [False] * 999
+    assert receiver.counts['duplicate'] == 999
+
+
+def test_old_frames_among_fresh_ones_are_no_new_beginning():
+    receiver = decoder()
+    old, fresh = frames(1000), frames(1000, first=2000)
+    received = []
+    for k in range(1000):
+        received += [r for r in (receiver.frame(fresh[k]), receiver.frame(old[k])) if r]
+    assert integers(received) == sent_by(*fresh)
+    assert receiver.counts['restarts'] == 0
+
+
+def test_a_sender_without_a_clock_has_its_times_anew_with_each_frame():
+    receiver = decoder(channels=1)
+    received = [receiver.frame(encode([[k]], 'int16', k, 0)) for k in range(4)]
+    assert all(r.clock_anew for r in received)
+
+
+def test_after_an_interruption_the_rest_of_a_frame_is_not_joined_to_another():
+    line = on_the_line(frames(2))
+    receiver = decoder()
+    receiver.feed(line[:10])
+    receiver.start_anew()
+    assert receiver.counts['garbage_bytes'] == 10
+    assert integers(receiver.feed(line)) == sent_by(*frames(2))
+
+
+def test_half_an_hour_of_noise_holds_no_frame():
+    rng = random.Random(1)
+    receiver = decoder(channels=16)
+    received = []
+    size = 1 << 16
+    for _ in range(0, HALF_AN_HOUR_BYTES, size):
+        received += receiver.feed(rng.randbytes(size))
+    received += receiver.feed(b'\0')
+    assert received == []
+    assert receiver.counts['garbage_bytes'] > 0.99 * HALF_AN_HOUR_BYTES  # All but the zeros.
+    assert receiver.counts['broken'] + receiver.counts['checksum'] > 50_000
+
+
+def test_half_an_hour_of_noise_in_datagrams_holds_no_frame():
+    rng = random.Random(4)
+    receiver = decoder(channels=16)
+    came = 0
+    while came < HALF_AN_HOUR_BYTES:
+        noise = rng.randbytes(rng.randint(0, 3000))
+        came += len(noise)
+        assert receiver.frame(noise) is None
+    assert receiver.counts['garbage_bytes'] == came
+
+
+def test_a_frame_amid_noise_is_found():
+    rng = random.Random(2)
+    sent = frames(50)
+    line = b''.join(rng.randbytes(300) + b'\0' + on_the_line([frame]) for frame in sent)
+    assert integers(decoder().feed(line)) == sent_by(*sent)
+
+
+@pytest.mark.parametrize(
+    ('numbers', 'values', 'words'),
+    [
+        ([[40000]], 'int16', '40000 to 40000, allowed: -32768 to 32767 for int16'),
+        ([[-1]], 'uint24', '-1 to -1, allowed: 0 to 16777215 for uint24'),
+        ([1, 2], 'int16', r'shape \(2,\), allowed: \(n, 1 to 255\)'),
+        (np.zeros((1, 256)), 'int16', r'shape \(1, 256\)'),
+        (np.zeros((0, 4)), 'int16', r'shape \(0, 4\)'),
+        (np.zeros((3000, 4)), 'int16', '3000 rows, allowed: a frame of 8192 bytes'),
+    ],
+)
+def test_what_has_no_room_is_not_sent(numbers, values, words):
+    with pytest.raises(ValueError, match=words):
+        encode(numbers, values, 0, 0)
+
+
+# Lines of text.
+
+
+def test_lines_are_read_as_people_write_them():
+    receiver = LineDecoder(3, 0.0)
+    text = b'rest of a line\n1,2,3\r\n -1.5e-3 ,\t+.5, 4.\n\n\r\n0,0,1E2\n'
+    received = receiver.feed(text)
+    assert rows(received).tolist() == [[1, 2, 3], [-1.5e-3, 0.5, 4], [0, 0, 100]]
+    assert all(r.times_ns is None for r in received)
+    assert receiver.counts == {'samples': 3, 'partial': 1, 'garbage_bytes': 14}
+
+
+@pytest.mark.parametrize(
+    ('line', 'reason'),
+    [
+        (b'1,2', 'channels'),
+        (b'1,2,3,4', 'channels'),
+        (b'1,2,3,', 'numbers'),
+        (b',1,2', 'numbers'),
+        (b'1;2;3', 'numbers'),
+        (b'1,2,3 4', 'numbers'),
+        (b'1,2,1_0', 'numbers'),
+        (b'1,2,nan', 'numbers'),
+        (b'1,2,inf', 'numbers'),
+        (b'1,2,1e999', 'numbers'),
+        (b'1,2,0x3', 'numbers'),
+        (b'1,2,3\0', 'numbers'),
+        (b'1,2,\xb2', 'numbers'),
+        (b'1,2,3\r1,2,3', 'numbers'),
+        (b'volts 1,2,3', 'numbers'),
+        (b'1.0,2.0,3.1.0,2.0,3.0', 'numbers'),
+        (b'1,2,' + b'3' * 200, 'overlong'),
+    ],
+)
+def test_a_line_that_is_no_sample_is_dropped_and_counted(line, reason):
+    receiver = LineDecoder(3, 0.0)
+    received = receiver.feed(b'\n' + line + b'\n7,8,9\n')
+    assert rows(received).tolist() == [[7, 8, 9]]
+    assert receiver.counts[reason] == 1
+    assert receiver.counts['garbage_bytes'] == len(line)
+
+
+def test_a_long_line_that_is_nearly_right_is_refused_at_once():
+    receiver = LineDecoder(16, 0.0)
+    # A pattern that can match a number in several ways would try them all: 25 ** 16.
+    assert receiver.feed(b'\n' + b','.join([b'1' * 25] * 16) + b'x\n') == []
+    assert receiver.feed(b' ' * 400 + b'x\n') == []
+    assert receiver.counts['numbers'] == 2
+
+
+@given(MIXED_TEXT, st.lists(st.integers(0, 30)))
+def test_any_cut_of_the_text_gives_the_same_samples_and_counts(text, cuts):
+    text += b'\n1,2,3\n' + b'9' * 150 + b'\n4,5,6\n'
+    whole, piecewise = LineDecoder(3, 100.0), LineDecoder(3, 100.0)
+    wanted = whole.feed(text)
+    received, at = [], 0
+    for cut in [*cuts, len(text)]:
+        received += piecewise.feed(text[at : at + cut])
+        at += cut
+    np.testing.assert_array_equal(rows(received), rows(wanted))
+    assert [r.times_ns for r in received] == [r.times_ns for r in wanted]
+    assert piecewise.counts == whole.counts
+
+
+def test_lines_at_a_rate_have_times_and_begin_anew_after_an_interruption():
+    receiver = LineDecoder(1, 400.0)
+    received = receiver.feed(b'\n1\n2\n3')
+    receiver.start_anew()
+    received += receiver.feed(b'4\n5\n6\n')
+    assert rows(received, 1)[:, 0].tolist() == [1, 2, 5, 6]
+    assert [r.clock_anew for r in received] == [True, False, True, False]
+    assert np.diff([r.times_ns[0] for r in received])[[0, 2]].tolist() == [2_500_000] * 2
+
+
+def test_after_an_interruption_of_an_endless_line_one_line_is_dropped():
+    receiver = LineDecoder(1, 0.0)
+    receiver.feed(b'\n' + b'9' * 100)
+    receiver.start_anew()
+    assert rows(receiver.feed(b'4\n5\n'), 1).tolist() == [[5]]
+
+
+def test_half_an_hour_of_noise_holds_no_line():
+    rng = random.Random(3)
+    receiver = LineDecoder(16, 0.0)
+    received = []
+    size = 1 << 16
+    for _ in range(0, HALF_AN_HOUR_BYTES, size):
+        received += receiver.feed(rng.randbytes(size))
+    assert received == []
+    assert receiver.counts['garbage_bytes'] > 0.99 * HALF_AN_HOUR_BYTES
+
+
+def test_counts_are_of_one_decoder():
+    one, other = decoder(), decoder()
+    one.frame(b'')
+    assert one.counts == Counter(broken=1, garbage_bytes=0)
+    assert other.counts == Counter()

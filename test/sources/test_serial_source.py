@@ -1,0 +1,207 @@
+"""The serial source at a real pseudo terminal."""
+
+import errno
+import itertools
+import time
+
+import numpy as np
+import pytest
+
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources import serial_port as serial_source
+from slip_detector.sources.serial_port import RETRY_LAST_S, SerialSource
+from slip_detector.sources.source import open_live_source
+from support.sensors import SCALE_V, Port, make_frames, on_the_line
+
+DEADLINE_S = 60.0
+
+INTEGERS = np.random.default_rng(4).integers(-30000, 30000, (60, 4))
+
+
+@pytest.fixture
+def port(tmp_path):
+    port = Port(tmp_path / 'tty')
+    yield port
+    port.unplug()
+
+
+def source_at(path, **parameters):
+    config = DriverConfig(source='serial', serial_port=str(path), channels=4, **parameters)
+    return open_live_source(config, time.time_ns)
+
+
+def read_until(source, condition, what):
+    """Read until the condition holds; returns all samples."""
+    samples = []
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition(samples):
+        assert time.monotonic() < deadline, f'waited in vain for {what}: {source.state}'
+        samples += source.read()
+    return samples
+
+
+def read_rows(source, n):
+    samples = read_until(source, lambda some: sum(len(s.volts) for s in some) >= n, f'{n} rows')
+    return np.concatenate([s.volts for s in samples])
+
+
+@pytest.mark.parametrize('samples', [1, 7])
+def test_frames_arrive_complete_and_in_order(port, samples):
+    source = source_at(port.path)
+    assert source.connected
+    assert source.state == f'listening to {port.path} at 115200 baud'
+    for frame in make_frames(INTEGERS, 1000.0, samples):
+        port.send(on_the_line(frame))
+    np.testing.assert_array_equal(read_rows(source, 60), SCALE_V * INTEGERS)
+    source.close()
+
+
+def test_scale_and_offset_make_volts(port):
+    source = source_at(port.path, frame_scale_v=-0.5, frame_offset_v=2.25)
+    port.send(on_the_line(make_frames(INTEGERS[:1], 1000.0)[0]))
+    np.testing.assert_array_equal(read_rows(source, 1), 2.25 - 0.5 * INTEGERS[:1])
+    source.close()
+
+
+def test_lines_of_text_arrive_after_the_first(port):
+    source = source_at(port.path, serial_format='text', text_rate_hz=500.0)
+    port.send(b'3,4\n')
+    for row in INTEGERS[:5]:
+        port.send((','.join(map(str, row)) + '\r\n').encode())
+    samples = read_until(source, lambda some: len(some) >= 5, 'five lines')
+    np.testing.assert_array_equal(np.concatenate([s.volts for s in samples]), INTEGERS[:5])
+    # All at once here; the sensor took them one each period.
+    steps = np.diff([stamp for s in samples for stamp in s.stamps_ns])
+    assert np.all(np.abs(steps - 2_000_000) <= 200_002)
+    source.close()
+
+
+def test_without_a_rate_lines_are_stamped_when_they_arrive(port):
+    source = source_at(port.path, serial_format='text')
+    before_ns = time.time_ns()
+    port.send(b'\n1,2,3,4\n')
+    (samples,) = read_until(source, lambda some: some, 'a line')
+    assert before_ns <= samples.stamps_ns[0] <= time.time_ns()
+    source.close()
+
+
+def test_a_port_that_is_pulled_out_is_found_again(port):
+    source = source_at(port.path)
+    frames = [on_the_line(frame) for frame in make_frames(INTEGERS, 1000.0)]
+    port.send(b''.join(frames[:20]) + frames[20][:9])
+    before = read_rows(source, 20)
+    port.unplug()
+    read_until(source, lambda _: not source.connected, 'the loss')
+    assert source.state.startswith(f'{port.path}: cannot be read (')
+    assert source.state.endswith('), trying again')
+    port.plug_in()
+    read_until(source, lambda _: source.connected, 'the port')
+    # Numbering and clock begin again: it was another sensor, or one without power.
+    port.send(b''.join(frames[:20]))
+    after = read_rows(source, 20)
+    np.testing.assert_array_equal(before, SCALE_V * INTEGERS[:20])
+    np.testing.assert_array_equal(after, before)
+    assert source.counts['lost'] == source.counts['late'] == source.counts['restarts'] == 0
+    assert source.counts['garbage_bytes'] == 9
+    source.close()
+
+
+def test_a_port_that_is_not_there_yet_is_waited_for(tmp_path):
+    path = tmp_path / 'later'
+    source = source_at(path)
+    assert not source.connected
+    assert 'No such file or directory' in source.state
+    assert source.read() == []
+    port = Port(path)
+    read_until(source, lambda _: source.connected, 'the port')
+    source.close()
+    port.unplug()
+
+
+def test_a_port_that_stays_away_is_looked_for_ever_more_rarely(tmp_path, monkeypatch):
+    now_s, tried_s = [0.0], []
+
+    class Clock:
+        @staticmethod
+        def monotonic():
+            return now_s[0]
+
+        @staticmethod
+        def sleep(seconds):
+            assert 0.0 < seconds <= 0.1
+            now_s[0] += seconds
+
+    class LooseContact:
+        in_waiting = 1
+
+        def __init__(self):
+            self._left = [b'one byte']
+
+        def read(self, _):
+            if not self._left:
+                raise OSError(errno.EIO, 'gone again')
+            return self._left.pop()
+
+        def close(self):
+            pass
+
+    def there_once(*_, **__):
+        tried_s.append(now_s[0])
+        if len(tried_s) == 9:
+            return LooseContact()
+        raise OSError(errno.ENOENT, 'no such port')
+
+    monkeypatch.setattr(serial_source, 'time', Clock)
+    monkeypatch.setattr(serial_source.serial, 'Serial', there_once)
+    source = source_at(tmp_path / 'nothing')
+    while len(tried_s) < 12:
+        source.read()
+    steps_s = [later - earlier for earlier, later in itertools.pairwise(tried_s)]
+    assert steps_s[:5] == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6])
+    assert steps_s[5:8] == pytest.approx([RETRY_LAST_S] * 3)
+    # Once it gave something it is soon looked for again.
+    assert steps_s[8:] == pytest.approx([0.1, 0.2, 0.4])
+
+
+def test_a_port_that_another_driver_reads_is_left_to_it(port):
+    one, other = source_at(port.path), source_at(port.path)
+    assert one.connected
+    assert not other.connected
+    assert 'cannot be read' in other.state
+    one.close()
+    read_until(other, lambda _: other.connected, 'the port')
+    other.close()
+
+
+def test_an_idle_port_gives_nothing_and_stays(port):
+    source = source_at(port.path)
+    assert source.read() == []
+    assert source.connected
+    source.close()
+
+
+def test_what_was_sent_before_the_opening_is_old(port):
+    port.send(b'\0' + on_the_line(make_frames(INTEGERS[:1], 1000.0)[0]))
+    source = source_at(port.path)
+    port.send(on_the_line(make_frames(INTEGERS[1:2], 1000.0)[0]))
+    np.testing.assert_array_equal(read_rows(source, 1), SCALE_V * INTEGERS[1:2])
+    source.close()
+
+
+def test_a_source_without_a_port_is_an_error_that_says_why():
+    with pytest.raises(
+        ValueError, match="parameter serial_port is '', allowed: a port, as source"
+    ):
+        SerialSource(DriverConfig(source='serial'), time.time_ns)
+
+
+def test_a_rate_that_the_port_does_not_have_is_named(port, monkeypatch):
+    def refuses(*_, **__):
+        raise ValueError('Failed to set custom baud rate')
+
+    monkeypatch.setattr(serial_source.serial, 'Serial', refuses)
+    source = source_at(port.path, serial_baud=9601)
+    assert not source.connected
+    assert source.state == (
+        f'{port.path}: cannot be read (Failed to set custom baud rate), trying again'
+    )

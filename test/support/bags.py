@@ -1,0 +1,82 @@
+"""Bags that tests write message by message, and rows to compare with."""
+
+import numpy as np
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+from slip_detector.recordings import Rows
+
+NAMES = ('left', 'right', 'tip')
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+PLUGINS = [StoragePlugin.MCAP, StoragePlugin.SQLITE3]
+ENDINGS = ['.mcap', '.db3', '', '.npz', '.csv']
+START_NS = 1_700_000_000_123_456_789
+
+
+def stamps(n, rate_hz=380.0):
+    return START_NS + np.rint(np.arange(n) * 1e9 / rate_hz).astype(np.int64)
+
+
+def rows(n=600, channels=3, seed=0, truth=True):
+    rng = np.random.default_rng(seed)
+    volts = 4.3 + 1e-3 * rng.standard_normal((n, channels))
+    slip = (np.arange(n) // 100) % 2 == 1
+    return Rows(volts, stamps(n), slip if truth else None)
+
+
+def gathered(recording):
+    pieces = list(recording.pieces())
+    truth = [piece.truth for piece in pieces if piece.truth is not None]
+    return Rows(
+        np.concatenate([piece.volts for piece in pieces]),
+        np.concatenate([piece.stamps_ns for piece in pieces]),
+        np.concatenate(truth) if truth else None,
+    )
+
+
+class Bag:
+    """A bag that a test writes message by message."""
+
+    def __init__(self, path, plugin=StoragePlugin.MCAP, definitions=()):
+        self.store = get_typestore(Stores.ROS2_JAZZY)
+        for name, text in definitions:
+            parse = get_types_from_idl if 'module' in text else get_types_from_msg
+            self.store.register(parse(text) if 'module' in text else parse(text, name))
+        self.path = path
+        self.writer = Writer(path, version=9, storage_plugin=plugin)
+        self._connections = {}
+
+    def __enter__(self):
+        self.writer.open()
+        return self
+
+    def __exit__(self, *_):
+        self.writer.close()
+
+    def make(self, msgtype, **fields):
+        return self.store.types[msgtype](**fields)
+
+    def header(self, stamp_ns, frame_id='tip'):
+        sec, nanosec = divmod(int(stamp_ns), 1_000_000_000)
+        stamp = self.make('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)
+        return self.make('std_msgs/msg/Header', stamp=stamp, frame_id=frame_id)
+
+    def joints(self, stamp_ns, position, names=NAMES, frame_id='tip'):
+        nothing = np.empty(0)
+        return self.make(
+            JOINT_STATE,
+            header=self.header(stamp_ns, frame_id),
+            name=list(names),
+            position=np.array(position, dtype=np.float64),
+            velocity=nothing,
+            effort=nothing,
+        )
+
+    def write(self, topic, message, received_ns):
+        msgtype = message.__msgtype__
+        if topic not in self._connections:
+            self._connections[topic] = self.writer.add_connection(
+                topic, msgtype, typestore=self.store
+            )
+        raw = self.store.serialize_cdr(message, msgtype)
+        self.writer.write(self._connections[topic], int(received_ns), bytes(raw))

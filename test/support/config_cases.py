@@ -1,0 +1,20 @@
+"""What the tests of parameters share."""
+
+import pytest
+
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+
+SETS = (ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig)
+
+
+def message_of(build, *args, **values):
+    """Return the text of the ValueError, which is one line."""
+    with pytest.raises(ValueError, match=r'\S') as caught:
+        build(*args, **values)
+    # Not one of its children, such as a UnicodeDecodeError.
+    assert type(caught.value) is ValueError
+    message = str(caught.value)
+    assert '\n' not in message
+    return message

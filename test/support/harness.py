@@ -1,0 +1,221 @@
+"""Real nodes in real processes, and a node of the test's own that talks to them."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+
+from support.domains import own_domain
+
+rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Bool  # noqa: E402
+
+from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos, time_message  # noqa: E402
+
+#: Discovery takes seconds now and then; nothing here is about speed.
+DEADLINE_S = 90.0
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class Process:
+    """An executable of the package, its output kept."""
+
+    def __init__(self, name, *words, domain, parameters=None, output=None):
+        command = [sys.executable, '-m', 'slip_detector.nodes.run', name, '--ros-args']
+        for key, value in (parameters or {}).items():
+            command += ['-p', f'{key}:={value}']
+        self._log = tempfile.TemporaryFile('w+')  # noqa: SIM115, closed in end()
+        environment = {
+            **os.environ,
+            'ROS_DOMAIN_ID': str(domain),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        }
+        self._process = subprocess.Popen(
+            [*command, *map(str, words)],
+            stdout=output or self._log,
+            stderr=subprocess.STDOUT,
+            env=environment,
+        )
+
+    def log(self):
+        """Return what the process has printed so far."""
+        # The process writes where the file stands; to seek would have it write over the beginning.
+        file = self._log.fileno()
+        return os.pread(file, os.fstat(file).st_size, 0).decode(errors='replace')
+
+    def ended(self):
+        return self._process.poll() is not None
+
+    def signal(self, number):
+        self._process.send_signal(number)
+
+    def wait(self):
+        """Wait for the end and return the exit code."""
+        return self._process.wait(timeout=DEADLINE_S)
+
+    def end(self):
+        """End it as a user would; kill it when that fails."""
+        self._process.terminate()
+        self._process.send_signal(signal.SIGCONT)  # One that a test has stopped hears nothing.
+        try:
+            self.wait()
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            raise
+        finally:
+            self._log.close()
+
+
+def patient_qos():
+    """Return the profile of samples for a test, which may be held up for longer than a node."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=20_000,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+    )
+
+
+class Bench:
+    """A domain with a node of the test's own and any number of processes."""
+
+    def __init__(self):
+        self.domain, self._lock = own_domain()
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=self.domain)
+        self.node = Node('bench', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.processes = []
+
+    def start(self, name, *words, parameters=None, output=None):
+        """Start an executable; its output is kept, or goes to a file."""
+        process = Process(name, *words, domain=self.domain, parameters=parameters, output=output)
+        self.processes.append(process)
+        return process
+
+    def wait_for(self, condition, what):
+        """Spin until the condition holds; fail with what the processes said."""
+        deadline = time.monotonic() + DEADLINE_S
+        while not condition():
+            if time.monotonic() > deadline:
+                logs = '\n'.join(process.log() for process in self.processes)
+                pytest.fail(f'waited in vain for {what}; the processes said:\n{logs}')
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def listen(self, message_type, topic, qos):
+        """Return the list that messages of a topic are put on."""
+        heard = []
+        self.node.create_subscription(message_type, topic, heard.append, qos)
+        return heard
+
+    def close(self):
+        for process in self.processes:
+            process.end()
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+        os.close(self._lock)
+
+
+class Detected:
+    """A detector process fed by the test, sample by sample, and what it publishes."""
+
+    def __init__(self, bench, *words, parameters=None, namespace=''):
+        lead = f'{namespace}/' if namespace else ''
+        self.bench = bench
+        self.envelope = bench.listen(JointState, f'{lead}slip_detector/envelope', patient_qos())
+        self.slip = bench.listen(Bool, f'{lead}slip', state_qos())
+        self.valid = bench.listen(Bool, f'{lead}slip_valid', state_qos())
+        self._voltages = bench.node.create_publisher(JointState, f'{lead}voltages', sensor_qos())
+        if namespace:
+            words = ('-r', f'__ns:=/{namespace}', *words)
+        self.process = bench.start('slip_detector', *words, parameters=parameters)
+        bench.wait_for(self._connected, 'the detector to connect')
+
+    def _connected(self):
+        if self.process.ended():
+            pytest.fail(f'the detector ended:\n{self.process.log()}')
+        return bool(self._voltages.get_subscription_count() and self.slip and self.valid)
+
+    def send(self, volts, at_ns, names=()):
+        """Publish a sample."""
+        message = JointState(position=volts, name=names)
+        message.header.stamp = time_message(at_ns)
+        self._voltages.publish(message)
+
+    def answered(self, at_ns):
+        """Return whether the decision on the sample of this stamp has come."""
+        return any(stamp_ns(heard.header.stamp) == at_ns for heard in self.envelope[-3:])
+
+    def settle(self, row, at_ns, period_ns):
+        """Send one row over and over until decisions come; returns the next stamp.
+
+        Until the envelope's subscription has reached the detector there are none. A constant
+        input leaves the chain at rest, so it does not matter how many of them it took.
+        """
+        deadline = time.monotonic() + DEADLINE_S
+        while not self.envelope:
+            if time.monotonic() > deadline:
+                pytest.fail(f'no decision came:\n{self.process.log()}')
+            self.send(row, at_ns)
+            at_ns += period_ns
+            self.bench.executor.spin_once(timeout_sec=0.01)
+        return self.send_all([row], at_ns, period_ns)
+
+    def send_all(self, rows, at_ns, period_ns):
+        """Send rows, each when the one before was answered; returns the next stamp."""
+        for row in rows:
+            self.send(row, at_ns)
+            self.bench.wait_for(lambda at_ns=at_ns: self.answered(at_ns), f'the decision {at_ns}')
+            at_ns += period_ns
+        return at_ns
+
+
+@contextlib.contextmanager
+def ended_quietly(process, number=signal.SIGINT):
+    """Send a signal at the end and check that the process takes it well."""
+    yield
+    process.signal(number)
+    code = process.wait()
+    log = process.log()
+    assert code == 0, log
+    assert 'Traceback' not in log
+
+
+def package_share():
+    """Return the folder of the installed package; skip the module where it is not installed."""
+    from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+
+    try:
+        return Path(get_package_share_directory('slip_detector'))
+    except PackageNotFoundError:
+        pytest.skip('the package is not built and sourced', allow_module_level=True)
+
+
+def launched(file, arguments):
+    """Describe a test of a launch file of the installed package, in a domain of its own."""
+    from launch import LaunchDescription
+    from launch.actions import IncludeLaunchDescription
+    from launch.launch_description_sources import PythonLaunchDescriptionSource
+    from launch_testing.actions import ReadyToTest
+
+    bench = Bench()
+    os.environ['ROS_DOMAIN_ID'] = str(bench.domain)
+    included = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(str(package_share() / 'launch' / file)),
+        launch_arguments=arguments.items(),
+    )
+    return LaunchDescription([included, ReadyToTest()]), {'bench': bench}

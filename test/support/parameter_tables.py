@@ -1,0 +1,72 @@
+"""Write the tables of docs/parameters.md and docs/scenes.md: python test/parameter_tables.py."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.sets import allowed, default_of
+from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.scenes.motion import Step
+from slip_detector.scenes.scene import PARTS, Sampling
+
+ROOT = Path(__file__).resolve().parents[2]
+
+#: The files with tables, and whose parameters each has.
+DOCUMENTS = {
+    ROOT / 'docs' / 'parameters.md': (
+        DetectorConfig,
+        DriverConfig,
+        GraspConfig,
+        EvaluationConfig,
+        TuneConfig,
+    ),
+    ROOT / 'docs' / 'scenes.md': (Sampling, Step, *PARTS.values()),
+}
+
+
+def table(config_class):
+    """Lay out the fields of a configuration as a Markdown table."""
+    lines = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
+    for field in dataclasses.fields(config_class):
+        default = shown(default_of(field))
+        unit = field.metadata['unit']
+        limits = allowed(field).removesuffix(f' {unit}')
+        meaning = field.metadata['meaning']
+        lines.append(f'| `{field.name}` | {default} | {unit} | {limits} | {meaning} |')
+    return '\n'.join(lines)
+
+
+def shown(value):
+    """Write a default as YAML has it."""
+    if isinstance(value, bool):
+        return f'`{str(value).lower()}`'
+    if isinstance(value, tuple):
+        flat = [n for item in value for n in (item if isinstance(item, tuple) else (item,))]
+        return f'`[{", ".join(n if isinstance(n, str) else f"{n:g}" for n in flat)}]`'
+    if isinstance(value, dict):
+        return ''
+    if isinstance(value, str):
+        return f'`{value}`' if value else "`''`"
+    return f'`{value:g}`'
+
+
+def with_tables(path):
+    """Return a file's text with the tables as they should be."""
+    text = path.read_text(encoding='utf-8')
+    for config_class in DOCUMENTS[path]:
+        name = config_class.__name__
+        pattern = rf'(<!-- {name} -->\n).*?(<!-- end -->)'
+        text, found = re.subn(
+            pattern, lambda m, c=config_class: f'{m[1]}{table(c)}\n{m[2]}', text, flags=re.S
+        )
+        assert found == 1, f'{path.name} has no place for {name}'
+    return text
+
+
+if __name__ == '__main__':
+    for document in DOCUMENTS:
+        document.write_text(with_tables(document), encoding='utf-8')

@@ -1,0 +1,85 @@
+"""Reports for the tests: a recording with a slip that is found, one missed, late ones, alarms."""
+
+import numpy as np
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report.overview import Event, Overview
+from slip_detector.report.page_data import Trial, Variant
+
+GIVEN = ChainConfig()
+TUNED = ChainConfig(passband_hz=(10.0, 60.0), stopbands_hz=(), threshold=1.0, vote='mean')
+
+#: Seconds of true slip in each recording.
+SLIPS_S = ((4.0, 5.0), (9.0, 10.0), (15.0, 16.0))
+
+EVENTS = {
+    'given': [
+        Event('false alarm', 2.0, 2.2),
+        Event('detected', 4.0, 5.0, 0.04, {'filter': 0.012, 'vote': 0.028}),
+        Event('missed', 9.0, 10.0, note='lost at: vote'),
+        Event('late', 15.0, 16.0, 0.4, {'filter': 0.012, 'vote': 0.388}),
+    ],
+    'tuned': [
+        Event('detected', 4.0, 5.0, 0.02),
+        Event('detected', 9.0, 10.0, 0.025),
+        Event('detected', 15.0, 16.0, 0.022),
+    ],
+}
+
+
+def volts_and_truth(rows=380 * 20, channels=16, seed=0):
+    """Return noise with a 25 Hz burst in each slip and a short one at 2 s."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(rows) / 380.0
+    truth = np.zeros(rows, bool)
+    for start, stop in SLIPS_S:
+        truth |= (time_s >= start) & (time_s < stop)
+    loud = truth | ((time_s >= 2.0) & (time_s < 2.1))
+    burst = 0.02 * np.sin(2 * np.pi * 25.0 * time_s) * loud
+    noise = 2e-4 * rng.standard_normal((rows, channels))
+    return 4.0 + 0.01 * np.arange(channels) + burst[:, None] + noise, truth
+
+
+def overview(name, config, volts, truth, events=(), **settings):
+    made, chain = Overview(name, config, **settings), SlipChain(config)
+    for a in range(0, len(volts), 1000):
+        piece = volts[a : a + 1000]
+        made.add(piece, chain.update(piece), None if truth is None else truth[a : a + 1000])
+    made.events = events
+    return made
+
+
+def variants(names=('a.npz', 'b.npz'), **settings):
+    """Return the two variants of a report of some recordings, the given and the tuned."""
+    return [
+        Variant(
+            name,
+            config,
+            [
+                overview(file, config, *volts_and_truth(seed=i), EVENTS[name], **settings)
+                for i, file in enumerate(names)
+            ],
+            {
+                row: {
+                    'slips': 3,
+                    'missed': 1 if name == 'given' else 0,
+                    'latency_median_ms': 34.5678 if name == 'given' else None,
+                    'vote_ms': 12.0,
+                }
+                for row in (*names, 'all recordings')
+            },
+        )
+        for name, config in (('given', GIVEN), ('tuned', TUNED))
+    ]
+
+
+def trials():
+    """Return trials of a search, of which three are on the front and one is not defined."""
+    return [
+        Trial(0, 0.050, 4.0, 20.0, {'threshold': 0.5, 'passband_hz': (7.0, 50.0)}, 'given'),
+        Trial(1, 0.030, 9.0, 0.0, {'threshold': 0.2}),
+        Trial(2, 0.020, 1.0, 10.0, {'threshold': 1.0}, 'tuned'),
+        Trial(3, 0.080, 0.0, 30.0, {'threshold': 3.0}),
+        Trial(4, None, 0.0, 100.0, {'threshold': 9.0}),
+    ]

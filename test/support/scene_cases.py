@@ -1,0 +1,27 @@
+"""Scenes that the tests share."""
+
+import numpy as np
+
+from slip_detector.scenes.scene import Scene, find_scene, load_scene
+
+ALL = 10**9
+
+# Whatever the defaults are: these are the numbers that the tests count on.
+COMMON = {
+    'motion': {'acceleration_m_s2': 0.5, 'ringing_hz': 20.0, 'ringing_damping': 0.7},
+    'contact': {'radius_at_1n_m': 6e-3, 'centre_m': [0.0, 0.0], 'taxel_area_m2': 1e-6},
+}
+
+RIDGES = {'ridge_height_m': 2e-5, 'harmonics': [0.0, 0.0], 'indentation_m': 1e-4}
+
+
+def built(description, seed=0):
+    return Scene({**COMMON, **description}, np.random.default_rng(seed))
+
+
+def shipped(name, seed=0):
+    return load_scene(find_scene(name), np.random.default_rng(seed)).read(ALL)
+
+
+def times_s(samples, rate_hz=380.0):
+    return np.arange(len(samples.volts)) / rate_hz

@@ -1,0 +1,131 @@
+"""Sensors as the driver meets them: a pseudo terminal or a UDP socket, and what they send."""
+
+import contextlib
+import fcntl
+import os
+import socket
+import sys
+import termios
+import threading
+import time
+
+import numpy as np
+
+from slip_detector.sources.packets import cobs_encode, encode
+
+#: What a value is worth where a test does not say otherwise (the driver's default).
+SCALE_V = 1e-3
+
+
+class Port:
+    """A serial port that can be plugged in and out, under a name that stays."""
+
+    def __init__(self, path):
+        self.path = path
+        self._lock = threading.Lock()
+        self.plug_in()
+
+    def plug_in(self):
+        self._ends = os.openpty()
+        self.path.symlink_to(os.ttyname(self._ends[1]))
+
+    def send(self, data):
+        while data:
+            with self._lock:
+                if not self._ends:
+                    raise OSError('unplugged')
+                data = data[os.write(self._ends[0], data) :]
+
+    def is_read(self):
+        """Return whether all that was sent has been taken off the line."""
+        waiting = fcntl.ioctl(self._ends[1], termios.FIONREAD, bytes(4))
+        return not int.from_bytes(waiting, sys.byteorder)
+
+    def unplug(self):
+        with self._lock:
+            self.path.unlink(missing_ok=True)
+            for end in self._ends:
+                os.close(end)
+            self._ends = ()
+
+
+class Sender:
+    """A socket that sends to a port of this machine, from an address of it."""
+
+    def __init__(self, port, address='127.0.0.1'):
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((address, 0))
+        self._to = ('127.0.0.1', port)
+
+    def send(self, data):
+        self._socket.sendto(data, self._to)
+
+    def close(self):
+        self._socket.close()
+
+
+def free_udp_port():
+    """Return a port of this machine that nobody listens on."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(('127.0.0.1', 0))
+        return probe.getsockname()[1]
+
+
+def on_the_line(frame):
+    """Return a frame as it stands on a serial line."""
+    return cobs_encode(frame) + b'\0'
+
+
+def make_frames(integers, rate_hz, samples=1, first=0):
+    """Cut rows of integers into frames of so many samples."""
+    period_ns = round(1e9 / rate_hz)
+    return [
+        encode(
+            integers[k : k + samples],
+            'int16',
+            first + k // samples,
+            k * period_ns // 1000,
+            period_ns,
+        )
+        for k in range(0, len(integers), samples)
+    ]
+
+
+def vibration(n, rate_hz, channels=16):
+    """Return rows of millivolts that every slip chain takes for slip: 25 Hz, 0.1 V."""
+    wave = 100 * np.sin(2 * np.pi * 25 * np.arange(n) / rate_hz)
+    return np.repeat(np.round(wave).astype(int)[:, None], channels, axis=1)
+
+
+#: How many samples a sender may be ahead of what was heard: neither a socket nor the middleware
+#: keeps more than some hundred for a process that a busy machine holds up.
+AHEAD = 100
+
+
+@contextlib.contextmanager
+def sending(send, pieces, rate_hz, heard=(), due=None):
+    """Send pieces of bytes at a rate, in a thread; ends when all are sent or the block ends.
+
+    Where ``due`` says how many samples there should be before each piece, it waits for those who
+    are too far behind with what they have ``heard``.
+    """
+    stop = threading.Event()
+
+    def run():
+        begin_s = time.monotonic()
+        with contextlib.suppress(OSError):  # The port may be pulled out while it is written to.
+            for k, piece in enumerate(pieces):
+                if stop.wait(max(0.0, begin_s + k / rate_hz - time.monotonic())):
+                    return
+                while due is not None and due[k] - len(heard) > AHEAD:
+                    if stop.wait(1e-3):
+                        return
+                send(piece)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()

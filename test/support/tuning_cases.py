@@ -1,0 +1,70 @@
+"""Small labelled recordings for the tests of the tuner."""
+
+import numpy as np
+
+from slip_detector.evaluation.replay import Rows
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.tuning.search import Objective
+from slip_detector.tuning.tracks import track_of
+from slip_detector.tuning.workers import Problem
+
+RATE_HZ = 380.0
+
+#: Four channels, so that a trial takes milliseconds.
+#: Its decision takes longer than it needs to.
+CHAIN = ChainConfig(
+    channels=4,
+    groups={'tip': (1, 2), 'pad': (3, 4)},
+    gain=1.0,
+    threshold=0.05,
+    decision_window_s=0.15,
+)
+
+PARAMETERS = """# The given ones.
+/**/slip_detector:
+  ros__parameters:
+    channels: 4
+    groups: {tip: [1, 2], pad: [3, 4]}
+    gain: 1.0
+    threshold: 0.05
+    decision_window_s: 0.15
+    heartbeat_hz: 20.0
+/**/slip_driver:
+  ros__parameters: {recording_truth_key: label}
+/**/slip_evaluate:
+  ros__parameters: {tail_s: 0.15}
+/**/other_node:
+  ros__parameters: {answer: 42}
+"""
+
+
+def slips(seed, duration_s=12.0, slip_hz=18.0, slips=True):
+    """Noise, and every 3 s a slip of 0.7 s at a frequency; returns volts and labels."""
+    random = np.random.default_rng(seed)
+    n = round(duration_s * RATE_HZ)
+    time_s = np.arange(n) / RATE_HZ
+    truth = (time_s % 3.0 > 1.5) & (time_s % 3.0 < 2.2) & slips
+    volts = 4.3 + 0.05 * random.standard_normal((n, 4))
+    phases = random.uniform(0, 2 * np.pi, 4)
+    volts += truth[:, None] * np.sin(2 * np.pi * slip_hz * time_s[:, None] + phases)
+    return volts, truth
+
+
+def track(seed, **what):
+    volts, truth = slips(seed, **what)
+    return track_of(f'seed {seed}', [Rows(volts, truth)], RATE_HZ)
+
+
+def write(path, seed, label=True, **what):
+    """Write a recording as npz and return its path as text."""
+    volts, truth = slips(seed, **what)
+    np.savez(path, volts=volts, sample_rate_hz=RATE_HZ, **({'label': truth} if label else {}))
+    return str(path)
+
+
+def problem(tracks, given_chain=CHAIN, config=None):
+    config = config or TuneConfig()
+    before = Objective(tracks, EvaluationConfig(), config).as_it_is(given_chain)
+    return Problem(tracks, given_chain, before.figures, EvaluationConfig(), config)

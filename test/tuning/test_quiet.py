@@ -1,0 +1,75 @@
+"""A threshold from a recording without slip."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from slip_detector.commands.tune import main
+from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.tuning.quiet import quiet_threshold
+from support.tuning_cases import CHAIN, PARAMETERS, track, write
+
+
+def alarms_at(chain, recording):
+    replay = Replay(chain, scores=False, stages=False)
+    return len(replay.run(recording.rows(), recording.sample_rate_hz).alarms)
+
+
+@pytest.mark.parametrize('vote', ['all', 'mean', 1])
+def test_the_rate_holds_in_the_recording_and_in_another(vote):
+    chain = dataclasses.replace(CHAIN, vote=vote)
+    recording = track(1, duration_s=600.0, slips=False)
+    found = quiet_threshold(recording, chain, 60.0, np.random.default_rng(0))
+    assert not found.extrapolated
+    assert found.alarms == alarms_at(found.chain, recording)
+    assert found.alarms / found.hours <= 60.0
+    assert found.per_hour[0] <= found.alarms / found.hours <= found.per_hour[1] <= 60.0
+    other = track(2, duration_s=600.0, slips=False)
+    assert alarms_at(found.chain, other) <= 2 * 10
+    lower = dataclasses.replace(found.chain, threshold=found.chain.threshold / 1.5)
+    assert alarms_at(lower, recording) / found.hours > 60.0
+
+
+def test_more_data_is_surer():
+    spans = []
+    for minutes in (5, 30):
+        recording = track(3, duration_s=60.0 * minutes, slips=False)
+        found = quiet_threshold(recording, CHAIN, 100.0, np.random.default_rng(0))
+        spans.append(found.per_hour[1] - found.alarms / found.hours)
+    assert spans[1] < spans[0]
+
+
+def test_a_rate_beyond_the_data_is_extrapolated_and_said_to_be():
+    recording = track(4, duration_s=1200.0, slips=False)
+    found = quiet_threshold(recording, CHAIN, 2.0, np.random.default_rng(0))
+    assert found.extrapolated
+    low, high = found.per_hour
+    assert low < 2.0 < high
+    assert 'can only show fewer than 8.99 an hour' in str(found)
+    counted = quiet_threshold(recording, CHAIN, 30.0, np.random.default_rng(0))
+    assert found.chain.threshold > counted.chain.threshold
+
+
+def test_what_cannot_be_known_is_refused():
+    recording = track(5, duration_s=60.0, slips=False)
+    with pytest.raises(ValueError, match=r'seed 5: lasts 0.0167 h, allowed: at least 0.05 h'):
+        quiet_threshold(recording, CHAIN, 1.0, np.random.default_rng(0))
+    with pytest.raises(ValueError, match='seed 5: has 60 blocks of 1 s with a peak, allowed: 300'):
+        quiet_threshold(recording, CHAIN, 10.0, np.random.default_rng(0))
+    with pytest.raises(ValueError, match=r'seed 6: has slip at 1\.503 s'):
+        quiet_threshold(track(6), CHAIN, 1000.0, np.random.default_rng(0))
+
+
+def test_the_command_writes_only_another_threshold(tmp_path, capsys):
+    (tmp_path / 'given.yaml').write_text(PARAMETERS)
+    quiet = write(tmp_path / 'quiet.npz', 1, label=False, duration_s=300.0, slips=False)
+    out = tmp_path / 'out.yaml'
+    words = ['--quiet', quiet, '--false-alarms-per-hour', '120', '--out', str(out)]
+    assert main([*words, '--config', str(tmp_path / 'given.yaml')]) == 0
+    tuned = ChainConfig.from_yaml(out)
+    assert tuned.threshold != CHAIN.threshold
+    assert dataclasses.replace(tuned, threshold=CHAIN.threshold) == CHAIN
+    assert 'at 95% confidence' in capsys.readouterr().out
+    assert 'at 95% confidence' in out.read_text()
