@@ -61,8 +61,8 @@ def test_the_nodes_do_without_reports():
     assert of_reports.isdisjoint(loaded_by(NODES))
 
 
-def test_only_plots_import_a_plotting_library():
-    others = [name for name in CORE if not name.startswith('slip_detector.report.plots')]
+def test_only_the_report_imports_a_plotting_library():
+    others = [name for name in CORE if not name.startswith('slip_detector.report.')]
     loaded_by(others, absent=['matplotlib'])
 
 

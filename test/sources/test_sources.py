@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.parameters import files
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.recordings import npz, open_recording
 from slip_detector.scenes.scene import find_scene
-from slip_detector.sources import source as sources
 from slip_detector.sources.source import RecordingSource, open_source
 
 N_ROWS = 50
@@ -138,7 +138,7 @@ def test_an_unknown_scene_lists_those_there_are():
 
 
 def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
-    monkeypatch.setattr(sources, '__file__', str(tmp_path / 'sources.py'))
+    monkeypatch.setattr(files, '__file__', str(tmp_path / 'files.py'))
     with pytest.raises(ValueError, match='without its config folder'):
         shared_folder()
 
