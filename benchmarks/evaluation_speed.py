@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from benchmarks.command import Bound, least_times_s, verdicts
 from slip_detector.evaluation.evaluator import Evaluator
-from slip_detector.evaluation.protocol_trials import SCENES, simulate
+from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
+from slip_detector.evaluation.replay import figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -52,7 +53,7 @@ def write_hour(path: Path, rows: int = HOUR_ROWS) -> None:
     rows
         How many; the last trial is cut.
     """
-    trials = [trial for plate in SCENES.values() for trial in simulate(plate, range(2))]
+    trials = [trial for plate in SCENES.values() for trial in simulate_trials(plate, range(2))]
     volts = np.concatenate([trial.volts for trial in trials])
     slip = np.concatenate([trial.moving for trial in trials])
     repeats = -(-rows // len(volts))
@@ -79,12 +80,12 @@ def measure(rows: int = HOUR_ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'hour.npz'
         write_hour(path, rows)
-        figures = evaluator.evaluate(path).outcome.figures()
+        figures = figures_of_merit([evaluator.evaluate(path).outcome])
         with np.load(path) as file:
             volts = file['volts']
 
         def evaluation() -> None:
-            evaluator.evaluate(path).outcome.figures()
+            figures_of_merit([evaluator.evaluate(path).outcome])
 
         def plain() -> None:
             with np.load(path) as file:

@@ -23,15 +23,15 @@ from typing import Any
 import numpy as np
 
 from slip_detector.commands.tune import Settings, load, settings_of
-from slip_detector.evaluation.replay import Replay, Rows
+from slip_detector.evaluation.replay import LabelledRows, Replay
 from slip_detector.evaluation.scores import MOTION, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.sets import read_yaml
 from slip_detector.scenes.scene import Scene, find_scene
-from slip_detector.tuning.search import Found, Objective
+from slip_detector.tuning.search import Candidate, Objective
 from slip_detector.tuning.sweep import Statistics
 from slip_detector.tuning.tracks import Track, held_out, track_of
-from slip_detector.tuning.verdict import Verdict, judge, pooled
+from slip_detector.tuning.verdict import Verdict, judge, pooled_figures
 from slip_detector.tuning.workers import SEARCHED, Problem, search
 
 #: The paper's plates; a family plays each with each of its seeds.
@@ -88,12 +88,14 @@ def play(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> lis
             scene = Scene(description, np.random.default_rng(seed))
             samples = scene.read(round(60.0 * scene.sample_rate_hz))
             assert samples.truth is not None
-            rows = Rows(samples.volts, samples.truth)
+            rows = LabelledRows(samples.volts, samples.truth)
             tracks.append(track_of(f'{PLATES[i]}, seed {seed}', [rows], scene.sample_rate_hz))
     return tracks
 
 
-def searched(tracks: Sequence[Track], settings: Settings, trials: int, seed: int) -> Found | None:
+def searched(
+    tracks: Sequence[Track], settings: Settings, trials: int, seed: int
+) -> Candidate | None:
     """Search on all tracks, and return what would be handed back."""
     before = Objective(tracks, settings.evaluation, settings.tune).as_it_is(settings.chain)
     problem = Problem(
@@ -129,7 +131,9 @@ def families(
         both = {}
         for which, chain in (('given', settings.chain), ('tuned', verdict.chain)):
             replay = Replay(chain, settings.evaluation, scores=False, stages=False)
-            whole = pooled([replay.run(track.rows(), track.sample_rate_hz) for track in tracks])
+            whole = pooled_figures(
+                [replay.run(track.rows(), track.sample_rate_hz) for track in tracks]
+            )
             both[which] = {figure: whole[figure] for figure in FIGURES}
         parameters = verdict.chain.to_parameters()
         result[name] = {

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.evaluation.replay import Replay, Rows
+from slip_detector.evaluation.replay import LabelledRows, Replay, figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import page as report
 from slip_detector.report.overview import Overview, events_of
@@ -119,23 +119,25 @@ def _variants(duration_s: float, seed: int) -> list[Variant]:
             _pieces(parts, round(duration_s * config.sample_rate_hz), random), observer=overview
         )
         overview.events = events_of(outcome)
-        variants.append(Variant(name, config, [overview], {'hour': outcome.figures()}))
+        variants.append(Variant(name, config, [overview], {'hour': figures_of_merit([outcome])}))
     return variants
 
 
-def _scene(name: str, seed: int) -> Rows:
+def _scene(name: str, seed: int) -> LabelledRows:
     from slip_detector.scenes.scene import find_scene, load_scene
 
     scene = load_scene(find_scene(name), np.random.default_rng(seed))
     samples = scene.read(1_000_000)  # more than any of them has
-    return Rows(samples.volts, np.asarray(samples.truth, dtype=bool))
+    return LabelledRows(samples.volts, np.asarray(samples.truth, dtype=bool))
 
 
-def _pieces(parts: list[Rows], rows: int, random: np.random.Generator) -> Iterator[Rows]:
+def _pieces(
+    parts: list[LabelledRows], rows: int, random: np.random.Generator
+) -> Iterator[LabelledRows]:
     """Yield the parts, with noise and again and again, until there are so many rows."""
     left = rows
     while left > 0:
         for volts, truth, *_ in parts:
             some = volts[:left]
-            yield Rows(some + NOISE_V * random.standard_normal(some.shape), truth[:left])
+            yield LabelledRows(some + NOISE_V * random.standard_normal(some.shape), truth[:left])
             left -= len(some)

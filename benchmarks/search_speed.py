@@ -22,12 +22,12 @@ from scipy import signal
 
 from benchmarks.command import gc_off
 from slip_detector.chain.filters import design
-from slip_detector.evaluation.replay import Rows
+from slip_detector.evaluation.replay import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.search import Objective, Space
-from slip_detector.tuning.sweep import Swept, Vote, windows
+from slip_detector.tuning.sweep import ThresholdSweep, Vote, windows
 from slip_detector.tuning.tracks import Track, track_of
 
 Floats = NDArray[np.float64]
@@ -55,7 +55,7 @@ def slips_and_noise(minutes: float, seed: int = 0) -> Track:
     volts += 0.002 * np.sin(2 * np.pi * 50.0 * time_s)[:, None]
     ridges = 0.02 * np.sin(2 * np.pi * 17.0 * time_s[:, None] + np.arange(config.channels))
     volts[truth] += ridges[truth]
-    return track_of('slips and noise', [Rows(volts, truth)], rate)
+    return track_of('slips and noise', [LabelledRows(volts, truth)], rate)
 
 
 class NumpyObjective(Objective):
@@ -70,7 +70,7 @@ class NumpyObjective(Objective):
         """Return what is held against the threshold by track and vote, shapes (n,)."""
         return [_statistic(_level(chain, track.volts), chain, votes) for track in self._tracks]
 
-    def swept(self, statistic: Sequence[Floats], limits: Floats) -> Swept:
+    def swept(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
         """Return what becomes of the tracks at each threshold."""
         false = np.zeros(limits.size, np.int64)
         counts = np.zeros((3, limits.size + 1), np.int64)
@@ -95,7 +95,7 @@ class NumpyObjective(Objective):
             risen -= np.bincount(above[outside], minlength=limits.size + 1)
             false += np.cumsum(risen)[:-1]
         quiet_s = sum(track.quiet_s for track in self._tracks)
-        return Swept(limits, np.array(latencies_ms), false, quiet_s, counts)
+        return ThresholdSweep(limits, np.array(latencies_ms), false, quiet_s, counts)
 
 
 def _level(config: ChainConfig, volts: Floats) -> Floats:

@@ -6,10 +6,9 @@ No ROS here: the chain runs over each recording as the detector node would, from
 
 ``sets``
     By the name of each set, which is a folder: the figures of all its recordings together, see
-    :func:`slip_detector.evaluation.replay.figures`; what was met in them, see
-    :func:`slip_detector.evaluation.evaluator.counted`; and under ``recordings``, by the name of
-    each file,
-    the same of it alone, with what was ``lost`` of it and its ``slip_events`` and
+    :func:`slip_detector.evaluation.replay.figures_of_merit`; what was met in them, see
+    :func:`slip_detector.evaluation.evaluator.recording_counts`; and under ``recordings``, by the
+    name of each file, the same of it alone, with what was ``lost`` of it and its ``slip_events`` and
     ``alarm_events``, see :class:`slip_detector.evaluation.events.TrueSlip` and ``Alarm``.
 ``all``
     The figures and counts over all sets.
@@ -30,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.commands.command_line import Parser, print_text
-from slip_detector.evaluation.evaluator import Evaluation, Evaluator, figures_of
+from slip_detector.evaluation.evaluator import EvaluatedRecording, Evaluator, recording_figures
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -96,7 +95,7 @@ def _recordings_in(folder: Path) -> list[Path]:
 
 def evaluate(
     arguments: Sequence[str], evaluator: Evaluator, with_overviews: bool = False
-) -> dict[str, dict[str, Evaluation]]:
+) -> dict[str, dict[str, EvaluatedRecording]]:
     """Evaluate sets of recordings.
 
     Parameters
@@ -130,23 +129,23 @@ def evaluate(
     }
 
 
-def as_report(sets: Mapping[str, Mapping[str, Evaluation]]) -> dict[str, Any]:
+def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:
     """Return all figures as plain numbers and text, as the module's docstring has them."""
     return {
         'sets': {
             name: {
-                **figures_of(files.values()),
+                **recording_figures(files.values()),
                 'recordings': {file: _alone(one) for file, one in files.items()},
             }
             for name, files in sets.items()
         },
-        'all': figures_of([one for files in sets.values() for one in files.values()]),
+        'all': recording_figures([one for files in sets.values() for one in files.values()]),
     }
 
 
-def _alone(one: Evaluation) -> dict[str, Any]:
+def _alone(one: EvaluatedRecording) -> dict[str, Any]:
     return {
-        **figures_of([one]),
+        **recording_figures([one]),
         'lost': one.counts.lost,
         'slip_events': [dataclasses.asdict(slip) for slip in one.outcome.slips],
         'alarm_events': [dataclasses.asdict(alarm) for alarm in one.outcome.alarms],

@@ -27,9 +27,9 @@ from slip_detector.parameters.files import check_writable, with_parameters, writ
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.recordings import Counts, with_options
 from slip_detector.tuning.quiet import quiet_threshold
-from slip_detector.tuning.search import Found, Objective
+from slip_detector.tuning.search import Candidate, Objective
 from slip_detector.tuning.tracks import Track, fingerprint, held_out, track_of
-from slip_detector.tuning.verdict import judge, pooled, table
+from slip_detector.tuning.verdict import comparison_table, judge, pooled_figures
 from slip_detector.tuning.workers import SEARCHED, Problem, Stopper, search, search_in_processes
 
 #: Of a run that shows no bar, a line is printed so often.
@@ -178,7 +178,7 @@ class Progress:
         self._bar.close()
 
 
-def in_short(found: Found) -> str:
+def in_short(found: Candidate) -> str:
     """Say in few words what a chain does."""
     counts = found.figures
     latency = '-' if counts.latency_ms is None else f'{counts.latency_ms:.1f} ms'
@@ -322,7 +322,7 @@ def _finish(
     n = len(held)
     parts = {'held out': slice(0, n), 'tuned on': slice(n, None)}
     both = {
-        what: [pooled(one.outcomes[part]) for one in (given, tuned)]
+        what: [pooled_figures(one.outcomes[part]) for one in (given, tuned)]
         for what, part in parts.items()
     }
     lines = [
@@ -333,8 +333,8 @@ def _finish(
     ]
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')
-    lines += ['On what was held out:', *table(*both['held out'])]
-    lines += ['On what was tuned on:', *table(*both['tuned on'])]
+    lines += ['On what was held out:', *comparison_table(*both['held out'])]
+    lines += ['On what was tuned on:', *comparison_table(*both['tuned on'])]
     parameters = verdict.chain.to_parameters()
     changes = {} if verdict.kept else {name: parameters[name] for name in SEARCHED}
     write_file(options.out, with_parameters(options.config, changes), _comments(argv, lines))

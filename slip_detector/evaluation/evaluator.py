@@ -7,7 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.evaluation.replay import Observer, Outcome, Replay, Rows, figures
+from slip_detector.evaluation.replay import (
+    LabelledRows,
+    Observer,
+    Replay,
+    ReplayOutcome,
+    figures_of_merit,
+)
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -17,12 +23,12 @@ from slip_detector.recordings.labels import labels_name
 Bools = NDArray[np.bool_]
 
 
-class Opened(NamedTuple):
+class LabelledRecording(NamedTuple):
     """A recording that suits the chain.
 
     Attributes
     ----------
-    rows : iterator of Rows
+    rows : iterator of LabelledRows
         Its pieces, to be read once. Reading them raises ValueError where the file is broken.
     sample_rate_hz : float
         Of these rows.
@@ -31,30 +37,30 @@ class Opened(NamedTuple):
         Its ``counts`` are complete when all pieces have been read.
     """
 
-    rows: Iterator[Rows]
+    rows: Iterator[LabelledRows]
     sample_rate_hz: float
     channel_names: tuple[str, ...]
     recording: Recording
 
 
-class Evaluation(NamedTuple):
+class EvaluatedRecording(NamedTuple):
     """What a chain made of a recording, and what was met on the way through it.
 
     Attributes
     ----------
-    outcome : Outcome
+    outcome : ReplayOutcome
     counts : Counts
         Gaps, bad samples and what was lost.
     observer : Observer or None
         What looked on, if it was asked for.
     """
 
-    outcome: Outcome
+    outcome: ReplayOutcome
     counts: Counts
     observer: Observer | None
 
 
-def counted(evaluations: Iterable[Evaluation]) -> dict[str, int]:
+def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int]:
     """Return what was met in recordings.
 
     Returns
@@ -74,10 +80,10 @@ def counted(evaluations: Iterable[Evaluation]) -> dict[str, int]:
     }
 
 
-def figures_of(evaluations: Iterable[Evaluation]) -> dict[str, Any]:
+def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:
     """Return the figures of recordings taken together, and what was met in them."""
     several = list(evaluations)
-    return {**figures([one.outcome for one in several]), **counted(several)}
+    return {**figures_of_merit([one.outcome for one in several]), **recording_counts(several)}
 
 
 class Evaluator:
@@ -112,7 +118,7 @@ class Evaluator:
         self._driver_config, self._config = driver_config, config
         self._max_gap_s = max_gap_s
 
-    def open(self, path: Path, require_truth: bool = True) -> Opened:
+    def open(self, path: Path, require_truth: bool = True) -> LabelledRecording:
         """Open a recording and see that it suits the chain.
 
         Parameters
@@ -148,7 +154,7 @@ class Evaluator:
         wanted_hz = config.sample_rate_hz
         # One of another rate is resampled, or reading it says what is wrong.
         rate_hz = wanted_hz if _apart(recording, wanted_hz) else recording.sample_rate_hz
-        return Opened(
+        return LabelledRecording(
             self._rows(recording),
             rate_hz,
             recording.channel_names,
@@ -165,8 +171,8 @@ class Evaluator:
         )
 
     def evaluate(
-        self, path: Path, watch: Callable[[Opened], Observer] | None = None
-    ) -> Evaluation:
+        self, path: Path, watch: Callable[[LabelledRecording], Observer] | None = None
+    ) -> EvaluatedRecording:
         """Run the chain over a recording from its first row.
 
         Parameters
@@ -184,9 +190,9 @@ class Evaluator:
         opened = self.open(path)
         observer = None if watch is None else watch(opened)
         outcome = self._replay.run(opened.rows, opened.sample_rate_hz, observer)
-        return Evaluation(outcome, opened.recording.counts, observer)
+        return EvaluatedRecording(outcome, opened.recording.counts, observer)
 
-    def _rows(self, recording: Recording) -> Iterator[Rows]:
+    def _rows(self, recording: Recording) -> Iterator[LabelledRows]:
         """Yield the pieces of a recording with its label and whether the robot moves."""
         moving = self._moving(recording)
         wanted_hz = self._replay.chain.config.sample_rate_hz
@@ -195,11 +201,13 @@ class Evaluator:
             truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
             last = int(piece.rows[-1])
             if moving is None:
-                yield Rows(piece.volts, truth, piece.stamps_ns, piece.new_stretch)
+                yield LabelledRows(piece.volts, truth, piece.stamps_ns, piece.new_stretch)
                 continue
             if last >= len(moving):
                 raise self._other_length(recording, moving)
-            yield Rows(piece.volts, truth, piece.stamps_ns, piece.new_stretch, moving[piece.rows])
+            yield LabelledRows(
+                piece.volts, truth, piece.stamps_ns, piece.new_stretch, moving[piece.rows]
+            )
         # The last rows may have been dropped; resampling may end before the last row.
         left = 0 if moving is None else len(moving) - 1 - last - recording.counts.dropped
         if moving is not None and left > (1 if _apart(recording, wanted_hz) else 0):

@@ -22,14 +22,14 @@ ALREADY_ON = 'already_on'
 TRUE, REPEAT, FALSE = 'true', 'repeat', 'false'
 
 
-class Interval(NamedTuple):
+class RowInterval(NamedTuple):
     """Rows from ``start`` to before ``end``."""
 
     start: int
     end: int
 
 
-class Intervals:
+class OnIntervals:
     """Collects the intervals in which a signal is ON, over any cut of its rows into pieces.
 
     Attributes
@@ -68,13 +68,15 @@ class Intervals:
         if self.on:
             self.edges.append(end_row)
 
-    def closed(self) -> list[Interval]:
+    def closed(self) -> list[RowInterval]:
         """Return the intervals that have ended, the oldest first."""
-        return [Interval(*pair) for pair in zip(self.edges[::2], self.edges[1::2], strict=False)]
+        return [
+            RowInterval(*pair) for pair in zip(self.edges[::2], self.edges[1::2], strict=False)
+        ]
 
 
 def match(
-    slips: Sequence[Interval], rises: Sequence[int], early_rows: int, tail_rows: int
+    slips: Sequence[RowInterval], rises: Sequence[int], early_rows: int, tail_rows: int
 ) -> tuple[list[int | None], list[int | None]]:
     """Match each true slip to at most one alarm and each alarm to at most one slip.
 

@@ -2,7 +2,7 @@
 
 Each trial is a scene of the package, simulated once and run through several chains: the one that
 is asked for, the same with other windows (as the paper's Fig. 4) and the same with wider bands
-and no stop-band above them (as its Fig. 7). Trial k of each plate has the seed k, so that the
+and no stop-band above them (as its Fig. 7). PlateTrial k of each plate has the seed k, so that the
 plates differ in nothing but their spatial period.
 
 Of the paper's Table 2 the means and standard deviations of each plate are at hand, its delays of
@@ -53,10 +53,10 @@ from slip_detector.evaluation.protocol_trials import (
     PAPER_FALSE_POSITIVE_PERCENT,
     SCENES,
     WINDOWS_S,
-    Trial,
+    PlateTrial,
     band_name,
     evaluate_plates,
-    simulate,
+    simulate_trials,
     with_band,
     with_windows,
 )
@@ -117,7 +117,7 @@ MEANINGS = {
 
 
 def evaluate_protocol(
-    plates: Mapping[str, Sequence[Trial]], config: ChainConfig
+    plates: Mapping[str, Sequence[PlateTrial]], config: ChainConfig
 ) -> dict[str, Any]:
     """Run trials through the chain and its variants of Figs. 4 and 7.
 
@@ -231,7 +231,7 @@ def run(
         When the chain cannot be built, does not suit the scenes, or a picture cannot be written.
     """
     seeds = list(range(seed, seed + trials))
-    plates = {plate: simulate(scene, seeds) for plate, scene in SCENES.items()}
+    plates = {plate: simulate_trials(scene, seeds) for plate, scene in SCENES.items()}
     result = {
         'seeds': seeds,
         'scenes': dict(SCENES),

@@ -36,7 +36,7 @@ BANDS_HZ = ((10.0, 100.0), (10.0, 150.0))
 ROWS_PER_READ = 4096
 
 
-class Trial(NamedTuple):
+class PlateTrial(NamedTuple):
     """A trial to its end.
 
     Attributes
@@ -72,7 +72,7 @@ class Trial(NamedTuple):
         return self.start / self.sample_rate_hz, self.end / self.sample_rate_hz
 
 
-def trial_of(samples: Samples, sample_rate_hz: float) -> Trial:
+def plate_trial(samples: Samples, sample_rate_hz: float) -> PlateTrial:
     """Make a trial of all its samples.
 
     Raises
@@ -86,16 +86,16 @@ def trial_of(samples: Samples, sample_rate_hz: float) -> Trial:
     if not moved.size:
         raise ValueError('the platform does not move, allowed: a trial in which it does')
     start, end = int(moved[0]), int(moved[-1]) + 1
-    return Trial(samples.volts, samples.position_m, sample_rate_hz, start, end)
+    return PlateTrial(samples.volts, samples.position_m, sample_rate_hz, start, end)
 
 
-def play(source: Source) -> Trial:
+def read_trial(source: Source) -> PlateTrial:
     """Read a source to its end.
 
     Raises
     ------
     ValueError
-        As :func:`trial_of`.
+        As :func:`plate_trial`.
     """
     parts = [source.read(ROWS_PER_READ)]
     while len(parts[-1].volts) == ROWS_PER_READ:
@@ -105,10 +105,10 @@ def play(source: Source) -> Trial:
         np.concatenate([part.volts for part in parts]),
         position_m=np.concatenate(positions) if len(positions) == len(parts) else None,
     )
-    return trial_of(whole, source.sample_rate_hz)
+    return plate_trial(whole, source.sample_rate_hz)
 
 
-def simulate(scene: str, seeds: Iterable[int]) -> list[Trial]:
+def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
     """Play a scene once for each seed.
 
     Parameters
@@ -126,7 +126,7 @@ def simulate(scene: str, seeds: Iterable[int]) -> list[Trial]:
     path = find_scene(scene)
     sources = [load_scene(path, np.random.default_rng(seed)) for seed in seeds]
     try:
-        return [play(source) for source in sources]
+        return [read_trial(source) for source in sources]
     except ValueError as error:
         raise ValueError(f'{path}: {error}') from None
 
@@ -149,7 +149,7 @@ class Outcome(NamedTuple):
     moving: Bools
 
 
-def outcome(trial: Trial, chain: SlipChain) -> Outcome:
+def outcome(trial: PlateTrial, chain: SlipChain) -> Outcome:
     """Run a trial through a chain from its first row.
 
     An ON that comes when the plate stands again is none of the motion: such a channel has no
@@ -212,15 +212,15 @@ def _in_ms(seconds: float | None) -> float | None:
 
 
 def evaluate_plates(
-    plates: Mapping[str, Sequence[Trial]], config: ChainConfig
+    plates: Mapping[str, Sequence[PlateTrial]], config: ChainConfig
 ) -> dict[str, dict[str, Any]]:
     """Run trials through one chain.
 
     Parameters
     ----------
     plates
-        The trials by plate, at least one on each; see :func:`simulate` and, for other sources than
-        the scenes that come with the package, :func:`play`.
+        The trials by plate, at least one on each; see :func:`simulate_trials` and, for other
+        sources than the scenes that come with the package, :func:`read_trial`.
     config
         The chain's.
 

@@ -18,7 +18,7 @@ from slip_detector.evaluation.events import (
     REPEAT,
     TRUE,
     Alarm,
-    Intervals,
+    OnIntervals,
     TrueSlip,
     event_figures,
     match,
@@ -47,7 +47,7 @@ BLOCK_VALUES = 131072
 WATCHED_ROWS = 64
 
 
-class Rows(NamedTuple):
+class LabelledRows(NamedTuple):
     """A piece of a recording: n rows of c channels.
 
     Attributes
@@ -81,7 +81,7 @@ class Observer(Protocol):
 
 
 @dataclasses.dataclass(frozen=True)
-class Outcome:
+class ReplayOutcome:
     """What a chain made of a recording.
 
     Attributes
@@ -90,7 +90,7 @@ class Outcome:
     moving_rows : int or None
         None where nobody says what moves.
     on_rows : int
-        Rows without slip in which the global decision is ON.
+        LabelledRows without slip in which the global decision is ON.
     sample_rate_hz : float
         Of the recording.
     slips : tuple of TrueSlip
@@ -118,12 +118,8 @@ class Outcome:
         """Time of its rows without slip."""
         return (self.rows - self.slip_rows) / self.sample_rate_hz
 
-    def figures(self) -> dict[str, Any]:
-        """Return the figures of merit by name; see :func:`figures`."""
-        return figures([self])
 
-
-def figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     """Return the figures of merit of recordings, at least one, taken together.
 
     Returns
@@ -202,10 +198,10 @@ class Replay:
 
     def run(
         self,
-        pieces: Iterable[Rows],
+        pieces: Iterable[LabelledRows],
         sample_rate_hz: float | None = None,
         observer: Observer | None = None,
-    ) -> Outcome:
+    ) -> ReplayOutcome:
         """Replay a recording.
 
         Parameters
@@ -267,10 +263,10 @@ class _Run:
         self._rows = self._slip_rows = self._moving_rows = self._on_rows = 0
         self._moves = False
         self._last_ns: int | None = None
-        self._labels, self._alarms = Intervals(), Intervals()
+        self._labels, self._alarms = OnIntervals(), OnIntervals()
         self._slips: list[_Slip] = []
 
-    def add(self, piece: Rows) -> None:
+    def add(self, piece: LabelledRows) -> None:
         volts, truth = np.asarray(piece.volts, np.float64), np.asarray(piece.truth, np.bool_)
         n = len(volts)
         if truth.shape != (n,):
@@ -375,7 +371,7 @@ class _Run:
             slip.lost_at = None if slip.stages else self._watch.lost_at()
             self._watch.watching = False
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> ReplayOutcome:
         self._end_stretch()
         labels, alarms = self._labels.closed(), self._alarms.closed()
         alarm_of, slip_of = match(labels, [a.start for a in alarms], self._early, self._tail)
@@ -387,7 +383,7 @@ class _Run:
             FALSE if k is None else TRUE if alarm_of[k] == a else REPEAT
             for a, k in enumerate(slip_of)
         ]
-        return Outcome(
+        return ReplayOutcome(
             rows=self._rows,
             slip_rows=self._slip_rows,
             moving_rows=self._moving_rows if self._moves else None,

@@ -3,7 +3,11 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from slip_detector.evaluation.evaluator import Evaluation, Opened, figures_of
+from slip_detector.evaluation.evaluator import (
+    EvaluatedRecording,
+    LabelledRecording,
+    recording_figures,
+)
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import MOST_CELLS, Overview, events_of
 from slip_detector.report.page import write, write_pictures
@@ -14,7 +18,7 @@ from slip_detector.report.plots_evaluation import draw_evaluation
 LEAST_CELLS = 2**15
 
 
-def overviews_of(config: ChainConfig, recordings: int) -> Callable[[Opened], Overview]:
+def overviews_of(config: ChainConfig, recordings: int) -> Callable[[LabelledRecording], Overview]:
     """Return what makes the overview of a recording.
 
     Parameters
@@ -26,7 +30,7 @@ def overviews_of(config: ChainConfig, recordings: int) -> Callable[[Opened], Ove
     """
     cells = max(MOST_CELLS // recordings, LEAST_CELLS)
 
-    def overview(opened: Opened) -> Overview:
+    def overview(opened: LabelledRecording) -> Overview:
         name = opened.recording.path.name
         return Overview(name, config, opened.channel_names, cells, opened.sample_rate_hz)
 
@@ -34,7 +38,7 @@ def overviews_of(config: ChainConfig, recordings: int) -> Callable[[Opened], Ove
 
 
 def write_evaluation_report(
-    sets: Mapping[str, Mapping[str, Evaluation]],
+    sets: Mapping[str, Mapping[str, EvaluatedRecording]],
     config: ChainConfig,
     page: Path | None,
     folder: Path | None,
@@ -73,8 +77,8 @@ def write_evaluation_report(
         one.observer.name = title
         one.observer.events = events_of(one.outcome)
         overviews.append(one.observer)
-    figures = {title: figures_of([one]) for title, one in titles.items()}
-    figures['all recordings'] = figures_of(titles.values())
+    figures = {title: recording_figures([one]) for title, one in titles.items()}
+    figures['all recordings'] = recording_figures(titles.values())
     variants = [Variant('given', config, overviews, figures)]
     written = []
     if page is not None:

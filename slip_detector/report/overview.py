@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.slip_chain import SlipResult
-from slip_detector.evaluation.replay import Outcome
+from slip_detector.evaluation.replay import ReplayOutcome
 from slip_detector.parameters.detector import ChainConfig
 
 Bools = NDArray[np.bool_]
@@ -132,7 +132,7 @@ class _Intervals:
         return np.concatenate(changes).reshape(-1, 2)
 
 
-def events_of(outcome: Outcome) -> list[Event]:
+def events_of(outcome: ReplayOutcome) -> list[Event]:
     """Return what a report shows of slips and alarms."""
     shown = []
     for slip in outcome.slips:

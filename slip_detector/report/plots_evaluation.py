@@ -13,11 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from slip_detector.evaluation.events import STAGES
-from slip_detector.evaluation.replay import Outcome, figures
+from slip_detector.evaluation.replay import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.scores import MOTION, ScoreCounts
 
 
-def draw_evaluation(path: Path, outcomes: Sequence[Outcome]) -> None:
+def draw_evaluation(path: Path, outcomes: Sequence[ReplayOutcome]) -> None:
     """Draw the latencies of all detected slips, their mean parts and the ROC curve.
 
     Parameters
@@ -40,7 +40,7 @@ def draw_evaluation(path: Path, outcomes: Sequence[Outcome]) -> None:
     plt.close(figure)
 
 
-def _draw_latencies(axis: Axes, outcomes: Sequence[Outcome]) -> None:
+def _draw_latencies(axis: Axes, outcomes: Sequence[ReplayOutcome]) -> None:
     slips = [slip for one in outcomes for slip in one.slips]
     known_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
     missed = len(slips) - len(known_ms)
@@ -55,8 +55,8 @@ def _draw_latencies(axis: Axes, outcomes: Sequence[Outcome]) -> None:
     axis.set_title(f'{len(known_ms)} detected, {missed} missed', fontsize=10)
 
 
-def _draw_parts(axis: Axes, outcomes: Sequence[Outcome]) -> None:
-    values = figures(outcomes)
+def _draw_parts(axis: Axes, outcomes: Sequence[ReplayOutcome]) -> None:
+    values = figures_of_merit(outcomes)
     for row, lead in enumerate(('', 'late_')):
         end_ms = 0.0
         for k, stage in enumerate(STAGES):
@@ -74,7 +74,7 @@ def _draw_parts(axis: Axes, outcomes: Sequence[Outcome]) -> None:
     axis.set_title('where the time went', fontsize=10)
 
 
-def _draw_roc(axis: Axes, outcomes: Sequence[Outcome]) -> None:
+def _draw_roc(axis: Axes, outcomes: Sequence[ReplayOutcome]) -> None:
     scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
     moving = any(one.moving_rows is not None for one in outcomes)
     kinds: list[tuple[str, tuple[int, ...] | None]] = [('all other rows', None)]

@@ -13,7 +13,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.protocol_trials import (
     PAPER_DELAY_MS,
     PAPER_FALSE_POSITIVE_PERCENT,
-    Trial,
+    PlateTrial,
     band_name,
     outcome,
 )
@@ -22,7 +22,7 @@ from slip_detector.parameters.detector import ChainConfig
 Floats = NDArray[np.float64]
 
 
-def stages(trial: Trial, config: ChainConfig, channel: int) -> dict[str, Floats]:
+def stages(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[str, Floats]:
     """Return the signals of one channel after each stage of the chain (Eq. 1-8).
 
     Parameters
@@ -66,7 +66,7 @@ def stages(trial: Trial, config: ChainConfig, channel: int) -> dict[str, Floats]
 
 def draw(
     folder: Path,
-    plates: Mapping[str, Sequence[Trial]],
+    plates: Mapping[str, Sequence[PlateTrial]],
     config: ChainConfig,
     result: Mapping[str, Any],
 ) -> list[Path]:

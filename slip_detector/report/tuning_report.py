@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from slip_detector.evaluation.replay import Outcome, Replay
+from slip_detector.evaluation.replay import Replay, ReplayOutcome, figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report.overview import MOST_CELLS, Overview, events_of
@@ -21,7 +21,7 @@ class Replayed(NamedTuple):
     """A chain on all recordings."""
 
     chain: ChainConfig
-    outcomes: list[Outcome]
+    outcomes: list[ReplayOutcome]
     overviews: list[Overview]
 
 
@@ -76,7 +76,7 @@ def write_tuning_report(
         rows = {f'all {what}': sides[k] for what, sides in both.items()}
         for i, (overview, outcome) in enumerate(zip(one.overviews, one.outcomes, strict=True)):
             what = 'held out' if i < len(held) else 'tuned on'
-            rows[f'{overview.name} ({what})'] = outcome.figures()
+            rows[f'{overview.name} ({what})'] = figures_of_merit([outcome])
         variants.append(Variant(name, one.chain, one.overviews, rows))
     trials = [
         Trial(

@@ -15,7 +15,7 @@ from scipy import stats
 
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.sweep import Statistics, sweep, thresholds
+from slip_detector.tuning.sweep import Statistics, sweep_thresholds, thresholds
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ FURTHEST = 20.0
 RESAMPLES = 200
 
 
-class Quiet(NamedTuple):
+class QuietThreshold(NamedTuple):
     """A threshold and what is known of its false alarms.
 
     Attributes
@@ -76,7 +76,7 @@ class Quiet(NamedTuple):
 
 def quiet_threshold(
     track: Track, chain: ChainConfig, per_hour: float, random: np.random.Generator
-) -> Quiet:
+) -> QuietThreshold:
     """Return the lowest threshold that keeps to a rate of false alarms.
 
     Where counting can show the rate, it is the lowest threshold at which the upper bound of the
@@ -118,7 +118,7 @@ def quiet_threshold(
         raise ValueError(
             f'{track.name}: the chain gives 0 throughout, allowed: a sensor that runs'
         )
-    swept = sweep([statistic], [track], limits, EvaluationConfig())
+    swept = sweep_thresholds([statistic], [track], limits, EvaluationConfig())
     peaks = _peaks(statistic, track, chain)
     # Alarms per block that has one: a cluster.
     loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])
@@ -157,8 +157,8 @@ def _quiet(
     alarms: int,
     bounds: tuple[float, float],
     extrapolated: bool,
-) -> Quiet:
-    return Quiet(
+) -> QuietThreshold:
+    return QuietThreshold(
         dataclasses.replace(chain, threshold=float(f'{threshold:.6g}')),
         hours,
         alarms,

@@ -16,7 +16,14 @@ from scipy import stats
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.sweep import Statistics, Swept, Vote, sweep, thresholds, votes_of
+from slip_detector.tuning.sweep import (
+    Statistics,
+    ThresholdSweep,
+    Vote,
+    sweep_thresholds,
+    thresholds,
+    votes_of,
+)
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
@@ -176,7 +183,7 @@ class Space:
         return points if points[0] != points[1] else points[:1]
 
 
-class Figures(NamedTuple):
+class CandidateFigures(NamedTuple):
     """What counts of a chain on some tracks.
 
     Attributes
@@ -199,7 +206,7 @@ class Figures(NamedTuple):
     auc: float | None
     latency_ms: float | None
 
-    def worse_than(self, other: 'Figures') -> list[str]:
+    def worse_than(self, other: 'CandidateFigures') -> list[str]:
         """Say, a line each, in which of latency, misses, false alarms and area these are worse."""
         pairs = {
             'median latency': (self.median_ms, other.median_ms, 'ms'),
@@ -220,7 +227,7 @@ class Figures(NamedTuple):
         return worse
 
 
-class Found(NamedTuple):
+class Candidate(NamedTuple):
     """A chain with its threshold and vote, what it costs and why.
 
     Attributes
@@ -229,13 +236,13 @@ class Found(NamedTuple):
     cost_ms : float
     error_ms : float
         What so few slips and false alarms leave open of it; see :meth:`Objective.error_ms`.
-    figures : Figures
+    figures : CandidateFigures
     """
 
     chain: ChainConfig
     cost_ms: float
     error_ms: float
-    figures: Figures
+    figures: CandidateFigures
 
 
 class Objective:
@@ -258,13 +265,13 @@ class Objective:
         tracks: Sequence[Track],
         evaluation: EvaluationConfig,
         config: TuneConfig,
-        given: Figures | None = None,
+        given: CandidateFigures | None = None,
     ) -> None:
         self._tracks, self._evaluation, self._config = tracks, evaluation, config
         self._given = given
         self._rooms: dict[int, Any] = {}
 
-    def best(self, chain: ChainConfig) -> list[Found]:
+    def best(self, chain: ChainConfig) -> list[Candidate]:
         """Return a chain with the best threshold for each vote, the cheapest vote first.
 
         Votes at which it never is ON are left out.
@@ -287,7 +294,7 @@ class Objective:
             at = int(np.argmin(costs))
             threshold = _rounded(float(limits[at]))
             found.append(
-                Found(
+                Candidate(
                     dataclasses.replace(chain, threshold=threshold, vote=vote),
                     float(costs[at]),
                     self.error_ms(swept, at),
@@ -296,7 +303,7 @@ class Objective:
             )
         return sorted(found, key=lambda one: one.cost_ms)
 
-    def as_it_is(self, chain: ChainConfig) -> Found:
+    def as_it_is(self, chain: ChainConfig) -> Candidate:
         """Return what a chain costs with its own threshold and vote.
 
         Raises
@@ -310,7 +317,7 @@ class Objective:
         swept = self.swept(parts, limits)
         at = int(np.searchsorted(limits, chain.threshold))
         cost_ms = float(self.costs_ms(swept)[at])
-        return Found(chain, cost_ms, self.error_ms(swept, at), self.figures(swept, at))
+        return Candidate(chain, cost_ms, self.error_ms(swept, at), self.figures(swept, at))
 
     def statistic(
         self, chain: ChainConfig, votes: Sequence[Vote]
@@ -326,11 +333,11 @@ class Objective:
             self._rooms[i] = found[-1]['all'].base
         return found
 
-    def swept(self, statistic: Sequence[Floats], limits: Floats) -> Swept:
+    def swept(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
         """Return what becomes of the tracks at each threshold; see :func:`sweep.sweep`."""
-        return sweep(statistic, self._tracks, limits, self._evaluation)
+        return sweep_thresholds(statistic, self._tracks, limits, self._evaluation)
 
-    def costs_ms(self, swept: Swept) -> Floats:
+    def costs_ms(self, swept: ThresholdSweep) -> Floats:
         """Return the cost at each of T thresholds, shape (T,)."""
         config, given = self._config, self._given
         late_ms = self._late_ms(swept)
@@ -347,7 +354,7 @@ class Objective:
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)
 
-    def error_ms(self, swept: Swept, at: int) -> float:
+    def error_ms(self, swept: ThresholdSweep, at: int) -> float:
         """Return by how much more a chain may cost and still be as good, at ``CONFIDENCE``.
 
         It is the error of the mean latency by Student's t: of one slip alone nothing is known.
@@ -358,17 +365,17 @@ class Objective:
         t = float(stats.t.ppf(0.5 + CONFIDENCE / 2, late_ms.size - 1))
         return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
 
-    def _late_ms(self, swept: Swept) -> Floats:
+    def _late_ms(self, swept: ThresholdSweep) -> Floats:
         """Return the latencies with what a missed slip counts for; shape (slips, T)."""
         missed_ms = self._config.missed_costs_ms
         return np.fmin(swept.latencies_ms, missed_ms)
 
     @staticmethod
-    def figures(swept: Swept, at: int) -> Figures:
+    def figures(swept: ThresholdSweep, at: int) -> CandidateFigures:
         """Return the figures at one of the thresholds."""
         latencies_ms = swept.latencies_ms[:, at]
         found = latencies_ms[~np.isnan(latencies_ms)]
-        return Figures(
+        return CandidateFigures(
             median_ms=float(np.median(np.where(np.isnan(latencies_ms), np.inf, latencies_ms))),
             missed=float(swept.missed[at]),
             false_alarms_per_minute=float(swept.false_alarms_per_minute[at]),

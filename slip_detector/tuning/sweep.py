@@ -286,7 +286,7 @@ def windows(track: Track, early_rows: int, tail_rows: int) -> tuple[Ints, Ints]:
     return lows, highs
 
 
-class Swept(NamedTuple):
+class ThresholdSweep(NamedTuple):
     """What becomes of tracks at each of T thresholds of one vote.
 
     Attributes
@@ -331,12 +331,12 @@ class Swept(NamedTuple):
         return float(positive @ (np.cumsum(negative) - 0.5 * negative)) / pairs
 
 
-def sweep(
+def sweep_thresholds(
     statistic: Sequence[Floats],
     tracks: Sequence[Track],
     limits: Floats,
     config: EvaluationConfig,
-) -> Swept:
+) -> ThresholdSweep:
     """Match slips and alarms at each threshold, as :func:`.events.match` does at one.
 
     Parameters
@@ -370,4 +370,4 @@ def sweep(
         found = np.where(firsts >= 0, firsts - starts, np.nan)
         latencies_ms.append(found * (1e3 / rate_hz))
     quiet_s = sum(track.quiet_s for track in tracks)
-    return Swept(limits, np.concatenate(latencies_ms), false, quiet_s, counts)
+    return ThresholdSweep(limits, np.concatenate(latencies_ms), false, quiet_s, counts)

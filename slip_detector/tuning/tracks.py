@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.evaluation.events import Interval, Intervals
-from slip_detector.evaluation.replay import Rows
+from slip_detector.evaluation.events import OnIntervals, RowInterval
+from slip_detector.evaluation.replay import LabelledRows
 from slip_detector.evaluation.scores import MOTION, REST, SLIP
 
 Floats = NDArray[np.float64]
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 MARGIN_S = 1.0
 
 
-class Cut(NamedTuple):
+class TrackPiece(NamedTuple):
     """Rows that follow each other.
 
     Attributes
@@ -48,8 +48,8 @@ class Track(NamedTuple):
         ``REST``, ``MOTION`` or ``SLIP`` of each row; see :mod:`slip_detector.evaluation.scores`.
     has_motion : bool
         Whether it says which rows are rows of motion.
-    cuts : tuple of Cut
-    slips : tuple of Interval
+    cuts : tuple of TrackPiece
+    slips : tuple of RowInterval
         True slips, in rows counted as ``first_row``.
     sample_rate_hz : float
         Its own, by which rows become times.
@@ -59,8 +59,8 @@ class Track(NamedTuple):
     volts: Floats
     kind: NDArray[np.int8]
     has_motion: bool
-    cuts: tuple[Cut, ...]
-    slips: tuple[Interval, ...]
+    cuts: tuple[TrackPiece, ...]
+    slips: tuple[RowInterval, ...]
     sample_rate_hz: float
 
     @property
@@ -73,13 +73,13 @@ class Track(NamedTuple):
         """Time of its rows without slip."""
         return float(np.count_nonzero(self.kind != SLIP)) / self.sample_rate_hz
 
-    def rows(self) -> Iterator[Rows]:
+    def rows(self) -> Iterator[LabelledRows]:
         """Yield its pieces, for a replay."""
         period_ns = 1e9 / self.sample_rate_hz
         for begin, end, first_row, new_stretch in self.cuts:
             kind = self.kind[begin:end]
             stamps_ns = np.round((first_row + np.arange(end - begin)) * period_ns)
-            yield Rows(
+            yield LabelledRows(
                 self.volts[begin:end],
                 kind == SLIP,
                 stamps_ns.astype(np.int64),
@@ -90,7 +90,7 @@ class Track(NamedTuple):
     def part(self, name: str, first: int, last: int) -> 'Track':
         """Return the rows at the places from ``first`` to before ``last`` as a track."""
         rows = [
-            Rows(
+            LabelledRows(
                 self.volts[max(begin, first) : min(end, last)],
                 self.kind[max(begin, first) : min(end, last)] == SLIP,
                 None,
@@ -105,7 +105,7 @@ class Track(NamedTuple):
         return track_of(name, rows, self.sample_rate_hz)
 
 
-def track_of(name: str, pieces: Iterable[Rows], sample_rate_hz: float) -> Track:
+def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -> Track:
     """Read a recording into the memory.
 
     Parameters
@@ -122,7 +122,7 @@ def track_of(name: str, pieces: Iterable[Rows], sample_rate_hz: float) -> Track:
     ValueError
         When it has no rows; names it.
     """
-    labels, kinds, volts, cuts = Intervals(), [], [], []
+    labels, kinds, volts, cuts = OnIntervals(), [], [], []
     place = row = 0
     last_ns: int | None = None
     has_motion = False
@@ -142,7 +142,7 @@ def track_of(name: str, pieces: Iterable[Rows], sample_rate_hz: float) -> Track:
         labels.add(piece.truth, row)
         volts.append(np.asarray(piece.volts, np.float64))
         kinds.append(kind)
-        cuts.append(Cut(place, place + n, row, piece.new_stretch or not place))
+        cuts.append(TrackPiece(place, place + n, row, piece.new_stretch or not place))
         place, row = place + n, row + n
         last_ns = None if piece.stamps_ns is None else int(piece.stamps_ns[-1])
     if not place:

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.evaluation.replay import Outcome, figures
+from slip_detector.evaluation.replay import ReplayOutcome, figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.search import Found, Objective
+from slip_detector.tuning.search import Candidate, Objective
 from slip_detector.tuning.tracks import Track
 from slip_detector.tuning.workers import Problem
 
@@ -40,7 +40,7 @@ class Verdict(NamedTuple):
     kept: str
 
 
-def judge(problem: Problem, held: Sequence[Track], best: Found | None) -> Verdict:
+def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
     """Decide on the held-out recordings between the given chain and the best found.
 
     The latter is handed back where it costs less there and, unless ``trade`` is set, none of
@@ -67,10 +67,10 @@ def judge(problem: Problem, held: Sequence[Track], best: Found | None) -> Verdic
     return Verdict(best.chain, '')
 
 
-def pooled(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def pooled_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     """Return the figures of recordings together.
 
-    They are those of :func:`slip_detector.evaluation.replay.figures` and
+    They are those of :func:`slip_detector.evaluation.replay.figures_of_merit` and
     ``latency_median_all_ms``: the
     median over all slips, a missed one being later than any; None where that is a missed one.
     """
@@ -81,10 +81,10 @@ def pooled(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     ]
     median_s = float(np.median(latencies_s)) if latencies_s else np.inf
     median_ms = median_s * 1e3 if np.isfinite(median_s) else None
-    return {**figures(outcomes), 'latency_median_all_ms': median_ms}
+    return {**figures_of_merit(outcomes), 'latency_median_all_ms': median_ms}
 
 
-def table(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
+def comparison_table(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
     """Lay the figures of the given and of the tuned chain out beside each other."""
     rows = [('', 'given', 'tuned')]
     for name, (title, form) in TABLE.items():

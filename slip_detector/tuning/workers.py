@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.search import Figures, Found, Objective, Space
+from slip_detector.tuning.search import Candidate, CandidateFigures, Objective, Space
 from slip_detector.tuning.tracks import Track
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Problem:
         To tune on.
     given : ChainConfig
         What is tuned.
-    figures : Figures or None
+    figures : CandidateFigures or None
         What must not get worse.
     evaluation : EvaluationConfig
         What counts as detected.
@@ -48,7 +48,7 @@ class Problem:
 
     tracks: list[Track]
     given: ChainConfig
-    figures: Figures | None
+    figures: CandidateFigures | None
     evaluation: EvaluationConfig
     config: TuneConfig
 
@@ -58,24 +58,24 @@ class Problem:
 
         return Study(where, name, Space(self.given).distributions(), seed)
 
-    def found(self, trial: Any) -> list[Found]:
+    def found(self, trial: Any) -> list[Candidate]:
         """Return what a finished trial of the study found, a vote each, the cheapest first."""
         return [
-            Found(
+            Candidate(
                 dataclasses.replace(self.given, **noted['parameters']),
                 noted['cost_ms'],
                 noted['error_ms'],
-                Figures(**noted['figures']),
+                CandidateFigures(**noted['figures']),
             )
             for noted in trial.user_attrs['found']
         ]
 
-    def best(self, study: 'Study') -> Found | None:
+    def best(self, study: 'Study') -> Candidate | None:
         """Return the cheapest of all; None where no trial found any."""
         found = [self.found(trial)[0] for trial in study.trials]
         return min(found, key=lambda one: one.cost_ms, default=None)
 
-    def choice(self, study: 'Study') -> Found | None:
+    def choice(self, study: 'Study') -> Candidate | None:
         """Return what to hand back: of what is as good as the best, the nearest to the given.
 
         As good is what costs no more than the best and its error: the fewer slips there are, the
@@ -98,7 +98,7 @@ class Problem:
                     nearest, choice = distance, found
         return choice
 
-    def _worse(self, found: Found, best: Found) -> bool:
+    def _worse(self, found: Candidate, best: Candidate) -> bool:
         """Return whether a chain is worse than the given one in what the best is not."""
         if self.figures is None:
             return False
@@ -175,7 +175,7 @@ def search(
         progress(count)
 
 
-def _kept(found: Found) -> dict[str, Any]:
+def _kept(found: Candidate) -> dict[str, Any]:
     """Return what a study keeps of a chain, in the types of JSON."""
     whole = found.chain.to_parameters()
     # JSON has no infinity: what is not known is as large as can be.

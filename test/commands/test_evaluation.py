@@ -17,7 +17,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands import evaluate as evaluation
 from slip_detector.commands.evaluate import main, recording_sets
 from slip_detector.evaluation.events import Alarm
-from slip_detector.evaluation.replay import Replay, Rows
+from slip_detector.evaluation.replay import LabelledRows, Replay, figures_of_merit
 from slip_detector.evaluation.scores import REST, SLIP, DecisionStatistic, ScoreTally
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -182,11 +182,11 @@ def test_figures_are_those_of_the_replay(capsys, tmp_path):
     with np.load(path) as file:
         outcome = Replay(
             ChainConfig(threshold=2.0), EvaluationConfig(early_s=0.4, late_after_s=0.05)
-        ).run([Rows(file['volts'], file['slip'])])
+        ).run([LabelledRows(file['volts'], file['slip'])])
     found = report_of(capsys, path, '--config', config)[tmp_path.name]['recordings']['a.npz']
-    assert outcome.figures().items() <= found.items()
+    assert figures_of_merit([outcome]).items() <= found.items()
     # The ridges begin 150 rows before they are called slip.
-    assert outcome.figures()['matched'] == 1
+    assert figures_of_merit([outcome])['matched'] == 1
     assert -0.4 < outcome.slips[0].latency_s < -0.2
     assert found['slip_events'] == [
         {**dataclasses.asdict(slip), 'channel_delays_s': list(slip.channel_delays_s)}
@@ -287,7 +287,7 @@ def test_a_bag_without_labels_or_topic_says_what_is_missing(capsys, tmp_path):
 
 
 def test_what_was_lost_of_a_recording_is_said(capsys):
-    figures = Replay(ChainConfig()).run([]).figures()
+    figures = figures_of_merit([Replay(ChainConfig()).run([])])
     counts = dict.fromkeys(['bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'], 0)
     whole = {**figures, **counts}
     recordings = {
@@ -362,7 +362,7 @@ def test_an_interrupt_is_one_line(capsys, tmp_path, monkeypatch):
 
 def test_what_a_report_shows_is_what_became_of_slips_and_alarms():
     volts = np.zeros((1, 16))
-    slip = Replay(ChainConfig()).run([Rows(volts, np.ones(1, bool))]).slips[0]
+    slip = Replay(ChainConfig()).run([LabelledRows(volts, np.ones(1, bool))]).slips[0]
     slips = [
         slip,
         dataclasses.replace(slip, alarm=0, latency_s=0.2, late=True, start_s=2.0, lost_at=None),

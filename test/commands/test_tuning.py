@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.commands.tune import main
-from slip_detector.evaluation.replay import Rows
+from slip_detector.evaluation.replay import LabelledRows
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
@@ -408,8 +408,8 @@ def test_a_track_of_a_recording_with_a_gap_keeps_its_time():
     stamps = np.round(np.arange(len(volts)) * 1e9 / 380.0).astype(np.int64)
     stamps[1000:] += 2_000_000_000
     pieces = [
-        Rows(volts[:1000], truth[:1000], stamps[:1000]),
-        Rows(volts[1000:], truth[1000:], stamps[1000:], new_stretch=True),
+        LabelledRows(volts[:1000], truth[:1000], stamps[:1000]),
+        LabelledRows(volts[1000:], truth[1000:], stamps[1000:], new_stretch=True),
     ]
     whole = track_of('a', pieces, 380.0)
     assert whole.cuts[1].first_row == 1000 + 760

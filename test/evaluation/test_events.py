@@ -15,8 +15,8 @@ from slip_detector.evaluation.events import (
     STAGES,
     TRUE,
     Alarm,
-    Interval,
-    Intervals,
+    OnIntervals,
+    RowInterval,
     TrueSlip,
     event_figures,
     match,
@@ -27,7 +27,7 @@ from slip_detector.evaluation.events import (
 
 @given(st.lists(st.lists(st.booleans(), max_size=8), max_size=6), st.integers(0, 100))
 def test_any_cut_of_the_rows_gives_the_same_intervals(pieces, first_row):
-    cut, row = Intervals(), first_row
+    cut, row = OnIntervals(), first_row
     for piece in pieces:
         cut.add(np.array(piece, bool), row)
         row += len(piece)
@@ -47,7 +47,7 @@ def test_any_cut_of_the_rows_gives_the_same_intervals(pieces, first_row):
 @st.composite
 def scenes_of_events(draw):
     edges = draw(st.lists(st.integers(0, 120), unique=True, max_size=12).map(sorted))
-    slips = [Interval(*pair) for pair in zip(edges[::2], edges[1::2], strict=False)]
+    slips = [RowInterval(*pair) for pair in zip(edges[::2], edges[1::2], strict=False)]
     rises = draw(st.lists(st.integers(0, 150), unique=True, max_size=12).map(sorted))
     return slips, rises, draw(st.integers(0, 15)), draw(st.integers(0, 15))
 
@@ -103,12 +103,12 @@ def test_a_slip_has_the_first_alarm_that_rises_in_it(drawn):
 )
 def test_matches_by_hand(rises, alarm_of, slip_of):
     early = 5 if 94 in rises or 199 in rises else 0
-    slips = [Interval(100, 120), Interval(200, 220)]
+    slips = [RowInterval(100, 120), RowInterval(200, 220)]
     assert match(slips, rises, early, 10) == (alarm_of, slip_of)
 
 
 def test_what_rises_between_two_slips_is_for_the_first_that_has_none():
-    slips = [Interval(0, 10), Interval(12, 20)]
+    slips = [RowInterval(0, 10), RowInterval(12, 20)]
     assert match(slips, [11], 5, 5) == ([0, None], [0])
     assert match(slips, [3, 11], 5, 5) == ([0, 1], [0, 1])
     assert match(slips, [3, 4, 13], 5, 5) == ([0, 2], [0, 0, 1])

@@ -22,9 +22,9 @@ from slip_detector.evaluation.protocol_trials import (
     evaluate_plates,
     figures,
     outcome,
-    play,
-    simulate,
-    trial_of,
+    plate_trial,
+    read_trial,
+    simulate_trials,
     with_band,
     with_windows,
 )
@@ -68,7 +68,7 @@ class Deciding:
 def moving_trial(rows=20, channels=2, start=5, end=12):
     """Make a trial whose plate moves from row ``start`` to row ``end``."""
     position_m = np.clip(np.arange(rows) - start, 0, end - start) * 1e-3
-    return trial_of(Samples(np.zeros((rows, channels)), position_m=position_m), RATE_HZ)
+    return plate_trial(Samples(np.zeros((rows, channels)), position_m=position_m), RATE_HZ)
 
 
 def on_from(rows, *firsts):
@@ -79,14 +79,14 @@ def on_from(rows, *firsts):
 @pytest.fixture(scope='module')
 def plates():
     """One simulated trial on each plate."""
-    return {plate: simulate(scene, [0]) for plate, scene in SCENES.items()}
+    return {plate: simulate_trials(scene, [0]) for plate, scene in SCENES.items()}
 
 
 # Trials.
 
 
 def test_a_trial_runs_from_the_last_row_at_which_the_plate_stood_to_the_first_at_which_it_stands():
-    trial = trial_of(
+    trial = plate_trial(
         Samples(np.zeros((7, 1)), position_m=np.array([0, 0, 0, 1, 2, 2, 2.0])), RATE_HZ
     )
     assert (trial.start, trial.end) == (2, 4)
@@ -94,15 +94,15 @@ def test_a_trial_runs_from_the_last_row_at_which_the_plate_stood_to_the_first_at
     assert trial.moving.tolist() == [False, False, True, True, True, False, False]
     # A pause between two motions is part of the slip, as the paper has one slip in a trial.
     positions_m = np.array([0, 1, 1, 1, 2, 2.0])
-    again = trial_of(Samples(np.zeros((6, 1)), position_m=positions_m), RATE_HZ)
+    again = plate_trial(Samples(np.zeros((6, 1)), position_m=positions_m), RATE_HZ)
     assert (again.start, again.end) == (0, 4)
 
 
 def test_a_trial_without_a_platform_or_without_motion_is_refused():
     with pytest.raises(ValueError, match='the platform has no position, allowed: a source that'):
-        trial_of(Samples(np.zeros((3, 2))), RATE_HZ)
+        plate_trial(Samples(np.zeros((3, 2))), RATE_HZ)
     with pytest.raises(ValueError, match='the platform does not move, allowed: a trial in which'):
-        trial_of(Samples(np.zeros((3, 2)), position_m=np.ones(3)), RATE_HZ)
+        plate_trial(Samples(np.zeros((3, 2)), position_m=np.ones(3)), RATE_HZ)
 
 
 @pytest.mark.parametrize('rows', [9, 10, 11, 20])
@@ -117,13 +117,13 @@ def test_a_source_is_read_to_its_end_whatever_its_length(monkeypatch, rows):
             self.at += len(index)
             return Samples(index[:, np.newaxis], position_m=np.maximum(index - 3.0, 0.0))
 
-    trial = play(Counting())
+    trial = read_trial(Counting())
     assert trial.volts.ravel().tolist() == list(range(rows))
     assert (trial.start, trial.end, trial.sample_rate_hz) == (3, rows - 1, RATE_HZ)
 
 
 def test_a_seed_is_a_trial(plates):
-    first, second, again = simulate(SCENES['440'], [0, 1, 0])
+    first, second, again = simulate_trials(SCENES['440'], [0, 1, 0])
     np.testing.assert_array_equal(first.volts, again.volts)
     np.testing.assert_array_equal(first.volts, plates['440'][0].volts)
     assert (first.volts != second.volts).any()
@@ -133,7 +133,7 @@ def test_a_scene_whose_plate_does_not_move_is_named(tmp_path):
     path = tmp_path / 'still.yaml'
     path.write_text('steps: [{duration_s: 1.0, force_n: 0.4}]')
     with pytest.raises(ValueError, match=f'^{path}: the platform does not move'):
-        simulate(str(path), [0])
+        simulate_trials(str(path), [0])
 
 
 def test_the_plates_differ_in_nothing_but_their_spatial_period():
@@ -413,7 +413,7 @@ def test_json_has_the_documented_figures(capsys, plates):
     assert result['paper']['plates']['480'] == {'mean_delay_ms': 48.9, 'sd_delay_ms': 9.91}
     assert result['paper']['false_positive_percent'] == 1.01
     # The same as from Python.
-    trials = {'440': simulate(SCENES['440'], [7, 8])}
+    trials = {'440': simulate_trials(SCENES['440'], [7, 8])}
     assert result['plates']['440'] == evaluate_plates(trials, ChainConfig())['plates']['440']
 
 
@@ -509,7 +509,9 @@ def test_a_folder_that_cannot_be_made_or_written_to_is_named(capsys, tmp_path):
 
 
 def test_the_papers_results_are_reproduced():
-    trials = {plate: simulate(scene, range(protocol.TRIALS)) for plate, scene in SCENES.items()}
+    trials = {
+        plate: simulate_trials(scene, range(protocol.TRIALS)) for plate, scene in SCENES.items()
+    }
     result = evaluate_protocol(trials, ChainConfig())
     assert (result['all']['detected'], result['all']['trials']) == (30, 30)
     missed = {name: entry for name, entry in result['wanted'].items() if not entry['met']}

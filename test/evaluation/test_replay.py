@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation import replay as replay_module
 from slip_detector.evaluation.events import ALREADY_ON, FALSE, STAGES, TRUE
-from slip_detector.evaluation.replay import Replay, Rows, figures
+from slip_detector.evaluation.replay import LabelledRows, Replay, figures_of_merit
 from slip_detector.evaluation.scores import (
     DecisionStatistic,
     false_positive_percent,
@@ -70,7 +70,7 @@ def cut(recording, cuts):
         new = a in breaks and a not in seen and a < b
         if new:
             seen.add(a)
-        yield Rows(volts[a:b], truth[a:b], stamps_ns[a:b], new, moving[a:b])
+        yield LabelledRows(volts[a:b], truth[a:b], stamps_ns[a:b], new, moving[a:b])
 
 
 CONFIGS = st.builds(
@@ -142,7 +142,7 @@ def test_figures_are_those_of_a_plain_evaluation_of_the_whole(recording, config,
         rises += len(runs(result.slip))
         labels += [(part.start + a, part.start + b) for a, b in runs(truth[part])]
     on, channels, statistic = (np.concatenate(parts) for parts in (on, channels, statistic))
-    found = outcome.figures()
+    found = figures_of_merit([outcome])
     assert (found['rows'], found['slip_rows']) == (len(volts), int(truth.sum()))
     assert found['moving_rows'] == int(moving.sum())
     assert found['duration_s'] == len(volts) / RATE_HZ
@@ -175,7 +175,7 @@ def test_figures_are_those_of_a_plain_evaluation_of_the_whole(recording, config,
 @given(recordings(), CONFIGS, EVALUATIONS)
 def test_the_parts_of_a_latency_sum_to_it_and_each_is_what_it_says(recording, config, evaluation):
     volts, truth, _, _, _ = recording
-    whole = [Rows(volts, truth)]
+    whole = [LabelledRows(volts, truth)]
     outcome = Replay(config, evaluation).run(whole)
     sharp = dataclasses.replace(
         config, envelope_window_s=1.0 / RATE_HZ, decision_window_s=1.0 / RATE_HZ
@@ -236,14 +236,14 @@ def ridges(*bursts, n=2000, seed=0):
 def test_two_slips_with_one_alarm_are_one_detected_and_one_that_found_it_on():
     volts, truth = ridges((400, 800))
     truth[600:604] = False
-    outcome = Replay(CONFIG).run([Rows(volts, truth)])
+    outcome = Replay(CONFIG).run([LabelledRows(volts, truth)])
     first, second = outcome.slips
     assert [alarm.kind for alarm in outcome.alarms] == [TRUE]
     assert (first.alarm, first.on_at_start, first.lost_at) == (0, False, None)
     assert (second.alarm, second.on_at_start, second.lost_at) == (None, True, ALREADY_ON)
     assert second.on_while
-    assert outcome.figures()['recall'] == 0.5
-    assert outcome.figures()['missed_already_on'] == 1
+    assert figures_of_merit([outcome])['recall'] == 0.5
+    assert figures_of_merit([outcome])['missed_already_on'] == 1
 
 
 def test_a_slip_that_goes_on_after_a_gap_is_to_be_detected_anew():
@@ -251,8 +251,8 @@ def test_a_slip_that_goes_on_after_a_gap_is_to_be_detected_anew():
     stamps_ns = np.round(np.arange(2000) * 1e9 / RATE_HZ).astype(np.int64)
     stamps_ns[800:] += 3_000_000_000
     pieces = [
-        Rows(volts[:800], truth[:800], stamps_ns[:800]),
-        Rows(volts[800:], truth[800:], stamps_ns[800:], new_stretch=True),
+        LabelledRows(volts[:800], truth[:800], stamps_ns[:800]),
+        LabelledRows(volts[800:], truth[800:], stamps_ns[800:], new_stretch=True),
     ]
     outcome = Replay(CONFIG).run(pieces)
     assert [slip.start_s for slip in outcome.slips] == [1.0, 5.0]
@@ -266,18 +266,18 @@ def test_a_clock_that_was_set_back_does_not_turn_time_back():
     volts, truth = ridges((400, 600), (1400, 1600))
     stamps_ns = np.round(np.arange(2000) * 1e9 / RATE_HZ).astype(np.int64)
     pieces = [
-        Rows(volts[:1000], truth[:1000], stamps_ns[1000:]),
-        Rows(volts[1000:], truth[1000:], stamps_ns[:1000], new_stretch=True),
+        LabelledRows(volts[:1000], truth[:1000], stamps_ns[1000:]),
+        LabelledRows(volts[1000:], truth[1000:], stamps_ns[:1000], new_stretch=True),
     ]
     outcome = Replay(CONFIG).run(pieces)
     assert [slip.start_s for slip in outcome.slips] == [1.0, 3.5]
-    assert figures([outcome])['matched'] == 2
+    assert figures_of_merit([outcome])['matched'] == 2
 
 
 def test_the_recordings_own_rate_turns_rows_into_times():
     volts, truth = ridges((400, 600))
-    ours = Replay(CONFIG).run([Rows(volts, truth)])
-    its = Replay(CONFIG).run([Rows(volts, truth)], sample_rate_hz=RATE_HZ / 1.01)
+    ours = Replay(CONFIG).run([LabelledRows(volts, truth)])
+    its = Replay(CONFIG).run([LabelledRows(volts, truth)], sample_rate_hz=RATE_HZ / 1.01)
     assert its.slips[0].start_s == pytest.approx(1.01 * ours.slips[0].start_s)
     assert its.slips[0].latency_s == pytest.approx(1.01 * ours.slips[0].latency_s)
     assert its.quiet_s == pytest.approx(1.01 * ours.quiet_s)
@@ -285,26 +285,27 @@ def test_the_recordings_own_rate_turns_rows_into_times():
 
 def test_late_is_later_than_the_limit():
     volts, truth = ridges((400, 600))
-    latency_s = Replay(CONFIG).run([Rows(volts, truth)]).slips[0].latency_s
+    latency_s = Replay(CONFIG).run([LabelledRows(volts, truth)]).slips[0].latency_s
     for limit_s, late in ((latency_s, False), (latency_s - 1 / RATE_HZ, True)):
         config = EvaluationConfig(late_after_s=limit_s)
-        outcome = Replay(CONFIG, config).run([Rows(volts, truth)])
+        outcome = Replay(CONFIG, config).run([LabelledRows(volts, truth)])
         assert outcome.slips[0].late == late
-        assert (outcome.figures()['late_filter_ms'] is None) == (not late)
+        assert (figures_of_merit([outcome])['late_filter_ms'] is None) == (not late)
 
 
 def test_a_replay_used_again_remembers_nothing():
     volts, truth = ridges((400, 600))
     replay = Replay(CONFIG)
-    first = replay.run([Rows(volts[:500], truth[:500])])
-    again = replay.run([Rows(volts[:500], truth[:500])])
+    first = replay.run([LabelledRows(volts[:500], truth[:500])])
+    again = replay.run([LabelledRows(volts[:500], truth[:500])])
     assert plain(first) == plain(again)
 
 
 def test_what_is_not_asked_for_is_undefined_and_the_rest_is_the_same():
     volts, truth = ridges((400, 600), (1000, 1001))
-    whole = Replay(CONFIG).run([Rows(volts, truth)]).figures()
-    bare = Replay(CONFIG, scores=False, stages=False).run([Rows(volts, truth)]).figures()
+    whole = figures_of_merit([Replay(CONFIG).run([LabelledRows(volts, truth)])])
+    lean = Replay(CONFIG, scores=False, stages=False)
+    bare = figures_of_merit([lean.run([LabelledRows(volts, truth)])])
     differ = {name for name in whole if whole[name] != bare[name]}
     assert whole['missed'] == 1
     assert differ == {
@@ -321,8 +322,8 @@ def test_figures_of_several_are_those_of_their_events_and_rows_together():
     noisy = volts.copy()
     noisy[900:950] += 2.0 * np.sin(2 * np.pi * 50.0 * np.arange(50)[:, np.newaxis] / RATE_HZ)
     replay = Replay(CONFIG)
-    a, b = (replay.run([Rows(rows, truth)]) for rows in (volts, noisy))
-    pooled = figures([a, b])
+    a, b = (replay.run([LabelledRows(rows, truth)]) for rows in (volts, noisy))
+    pooled = figures_of_merit([a, b])
     assert pooled['slips'] == 4
     assert [alarm.kind for alarm in b.alarms] == [TRUE, FALSE, TRUE]
     assert pooled['precision'] == 0.8
@@ -333,11 +334,11 @@ def test_figures_of_several_are_those_of_their_events_and_rows_together():
     assert pooled['latency_median_ms'] == pytest.approx(np.median(latencies))
     # Nothing is lost when one has no rows.
     empty = replay.run([])
-    assert figures([a, empty]) == a.figures()
-    assert empty.figures()['recall'] is None
-    assert empty.figures()['auc_all'] is None
-    assert empty.figures()['success_percent'] is None
-    assert empty.figures()['false_positive_percent'] is None
+    assert figures_of_merit([a, empty]) == figures_of_merit([a])
+    assert figures_of_merit([empty])['recall'] is None
+    assert figures_of_merit([empty])['auc_all'] is None
+    assert figures_of_merit([empty])['success_percent'] is None
+    assert figures_of_merit([empty])['false_positive_percent'] is None
 
 
 class Witness:
@@ -361,8 +362,8 @@ def test_who_looks_on_sees_all_rows_and_gaps(scores):
     stamps_ns[800:] += 3_000_000_000
     witness = Witness()
     pieces = [
-        Rows(volts[:800], truth[:800], stamps_ns[:800]),
-        Rows(volts[800:], truth[800:], stamps_ns[800:], new_stretch=True),
+        LabelledRows(volts[:800], truth[:800], stamps_ns[:800]),
+        LabelledRows(volts[800:], truth[800:], stamps_ns[800:], new_stretch=True),
     ]
     Replay(CONFIG, scores=scores).run(pieces, observer=witness)
     np.testing.assert_array_equal(np.concatenate(witness.volts), volts)
@@ -374,7 +375,7 @@ def test_who_looks_on_sees_all_rows_and_gaps(scores):
 
 def test_a_label_of_another_length_is_refused():
     with pytest.raises(ValueError, match=r'truth has the shape \(3,\), allowed: \(4,\)'):
-        Replay(CONFIG).run([Rows(np.zeros((4, 4)), np.zeros(3, bool))])
+        Replay(CONFIG).run([LabelledRows(np.zeros((4, 4)), np.zeros(3, bool))])
 
 
 def test_memory_does_not_grow_with_the_rows():
@@ -384,7 +385,7 @@ def test_memory_does_not_grow_with_the_rows():
     def peak(pieces):
         tracemalloc.start()
         try:
-            replay.run(Rows(volts, truth) for _ in range(pieces))
+            replay.run(LabelledRows(volts, truth) for _ in range(pieces))
             return tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slip_detector.evaluation.replay import Rows
+from slip_detector.evaluation.replay import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
@@ -54,7 +54,7 @@ def slips(seed, duration_s=12.0, slip_hz=18.0, slips=True):
 
 def track(seed, **what):
     volts, truth = slips(seed, **what)
-    return track_of(f'seed {seed}', [Rows(volts, truth)], RATE_HZ)
+    return track_of(f'seed {seed}', [LabelledRows(volts, truth)], RATE_HZ)
 
 
 def write(path, seed, label=True, **what):

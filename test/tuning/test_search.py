@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.search import Figures, Objective, Space
+from slip_detector.tuning.search import CandidateFigures, Objective, Space
 from slip_detector.tuning.tracks import held_out
 from slip_detector.tuning.workers import SEARCHED, search
 from support.tuning_cases import CHAIN, problem, track
@@ -98,9 +98,9 @@ def test_what_gets_worse_than_given_counts_tenfold():
 
 
 def test_worse_is_said_of_each_figure():
-    good = Figures(20.0, 0.0, 1.0, 0.99, 20.0)
+    good = CandidateFigures(20.0, 0.0, 1.0, 0.99, 20.0)
     assert good.worse_than(good) == []
-    bad = Figures(math.inf, 0.5, 2.0, 0.9, 15.0)
+    bad = CandidateFigures(math.inf, 0.5, 2.0, 0.9, 15.0)
     assert [line.split()[0] for line in bad.worse_than(good)] == [
         'median', 'missed', 'false', 'area',
     ]  # fmt: skip

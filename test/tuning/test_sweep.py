@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.replay import Replay, Rows
+from slip_detector.evaluation.replay import LabelledRows, Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.sweep import Statistics, sweep, thresholds, votes_of
+from slip_detector.tuning.sweep import Statistics, sweep_thresholds, thresholds, votes_of
 from slip_detector.tuning.tracks import track_of
 
 CHANNELS = 7
@@ -35,11 +35,13 @@ def rows(seed, n, gap_at=None, bad_share=0.0, moving=False):
     stamps = np.round(np.arange(n) * 1e9 / 380.0).astype(np.int64)
     motion = random.random(n) < 0.5 if moving else None
     if gap_at is None:
-        return [Rows(volts, truth, stamps, False, motion)]
+        return [LabelledRows(volts, truth, stamps, False, motion)]
     stamps[gap_at:] += 700_000_000
     first, second = slice(0, gap_at), slice(gap_at, n)
     return [
-        Rows(volts[part], truth[part], stamps[part], part is second, motion and motion[part])
+        LabelledRows(
+            volts[part], truth[part], stamps[part], part is second, motion and motion[part]
+        )
         for part in (first, second)
     ]
 
@@ -70,7 +72,7 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
     for vote in votes:
         limits = thresholds([part[vote] for part in statistic], tracks, exponent)
         assert (np.diff(limits) > 0).all()
-        swept = sweep([part[vote] for part in statistic], tracks, limits, evaluation)
+        swept = sweep_thresholds([part[vote] for part in statistic], tracks, limits, evaluation)
         for k in random.integers(0, len(limits), 3).tolist():
             if vote == 'mean':  # equal up to the last bits only
                 near = [np.abs(part[vote] / limits[k] - 1).min() < 1e-12 for part in statistic]
