@@ -8,8 +8,8 @@ No ROS here: the chain runs over each recording as the detector node would, from
     By the name of each set, which is a folder: the figures of all its recordings together, see
     :func:`slip_detector.evaluation.replay.figures_of_merit`; what was met in them, see
     :func:`slip_detector.evaluation.evaluator.recording_counts`; and under ``recordings``, by the
-    name of each file, the same of it alone, with what was ``lost`` of it and its ``slip_events`` and
-    ``alarm_events``, see :class:`slip_detector.evaluation.events.TrueSlip` and ``Alarm``.
+    name of each file, the same of it alone, with what was ``lost`` of it and its ``slip_events``
+    and ``alarm_events``, see :class:`slip_detector.evaluation.events.TrueSlip` and ``Alarm``.
 ``all``
     The figures and counts over all sets.
 ``written``
@@ -275,6 +275,7 @@ def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[
     """Return the figures of the paper's protocol, and what lays them out."""
     # Who evaluates recordings need not load the simulation.
     from slip_detector.evaluation import protocol
+    from slip_detector.evaluation.protocol_table import protocol_table
 
     config = ChainConfig.from_yaml(options.config) if options.config else ChainConfig()
     trials = protocol.TRIALS if options.trials is None else options.trials
@@ -284,7 +285,8 @@ def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[
 
         folder = writable_folder(options.plot)
         draw = partial(protocol_figures.draw, folder)
-    return protocol.run(config, trials, options.seed or 0, draw), protocol.table
+    report = protocol.run_protocol(config, trials, options.seed or 0, draw)
+    return report, protocol_table
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -14,7 +14,9 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands.evaluate import main
 from slip_detector.evaluation import protocol, protocol_trials
-from slip_detector.evaluation.protocol import MEANINGS, WANTED, Bound, claims, evaluate_protocol
+from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.protocol import WANTED, claims, evaluate_protocol
+from slip_detector.evaluation.protocol_table import MEANINGS
 from slip_detector.evaluation.protocol_trials import (
     PAPER_DELAY_MS,
     SCENES,
@@ -306,7 +308,7 @@ def test_the_stages_that_are_drawn_are_those_of_the_chain(plates, changes):
     [
         (Bound(low=1.0), '>= 1', [1.0, 5.0], [0.9]),
         (Bound(high=1.01), '<= 1.01', [1.01, -1.0], [1.02]),
-        (Bound(low=0.0, above=True), '> 0', [1e-9], [0.0, -1.0]),
+        (Bound(low=0.0, strict=True), '> 0', [1e-9], [0.0, -1.0]),
         (Bound(1.0, 2.0), '1.00 to 2.00', [1.0, 2.0], [0.9, 2.1]),
     ],
 )

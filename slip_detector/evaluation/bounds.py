@@ -1,0 +1,44 @@
+"""What is wanted of a figure."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Bound(NamedTuple):
+    """What is wanted of a figure: that it is from ``low`` to ``high``.
+
+    Attributes
+    ----------
+    low, high : float
+        In the unit of the figure.
+    strict : bool
+        Whether a figure that equals one of them misses the bound.
+
+    Examples
+    --------
+    >>> Bound(high=4.0).met(4.0), Bound(high=4.0, strict=True).met(4.0), Bound(low=1.0).met(None)
+    (True, False, False)
+    >>> print(Bound(low=0.0, strict=True), Bound(high=4.0), Bound(32.0, 40.0), sep=', ')
+    > 0, <= 4, 32.00 to 40.00
+    """
+
+    low: float = -np.inf
+    high: float = np.inf
+    strict: bool = False
+
+    def met(self, figure: float | None) -> bool:
+        """Return whether a figure is as wanted; one that is not defined is not."""
+        if figure is None:
+            return False
+        if self.strict:
+            return self.low < figure < self.high
+        return self.low <= figure <= self.high
+
+    def __str__(self) -> str:
+        equal = '' if self.strict else '='
+        if self.high == np.inf:
+            return f'>{equal} {self.low:g}'
+        if self.low == -np.inf:
+            return f'<{equal} {self.high:g}'
+        return f'{self.low:.2f} to {self.high:.2f}'
