@@ -32,8 +32,8 @@ from slip_detector.evaluation.evaluator import Evaluator
 from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
 from slip_detector.evaluation.replay import figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
 
 WANTED = {'ratio': Bound('<=', 4.0)}
 
@@ -76,7 +76,7 @@ def measure(rows: int = HOUR_ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
         How often each side has its turn.
     """
     config = ChainConfig()
-    evaluator = Evaluator(config, DriverConfig(), EvaluationConfig())
+    evaluator = Evaluator(config, RecordingConfig(), EvaluationConfig())
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'hour.npz'
         write_hour(path, rows)

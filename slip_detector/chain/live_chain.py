@@ -16,7 +16,15 @@ from slip_detector.parameters.detector import ChainConfig
 HISTORY_S = 5.0
 
 #: What the chain remembers of the rows so far does not depend on these: they change at once.
-OF_THE_DECISION = ('channel_names', 'valid_range_v', 'flat_after_s', 'threshold', 'vote', 'groups')
+OF_THE_DECISION = (
+    'channel_names',
+    'valid_range_v',
+    'flat_after_s',
+    'max_gap_s',
+    'threshold',
+    'vote',
+    'groups',
+)
 
 #: With these, the rows kept are no longer rows of this input.
 OF_THE_INPUT = ('sample_rate_hz', 'channels')

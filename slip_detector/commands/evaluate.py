@@ -30,10 +30,10 @@ from typing import Any
 
 from slip_detector.commands.command_line import Parser, print_text
 from slip_detector.evaluation.evaluator import EvaluatedRecording, Evaluator, recording_figures
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_writable, writable_folder
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import ENDINGS, add_options, is_recording, with_options
 from slip_detector.report.evaluation_tables import as_tables
 
@@ -250,12 +250,11 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     """Return the figures of the recordings, and what lays them out."""
     file = options.config
     config = ChainConfig.from_yaml(file) if file else ChainConfig()
-    driver_config = DriverConfig.from_yaml(file) if file else DriverConfig()
+    recording_config = RecordingConfig.from_yaml(file) if file else RecordingConfig()
     evaluator = Evaluator(
         config,
-        with_options(driver_config, options),
+        with_options(recording_config, options),
         EvaluationConfig.from_yaml(file) if file else EvaluationConfig(),
-        (DetectorConfig.from_yaml(file) if file else DetectorConfig()).max_gap_s,
     )
     page = options.report
     if page:  # to be said before an hour of recordings is read

@@ -20,10 +20,10 @@ from slip_detector.commands.command_line import print_text
 from slip_detector.commands.evaluate import recording_sets
 from slip_detector.commands.tune_options import NAME, arguments_of
 from slip_detector.evaluation.evaluator import Evaluator
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_writable, with_parameters, write_file
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.recordings import Counts, with_options
 from slip_detector.tuning.quiet import quiet_threshold
@@ -42,10 +42,9 @@ class Settings(NamedTuple):
     """What a parameter file says that tuning needs; without a file the defaults."""
 
     chain: ChainConfig = ChainConfig()
-    driver: DriverConfig = DriverConfig()
+    recording: RecordingConfig = RecordingConfig()
     evaluation: EvaluationConfig = EvaluationConfig()
     tune: TuneConfig = TuneConfig()
-    max_gap_s: float = DetectorConfig.max_gap_s
 
 
 def settings_of(file: str | None) -> Settings:
@@ -60,10 +59,9 @@ def settings_of(file: str | None) -> Settings:
         return Settings()
     return Settings(
         ChainConfig.from_yaml(file),
-        DriverConfig.from_yaml(file),
+        RecordingConfig.from_yaml(file),
         EvaluationConfig.from_yaml(file),
         TuneConfig.from_yaml(file),
-        DetectorConfig.from_yaml(file).max_gap_s,
     )
 
 
@@ -105,7 +103,7 @@ def load(
     ValueError
         When one cannot be read or does not suit the chain; names it.
     """
-    evaluator = Evaluator(settings.chain, settings.driver, settings.evaluation, settings.max_gap_s)
+    evaluator = Evaluator(settings.chain, settings.recording, settings.evaluation)
     sets = recording_sets(paths)
     left_out = {file.resolve() for files in recording_sets(but).values() for file in files}
     tracks, notes = [], []
@@ -228,7 +226,7 @@ def _listed(tracks: Sequence[Track]) -> str:
 
 def _settings(options: Namespace) -> Settings:
     settings = settings_of(options.config)
-    return settings._replace(driver=with_options(settings.driver, options))
+    return settings._replace(recording=with_options(settings.recording, options))
 
 
 def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:

@@ -14,9 +14,9 @@ from slip_detector.evaluation.replay import (
     ReplayOutcome,
     figures_of_merit,
 )
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import RATE_TOLERANCE, Counts, Recording, open_recording
 from slip_detector.recordings.labels import labels_name
 
@@ -93,12 +93,10 @@ class Evaluator:
     ----------
     chain_config
         The chain's parameters.
-    driver_config
+    recording_config
         Names of the parts of a recording.
     config
         What counts as detected, and which rows are rows of motion.
-    max_gap_s
-        A shorter gap is bridged, a longer one resets the chain, as in the detector node.
 
     Raises
     ------
@@ -109,14 +107,12 @@ class Evaluator:
     def __init__(
         self,
         chain_config: ChainConfig,
-        driver_config: DriverConfig,
+        recording_config: RecordingConfig,
         config: EvaluationConfig,
-        max_gap_s: float = DetectorConfig.max_gap_s,
     ) -> None:
         self.chain_config = chain_config
         self._replay = Replay(chain_config, config)
-        self._driver_config, self._config = driver_config, config
-        self._max_gap_s = max_gap_s
+        self._recording_config, self._config = recording_config, config
 
     def open(self, path: Path, require_truth: bool = True) -> LabelledRecording:
         """Open a recording and see that it suits the chain.
@@ -133,7 +129,7 @@ class Evaluator:
         ValueError
             When it cannot be read, does not suit the chain or has no labels; names the file.
         """
-        recording = open_recording(path, self._driver_config)
+        recording = open_recording(path, self._recording_config)
         config = self._replay.chain.config
         if len(recording.channel_names) != config.channels:
             raise ValueError(
@@ -162,7 +158,7 @@ class Evaluator:
         )
 
     def _no_truth(self, recording: Recording) -> str:
-        config, there = self._driver_config, ', '.join(recording.array_names())
+        config, there = self._recording_config, ', '.join(recording.array_names())
         if there:
             return f'has no label {config.recording_truth_key}, there are: {there}; allowed: one'
         return (
@@ -197,7 +193,7 @@ class Evaluator:
         moving = self._moving(recording)
         wanted_hz = self._replay.chain.config.sample_rate_hz
         last = -1
-        for piece in recording.pieces(wanted_hz, self._max_gap_s):
+        for piece in recording.pieces(wanted_hz, self.chain_config.max_gap_s):
             truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
             last = int(piece.rows[-1])
             if moving is None:

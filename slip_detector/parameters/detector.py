@@ -1,10 +1,8 @@
 """The parameters of the slip chain and of the detector node that runs it."""
 
 import dataclasses
-from pathlib import Path
-from typing import TypeVar
 
-from slip_detector.parameters.sets import ParameterSet, parameter, read_parameter_file
+from slip_detector.parameters.sets import ParameterSet, parameter
 
 #: Below this share of the sample rate a band edge is lost to round-off in float64 sections.
 LOWEST_EDGE = 1e-5
@@ -21,8 +19,6 @@ PAPER_GROUPS: dict[str, tuple[int, ...]] = {
     'LR': (5, 7, 12, 10),
     'LU': (2, 4, 15, 13),
 }
-
-ChainType = TypeVar('ChainType', bound='ChainConfig')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +54,13 @@ class ChainConfig(ParameterSet):
         unit='s',
         low=0.0,
         high=3600.0,
+    )
+    max_gap_s: float = parameter(
+        0.1,
+        'A shorter gap in the input is bridged with the last row, a longer one resets the chain.',
+        unit='s',
+        low=0.0,
+        high=60.0,
     )
     common_mode: str = parameter(
         'none',
@@ -147,20 +150,6 @@ class ChainConfig(ParameterSet):
             raise ValueError(
                 f'parameter valid_range_v is [{low:g}, {high:g}] V, allowed: low below high'
             )
-
-    @classmethod
-    def from_yaml(cls: type[ChainType], path: str | Path) -> ChainType:
-        """Read the detector's section of a ROS parameter file.
-
-        The whole section is checked, also where only the chain's part of it is asked for.
-
-        Raises
-        ------
-        ValueError
-            When the file cannot be read or holds a value that is not allowed; names the file.
-        """
-        whole = DetectorConfig.from_parameters(read_parameter_file(path, cls.NODE), str(path))
-        return cls(**{field.name: getattr(whole, field.name) for field in dataclasses.fields(cls)})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -269,6 +258,8 @@ class ChainConfig(ParameterSet):
 class DetectorConfig(ChainConfig):
     """Parameters of the detector node: the chain's and those of its input and topics."""
 
+    NODE = 'slip_detector'
+
     input_type: str = parameter(
         'sensor_msgs/msg/JointState',
         'Message type of the topic voltages.',
@@ -278,13 +269,6 @@ class DetectorConfig(ChainConfig):
         'position',
         'Where in it the channels are.',
         allows='a field, or a path as wrench.force.x, pillars[].fz or tactiles[0].pressure',
-    )
-    max_gap_s: float = parameter(
-        0.1,
-        'A shorter gap in the input is bridged with the last row, a longer one resets the chain.',
-        unit='s',
-        low=0.0,
-        high=60.0,
     )
     input_timeout_s: float = parameter(
         0.5,

@@ -2,12 +2,13 @@
 
 import dataclasses
 
-from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.sets import parameter
 
 
 @dataclasses.dataclass(frozen=True)
-class DriverConfig(ParameterSet):
-    """Parameters of the driver node."""
+class DriverConfig(RecordingConfig):
+    """Parameters of the driver node: where its samples come from and how it publishes them."""
 
     NODE = 'slip_driver'
 
@@ -20,45 +21,6 @@ class DriverConfig(ParameterSet):
     seed: int = parameter(0, 'Seed of the noise; one seed is one trial.', low=0, high=2**31 - 1)
     recording: str = parameter(
         '', 'Path of the recording to play: npz, csv, mcap, db3, or the folder of a bag.'
-    )
-    recording_topic: str = parameter(
-        '', 'Topic of a bag that has the samples; empty: voltages, in whichever namespace it is.'
-    )
-    recording_field: str = parameter(
-        '',
-        'Field of its messages that has the channels, as pac or pillars[].fz; empty: position '
-        'of a JointState, data of a MultiArray.',
-    )
-    recording_labels: str = parameter(
-        '',
-        'YAML file of the intervals with slip, or a folder of them; empty: <name>.labels.yaml '
-        'beside the recording, if it is there.',
-    )
-    recording_truth_topic: str = parameter(
-        'slip_truth', 'Topic of a bag (Bool, on change) that says whether there is slip.'
-    )
-    recording_position_topic: str = parameter(
-        'platform_position',
-        'Topic of a bag whose position changes while there is slip (Eq. 9), where no Bool says.',
-    )
-    recording_still_m: float = parameter(
-        0.0,
-        'A change of that position from message to message up to this is rest.',
-        unit='m',
-        low=0.0,
-        high=1.0,
-    )
-    recording_resample: bool = parameter(
-        False,
-        'Whether slip_evaluate and slip_tune bring a recording to the rate of the chain; the '
-        'driver plays it at its own.',
-    )
-    recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
-    recording_rate_key: str = parameter(
-        'sample_rate_hz', 'Name of the number in an npz recording that is its rate.'
-    )
-    recording_truth_key: str = parameter(
-        'slip', 'Name of the column or array of true slip; absent: no truth is published.'
     )
     rate: float = parameter(1.0, 'How many times real time to play.', low=0.001, high=1000.0)
     loop: bool = parameter(False, 'Whether to start again at the end; else the driver ends.')

@@ -20,9 +20,6 @@ import yaml
 #: Parameters that rclpy itself declares and reads, on every node.
 OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
-#: What has a section in a parameter file.
-NODES = ('slip_driver', 'slip_detector', 'grasp_controller', 'slip_evaluate', 'slip_tune')
-
 NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 
 ConfigType = TypeVar('ConfigType', bound='ParameterSet')
@@ -220,8 +217,13 @@ def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
 class ParameterSet:
     """What all sets of parameters share: conversion, checks and YAML."""
 
-    #: The node whose section of a parameter file holds this set.
+    #: The node (or the command) whose section of a parameter file has these parameters.
     NODE = ''
+
+    def __init_subclass__(cls) -> None:
+        """Make a set that names its node known as the set of that section."""
+        if 'NODE' in cls.__dict__:
+            SECTIONS[cls.NODE] = cls
 
     def __post_init__(self) -> None:
         """Convert and check every field on its own."""
@@ -264,12 +266,15 @@ class ParameterSet:
     def from_yaml(cls: type[ConfigType], path: str | Path) -> ConfigType:
         """Read the node's section of a ROS parameter file.
 
+        The whole section is checked, also where this set is a part of it.
+
         Raises
         ------
         ValueError
             When the file cannot be read or holds a value that is not allowed; names the file.
         """
-        return cls.from_parameters(read_parameter_file(path, cls.NODE), str(path))
+        whole = SECTIONS[cls.NODE].from_parameters(read_parameter_file(path, cls.NODE), str(path))
+        return cls(**{field.name: getattr(whole, field.name) for field in dataclasses.fields(cls)})
 
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values as ROS has them: flat lists, ``groups.TP`` for nested names."""
@@ -297,6 +302,11 @@ class ParameterSet:
                 nested[head] = value
         document = {f'/**/{self.NODE}': {'ros__parameters': nested}}
         return yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+
+
+#: By the name of a section of a parameter file: the set with all its parameters. A set that is a
+#: part of it (the chain's of the detector's) is a base class of it, and so comes before it.
+SECTIONS: dict[str, type[ParameterSet]] = {}
 
 
 def read_yaml(path: str | Path) -> dict[str, Any]:
@@ -375,10 +385,10 @@ def our_sections(path: str | Path) -> list[tuple[str, Mapping[str, Any]]]:
     sections = [
         (section, parameters)
         for section, parameters in _sections(read_yaml(path), str(path))
-        if section.rsplit('/', 1)[-1] in (*NODES, '**')
+        if section.rsplit('/', 1)[-1] in (*SECTIONS, '**')
     ]
     if not sections:
-        raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(NODES)}')
+        raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(SECTIONS)}')
     return sections
 
 

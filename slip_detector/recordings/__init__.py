@@ -4,7 +4,7 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.csv_files import CsvRecording
 from slip_detector.recordings.labels import find_labels, read_labels
 from slip_detector.recordings.npz import NpzRecording
@@ -42,7 +42,7 @@ def is_recording(path: 'str | Path') -> bool:
     return path.suffix in ENDINGS
 
 
-def open_recording(path: 'str | Path', config: 'DriverConfig | None' = None) -> Recording:
+def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) -> Recording:
     """Open a recording to read it in pieces.
 
     An npz file holds the rows under ``recording_volts_key``, the rate under
@@ -56,14 +56,14 @@ def open_recording(path: 'str | Path', config: 'DriverConfig | None' = None) -> 
     path
         The file or the folder of a bag.
     config
-        Names of the parts of the recording; the driver's defaults if not given.
+        Names of the parts of the recording; the defaults if not given.
 
     Raises
     ------
     ValueError
         When it is missing, broken or lacks a part; names the file and the part.
     """
-    path, config = Path(path), config or DriverConfig()
+    path, config = Path(path), config or RecordingConfig()
     try:
         labels_file = find_labels(config.recording_labels, path)
         labels = None if labels_file is None else read_labels(labels_file)
@@ -110,7 +110,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def with_options(config: DriverConfig, options: argparse.Namespace) -> DriverConfig:
+def with_options(config: RecordingConfig, options: argparse.Namespace) -> RecordingConfig:
     """Return the configuration with what the options of :func:`add_options` say.
 
     Raises

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.timeline import GAP_PERIODS
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.cdr import Decoded, Decoder
 from slip_detector.recordings.damaged import Topic
 from slip_detector.recordings.labels import Labels, Motion, states_at
@@ -36,7 +36,7 @@ FIRST_MESSAGES = 1024
 class BagRecording(Recording):
     """A bag: the folder of one, or one of its files."""
 
-    def __init__(self, path: Path, config: DriverConfig, labels: 'Labels | None') -> None:
+    def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config.recording_resample)
         self._storage = self._naming(lambda: Storage(path))
         self._topic = topic = self._rows_topic(config.recording_topic)
@@ -182,7 +182,7 @@ class BagRecording(Recording):
             '--topic (recording_topic) names one'
         )
 
-    def _beside(self, config: DriverConfig, parameter: str, msgtype: str) -> 'Topic | None':
+    def _beside(self, config: RecordingConfig, parameter: str, msgtype: str) -> 'Topic | None':
         """Find a topic that labels the rows, best in the namespace of their own."""
         name = getattr(config, parameter)
         alike = [topic for topic in self._storage.topics if topic.msgtype == msgtype]
@@ -192,7 +192,7 @@ class BagRecording(Recording):
         if len(found) == 1:
             # A topic that nobody published on says nothing.
             return found[0] if self._storage.counts.get(found[0].name, 1) else None
-        if name == getattr(DriverConfig, parameter):
+        if name == getattr(RecordingConfig, parameter):
             return None
         known = ', '.join(topic.name for topic in found or alike)
         raise ValueError(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.npz import as_truth
 from slip_detector.recordings.rate import rate_of
@@ -35,7 +35,7 @@ class CsvRecording(Recording):
 
     named = True
 
-    def __init__(self, path: Path, config: DriverConfig, labels: 'Labels | None') -> None:
+    def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config.recording_resample)
         self._truth_key = config.recording_truth_key
         with self._lines() as lines:

@@ -12,7 +12,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
 from slip_detector.recordings.rows import Rows
@@ -30,7 +30,7 @@ _BAD_HEADER = (ValueError, SyntaxError, TypeError, tokenize.TokenError)
 class NpzRecording(Recording):
     """An npz file: rows, their rate, and perhaps a label and stamps, as arrays with names."""
 
-    def __init__(self, path: Path, config: DriverConfig, labels: 'Labels | None') -> None:
+    def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config.recording_resample)
         self._keys = (config.recording_volts_key, STAMPS_KEY, config.recording_truth_key)
         volts_key, _, truth_key = self._keys

@@ -20,8 +20,8 @@ from slip_detector.evaluation.events import Alarm
 from slip_detector.evaluation.replay import LabelledRows, Replay, figures_of_merit
 from slip_detector.evaluation.scores import REST, SLIP, DecisionStatistic, ScoreTally
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.writing import write_recording
 from slip_detector.report.evaluation_tables import SECTIONS, as_tables
 from slip_detector.report.overview import events_of
@@ -641,12 +641,12 @@ def test_it_needs_neither_ros_nor_a_plotting_library():
 
 def test_the_configuration_of_the_real_finger_suits_every_node():
     detector = DetectorConfig.from_yaml(XELA_CONFIG)
-    driver = DriverConfig.from_yaml(XELA_CONFIG)
+    recording = RecordingConfig.from_yaml(XELA_CONFIG)
     evaluate = EvaluationConfig.from_yaml(XELA_CONFIG)
     assert (detector.channels, detector.sample_rate_hz) == (96, 60.0)
     assert detector.groups == {'y': tuple(range(2, 97, 3))}
     assert set(detector.disabled_channels) == set(range(1, 97)) - set(detector.groups['y'])
-    assert driver.recording_volts_key == 'tactile'
+    assert recording.recording_volts_key == 'tactile'
     assert evaluate.motion_columns == ('v_x', 'v_y')
     sections = yaml.safe_load(XELA_CONFIG.read_text(encoding='utf-8'))
     assert list(sections) == ['/**/slip_detector', '/**/slip_driver', '/**/slip_evaluate']

@@ -13,7 +13,7 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.sets import NODES, read_yaml
+from slip_detector.parameters.sets import SECTIONS, read_yaml
 from slip_detector.scenes.scene import find_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -83,7 +83,7 @@ def test_every_shipped_parameter_file_is_taken(path):
     assert GraspConfig.from_yaml(path).NODE == 'grasp_controller'
     # A section for a name that no node has would be ignored in silence.
     sections = {section.rsplit('/', 1)[-1] for section in read_yaml(path)}
-    assert sections <= set(NODES)
+    assert sections <= set(SECTIONS)
 
 
 def test_shipped_scenes_are_found_by_name():

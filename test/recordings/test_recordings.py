@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.recording import RecordingConfig
 from support.recorded import read_recording
 
 VOLTS = np.array([[4.3, 4.31], [4.25, 4.3], [4.2, 4.29]])
@@ -89,7 +89,7 @@ def test_csv_keeps_every_value_and_tells_the_rate(tmp_path_factory, volts, rate_
 def test_keys_are_taken_from_the_configuration(tmp_path):
     path = tmp_path / 'a.npz'
     np.savez(path, tactile=VOLTS, fs=60.0, label=[1, 0, 0], slip=[0, 0, 1])
-    keys = DriverConfig(
+    keys = RecordingConfig(
         recording_volts_key='tactile', recording_rate_key='fs', recording_truth_key='label'
     )
     recording = read_recording(path, keys)

@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import Rows, bags, open_recording
 from slip_detector.recordings.writing import write_recording
 from support.bags import (
@@ -57,7 +57,7 @@ def test_a_bag_says_with_which_quality_its_topics_were_offered(tmp_path, ending)
 
 def complaint(path, **parameters):
     with pytest.raises(ValueError, match=re.escape(str(path))) as caught:
-        for _ in open_recording(path, DriverConfig(**parameters)).pieces():
+        for _ in open_recording(path, RecordingConfig(**parameters)).pieces():
             pass
     assert '\n' not in str(caught.value)
     return str(caught.value)
@@ -133,11 +133,11 @@ def test_any_message_type_is_read_by_topic_and_field(tmp_path, plugin):
             message = bag.make(state, header=bag.header(stamp_ns), id=3, pillars=pillars, gfx=1.5)
             bag.write('/hub/sensor_0', message, stamp_ns + 12345)
     path = tmp_path / 'a'
-    config = DriverConfig(recording_topic='/hub/sensor_0', recording_field='pillars[].fz')
+    config = RecordingConfig(recording_topic='/hub/sensor_0', recording_field='pillars[].fz')
     recording = open_recording(path, config)
     same(gathered(recording), Rows(volts.astype(np.float64), stamps(300), None))
     assert recording.channel_names == ('ch1', 'ch2', 'ch3', 'ch4')
-    one = DriverConfig(recording_topic='sensor_0', recording_field='pillars[2].fz')
+    one = RecordingConfig(recording_topic='sensor_0', recording_field='pillars[2].fz')
     np.testing.assert_array_equal(read_recording(path, one).volts, volts[:, 2:3])
     assert 'has no voltages' not in complaint(path)
     assert f'has no topic voltages, there are: /hub/sensor_0 ({state})' in complaint(path)
@@ -154,7 +154,7 @@ def test_a_type_that_is_defined_in_idl_is_read(tmp_path):
         for k, stamp_ns in enumerate(stamps(20)):
             message = bag.make('syntouch/msg/BioTac', pac=np.arange(3.0) + k, pdc=k)
             bag.write('/biotac', message, stamp_ns)
-    config = DriverConfig(recording_topic='/biotac', recording_field='pac')
+    config = RecordingConfig(recording_topic='/biotac', recording_field='pac')
     volts = np.arange(20.0)[:, np.newaxis] + np.arange(3.0)
     # Without a header the time of receipt is the stamp.
     same(gathered(open_recording(tmp_path / 'a', config)), Rows(volts, stamps(20), None))
@@ -277,8 +277,8 @@ def test_the_truth_is_taken_from_the_namespace_of_the_rows(tmp_path):
                     message = bag.make('std_msgs/msg/Bool', data=bool(slip))
                     bag.write(f'/{finger}/slip_truth', message, stamp_ns)
                 bag.write(f'/{finger}/voltages', bag.joints(stamp_ns, row), stamp_ns)
-    left = DriverConfig(recording_topic='/left/voltages')
-    right = DriverConfig(recording_topic='/right/voltages')
+    left = RecordingConfig(recording_topic='/left/voltages')
+    right = RecordingConfig(recording_topic='/right/voltages')
     same(gathered(open_recording(tmp_path / 'a', left)), written)
     same(gathered(open_recording(tmp_path / 'a', right)), written._replace(truth=~written.truth))
     said = complaint(tmp_path / 'a')
@@ -312,7 +312,7 @@ def test_a_position_that_changes_is_slip(tmp_path):
     np.testing.assert_array_equal(truth, ((k >= 99) & (k <= 199)) | ((k >= 250) & (k <= 300)))
     noisy = position_m + 1e-6 * np.random.default_rng(0).uniform(-1, 1, n)
     write_recording(tmp_path / 'b.mcap', [written._replace(position_m=noisy)], 380.0, NAMES)
-    still = DriverConfig(recording_still_m=5e-6)
+    still = RecordingConfig(recording_still_m=5e-6)
     np.testing.assert_array_equal(
         gathered(open_recording(tmp_path / 'b.mcap', still)).truth, truth
     )

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import Motion, find_labels, read_labels, states_at
 
@@ -23,7 +23,7 @@ def recording(tmp_path):
 
 
 def truth(path, labels=''):
-    config = DriverConfig(recording_labels=str(labels))
+    config = RecordingConfig(recording_labels=str(labels))
     return np.concatenate([piece.truth for piece in open_recording(path, config).pieces()])
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain.timeline import Timeline
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import (
     add_options,
     is_recording,
@@ -132,7 +132,7 @@ def test_a_rate_more_than_two_percent_off_is_an_error_with_both_and_the_option(
 
 
 def resampled(path, rate_hz, piece_rows=8192):
-    recording = open_recording(path, DriverConfig(recording_resample=True))
+    recording = open_recording(path, RecordingConfig(recording_resample=True))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(npz, 'PIECE_ROWS', piece_rows)
         pieces = list(recording.pieces(rate_hz))
@@ -213,7 +213,7 @@ def test_each_stretch_is_resampled_on_its_own(tmp_path):
     stamps_ns = np.concatenate([np.arange(500), 5000 + np.arange(500)]) * 1_000_000
     volts = np.repeat([[1.0], [9.0]], 500, axis=0)
     path = save(tmp_path / 'a.npz', volts, stamps_ns, rate_hz=1000.0)
-    recording = open_recording(path, DriverConfig(recording_resample=True))
+    recording = open_recording(path, RecordingConfig(recording_resample=True))
     pieces = list(recording.pieces(380.0))
     starts = [piece for piece in pieces if piece.new_stretch]
     assert [piece.stamps_ns[0] for piece in starts] == [0, 5_000_000_000]
@@ -262,7 +262,7 @@ def test_a_recording_is_known_by_its_ending_or_its_metadata(tmp_path):
 def test_the_options_say_what_the_parameters_say():
     parser = argparse.ArgumentParser()
     add_options(parser)
-    config = DriverConfig(recording_topic='/mine', recording_labels='by_hand')
+    config = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
     assert with_options(config, parser.parse_args([])) == config
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
     assert with_options(config, parser.parse_args(words)) == dataclasses.replace(

@@ -5,8 +5,19 @@ import pytest
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.tuning import TuneConfig
 
-SETS = (ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig)
+SETS = (
+    ChainConfig,
+    DetectorConfig,
+    RecordingConfig,
+    DriverConfig,
+    GraspConfig,
+    EvaluationConfig,
+    TuneConfig,
+)
 
 
 def message_of(build, *args, **values):

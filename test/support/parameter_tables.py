@@ -4,11 +4,12 @@ import dataclasses
 import re
 from pathlib import Path
 
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.sets import allowed, default_of
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.sets import ParameterSet, allowed, default_of
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.scene import PARTS, Sampling
@@ -18,8 +19,10 @@ ROOT = Path(__file__).resolve().parents[2]
 #: The files with tables, and whose parameters each has.
 DOCUMENTS = {
     ROOT / 'docs' / 'parameters.md': (
+        ChainConfig,
         DetectorConfig,
         DriverConfig,
+        RecordingConfig,
         GraspConfig,
         EvaluationConfig,
         TuneConfig,
@@ -31,7 +34,16 @@ DOCUMENTS = {
 def table(config_class):
     """Lay out the fields of a configuration as a Markdown table."""
     lines = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
+    # What it has from another set stands in the table of that.
+    inherited = {
+        field.name
+        for base in config_class.__bases__
+        if base is not ParameterSet
+        for field in dataclasses.fields(base)
+    }
     for field in dataclasses.fields(config_class):
+        if field.name in inherited:
+            continue
         default = shown(default_of(field))
         unit = field.metadata['unit']
         limits = allowed(field).removesuffix(f' {unit}')

@@ -1,0 +1,56 @@
+"""The parameters that describe a recording."""
+
+import dataclasses
+
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordingConfig(ParameterSet):
+    """Where in a recording the samples and the labels are, and how they are read.
+
+    The driver, the evaluation and the tuner read them from the section ``slip_driver`` of a
+    parameter file.
+    """
+
+    NODE = 'slip_driver'
+
+    recording_topic: str = parameter(
+        '', 'Topic of a bag that has the samples; empty: voltages, in whichever namespace it is.'
+    )
+    recording_field: str = parameter(
+        '',
+        'Field of its messages that has the channels, as pac or pillars[].fz; empty: position '
+        'of a JointState, data of a MultiArray.',
+    )
+    recording_labels: str = parameter(
+        '',
+        'YAML file of the intervals with slip, or a folder of them; empty: <name>.labels.yaml '
+        'beside the recording, if it is there.',
+    )
+    recording_truth_topic: str = parameter(
+        'slip_truth', 'Topic of a bag (Bool, on change) that says whether there is slip.'
+    )
+    recording_position_topic: str = parameter(
+        'platform_position',
+        'Topic of a bag whose position changes while there is slip (Eq. 9), where no Bool says.',
+    )
+    recording_still_m: float = parameter(
+        0.0,
+        'A change of that position from message to message up to this is rest.',
+        unit='m',
+        low=0.0,
+        high=1.0,
+    )
+    recording_resample: bool = parameter(
+        False,
+        'Whether slip_evaluate and slip_tune bring a recording to the rate of the chain; the '
+        'driver plays it at its own.',
+    )
+    recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
+    recording_rate_key: str = parameter(
+        'sample_rate_hz', 'Name of the number in an npz recording that is its rate.'
+    )
+    recording_truth_key: str = parameter(
+        'slip', 'Name of the column or array of true slip; absent: no truth is published.'
+    )
