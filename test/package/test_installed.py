@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+import slip_detector
+
 PREFIX = os.environ.get('SLIP_DETECTOR_PREFIX', '')
 
 pytestmark = pytest.mark.skipif(
@@ -15,7 +17,6 @@ pytestmark = pytest.mark.skipif(
 
 EXECUTABLES = [
     'grasp_controller',
-    'slip_benchmark',
     'slip_demo',
     'slip_detector',
     'slip_driver',
@@ -42,6 +43,13 @@ def test_the_index_and_all_shared_files_are_there():
         assert (share / 'slip_detector' / name).is_file()
 
 
+def test_neither_tests_nor_benchmarks_are_installed():
+    folder = Path(slip_detector.__file__).resolve().parents[1]
+    assert folder.is_relative_to(Path(PREFIX).resolve())
+    packages = {path.name for path in folder.iterdir() if path.suffix != '.egg-info'}
+    assert packages - {'__pycache__'} == {'slip_detector'}
+
+
 def test_the_installed_package_is_the_one_that_runs_and_finds_its_scenes(tmp_path):
     code = (
         'import slip_detector.scenes.scene as s; '
@@ -60,7 +68,7 @@ def test_what_reports_are_made_of_is_installed(tmp_path):
     assert all(int(size) > 1000 for size in done.stdout.split())
 
 
-@pytest.mark.parametrize('name', ['slip_benchmark', 'slip_demo', 'slip_evaluate', 'slip_grasp'])
+@pytest.mark.parametrize('name', ['slip_demo', 'slip_evaluate', 'slip_grasp', 'slip_tune'])
 def test_the_command_lines_run(name):
     done = run(name, '--help')
     assert done.returncode == 0, done.stderr

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -21,21 +22,18 @@ SOURCES = sorted((ROOT / 'slip_detector').rglob('*.py'))
 LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 
 ROSDEP_KEYS = {
-    'lz4': 'python3-rosbags-pip',  # comes with it
     'matplotlib': 'python3-matplotlib',
-    'mpmath': 'python3-mpmath',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
-    'rosbags': 'python3-rosbags-pip',
     'scipy': 'python3-scipy',
     'serial': 'python3-serial',
     'tqdm': 'python3-tqdm',
     'yaml': 'python3-yaml',
 }
 
-#: What rosdep does not know; a key that it does not know would fail the whole installation.
-#: slip_tune says how to install it.
-WITHOUT_KEY = {'optuna'}
+#: What only PyPI has (see rosdep_keys.txt); what needs it says how to install it. lz4 comes with
+#: rosbags.
+WITHOUT_KEY = {'lz4', 'optuna', 'rosbags'}
 
 
 def imported(paths):
@@ -60,6 +58,22 @@ def test_package_xml_names_every_dependency_and_no_other():
     used = imported([*SOURCES, *LAUNCH_FILES])
     assert used >= WITHOUT_KEY
     assert {ROSDEP_KEYS.get(name, name) for name in used - WITHOUT_KEY} == declared
+
+
+def test_rosdep_knows_every_key_of_package_xml():
+    lines = (Path(__file__).parent / 'rosdep_keys.txt').read_text().splitlines()
+    known = {line for line in lines if line and not line.startswith('#')}
+    keys = {element.text for element in package_xml() if element.tag.endswith('depend')}
+    assert len(keys) > 10
+    assert keys <= known, 'look it up as rosdep_keys.txt says, then add it there'
+
+
+def test_what_is_installed_is_the_package_without_tests_and_benchmarks(tmp_path):
+    command = [sys.executable, 'setup.py', '--quiet', 'build_py', '--build-lib', str(tmp_path)]
+    subprocess.run(command, cwd=ROOT, check=True)
+    built = {path.relative_to(tmp_path) for path in tmp_path.rglob('*') if path.is_file()}
+    templates = (ROOT / 'slip_detector' / 'report' / 'templates').iterdir()
+    assert built == {path.relative_to(ROOT) for path in (*SOURCES, *templates)}
 
 
 def test_package_xml_and_setup_py_agree():
