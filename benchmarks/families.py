@@ -28,11 +28,12 @@ from slip_detector.evaluation.scores import MOTION, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.sets import read_yaml
 from slip_detector.scenes.scene import Scene, find_scene
-from slip_detector.tuning.search import Candidate, Objective
+from slip_detector.tuning.objective import Candidate, Objective
+from slip_detector.tuning.problem import SEARCHED, Problem
+from slip_detector.tuning.search import search
 from slip_detector.tuning.sweep import Statistics
 from slip_detector.tuning.tracks import Track, held_out, track_of
 from slip_detector.tuning.verdict import Verdict, judge, pooled_figures
-from slip_detector.tuning.workers import SEARCHED, Problem, search
 
 #: The paper's plates; a family plays each with each of its seeds.
 PLATES = ('plate_400um', 'plate_440um', 'plate_480um')

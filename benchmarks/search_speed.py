@@ -26,8 +26,9 @@ from slip_detector.evaluation.replay import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.search import Objective, Space
-from slip_detector.tuning.sweep import ThresholdSweep, Vote, windows
+from slip_detector.tuning.objective import Objective
+from slip_detector.tuning.space import SearchSpace, Vote
+from slip_detector.tuning.sweep import ThresholdSweep, windows
 from slip_detector.tuning.tracks import Track, track_of
 
 Floats = NDArray[np.float64]
@@ -145,7 +146,7 @@ def measure(trials: int = TRIALS, minutes: float = MINUTES) -> dict[str, Any]:
 
     given, weights, evaluation = ChainConfig(), TuneConfig(), EvaluationConfig()
     track = slips_and_noise(minutes)
-    space = Space(given)
+    space = SearchSpace(given)
     sides = [
         (kind([track], evaluation, weights), Study(None, '', space.distributions(), seed=0))
         for kind in (Objective, NumpyObjective)

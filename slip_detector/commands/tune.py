@@ -26,11 +26,13 @@ from slip_detector.parameters.files import check_writable, with_parameters, writ
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.recordings import Counts, with_options
+from slip_detector.tuning.objective import Candidate, Objective
+from slip_detector.tuning.problem import SEARCHED, Problem
+from slip_detector.tuning.processes import Stopper, search_in_processes
 from slip_detector.tuning.quiet import quiet_threshold
-from slip_detector.tuning.search import Candidate, Objective
+from slip_detector.tuning.search import search
 from slip_detector.tuning.tracks import Track, fingerprint, held_out, track_of
 from slip_detector.tuning.verdict import comparison_table, judge, pooled_figures
-from slip_detector.tuning.workers import SEARCHED, Problem, Stopper, search, search_in_processes
 
 #: Of a run that shows no bar, a line is printed so often.
 LINES = 10

@@ -10,8 +10,8 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report.overview import MOST_CELLS, Overview, events_of
 from slip_detector.report.page import write, write_pictures
 from slip_detector.report.page_data import Trial, Variant
+from slip_detector.tuning.problem import SEARCHED
 from slip_detector.tuning.tracks import Track
-from slip_detector.tuning.workers import SEARCHED
 
 #: No recording of a report has less room than this share of it.
 LEAST_SHARE = 1 / 32

@@ -15,7 +15,8 @@ from scipy import stats
 
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.sweep import Statistics, sweep_thresholds, thresholds
+from slip_detector.tuning.space import thresholds
+from slip_detector.tuning.sweep import Statistics, sweep_thresholds
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]

@@ -1,400 +1,68 @@
-"""What the tuner searches: a space of chains around the given one, and what a chain costs.
+"""A search in this process: trial after trial of a study."""
 
-The threshold and the vote are not part of the space: all of them come from one pass of the chain
-(:mod:`slip_detector.tuning.sweep`), so a trial is one point of the space with the best of them.
-"""
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
-import dataclasses
-import math
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from slip_detector.tuning.objective import Candidate, Objective
+from slip_detector.tuning.problem import SEARCHED, Problem
+from slip_detector.tuning.space import SearchSpace
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy import stats
-
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.sweep import (
-    Statistics,
-    ThresholdSweep,
-    Vote,
-    sweep_thresholds,
-    thresholds,
-    votes_of,
-)
-from slip_detector.tuning.tracks import Track
-
-Floats = NDArray[np.float64]
-
-#: Edges as shares of the sample rate: the lowest and highest low edge of the pass-band, and the
-#: highest edge of all. A pass-band that would end above it is a high-pass.
-LOWEST_LOW, HIGHEST_LOW, HIGHEST = 1 / 400, 0.3, 0.48
-
-#: The width of the pass-band; the paper's has 2.8 octaves.
-OCTAVES = (0.5, 6.0)
-
-#: The stop-bands at the sides of the pass-band, as wide as the paper's: 0.5 to 7 and 50 to 180 Hz.
-BELOW, ABOVE = 7.0 / 0.5, 180.0 / 50.0
-
-#: A stop-band around the mains takes this off at each side.
-NOTCH_HALF_WIDTH_HZ = 5.0
-MAINS_HZ = (50.0, 60.0)
-
-SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.005, 0.3
-
-STOPBANDS = ('given', 'none', 'below', 'above', 'both')
-
-COMMON_MODES = ('none', 'median', 'mean')
-
-#: Fewer channels than this have nothing in common that is not the signal.
-LEAST_SHARING = 3
-
-#: A threshold is judged with its neighbours, so many steps of
-#: :data:`slip_detector.tuning.sweep.STEP` to
-#: each side: a tenth of the amplitude is what contact and sensor vary by from day to day.
-NEIGHBOURS = 3
-
-#: How sure it must be that a chain is better than one nearer to the given: a search has many
-#: chances to be lucky.
-CONFIDENCE = 0.99
-
-#: Areas under the ROC curve that differ by less are the same.
-AUC_STEP = 1e-3
-
-#: What gets worse than with the given parameters counts so many times.
-WORSE_COUNTS = 10.0
+if TYPE_CHECKING:
+    from slip_detector.tuning.study import Study
 
 
-class Space:
-    """The chains that are tried: the given one with other bands, windows and stages.
+def search(
+    problem: Problem,
+    study: 'Study',
+    trials: int,
+    stop: Callable[[], bool],
+    progress: Callable[[int], None],
+) -> None:
+    """Try chains in this process until the study has so many trials.
 
     Parameters
     ----------
-    given
-        The chain that is tuned; what is not searched stays as it is.
+    problem
+        What is searched.
+    study
+        To take part in.
+    trials
+        How many the study is to have, those of other workers and of earlier runs counted.
+    stop
+        Asked before each trial.
+    progress
+        Told how many there are after each.
+
+    Raises
+    ------
+    ValueError
+        When the storage fails; names it.
     """
-
-    def __init__(self, given: ChainConfig) -> None:
-        self._given = given
-        rate = given.sample_rate_hz
-        self._highest_hz = HIGHEST * rate
-        self._low_hz = (LOWEST_LOW * rate, HIGHEST_LOW * rate)
-        self._window_s = (max(SHORTEST_WINDOW_S, 1.0 / rate), LONGEST_WINDOW_S)
-        self._exponents = (1, max(4, given.exponent))
-        self.notches_hz = (0.0, *(f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < HIGHEST * rate))
-        enabled = given.channels - len(given.disabled_channels)
-        self._common_modes = COMMON_MODES if enabled >= LEAST_SHARING else ('none',)
-
-    def distributions(self) -> dict[str, Any]:
-        """Return Optuna's distributions by name."""
-        from optuna.distributions import (
-            CategoricalDistribution,
-            FloatDistribution,
-            IntDistribution,
-        )
-
-        return {
-            'passband_low_hz': FloatDistribution(*self._low_hz, log=True),
-            'passband_octaves': FloatDistribution(*OCTAVES),
-            'stopbands': CategoricalDistribution(STOPBANDS),
-            'notch_hz': CategoricalDistribution(self.notches_hz),
-            'exponent': IntDistribution(*self._exponents),
-            'envelope_window_s': FloatDistribution(*self._window_s, log=True),
-            'decision_window_s': FloatDistribution(*self._window_s, log=True),
-            'common_mode': CategoricalDistribution(self._common_modes),
-        }
-
-    def chain(self, point: dict[str, Any]) -> ChainConfig:
-        """Return the chain of a point, with the given threshold and vote.
-
-        Raises
-        ------
-        ValueError
-            When there is no such chain.
-        """
-        low_hz = _rounded(point['passband_low_hz'])
-        high_hz = _rounded(low_hz * 2.0 ** point['passband_octaves'])
-        if high_hz > self._highest_hz:
-            high_hz = 0.0
-        return dataclasses.replace(
-            self._given,
-            passband_hz=(low_hz, high_hz),
-            stopbands_hz=self._stopbands(point, low_hz, high_hz),
-            exponent=point['exponent'],
-            # Rounding must not leave less than a sample.
-            envelope_window_s=max(_rounded(point['envelope_window_s']), self._window_s[0]),
-            decision_window_s=max(_rounded(point['decision_window_s']), self._window_s[0]),
-            common_mode=point['common_mode'],
-        )
-
-    def _stopbands(
-        self, point: dict[str, Any], low_hz: float, high_hz: float
-    ) -> tuple[tuple[float, float], ...]:
-        """Return the stop-bands beside the pass-band, and the notch."""
-        which, mains_hz = point['stopbands'], point['notch_hz']
-        pairs = list(self._given.stopbands_hz) if which == 'given' else []
-        if which in ('below', 'both'):
-            pairs.append((_rounded(low_hz / BELOW), low_hz))
-        top_hz = min(_rounded(ABOVE * high_hz), _rounded(self._highest_hz))
-        if which in ('above', 'both') and 0.0 < high_hz < top_hz / 1.1:
-            pairs.append((high_hz, top_hz))
-        if mains_hz:
-            pairs.append((mains_hz - NOTCH_HALF_WIDTH_HZ, mains_hz + NOTCH_HALF_WIDTH_HZ))
-        return tuple(pairs)
-
-    def point(self, chain: ChainConfig) -> dict[str, Any]:
-        """Return the point of the space that is nearest to a chain: where a search may start."""
-        low_hz, high_hz = chain.passband_hz
-        octaves = math.log2(high_hz / low_hz) if high_hz else OCTAVES[1]
-        return {
-            'passband_low_hz': _within(low_hz, self._low_hz),
-            'passband_octaves': _within(octaves, OCTAVES),
-            'stopbands': 'given' if chain.stopbands_hz == self._given.stopbands_hz else 'both',
-            'notch_hz': 0.0,
-            'exponent': int(_within(chain.exponent, self._exponents)),
-            'envelope_window_s': _within(chain.envelope_window_s, self._window_s),
-            'decision_window_s': _within(chain.decision_window_s, self._window_s),
-            'common_mode': chain.common_mode
-            if chain.common_mode in self._common_modes
-            else 'none',
-        }
-
-    def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
-        """Return how far two points are apart: 1 is one way through, or another choice."""
-        low, high = self._window_s
-        spans = {
-            'passband_low_hz': math.log(self._low_hz[1] / self._low_hz[0]),
-            'envelope_window_s': math.log(high / low),
-            'decision_window_s': math.log(high / low),
-        }
-        steps = [math.log(point[name] / other[name]) / span for name, span in spans.items()]
-        steps.append((point['passband_octaves'] - other['passband_octaves']) / OCTAVES[1])
-        steps.append((point['exponent'] - other['exponent']) / self._exponents[1])
-        steps += [
-            float(point[name] != other[name]) for name in ('stopbands', 'notch_hz', 'common_mode')
-        ]
-        return math.hypot(*steps)
-
-    def starts(self) -> list[dict[str, Any]]:
-        """Return where a search begins: at the given chain and at the paper's."""
-        points = [self.point(self._given), self.point(ChainConfig())]
-        return points if points[0] != points[1] else points[:1]
+    space = SearchSpace(problem.given)
+    objective = Objective(problem.tracks, problem.evaluation, problem.config, problem.figures)
+    starts = space.starts()
+    count = study.follow()
+    while not stop() and count < trials:
+        trial = study.ask(starts[count] if count < len(starts) else None)
+        try:
+            found = objective.best(space.chain(trial.params))
+        except ValueError:  # no such filter
+            found = []
+        study.tell(trial, found[0].cost_ms if found else None, {'found': list(map(_kept, found))})
+        count = study.follow()
+        progress(count)
 
 
-class CandidateFigures(NamedTuple):
-    """What counts of a chain on some tracks.
-
-    Attributes
-    ----------
-    median_ms : float
-        Median latency over all slips, a missed one being later than any.
-    missed : float
-        Share of the slips.
-    false_alarms_per_minute : float
-        Of the time without slip.
-    auc : float or None
-        Of the decision statistic; see :meth:`slip_detector.tuning.sweep.Swept.auc`.
-    latency_ms : float or None
-        Median latency of the slips that are not missed.
-    """
-
-    median_ms: float
-    missed: float
-    false_alarms_per_minute: float
-    auc: float | None
-    latency_ms: float | None
-
-    def worse_than(self, other: 'CandidateFigures') -> list[str]:
-        """Say, a line each, in which of latency, misses, false alarms and area these are worse."""
-        pairs = {
-            'median latency': (self.median_ms, other.median_ms, 'ms'),
-            'missed': (100.0 * self.missed, 100.0 * other.missed, '%'),
-            'false alarms': (
-                self.false_alarms_per_minute,
-                other.false_alarms_per_minute,
-                'a minute',
-            ),
-        }
-        worse = [
-            f'{name} {mine:.4g} against {its:.4g} {unit}'
-            for name, (mine, its, unit) in pairs.items()
-            if mine > its + 1e-9
-        ]
-        if self.auc is not None and other.auc is not None and self.auc < other.auc - AUC_STEP:
-            worse.append(f'area under the ROC curve {self.auc:.4f} against {other.auc:.4f}')
-        return worse
-
-
-class Candidate(NamedTuple):
-    """A chain with its threshold and vote, what it costs and why.
-
-    Attributes
-    ----------
-    chain : ChainConfig
-    cost_ms : float
-    error_ms : float
-        What so few slips and false alarms leave open of it; see :meth:`Objective.error_ms`.
-    figures : CandidateFigures
-    """
-
-    chain: ChainConfig
-    cost_ms: float
-    error_ms: float
-    figures: CandidateFigures
-
-
-class Objective:
-    """What a chain costs on labelled tracks.
-
-    Parameters
-    ----------
-    tracks
-        With at least one slip and some time without.
-    evaluation
-        What counts as detected.
-    config
-        The weights.
-    given
-        What must not get worse; None: nothing is held against it.
-    """
-
-    def __init__(
-        self,
-        tracks: Sequence[Track],
-        evaluation: EvaluationConfig,
-        config: TuneConfig,
-        given: CandidateFigures | None = None,
-    ) -> None:
-        self._tracks, self._evaluation, self._config = tracks, evaluation, config
-        self._given = given
-        self._rooms: dict[int, Any] = {}
-
-    def best(self, chain: ChainConfig) -> list[Candidate]:
-        """Return a chain with the best threshold for each vote, the cheapest vote first.
-
-        Votes at which it never is ON are left out.
-
-        Raises
-        ------
-        ValueError
-            When the chain cannot be built.
-        """
-        votes = votes_of(chain)
-        statistic = self.statistic(chain, votes)
-        found = []
-        for vote in votes:
-            parts = [part[vote] for part in statistic]
-            limits = thresholds(parts, self._tracks, chain.exponent)
-            if not limits.size:
-                continue
-            swept = self.swept(parts, limits)
-            costs = _with_neighbours(self.costs_ms(swept))
-            at = int(np.argmin(costs))
-            threshold = _rounded(float(limits[at]))
-            found.append(
-                Candidate(
-                    dataclasses.replace(chain, threshold=threshold, vote=vote),
-                    float(costs[at]),
-                    self.error_ms(swept, at),
-                    self.figures(swept, at),
-                )
-            )
-        return sorted(found, key=lambda one: one.cost_ms)
-
-    def as_it_is(self, chain: ChainConfig) -> Candidate:
-        """Return what a chain costs with its own threshold and vote.
-
-        Raises
-        ------
-        ValueError
-            When the chain cannot be built.
-        """
-        parts = [part[chain.vote] for part in self.statistic(chain, [chain.vote])]
-        near = thresholds(parts, self._tracks, chain.exponent)
-        limits = np.union1d(near, [chain.threshold])
-        swept = self.swept(parts, limits)
-        at = int(np.searchsorted(limits, chain.threshold))
-        cost_ms = float(self.costs_ms(swept)[at])
-        return Candidate(chain, cost_ms, self.error_ms(swept, at), self.figures(swept, at))
-
-    def statistic(
-        self, chain: ChainConfig, votes: Sequence[Vote]
-    ) -> Sequence[Mapping[Vote, Floats]]:
-        """Return what is held against the threshold by track and vote, shapes (n,).
-
-        The next call may overwrite it.
-        """
-        one_pass = Statistics(chain, votes)
-        found = []
-        for i, track in enumerate(self._tracks):
-            found.append(one_pass.of(track, self._rooms.get(i)))
-            self._rooms[i] = found[-1]['all'].base
-        return found
-
-    def swept(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
-        """Return what becomes of the tracks at each threshold; see :func:`sweep.sweep`."""
-        return sweep_thresholds(statistic, self._tracks, limits, self._evaluation)
-
-    def costs_ms(self, swept: ThresholdSweep) -> Floats:
-        """Return the cost at each of T thresholds, shape (T,)."""
-        config, given = self._config, self._given
-        late_ms = self._late_ms(swept)
-        false_costs = config.false_alarm_costs_ms
-        costs = late_ms.mean(axis=0) + false_costs * swept.false_alarms_per_minute
-        costs += config.auc_costs_ms * (1.0 - (swept.auc() or 0.0))
-        if given is not None:
-            median = min(given.median_ms, config.missed_costs_ms)
-            worse = np.maximum(np.median(late_ms, axis=0) - median, 0.0)
-            worse += config.missed_costs_ms * np.maximum(swept.missed - given.missed, 0.0)
-            worse += false_costs * np.maximum(
-                swept.false_alarms_per_minute - given.false_alarms_per_minute, 0.0
-            )
-            costs += WORSE_COUNTS * worse
-        return np.asarray(costs)
-
-    def error_ms(self, swept: ThresholdSweep, at: int) -> float:
-        """Return by how much more a chain may cost and still be as good, at ``CONFIDENCE``.
-
-        It is the error of the mean latency by Student's t: of one slip alone nothing is known.
-        """
-        late_ms = self._late_ms(swept)[:, at]
-        if late_ms.size < 2:
-            return math.inf
-        t = float(stats.t.ppf(0.5 + CONFIDENCE / 2, late_ms.size - 1))
-        return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
-
-    def _late_ms(self, swept: ThresholdSweep) -> Floats:
-        """Return the latencies with what a missed slip counts for; shape (slips, T)."""
-        missed_ms = self._config.missed_costs_ms
-        return np.fmin(swept.latencies_ms, missed_ms)
-
-    @staticmethod
-    def figures(swept: ThresholdSweep, at: int) -> CandidateFigures:
-        """Return the figures at one of the thresholds."""
-        latencies_ms = swept.latencies_ms[:, at]
-        found = latencies_ms[~np.isnan(latencies_ms)]
-        return CandidateFigures(
-            median_ms=float(np.median(np.where(np.isnan(latencies_ms), np.inf, latencies_ms))),
-            missed=float(swept.missed[at]),
-            false_alarms_per_minute=float(swept.false_alarms_per_minute[at]),
-            auc=swept.auc(),
-            latency_ms=float(np.median(found)) if found.size else None,
-        )
-
-
-def _with_neighbours(costs: Floats) -> Floats:
-    """Return the mean of each cost and those of the thresholds around it; shape (T,)."""
-    width = 2 * NEIGHBOURS + 1
-    padded = np.pad(costs, NEIGHBOURS, mode='edge')
-    return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))
-
-
-def _within(value: float, bounds: tuple[float, float]) -> float:
-    return min(max(value, bounds[0]), bounds[1])
-
-
-def _rounded(value: float) -> float:
-    """Round to four significant digits: more would only make the file hard to read."""
-    return float(f'{value:.4g}')
+def _kept(found: Candidate) -> dict[str, Any]:
+    """Return what a study keeps of a chain, in the types of JSON."""
+    whole = found.chain.to_parameters()
+    # JSON has no infinity: what is not known is as large as can be.
+    largest = sys.float_info.max
+    figures = found.figures._asdict()
+    return {
+        'parameters': {name: whole[name] for name in SEARCHED},
+        'cost_ms': found.cost_ms,
+        'error_ms': min(found.error_ms, largest),
+        'figures': {**figures, 'median_ms': min(figures['median_ms'], largest)},
+    }

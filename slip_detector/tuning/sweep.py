@@ -7,7 +7,6 @@ only those thresholds are touched that its number passes.
 """
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -33,29 +32,6 @@ LANE_ROWS = 128
 
 #: A geometric mean is taken of the logarithms of products of so many levels: fewer logarithms.
 FACTORS = 4
-
-#: Groups up to this size are tried with every k-of-n, larger ones with shares of their size.
-ALL_COUNTS = 6
-SHARES = (1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8)
-
-#: Thresholds are so far apart in amplitude (the level to the power of 1 / exponent).
-STEP = 1.03
-
-#: No threshold is further than this, in amplitude, below the highest that does anything.
-RANGE = 1000.0
-
-#: Of every so many rows one tells where the thresholds begin.
-STRIDE = 16
-
-
-def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
-    """Return the votes that are tried: ``all``, ``mean`` and k-of-n, the given one among them."""
-    disabled = set(config.disabled_channels)
-    able = [len(set(members) - disabled) for members in config.groups.values()]
-    size = min(many for many in able if many)
-    counts = range(1, size) if size <= ALL_COUNTS else [round(share * size) for share in SHARES]
-    votes: list[Vote] = ['all', 'mean', *counts]
-    return tuple(votes) if config.vote in votes else (*votes, config.vote)
 
 
 @compiled
@@ -202,39 +178,6 @@ class Statistics:
                     self._lanes, self._product, self._mean, out, start,
                 )  # fmt: skip
         return dict(zip(self._order, out, strict=True))
-
-
-def thresholds(statistic: Sequence[Floats], tracks: Sequence[Track], exponent: int) -> Floats:
-    """Return the thresholds of a vote that are worth a look, rising, evenly spaced in amplitude.
-
-    They reach from the level that half of the rows without slip have to where nothing is ON.
-
-    Parameters
-    ----------
-    statistic
-        By track, shapes (n,).
-    tracks
-        At least one.
-    exponent
-        The chain's.
-
-    Returns
-    -------
-    ndarray
-        At least one; empty where the statistic is 0 throughout.
-    """
-    top = max((float(part.max()) for part in statistic if part.size), default=0.0)
-    if not 0.0 < top < math.inf:
-        return np.zeros(0)
-    quiet = [
-        part[::STRIDE][track.kind[::STRIDE] != SLIP]
-        for part, track in zip(statistic, tracks, strict=True)
-    ]
-    rest = float(np.median(np.concatenate(quiet))) if any(part.size for part in quiet) else 0.0
-    ratio = STEP**exponent
-    low = max(rest, top * RANGE**-exponent, 1e-30)
-    steps = math.ceil(math.log(top / low) / math.log(ratio)) if low < top else 0
-    return np.asarray(top * ratio ** np.arange(-steps, 1.0))
 
 
 @compiled

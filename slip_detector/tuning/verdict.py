@@ -7,9 +7,9 @@ import numpy as np
 
 from slip_detector.evaluation.replay import ReplayOutcome, figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.search import Candidate, Objective
+from slip_detector.tuning.objective import Candidate, Objective
+from slip_detector.tuning.problem import Problem
 from slip_detector.tuning.tracks import Track
-from slip_detector.tuning.workers import Problem
 
 #: The figures that the file and the printed table have, what they are called, and their format.
 TABLE = {

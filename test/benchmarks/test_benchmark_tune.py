@@ -9,7 +9,7 @@ from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.search import Objective
+from slip_detector.tuning.objective import Objective
 
 
 @pytest.mark.parametrize('exponent', [1, 3])

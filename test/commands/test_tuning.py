@@ -21,11 +21,11 @@ from slip_detector.evaluation.replay import LabelledRows
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.search import Objective
+from slip_detector.tuning.objective import Objective
+from slip_detector.tuning.problem import SEARCHED
 from slip_detector.tuning.study import Study
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import judge
-from slip_detector.tuning.workers import SEARCHED
 from support.tuning_cases import CHAIN, PARAMETERS, problem, slips, track, write
 
 DEADLINE_S = 120.0

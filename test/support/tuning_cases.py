@@ -6,9 +6,9 @@ from slip_detector.evaluation.replay import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.search import Objective
+from slip_detector.tuning.objective import Objective
+from slip_detector.tuning.problem import Problem
 from slip_detector.tuning.tracks import track_of
-from slip_detector.tuning.workers import Problem
 
 RATE_HZ = 380.0
 

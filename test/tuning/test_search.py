@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.search import CandidateFigures, Objective, Space
+from slip_detector.tuning.objective import CandidateFigures, Objective
+from slip_detector.tuning.problem import SEARCHED
+from slip_detector.tuning.search import search
+from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import held_out
-from slip_detector.tuning.workers import SEARCHED, search
 from support.tuning_cases import CHAIN, problem, track
 
 XELA = ChainConfig.from_yaml(Path(__file__).resolve().parents[2] / 'config' / 'xela_uskin.yaml')
@@ -23,13 +25,13 @@ BANDS = ('passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'common
 
 @pytest.mark.parametrize('chain', [CHAIN, XELA, ChainConfig()], ids=['small', 'xela', 'paper'])
 def test_the_given_chain_is_a_point_of_its_space(chain):
-    space = Space(chain)
+    space = SearchSpace(chain)
     assert space.chain(space.point(chain)) == chain
     assert space.starts()[0] == space.point(chain)
 
 
 def test_the_paper_s_chain_is_where_every_search_begins():
-    space = Space(dataclasses.replace(CHAIN, passband_hz=(20.0, 90.0), stopbands_hz=()))
+    space = SearchSpace(dataclasses.replace(CHAIN, passband_hz=(20.0, 90.0), stopbands_hz=()))
     start = space.chain(space.starts()[1])
     paper = ChainConfig()
     for name in BANDS:
@@ -44,7 +46,7 @@ def test_every_point_of_the_space_is_a_chain(rate_hz, shares):
     chain = ChainConfig(
         sample_rate_hz=rate_hz, channels=4, passband_hz=(rate_hz / 10, 0.0), stopbands_hz=()
     )
-    space = Space(chain)
+    space = SearchSpace(chain)
     point = {}
     for (name, kind), share in zip(space.distributions().items(), shares, strict=True):
         if hasattr(kind, 'choices'):
@@ -61,7 +63,7 @@ def test_every_point_of_the_space_is_a_chain(rate_hz, shares):
 
 
 def test_a_point_is_nowhere_from_itself_and_a_choice_is_one_away():
-    space = Space(CHAIN)
+    space = SearchSpace(CHAIN)
     point = space.point(CHAIN)
     assert space.distance(point, point) == 0.0
     assert space.distance({**point, 'common_mode': 'median'}, point) == 1.0

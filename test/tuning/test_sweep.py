@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from slip_detector.evaluation.replay import LabelledRows, Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.sweep import Statistics, sweep_thresholds, thresholds, votes_of
+from slip_detector.tuning.space import thresholds, votes_of
+from slip_detector.tuning.sweep import Statistics, sweep_thresholds
 from slip_detector.tuning.tracks import track_of
 
 CHANNELS = 7
