@@ -4,10 +4,8 @@ import time
 from typing import Any
 
 import numpy as np
-from lifecycle_msgs.srv import ChangeState
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 
@@ -20,6 +18,7 @@ from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import OF_THE_TOPICS, Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
+from slip_detector.nodes.rclpy_internals import answer_impossible_transitions
 from slip_detector.parameters.detector import DetectorConfig
 
 #: The input is looked at this often in ``input_timeout_s``, and given up when this share of it has
@@ -28,8 +27,6 @@ LOOKS, GIVEN_UP_AFTER = 10, 0.75
 
 #: One line of a kind on the log in this time.
 LOG_PERIOD_NS = 1_000_000_000
-
-RCLError = rclpy_implementation.RCLError
 
 #: Only while the node starts is it asked whether to start by itself.
 FIXED = ('autostart',)
@@ -59,25 +56,12 @@ class Detector(LifecycleNode):
         self._timers_made: list[Timer] = []
         # A thread that has built a chain wakes the executor, which swaps it in between two rows.
         self._built = self.create_guard_condition(self._swap)
-        # rclpy lets a transition that is not possible in the present state end the process.
-        self._change_state = self._service_change_state.callback
-        self._service_change_state.callback = self._on_change_state
+        answer_impossible_transitions(self)
         if self.config.autostart:
             self.trigger_configure()
             self.trigger_activate()
 
     # The life of the node.
-
-    def _on_change_state(
-        self, request: ChangeState.Request, response: ChangeState.Response
-    ) -> ChangeState.Response:
-        """Answer a request to change the state, also an impossible one."""
-        try:
-            return self._change_state(request, response)
-        except RCLError as error:
-            self.get_logger().warning(f'refused: {" ".join(str(error).split())}')
-            response.success = False
-            return response
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the chain and the topics."""

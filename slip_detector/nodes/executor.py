@@ -3,7 +3,6 @@
 import itertools
 import time
 from collections.abc import Sequence
-from typing import Any
 
 from rclpy.executors import (
     ExternalShutdownException,
@@ -11,8 +10,9 @@ from rclpy.executors import (
     SingleThreadedExecutor,
     TimeoutException,
 )
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+
+from slip_detector.nodes.rclpy_internals import WaitSet, call, take_messages, waking_guards
 
 #: Messages taken in a row before timers and services are looked after.
 AT_MOST = 32
@@ -24,8 +24,8 @@ POLL_NS = 50_000_000
 class SampleExecutor(SingleThreadedExecutor):
     """Spins nodes whose subscriptions are busy and whose callbacks are plain functions.
 
-    For each message rclpy's executor gathers all entities of the nodes anew (a managed node has
-    a dozen services), makes a task, a coroutine and a wait set, and wakes itself twice: several
+    For each message rclpy's executor gathers all entities of the nodes (a managed node has a
+    dozen services), makes a task, a coroutine and a wait set, and wakes itself twice: several
     times the cost of the message. Here only the subscriptions are waited for, until the next
     timer is due, and a message or a timer goes straight to its callback. All else is left to
     rclpy, at least every ``POLL_NS``; and altogether, while there is no subscription.
@@ -45,8 +45,7 @@ class SampleExecutor(SingleThreadedExecutor):
         self._next_nodes = itertools.cycle(nodes)
         self._poll_ns = POLL_NS // len(nodes)
         self._polled_ns = 0
-        self._wait_set: Any = None
-        self._waited_for = (0, 0)
+        self._wait_set = WaitSet(self.context)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Wait for something to do, and do it.
@@ -68,54 +67,30 @@ class SampleExecutor(SingleThreadedExecutor):
             return
         of_nodes = [guard for node in nodes for guard in node.guards]
         timers = [timer for node in nodes for timer in node.timers]
-        guards = [*of_nodes, self._guard, self._sigint_gc]
-        sizes = (len(subscriptions), len(guards))
-        if sizes != self._waited_for:
-            self._wait_set = rclpy_implementation.WaitSet(*sizes, 0, 0, 0, 0, self.context.handle)
-            self._waited_for = sizes
-        wait_set = self._wait_set
-        wait_set.clear_entities()
-        for subscription in subscriptions:
-            wait_set.add_subscription(subscription.handle)
-        for guard in guards:
-            wait_set.add_guard_condition(guard.handle)
         due_ns = [timer.time_until_next_call() for timer in timers]
         if timeout_sec is not None:
             due_ns.append(round(timeout_sec * 1e9))
-        wait_set.wait(max(0, min([self._poll_ns, *due_ns])))
+        with_messages, triggered = self._wait_set.wait(
+            subscriptions,
+            [*of_nodes, *waking_guards(self)],
+            max(0, min([self._poll_ns, *due_ns])),
+        )
         if not self.context.ok():
             raise ExternalShutdownException
-        ready = wait_set.get_ready_entities('subscription')
-        triggered = wait_set.get_ready_entities('guard_condition')
         for guard in of_nodes:
-            if guard.handle.pointer in triggered:
-                guard.trigger()  # The wait has taken it from rclpy.
-        for subscription in subscriptions:
-            if subscription.handle.pointer in ready:
-                self._take_from(subscription)
+            if guard in triggered:
+                guard.trigger()  # For rclpy, which is to call its callback.
+        for subscription in with_messages:
+            take_messages(subscription, AT_MOST)
         if triggered:
             self._execute_others(nodes)
             return  # It may have changed subscriptions and timers.
         for timer in timers:
             if timer.is_ready():
-                timer.handle.call_timer()
-                timer.callback()
+                call(timer)
         if time.monotonic_ns() - self._polled_ns >= self._poll_ns:
             self._polled_ns = time.monotonic_ns()
             self._execute_others([next(self._next_nodes)])
-
-    @staticmethod
-    def _take_from(subscription: Any) -> None:
-        take, message_type = subscription.handle.take_message, subscription.msg_type
-        with_info = subscription._callback_type is subscription.CallbackType.WithMessageInfo
-        for _ in range(AT_MOST):
-            taken = take(message_type, subscription.raw)
-            if taken is None:
-                return
-            if with_info:
-                subscription.callback(*taken)
-            else:
-                subscription.callback(taken[0])
 
     def _execute_others(self, nodes: Sequence[Node]) -> None:
         """Let rclpy do what is ready."""

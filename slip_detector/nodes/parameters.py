@@ -14,6 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from slip_detector.nodes.rclpy_internals import given_parameters
 from slip_detector.parameters.sets import OF_RCLPY, ConfigType, ParameterSet, allowed, default_of
 
 
@@ -37,10 +38,8 @@ def declare(
     ValueError
         For an unknown name or a value that is not allowed.
     """
-    # rclpy offers given values only one by one and for declared names; an unknown name would
-    # pass unseen. Its own declare_parameter reads the same attribute.
-    given: dict[str, Parameter] = node._parameter_overrides
-    values = {name: _value(parameter) for name, parameter in given.items() if _ours(name)}
+    given = given_parameters(node).items()
+    values = {name: _value(parameter) for name, parameter in given if _ours(name)}
     config = config_class.from_parameters(values)
     for name, value in config.to_parameters().items():
         read_only = fixed is None or name in fixed

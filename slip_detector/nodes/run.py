@@ -3,13 +3,9 @@
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, NoReturn
-
-#: Longest time for cleaning up; normally it takes some hundredths of a second.
-CLEANING_UP_S = 0.4
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
@@ -43,13 +39,9 @@ def run(executable: str) -> int:
     from rclpy.utilities import remove_ros_args
 
     from slip_detector.nodes.executor import SampleExecutor
+    from slip_detector.nodes.rclpy_internals import ignore_what_a_signal_leaves, shut_down
 
-    def on_unraisable(problem: Any) -> None:
-        # What rclpy leaves half-made when a signal takes the context away is nobody's concern.
-        if not initialised or rclpy.ok():
-            sys.__unraisablehook__(problem)
-
-    sys.unraisablehook = on_unraisable
+    ignore_what_a_signal_leaves(lambda: initialised)
     nodes: list[Any] = []
     try:
         _check_files(sys.argv)
@@ -84,16 +76,7 @@ def run(executable: str) -> int:
         # A second signal (ros2 launch sends two) must not break into the cleaning up.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
-        # The middleware hangs now and then while it is taken down; that must not keep the process.
-        # The alarm is for a hang that lets no other thread of Python run.
-        bound = threading.Timer(CLEANING_UP_S, os._exit, (code,))
-        bound.daemon = True
-        bound.start()
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.setitimer(signal.ITIMER_REAL, 2 * CLEANING_UP_S)
-        for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        shut_down(nodes, code)
     return code
 
 
@@ -153,15 +136,11 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
 
 
 def main(executable: str) -> NoReturn:
-    """Run an executable and leave with its exit code.
-
-    What would come after, the taking down of the interpreter and the libraries, takes up to a
-    second and does nothing that the shutdown of rclpy has not done.
-    """
+    """Run an executable and leave with its exit code."""
     code = run(executable)
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)
+    from slip_detector.nodes.rclpy_internals import leave
+
+    leave(code)
 
 
 def driver() -> None:

@@ -1,0 +1,187 @@
+"""What is relied on in rclpy, in the version that is installed."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
+
+from lifecycle_msgs.msg import State, Transition  # noqa: E402
+from lifecycle_msgs.srv import ChangeState  # noqa: E402
+from rclpy.clock import Clock, ClockType  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.lifecycle import LifecycleNode  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from std_msgs.msg import Bool  # noqa: E402
+
+from slip_detector.nodes.messages import event_qos  # noqa: E402
+from slip_detector.nodes.rclpy_internals import (  # noqa: E402
+    WaitSet,
+    answer_impossible_transitions,
+    call,
+    given_parameters,
+    take_messages,
+    waking_guards,
+)
+
+DEADLINE_NS = 60 * 10**9
+
+
+@pytest.fixture
+def context():
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    yield context
+    rclpy.try_shutdown(context=context)
+
+
+@pytest.fixture
+def node(context):
+    words = ['--ros-args', '-p', 'declared:=1', '-p', 'unknown:=2']
+    node = Node('of_test', context=context, cli_args=words)
+    yield node
+    node.destroy_node()
+
+
+def test_parameters_are_given_by_name_before_any_is_declared(node):
+    given = {name: parameter.value for name, parameter in given_parameters(node).items()}
+    assert given == {'declared': 1, 'unknown': 2}
+
+
+def test_a_transition_that_is_not_possible_is_answered_with_no_and_one_that_is_is_made(context):
+    node = LifecycleNode('of_test', context=context)
+    answer_impossible_transitions(node)
+    callback = node._service_change_state.callback
+
+    def change(transition):
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return callback(request, ChangeState.Response()).success
+
+    assert not change(Transition.TRANSITION_ACTIVATE)
+    assert change(Transition.TRANSITION_CONFIGURE)
+    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_INACTIVE
+    node.destroy_node()
+
+
+@pytest.mark.parametrize('with_info', [False, True])
+def test_messages_are_waited_for_and_go_to_the_callback(context, node, with_info):
+    taken = []
+    if with_info:
+        subscription = node.create_subscription(
+            Bool, 'said', lambda message, info: taken.append((message.data, info)), event_qos()
+        )
+    else:
+        subscription = node.create_subscription(
+            Bool, 'said', lambda message: taken.append((message.data, None)), event_qos()
+        )
+    publisher = node.create_publisher(Bool, 'said', event_qos())
+    wait_set = WaitSet(context)
+    assert wait_set.wait([subscription], [], 0) == ([], [])
+    while not subscription.get_publisher_count() or not publisher.get_subscription_count():
+        wait_set.wait([subscription], [], 10**7)
+    for said in (True, False, True):
+        publisher.publish(Bool(data=said))
+    while len(taken) < 3:
+        assert wait_set.wait([subscription], [], DEADLINE_NS) == ([subscription], [])
+        take_messages(subscription, 2)
+    assert [said for said, _ in taken] == [True, False, True]
+    if with_info:
+        stamps_ns = [info['source_timestamp'] for _, info in taken]
+        assert stamps_ns == sorted(stamps_ns)
+        assert stamps_ns[0] > 0
+
+
+def test_a_guard_ends_the_wait_and_the_wait_takes_what_triggered_it(context, node):
+    guard, other = (node.create_guard_condition(lambda: None) for _ in range(2))
+    wait_set = WaitSet(context)
+    guard.trigger()
+    assert wait_set.wait([], [guard, other], DEADLINE_NS) == ([], [guard])
+    assert wait_set.wait([], [guard, other], 0) == ([], [])
+    assert wait_set.wait([], [other], 0) == ([], [])
+
+
+def test_an_executor_is_woken_by_its_guards_when_there_is_more_to_wait_for(context, node):
+    executor = SingleThreadedExecutor(context=context)
+    wait_set = WaitSet(context)
+    guards = waking_guards(executor)
+    assert len(guards) == 2
+    assert executor.add_node(node)
+    _, triggered = wait_set.wait([], guards, DEADLINE_NS)
+    assert len(triggered) == 1
+    executor.shutdown()
+
+
+def test_a_timer_that_is_called_is_due_again_a_period_later(node):
+    called = []
+    steady = Clock(clock_type=ClockType.STEADY_TIME)
+    timer = node.create_timer(3600.0, lambda: called.append(None), clock=steady)
+    before_ns = timer.time_since_last_call()
+    call(timer)
+    assert called == [None]
+    assert timer.time_until_next_call() > 3600 * 10**9 - before_ns
+    assert not timer.is_ready()
+
+
+@pytest.mark.parametrize(
+    ('name', 'use'),
+    [
+        ('_parameter_overrides', given_parameters),
+        ('_service_change_state', answer_impossible_transitions),
+        ('_guard', waking_guards),
+        ('_callback_type', lambda subscription: take_messages(subscription, 1)),
+    ],
+)
+def test_what_a_version_of_rclpy_has_changed_is_named(name, use):
+    class Changed:
+        pass
+
+    with pytest.raises(RuntimeError, match=rf'^Changed\.{name} is not there: .*this version'):
+        use(Changed())
+
+
+HANGING = """
+import time
+from slip_detector.nodes.rclpy_internals import shut_down
+
+class Hanging:
+    def destroy_node(self):
+        {hang}
+
+shut_down([Hanging()], 7)
+print('all is down')
+"""
+
+#: A call that waits with Python's lock held, so that no other thread runs.
+LOCKED = 'import ctypes; ctypes.PyDLL(None).sleep(3600)'
+
+LEAVING = """
+import atexit
+from slip_detector.nodes.rclpy_internals import leave
+
+atexit.register(print, 'and more')
+print('printed', end='')
+leave(3)
+"""
+
+
+def run(code):
+    return subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False, timeout=60
+    )
+
+
+@pytest.mark.parametrize(
+    ('hang', 'code'),
+    [('time.sleep(3600)', 7), (LOCKED, -signal.SIGALRM), ('pass', 0)],
+)
+def test_a_middleware_that_hangs_does_not_keep_the_process(hang, code):
+    done = run(HANGING.format(hang=hang))
+    assert done.returncode == code, done.stderr
+    assert done.stdout == ('' if code else 'all is down\n')
+
+
+def test_leaving_writes_what_was_printed_and_runs_nothing_else():
+    done = run(LEAVING)
+    assert (done.returncode, done.stdout) == (3, 'printed')
