@@ -13,17 +13,10 @@ from slip_detector.nodes.messages import event_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources.source import open_source
-from support.harness import ROOT, Bench, Detected, ended_quietly
+from support.harness import ROOT, Detected, ended_quietly, patient_state_qos
 
 PERIOD_NS = round(1e9 / 380)
 START_NS = 1_700_000_000 * 10**9
-
-
-@pytest.fixture
-def bench():
-    bench = Bench()
-    yield bench
-    bench.close()
 
 
 @pytest.fixture(scope='module')
@@ -53,7 +46,7 @@ def offline(rows, config=None, settled=None):
 def test_every_topic_says_what_the_chain_decides(bench, rows):
     topics = {f'slip/group/{name}': [] for name in DetectorConfig().groups}
     topics.update({f'slip/channel/ch{i + 1}': [] for i in range(16)})
-    heard = {topic: bench.listen(Bool, topic, state_qos()) for topic in topics}
+    heard = {topic: bench.listen(Bool, topic, patient_state_qos()) for topic in topics}
     onsets = bench.listen(Header, 'slip_onset', event_qos())
     detected = Detected(bench)
     bench.wait_for(lambda: all(heard.values()), 'the first state of each topic')
@@ -88,7 +81,7 @@ def test_every_topic_says_what_the_chain_decides(bench, rows):
 
 
 def test_group_and_channel_topics_are_quiet_between_changes(bench, rows):
-    group = bench.listen(Bool, 'slip/group/LU', state_qos())
+    group = bench.listen(Bool, 'slip/group/LU', patient_state_qos())
     detected = Detected(bench)
     begin = detected.settle(rows[0], START_NS, PERIOD_NS)
     detected.send_all(rows, begin, PERIOD_NS)
@@ -246,12 +239,10 @@ def test_parameters_come_from_a_file_and_have_descriptions(bench, tmp_path):
 
     from rcl_interfaces.srv import DescribeParameters, GetParameters
 
-    def ask(kind, service, names):
-        client = bench.node.create_client(kind, f'slip_detector/{service}')
-        bench.wait_for(client.service_is_ready, service)
-        future = client.call_async(kind.Request(names=names))
-        bench.wait_for(future.done, service)
-        return future.result()
+    def ask(service_type, service, names):
+        return bench.ask(
+            service_type, f'slip_detector/{service}', service_type.Request(names=names)
+        )
 
     values = ask(
         GetParameters, 'get_parameters', ['gain', 'vote', 'stopbands_hz', 'groups.front']

@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
@@ -18,26 +17,14 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.sets import default_of
-from support.harness import Bench, Detected
+from support.harness import Detected
 
 PERIOD_NS = round(1e9 / 380)
 START_NS = 1_700_000_000 * 10**9
 
 
-@pytest.fixture
-def bench():
-    bench = Bench()
-    yield bench
-    bench.close()
-
-
-def ask(bench, kind, service, request):
-    client = bench.node.create_client(kind, f'slip_detector/{service}')
-    bench.wait_for(client.service_is_ready, service)
-    future = client.call_async(request)
-    bench.wait_for(future.done, service)
-    bench.node.destroy_client(client)
-    return future.result()
+def ask(bench, service_type, service, request):
+    return bench.ask(service_type, f'slip_detector/{service}', request)
 
 
 def set_all(bench, **values):

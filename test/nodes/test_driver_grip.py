@@ -6,7 +6,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from slip_detector.nodes.messages import stamp_ns, state_qos
-from support.harness import Bench, patient_qos
+from support.harness import patient_qos
 
 #: Slow samples: that of one block are a good part of a second.
 RATE_HZ = 50.0
@@ -26,13 +26,6 @@ object: {{mass_kg: 0.2, length_m: 0.05, rest_patches: 200}}
 PLATE = """
 steps: [{duration_s: 60.0, force_n: 0.4}]
 """
-
-
-@pytest.fixture
-def bench():
-    bench = Bench()
-    yield bench
-    bench.close()
 
 
 class Gripped:

@@ -14,7 +14,7 @@ from slip_detector.nodes.health import Level
 from slip_detector.nodes.listening import sensor_status
 from slip_detector.nodes.messages import stamp_ns, state_qos
 from slip_detector.sources.packets import FrameDecoder, LineDecoder, encode
-from support.harness import Bench, ended_quietly, patient_qos
+from support.harness import ended_quietly, patient_qos
 from support.sensors import (
     SCALE_V,
     Port,
@@ -37,13 +37,6 @@ NOISE_PIECE = 1 << 14
 
 
 @pytest.fixture
-def bench():
-    bench = Bench()
-    yield bench
-    bench.close()
-
-
-@pytest.fixture
 def port(tmp_path):
     port = Port(tmp_path / 'tty')
     yield port
@@ -53,18 +46,16 @@ def port(tmp_path):
 class Listening:
     """A driver process that listens to a sensor, and all that it publishes."""
 
-    def __init__(self, bench, parameters):
+    def __init__(self, bench, parameters, others=0):
         self.bench = bench
         self.voltages = bench.listen(JointState, 'voltages', patient_qos())
-        self.process = bench.start(
-            'slip_driver', parameters={'wait_for_subscribers': 1, **parameters}
-        )
+        self.process = bench.start_driver(parameters=parameters, others=others)
         bench.wait_for(lambda: 'listening' in self.process.log(), 'the driver to listen')
 
     @classmethod
-    def to_port(cls, bench, port, **parameters):
+    def to_port(cls, bench, port, others=0, **parameters):
         given = {'source': 'serial', 'serial_port': port.path, **parameters}
-        listening = cls(bench, given)
+        listening = cls(bench, given, others)
         return listening, port.send
 
     @classmethod
@@ -260,7 +251,7 @@ def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(b
     slip = bench.listen(Bool, 'slip', state_qos(depth=1000))
     valid = bench.listen(Bool, 'slip_valid', state_qos(depth=1000))
     bench.start('slip_detector')
-    listening, send = Listening.to_port(bench, port, wait_for_subscribers=2)
+    listening, send = Listening.to_port(bench, port, others=1)
 
     def slips():
         return bool(valid and slip and valid[-1].data and slip[-1].data)
@@ -269,7 +260,7 @@ def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(b
         bench.wait_for(slips, 'slip')
         port.unplug()
         bench.wait_for(lambda: not valid[-1].data and not slip[-1].data, 'slip_valid to fall')
-    assert 'cannot be read' in listening.process.log()
+    bench.wait_for(lambda: 'cannot be read' in listening.process.log(), 'the log')
     port.plug_in()
     bench.wait_for(lambda: listening.process.log().count('listening to') == 2, 'the port')
     # The sensor was without power: it counts from 0 again.
@@ -281,7 +272,7 @@ def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(b
 def test_what_waits_for_its_batch_is_sent_when_the_sensor_goes(bench, port):
     batches = bench.listen(Float32MultiArray, 'voltages', patient_qos())
     given = {'source': 'serial', 'serial_port': port.path, 'samples_per_message': 10}
-    driver = bench.start('slip_driver', parameters={'wait_for_subscribers': 1, **given})
+    driver = bench.start_driver(parameters=given)
     bench.wait_for(lambda: 'listening' in driver.log(), 'the driver to listen')
     rows = vibration(14, 380.0)
     for frame in make_frames(rows, 380.0):

@@ -15,7 +15,7 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import Rows
 from slip_detector.recordings.writing import write_recording
 from slip_detector.sources.source import open_source
-from support.harness import ROOT, Bench, ended_quietly, patient_qos
+from support.harness import ROOT, ended_quietly, patient_qos, patient_state_qos
 from support.recorded import read_recording
 
 XELA = ROOT.parent / 'shared' / 'data' / 'xela_uskin_slip'
@@ -37,13 +37,6 @@ LOSSY_SCENE = f"""{SHORT_SCENE}
 drops: {{share: 0.2, burst_samples: 3}}
 clock: {{rate_ratio: 1.1}}
 """
-
-
-@pytest.fixture
-def bench():
-    bench = Bench()
-    yield bench
-    bench.close()
 
 
 @pytest.fixture
@@ -74,11 +67,9 @@ class Played:
 
     def __init__(self, bench, parameters, samples):
         self.voltages = bench.listen(JointState, 'voltages', patient_qos())
-        self.truth = bench.listen(Bool, 'slip_truth', state_qos())
+        self.truth = bench.listen(Bool, 'slip_truth', patient_state_qos())
         self.position = bench.listen(JointState, 'platform_position', patient_qos())
-        self.process = bench.start(
-            'slip_driver', parameters={'wait_for_subscribers': 1, **parameters}
-        )
+        self.process = bench.start_driver(parameters=parameters)
         bench.wait_for(lambda: len(self.voltages) >= samples, f'{samples} samples')
 
     def rows(self):
@@ -205,13 +196,13 @@ def test_a_looped_scene_goes_on_where_its_clock_was(bench, lossy_scene):
 
 def test_the_pace_does_not_drift(bench, scene):
     arrivals = []
-    bench.node.create_subscription(
+    bench.subscribe(
         JointState,
         'voltages',
         lambda message: arrivals.append(time.time_ns() - stamp_ns(message.header.stamp)),
         sensor_qos(),
     )
-    played = Played(bench, {'scene': scene, 'loop': 'true', 'wait_for_subscribers': 2}, 1500)
+    played = Played(bench, {'scene': scene, 'loop': 'true'}, 1500)
     delays = np.array(arrivals[: len(played.voltages)]) * 1e-9
     # A driver that waited one period after each sample would add what each wake-up costs, some
     # 0.1 ms, 1500 times over. What a busy machine does to single messages is not in the minimum.
@@ -281,8 +272,8 @@ def test_a_real_recording_plays_through_both_nodes(bench):
     detector = bench.start('slip_detector', '--params-file', file)
     bench.wait_for(lambda: slip, 'the detector')
     wanted = read_recording(path, DriverConfig.from_yaml(file)).volts
-    parameters = {'source': 'recording', 'recording': path, 'wait_for_subscribers': 2}
-    driver = bench.start('slip_driver', '--params-file', file, parameters=parameters)
+    parameters = {'source': 'recording', 'recording': path}
+    driver = bench.start_driver('--params-file', file, parameters=parameters, others=1)
     bench.wait_for(lambda: len(voltages) == len(wanted), 'the samples')
     bench.wait_for(
         lambda: envelope and envelope[-1].header.stamp == voltages[-1].header.stamp,

@@ -21,7 +21,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
-from support.harness import Bench
 
 RATE_HZ = 380.0
 PERIOD_S = 1 / RATE_HZ
@@ -29,13 +28,6 @@ TIMEOUT_S = 0.5
 
 #: What a busy machine may add to a time that the detector promises.
 SLACK_S = 0.5
-
-
-@pytest.fixture
-def bench():
-    bench = Bench()
-    yield bench
-    bench.close()
 
 
 class Sensor:
@@ -299,11 +291,8 @@ def test_a_flood_at_twenty_times_the_rate(bench):
 
 def test_a_parameter_changed_in_the_middle_of_a_slip(bench):
     sensor = Sensor(bench)
+    client = bench.client(SetParametersAtomically, 'slip_detector/set_parameters_atomically')
     sensor.slips()
-    client = bench.node.create_client(
-        SetParametersAtomically, 'slip_detector/set_parameters_atomically'
-    )
-    bench.wait_for(client.service_is_ready, 'the service')
     for values in ({'threshold': 0.4}, {'passband_hz': [10.0, 60.0]}):
         known = len(sensor.slip)
         parameters = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]

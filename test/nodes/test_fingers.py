@@ -11,17 +11,9 @@ from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.nodes.run import _arguments_of_each
-from support.harness import Bench
 
 NAMES = 'thumb, index,little'
 FINGERS = ('thumb', 'index', 'little')
-
-
-@pytest.fixture
-def bench():
-    bench = Bench()
-    yield bench
-    bench.close()
 
 
 def start(bench, name, **parameters):
@@ -49,12 +41,9 @@ def test_each_finger_has_nodes_and_parameters_of_its_own_and_all_samples_come(be
         steps_ns = [b - a for a, b in itertools.pairwise(stamps_ns)]
         assert max(steps_ns) - min(steps_ns) <= 1
     # A change at one finger is no change at another.
-    client = bench.node.create_client(SetParameters, 'left/index/slip_detector/set_parameters')
-    bench.wait_for(client.service_is_ready, 'the service')
     none_valid = Parameter('valid_range_v', value=[-2.0, -1.0]).to_parameter_msg()
     request = SetParameters.Request(parameters=[none_valid])
-    answer = client.call_async(request)
-    bench.wait_for(answer.done, 'the answer')
+    bench.ask(SetParameters, 'left/index/slip_detector/set_parameters', request)
     bench.wait_for(lambda: not valid['index'][-1].data, 'the finger to be invalid')
     others = [len(valid[finger]) for finger in ('thumb', 'little')]
     bench.wait_for(

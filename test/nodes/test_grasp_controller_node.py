@@ -10,7 +10,7 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.parameters.grasp import GraspConfig
-from support.harness import ROOT, Bench, ended_quietly, patient_qos
+from support.harness import ROOT, ended_quietly, patient_qos
 
 CONFIG = ROOT / 'config' / 'grasp.yaml'
 
@@ -28,13 +28,6 @@ QUICK = {
     'relax_n_s': 20.0,
     'deadline_s': 0.5,
 }
-
-
-@pytest.fixture
-def bench():
-    bench = Bench()
-    yield bench
-    bench.close()
 
 
 class Controlled:

@@ -1,6 +1,7 @@
 """Real nodes in real processes, and a node of the test's own that talks to them."""
 
 import contextlib
+import math
 import os
 import signal
 import subprocess
@@ -25,6 +26,9 @@ from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos, time_m
 
 #: Discovery takes seconds now and then; nothing here is about speed.
 DEADLINE_S = 90.0
+
+#: A service that has not answered is asked again after so long.
+ASK_AGAIN_S = 1.0
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -87,6 +91,11 @@ def patient_qos():
     )
 
 
+def patient_state_qos():
+    """Return the profile of states for a test that must see each change, however late it looks."""
+    return state_qos(depth=1000)
+
+
 class Bench:
     """A domain with a node of the test's own and any number of processes."""
 
@@ -99,12 +108,67 @@ class Bench:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.processes = []
+        self._subscriptions = {}
+        self._clients = {}
 
     def start(self, name, *words, parameters=None, output=None):
         """Start an executable; its output is kept, or goes to a file."""
         process = Process(name, *words, domain=self.domain, parameters=parameters, output=output)
         self.processes.append(process)
         return process
+
+    def start_driver(self, *words, parameters=None, others=0):
+        """Start a driver that plays when all subscriptions of the test know it.
+
+        A publisher that has found a subscription may send before the subscription has found the
+        publisher; such samples are lost. So the driver waits for one subscriber more than there
+        are, and the last one subscribes when those of the test know the driver. ``others`` is the
+        number of subscribers in other processes.
+        """
+        subscriptions = self._subscriptions['voltages']
+        wanted = others + len(subscriptions) + 1
+        given = {**(parameters or {}), 'wait_for_subscribers': wanted}
+        process = self.start('slip_driver', *words, parameters=given)
+
+        def known():
+            if process.ended():
+                pytest.fail(f'the driver ended:\n{process.log()}')
+            return all(subscription.get_publisher_count() for subscription in subscriptions)
+
+        self.wait_for(known, 'the driver to be known')
+        self.node.create_subscription(
+            subscriptions[0].msg_type, 'voltages', lambda message: None, sensor_qos()
+        )
+        return process
+
+    def ask(self, service_type, service, request):
+        """Call a service and return its response."""
+        future = self.client(service_type, service).call_async(request)
+        self.wait_for(future.done, service)
+        return future.result()
+
+    def client(self, service_type, service):
+        """Return a client that the service knows: its responses arrive.
+
+        A service may answer before it knows the client; that response is lost. A request of
+        default values, which changes nothing, is sent again and again until it is answered.
+        """
+        client = self._clients.get(service)
+        if client is not None:
+            return client
+        client = self._clients[service] = self.node.create_client(service_type, service)
+        self.wait_for(client.service_is_ready, service)
+        asked, asked_s = [], -math.inf
+
+        def answered():
+            nonlocal asked_s
+            if time.monotonic() - asked_s >= ASK_AGAIN_S:
+                asked_s = time.monotonic()
+                asked.append(client.call_async(service_type.Request()))
+            return any(future.done() for future in asked)
+
+        self.wait_for(answered, f'an answer of {service}')
+        return client
 
     def wait_for(self, condition, what):
         """Spin until the condition holds; fail with what the processes said."""
@@ -118,8 +182,13 @@ class Bench:
     def listen(self, message_type, topic, qos):
         """Return the list that messages of a topic are put on."""
         heard = []
-        self.node.create_subscription(message_type, topic, heard.append, qos)
+        self.subscribe(message_type, topic, heard.append, qos)
         return heard
+
+    def subscribe(self, message_type, topic, take, qos):
+        """Have a function take each message of a topic."""
+        subscription = self.node.create_subscription(message_type, topic, take, qos)
+        self._subscriptions.setdefault(topic, []).append(subscription)
 
     def close(self):
         for process in self.processes:
@@ -137,8 +206,8 @@ class Detected:
         lead = f'{namespace}/' if namespace else ''
         self.bench = bench
         self.envelope = bench.listen(JointState, f'{lead}slip_detector/envelope', patient_qos())
-        self.slip = bench.listen(Bool, f'{lead}slip', state_qos())
-        self.valid = bench.listen(Bool, f'{lead}slip_valid', state_qos())
+        self.slip = bench.listen(Bool, f'{lead}slip', patient_state_qos())
+        self.valid = bench.listen(Bool, f'{lead}slip_valid', patient_state_qos())
         self._voltages = bench.node.create_publisher(JointState, f'{lead}voltages', sensor_qos())
         if namespace:
             words = ('-r', f'__ns:=/{namespace}', *words)
@@ -163,8 +232,9 @@ class Detected:
     def settle(self, row, at_ns, period_ns):
         """Send one row over and over until decisions come; returns the next stamp.
 
-        Until the envelope's subscription has reached the detector there are none. A constant
-        input leaves the chain at rest, so it does not matter how many of them it took.
+        Until the envelope's subscription has reached the detector there are none; then all
+        subscriptions made before it have reached the detector too. A constant input leaves the
+        chain at rest, so it does not matter how many of them it took.
         """
         deadline = time.monotonic() + DEADLINE_S
         while not self.envelope:
