@@ -20,7 +20,7 @@ from slip_detector.sources.source import open_live_source
 SAY_S = 1.0
 
 #: Counts of what is as it should be.
-GOOD = ('frames', 'samples')
+GOOD = ('packets', 'samples')
 
 
 class Listening:

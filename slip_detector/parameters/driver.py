@@ -39,16 +39,16 @@ class DriverConfig(RecordingConfig):
         high=10_000,
     )
     channels: int = parameter(16, 'Channels that the sensor sends (serial, udp).', low=1, high=255)
-    frame_values: str = parameter(
+    packet_values: str = parameter(
         'int16',
-        'How a frame carries a value (docs/frame.md).',
+        'How a packet carries a value (docs/packets.md).',
         choices=('int16', 'int24', 'int32', 'uint16', 'uint24', 'uint32'),
     )
-    frame_scale_v: float = parameter(
-        1e-3, 'Volts for each unit of a value in a frame.', unit='V', low=-1e9, high=1e9
+    packet_scale_v: float = parameter(
+        1e-3, 'Volts for each unit of a value in a packet.', unit='V', low=-1e9, high=1e9
     )
-    frame_offset_v: float = parameter(
-        0.0, 'Volts of the value 0 in a frame.', unit='V', low=-1e9, high=1e9
+    packet_offset_v: float = parameter(
+        0.0, 'Volts of the value 0 in a packet.', unit='V', low=-1e9, high=1e9
     )
     serial_port: str = parameter(
         '', 'The port, for source: serial; best a name of it that stays, in /dev/serial/by-id.'
@@ -57,9 +57,9 @@ class DriverConfig(RecordingConfig):
         115200, 'Rate of the port; without effect on USB.', unit='baud', low=50, high=20_000_000
     )
     serial_format: str = parameter(
-        'frame',
-        'What comes from the port: binary frames, or lines of text, which have no checksum.',
-        choices=('frame', 'text'),
+        'packet',
+        'What comes from the port: binary packets, or lines of text, which have no checksum.',
+        choices=('packet', 'text'),
     )
     text_rate_hz: float = parameter(
         0.0,

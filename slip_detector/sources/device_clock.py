@@ -26,9 +26,9 @@ class DeviceClock:
         self._last_ns: int | None = None
         self._offset_ns = self._newest_ns = self._window_ends_ns = 0
         self._smallest_ns = self._smallest_before_ns = 0
-        self.start_anew()
+        self.restart()
 
-    def start_anew(self) -> None:
+    def restart(self) -> None:
         """Forget the mapping: the sender's times have nothing to do with those before."""
         self._mapped = False
 

@@ -34,7 +34,7 @@ class LiveSource(Protocol):
     Attributes
     ----------
     counts : Counter of str
-        What came and what was dropped, as the decoders of ``frames.py`` count it.
+        What came and what was dropped, as the decoders of ``packets.py`` count it.
     state : str
         What it listens to, or why it cannot.
     connected : bool
@@ -57,12 +57,12 @@ def stamped(
 ) -> list[LiveSamples]:
     """Give samples their times: those of the sender's clock, else that of their arrival."""
     samples = []
-    for volts, times_ns, clock_anew in received:
+    for volts, times_ns, clock_restarted in received:
         if times_ns is None:
             stamps_ns = clock.rising([arrival_ns] * len(volts))
         else:
-            if clock_anew:
-                clock.start_anew()
+            if clock_restarted:
+                clock.restart()
             stamps_ns = clock.stamps_ns(times_ns, arrival_ns)
         samples.append(LiveSamples(stamps_ns, volts))
     return samples

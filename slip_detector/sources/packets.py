@@ -1,4 +1,4 @@
-"""What sensors send, as bytes: binary frames and lines of text; docs/frame.md describes both.
+"""What sensors send, as bytes: binary packets and lines of text; docs/packets.md describes both.
 
 Nothing here reads a port or a clock. Bytes go in, in whatever cuts they arrive; samples come out,
 and whatever is no sample is dropped and counted.
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-#: First byte of a frame: version 1 in the upper half, in the lower the bytes of a value, plus 8
+#: First byte of a packet: version 1 in the upper half, in the lower the bytes of a value, plus 8
 #: where it is unsigned.
 KINDS = {
     'int16': 0x12,
@@ -29,11 +29,11 @@ KINDS = {
 HEADER = struct.Struct('<BBHIII')
 CHECKSUM = struct.Struct('<I')
 
-#: No frame is longer: what comes later would be of no use to a grasp.
+#: No packet is longer: what comes later would be of no use to a grasp.
 LONGEST_BYTES = 8192
 
 #: A sender that begins again at a lower sequence number is believed after so much of its time, in
-#: which not too many frames in a row are missing.
+#: which not too many packets in a row are missing.
 RESTART_US, RESTART_STEP = 250_000, 4
 
 #: A number on a line takes at most so many bytes, the comma included.
@@ -47,24 +47,24 @@ _HALF = 2**31
 
 
 class Received(NamedTuple):
-    """The samples of one frame or one line, oldest first.
+    """The samples of one packet or one line, oldest first.
 
     Attributes
     ----------
     volts : ndarray, shape (n, c)
     times_ns : list of int, length n, or None
         When each was taken, by the sender's clock, which does not wrap here; None: not told.
-    clock_anew : bool
+    clock_restarted : bool
         These times have nothing to do with those before.
     """
 
     volts: NDArray[np.float64]
     times_ns: list[int] | None
-    clock_anew: bool
+    clock_restarted: bool
 
 
-class FrameDecoder:
-    """Frames to samples.
+class PacketDecoder:
+    """Packets to samples.
 
     Parameters
     ----------
@@ -78,12 +78,12 @@ class FrameDecoder:
     Attributes
     ----------
     counts : Counter of str
-        ``frames`` and ``samples`` taken; ``lost`` frames, by the sequence numbers; what was
+        ``packets`` and ``samples`` taken; ``lost`` packets, by the sequence numbers; what was
         dropped, by reason: ``broken`` (not COBS, or too short), ``overlong``, ``checksum``,
         ``kind``, ``channels``, ``length``, ``period`` (none between several samples),
         ``duplicate``, ``late`` (overtaken by a later one, and lost until then); ``restarts`` of
         the sender's clock or numbering; ``garbage_bytes``, all the bytes of what was dropped,
-        except for duplicate and late frames.
+        except for duplicate and late packets.
     """
 
     def __init__(self, channels: int, values: str, scale_v: float, offset_v: float) -> None:
@@ -94,14 +94,14 @@ class FrameDecoder:
         # What zeros COBS takes out it gives back in codes, one per 254 bytes.
         longest = LONGEST_BYTES + LONGEST_BYTES // 254 + 1
         self._splitter = _Splitter(b'\0', longest, self.counts)
-        self.start_anew()
+        self.restart()
 
-    def start_anew(self) -> None:
-        """Forget the frame begun and the last sequence number: the line was interrupted."""
-        self._splitter.start_anew()
+    def restart(self) -> None:
+        """Forget the packet begun and the last sequence number: the line was interrupted."""
+        self._splitter.restart()
         self._heard = False
         self._last = self._last_us = self._time_us = 0
-        # Bit k: frame last - k came.
+        # Bit k: packet last - k came.
         self._seen = 0
         self._old_last, self._old_first_us = 0, -1
 
@@ -109,45 +109,45 @@ class FrameDecoder:
         """Take the next bytes of a serial line; return the samples that they complete."""
         received = []
         for piece in self._splitter.feed(data):
-            if not piece:  # Zeros may stand on both sides of a frame.
+            if not piece:  # Zeros may stand on both sides of a packet.
                 continue
-            frame = cobs_decode(piece)
-            # What is not COBS counts as an empty frame would: broken.
-            samples = self.frame(frame or b'')
-            self.counts['garbage_bytes'] += len(piece) if frame is None else 0
+            packet = cobs_decode(piece)
+            # What is not COBS counts as an empty packet would: broken.
+            samples = self.decode(packet or b'')
+            self.counts['garbage_bytes'] += len(piece) if packet is None else 0
             if samples is not None:
                 received.append(samples)
         return received
 
-    def frame(self, frame: bytes) -> Received | None:
-        """Take a frame as it is in a datagram; return its samples, or None if it is dropped."""
-        fault = self.fault(frame)
+    def decode(self, packet: bytes) -> Received | None:
+        """Take a packet as it is in a datagram; return its samples, or None if it is dropped."""
+        fault = self.fault(packet)
         if fault:
             self.counts[fault] += 1
-            self.counts['garbage_bytes'] += len(frame)
+            self.counts['garbage_bytes'] += len(packet)
             return None
-        _, channels, n, sequence, time_us, period_ns = HEADER.unpack_from(frame)
-        clock_anew = self._in_order(sequence, time_us)
-        if clock_anew is None:
+        _, channels, n, sequence, time_us, period_ns = HEADER.unpack_from(packet)
+        clock_restarted = self._in_order(sequence, time_us)
+        if clock_restarted is None:
             return None
-        self.counts['frames'] += 1
+        self.counts['packets'] += 1
         self.counts['samples'] += n
-        integers = self._integers(frame[HEADER.size : -CHECKSUM.size])
+        integers = self._integers(packet[HEADER.size : -CHECKSUM.size])
         volts = self._offset_v + self._scale_v * integers.astype(np.float64)
         first_ns = 1000 * self._time_us
         times_ns = [first_ns + i * period_ns for i in range(n)]
-        return Received(volts.reshape(n, channels), times_ns, clock_anew)
+        return Received(volts.reshape(n, channels), times_ns, clock_restarted)
 
-    def fault(self, frame: bytes) -> str:
-        """Say why a frame cannot be taken; empty: it can."""
-        data_bytes = len(frame) - HEADER.size - CHECKSUM.size
+    def fault(self, packet: bytes) -> str:
+        """Say why a packet cannot be taken; empty: it can."""
+        data_bytes = len(packet) - HEADER.size - CHECKSUM.size
         if data_bytes < 0:
             return 'broken'
-        if len(frame) > LONGEST_BYTES:
+        if len(packet) > LONGEST_BYTES:
             return 'overlong'
-        if zlib.crc32(frame[: -CHECKSUM.size]) != CHECKSUM.unpack_from(frame, -CHECKSUM.size)[0]:
+        if zlib.crc32(packet[: -CHECKSUM.size]) != CHECKSUM.unpack_from(packet, -CHECKSUM.size)[0]:
             return 'checksum'
-        kind, channels, n, _, _, period_ns = HEADER.unpack_from(frame)
+        kind, channels, n, _, _, period_ns = HEADER.unpack_from(packet)
         if kind != self._kind:
             return 'kind'
         if channels != self._channels:
@@ -157,18 +157,18 @@ class FrameDecoder:
         return '' if period_ns or n == 1 else 'period'
 
     def _in_order(self, sequence: int, time_us: int) -> bool | None:
-        """Judge a frame by its number; None: drop it; else whether the clock begins anew."""
+        """Judge a packet by its number; None: drop it; else whether the clock begins anew."""
         ahead = (sequence - self._last) % _WRAP
         if not self._heard:
-            clock_anew = True
+            clock_restarted = True
         elif 0 < ahead < _HALF:
             self.counts['lost'] += ahead - 1
             self._seen = (self._seen << ahead if ahead < 64 else 0) & (2**64 - 1)
             # A clock that stands still or runs backwards tells as little as one set anew.
-            clock_anew = not 0 < (time_us - self._last_us) % _WRAP < _HALF
-            self.counts['restarts'] += clock_anew
+            clock_restarted = not 0 < (time_us - self._last_us) % _WRAP < _HALF
+            self.counts['restarts'] += clock_restarted
         elif self._restarted(sequence, time_us):
-            clock_anew = True
+            clock_restarted = True
             self.counts['restarts'] += 1
             self._seen = 0
         else:
@@ -177,14 +177,14 @@ class FrameDecoder:
             if behind < 64:
                 self._seen |= 1 << behind
             return None
-        self._time_us += 0 if clock_anew else (time_us - self._last_us) % _WRAP
+        self._time_us += 0 if clock_restarted else (time_us - self._last_us) % _WRAP
         self._heard, self._last, self._last_us = True, sequence, time_us
         self._seen |= 1
         self._old_first_us = -1
-        return clock_anew
+        return clock_restarted
 
     def _restarted(self, sequence: int, time_us: int) -> bool:
-        """Tell a sender that began again from single frames that come late.
+        """Tell a sender that began again from single packets that come late.
 
         Those that were overtaken come among fresh ones, or stop; a sender that was reset goes on.
         """
@@ -230,11 +230,11 @@ class LineDecoder:
         self._period_ns = 1e9 / rate_hz if rate_hz else None
         self._splitter = _Splitter(b'\n', channels * NUMBER_BYTES, self.counts)
         self._numbers = re.compile(NUMBER + rb'(?:,' + NUMBER + rb')*')
-        self.start_anew()
+        self.restart()
 
-    def start_anew(self) -> None:
+    def restart(self) -> None:
         """Forget the line begun: reading was interrupted."""
-        self._splitter.start_anew()
+        self._splitter.restart()
         self._first = True
         self._lines = 0
 
@@ -278,7 +278,7 @@ class _Splitter:
         self._begun = b''
         self._too_long = False
 
-    def start_anew(self) -> None:
+    def restart(self) -> None:
         self._counts['garbage_bytes'] += len(self._begun)
         self._begun, self._too_long = b'', False
 
@@ -300,7 +300,7 @@ class _Splitter:
 def encode(
     integers: ArrayLike, values: str, sequence: int, time_us: int, period_ns: int = 0
 ) -> bytes:
-    """Make a frame, as a datagram carries it; on a serial line ``cobs_encode`` and a zero follow.
+    """Make a packet, as a datagram carries it; on a serial line ``cobs_encode`` and a zero follow.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def encode(
     values
         How a value is sent, a key of :data:`KINDS`.
     sequence
-        Number of the frame, one more than that of the frame before; wraps at 2**32.
+        Number of the packet, one more than that of the packet before; wraps at 2**32.
     time_us
         When the first sample was taken; wraps at 2**32.
     period_ns
@@ -318,7 +318,7 @@ def encode(
     Raises
     ------
     ValueError
-        When an integer or the frame has no room.
+        When an integer or the packet has no room.
     """
     rows = np.asarray(integers, dtype=np.int64)
     kind = KINDS[values]
@@ -333,9 +333,9 @@ def encode(
     data = rows.astype('<i8').view(np.uint8).reshape(-1, 8)[:, : kind & 7].tobytes()
     n, channels = rows.shape
     if HEADER.size + len(data) + CHECKSUM.size > LONGEST_BYTES:
-        raise ValueError(f'integers has {n} rows, allowed: a frame of {LONGEST_BYTES} bytes')
-    frame = HEADER.pack(kind, channels, n, sequence % _WRAP, time_us % _WRAP, period_ns) + data
-    return frame + CHECKSUM.pack(zlib.crc32(frame))
+        raise ValueError(f'integers has {n} rows, allowed: a packet of {LONGEST_BYTES} bytes')
+    packet = HEADER.pack(kind, channels, n, sequence % _WRAP, time_us % _WRAP, period_ns) + data
+    return packet + CHECKSUM.pack(zlib.crc32(packet))
 
 
 def cobs_encode(data: bytes) -> bytes:

@@ -10,7 +10,7 @@ import serial
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources.device_clock import DeviceClock
 from slip_detector.sources.live import WAIT_S, LiveSamples, stamped
-from slip_detector.sources.packets import FrameDecoder, LineDecoder
+from slip_detector.sources.packets import LineDecoder, PacketDecoder
 
 #: A port that is gone is looked for after the first time, then after twice that, up to the last.
 RETRY_FIRST_S, RETRY_LAST_S = 0.1, 2.0
@@ -21,7 +21,7 @@ GONE = (OSError, termios.error, ValueError)
 
 
 class SerialSource:
-    """Frames or lines of text from a serial port, which may come and go.
+    """Packets or lines of text from a serial port, which may come and go.
 
     Implements :class:`slip_detector.sources.live.LiveSource`.
 
@@ -35,10 +35,13 @@ class SerialSource:
         if not config.serial_port:
             raise ValueError("parameter serial_port is '', allowed: a port, as source is serial")
         self._config, self._now_ns = config, now_ns
-        self._decoder: FrameDecoder | LineDecoder
-        if config.serial_format == 'frame':
-            self._decoder = FrameDecoder(
-                config.channels, config.frame_values, config.frame_scale_v, config.frame_offset_v
+        self._decoder: PacketDecoder | LineDecoder
+        if config.serial_format == 'packet':
+            self._decoder = PacketDecoder(
+                config.channels,
+                config.packet_values,
+                config.packet_scale_v,
+                config.packet_offset_v,
             )
         else:
             self._decoder = LineDecoder(config.channels, config.text_rate_hz)
@@ -92,7 +95,7 @@ class SerialSource:
             self._port.close()
             self._port = None
         # What was under way is lost, and the sensor may have been another one since.
-        self._decoder.start_anew()
+        self._decoder.restart()
         self._retry_at_s = time.monotonic() + self._retry_s
         self._retry_s = min(2 * self._retry_s, RETRY_LAST_S)
         self.connected = False

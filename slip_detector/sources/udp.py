@@ -1,4 +1,4 @@
-"""A sensor on the network: one frame per datagram."""
+"""A sensor on the network: one packet per datagram."""
 
 import ipaddress
 import os
@@ -10,20 +10,20 @@ from typing import Any
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources.device_clock import DeviceClock
 from slip_detector.sources.live import WAIT_S, LiveSamples, stamped
-from slip_detector.sources.packets import LONGEST_BYTES, FrameDecoder
+from slip_detector.sources.packets import LONGEST_BYTES, PacketDecoder
 
 #: What the kernel is asked to keep while the driver is busy; it may grant less.
 BUFFER_BYTES = 1 << 20
 
-#: The sender that is listened to keeps its place for so long after its last frame.
+#: The sender that is listened to keeps its place for so long after its last packet.
 SENDER_SILENT_S = 0.25
 
 
 class UdpSource:
-    """Frames from one sender at a time, of those allowed to send.
+    """Packets from one sender at a time, of those allowed to send.
 
-    Implements :class:`slip_detector.sources.live.LiveSource`; ``counts`` also has ``strangers``,
-    datagrams of senders not listed, and ``other_sender``, those of a listed one (or of another
+    Implements :class:`slip_detector.sources.live.LiveSource`; ``counts`` also has
+    ``unlisted_sender``, datagrams of senders not listed, and ``other_sender``, those of a listed one (or of another
     port of it) that came while one was listened to: two sensors must not be taken for one.
 
     Raises
@@ -38,8 +38,8 @@ class UdpSource:
             raise ValueError('parameter udp_senders is empty, allowed: at least one address')
         address = _address('udp_bind_address', config.udp_bind_address)
         self._now_ns = now_ns
-        self._decoder = FrameDecoder(
-            config.channels, config.frame_values, config.frame_scale_v, config.frame_offset_v
+        self._decoder = PacketDecoder(
+            config.channels, config.packet_values, config.packet_scale_v, config.packet_offset_v
         )
         self.counts = self._decoder.counts
         self._clock = DeviceClock()
@@ -64,21 +64,21 @@ class UdpSource:
         """Wait at most ``WAIT_S`` for the samples of a datagram."""
         try:
             # A byte more than allowed tells a datagram that is too long.
-            frame, sender = self._socket.recvfrom(LONGEST_BYTES + 1)
+            packet, sender = self._socket.recvfrom(LONGEST_BYTES + 1)
         except TimeoutError:
             return []
         arrival_ns = self._now_ns()
         if ipaddress.ip_address(sender[0]) not in self._senders:
-            self.counts['strangers'] += 1
+            self.counts['unlisted_sender'] += 1
             return []
         now_s = time.monotonic()
-        if sender != self._sender and not self._decoder.fault(frame):
+        if sender != self._sender and not self._decoder.fault(packet):
             if self._sender is not None and now_s - self._heard_s < SENDER_SILENT_S:
                 self.counts['other_sender'] += 1
                 return []
             self._sender = sender
-            self._decoder.start_anew()
-        received = self._decoder.frame(frame)
+            self._decoder.restart()
+        received = self._decoder.decode(packet)
         if received is None:
             return []
         self._heard_s = now_s

@@ -13,14 +13,14 @@ from std_msgs.msg import Bool, Float32MultiArray
 from slip_detector.nodes.health import Level
 from slip_detector.nodes.listening import sensor_status
 from slip_detector.nodes.messages import stamp_ns, state_qos
-from slip_detector.sources.packets import FrameDecoder, LineDecoder, encode
+from slip_detector.sources.packets import LineDecoder, PacketDecoder, encode
 from support.harness import ended_quietly, patient_qos
 from support.sensors import (
     SCALE_V,
     Port,
     Sender,
     free_udp_port,
-    make_frames,
+    make_packets,
     on_the_line,
     sending,
     vibration,
@@ -80,7 +80,9 @@ class Listening:
         return Counter({k: int(n) for k, n in (w.split(' ') for w in words.split(', ') if w)})
 
     def wait_for_counts(self, wanted):
-        wanted = Counter({k: n for k, n in wanted.items() if n and k not in ('frames', 'samples')})
+        wanted = Counter(
+            {k: n for k, n in wanted.items() if n and k not in ('packets', 'samples')}
+        )
         self.bench.wait_for(lambda: self.counted() == wanted, f'{wanted} to be counted')
 
 
@@ -101,7 +103,7 @@ def check_stream(listening, send, pieces, samples):
 @pytest.mark.parametrize('samples', [1, 10])
 def test_a_clean_serial_stream_arrives_complete_and_in_order(bench, port, samples):
     listening, send = Listening.to_port(bench, port, frame_id='index_tip')
-    pieces = [on_the_line(frame) for frame in make_frames(INTEGERS, RATE_HZ, samples)]
+    pieces = [on_the_line(packet) for packet in make_packets(INTEGERS, RATE_HZ, samples)]
     check_stream(listening, send, pieces, samples)
     assert listening.voltages[0].header.frame_id == 'index_tip'
 
@@ -109,7 +111,7 @@ def test_a_clean_serial_stream_arrives_complete_and_in_order(bench, port, sample
 @pytest.mark.parametrize('samples', [1, 10])
 def test_a_clean_udp_stream_arrives_complete_and_in_order(bench, samples):
     listening, send = Listening.to_udp(bench)
-    check_stream(listening, send, make_frames(INTEGERS, RATE_HZ, samples), samples)
+    check_stream(listening, send, make_packets(INTEGERS, RATE_HZ, samples), samples)
 
 
 def test_a_stream_of_text_arrives_complete_and_in_order(bench, port):
@@ -128,23 +130,23 @@ def noise(rng):
     return [rng.randbytes(NOISE_PIECE) for _ in range(0, NOISE_BYTES, NOISE_PIECE)]
 
 
-def spoilt_frames(rng):
-    """Return frames as they should not come: sound ones among all kinds of others."""
-    sound = make_frames(INTEGERS[:400], RATE_HZ)
+def spoilt_packets(rng):
+    """Return packets as they should not come: sound ones among all kinds of others."""
+    sound = make_packets(INTEGERS[:400], RATE_HZ)
     came = []
-    for k, frame in enumerate(sound):
-        came.append(frame)
+    for k, packet in enumerate(sound):
+        came.append(packet)
         fault = k % 8
         if fault == 1:
-            came.append(frame)
+            came.append(packet)
         elif fault == 2:
             came.append(sound[k - rng.randint(1, 100) % (k + 1)])
         elif fault == 3:
-            flipped = bytearray(frame)
-            flipped[rng.randrange(len(frame))] ^= 1 << rng.randrange(8)
+            flipped = bytearray(packet)
+            flipped[rng.randrange(len(packet))] ^= 1 << rng.randrange(8)
             came.append(bytes(flipped))
         elif fault == 4:
-            came.append(frame[: rng.randrange(len(frame))])
+            came.append(packet[: rng.randrange(len(packet))])
         elif fault == 5:
             came.append(encode(INTEGERS[:1, : rng.choice([1, 15])], 'int16', k + 1, 1000 * k))
         elif fault == 6:
@@ -161,15 +163,15 @@ def spoilt_frames(rng):
 def test_a_spoilt_serial_stream_gives_the_sound_samples_and_counts_the_rest(bench, port):
     listening, send = Listening.to_port(bench, port)
     rng = random.Random(5)
-    frames = spoilt_frames(rng)
-    pieces = [on_the_line(frame) for frame in frames]
+    packets = spoilt_packets(rng)
+    pieces = [on_the_line(packet) for packet in packets]
     for k in range(5, len(pieces), 20):
-        # Bytes lost on the way, and noise, which may swallow the frame after it.
+        # Bytes lost on the way, and noise, which may swallow the packet after it.
         pieces[k] = pieces[k][: rng.randrange(len(pieces[k]))]
         pieces[k + 1] = rng.randbytes(40) + pieces[k + 1]
     pieces += noise(rng)
-    pieces += [b'\0', on_the_line(make_frames(INTEGERS[400:401], RATE_HZ, first=400)[0])]
-    decoder = FrameDecoder(16, 'int16', SCALE_V, 0.0)
+    pieces += [b'\0', on_the_line(make_packets(INTEGERS[400:401], RATE_HZ, first=400)[0])]
+    decoder = PacketDecoder(16, 'int16', SCALE_V, 0.0)
     received = [decoder.feed(piece) for piece in pieces]
     check_spoilt(listening, send, pieces, received, decoder.counts)
 
@@ -177,11 +179,11 @@ def test_a_spoilt_serial_stream_gives_the_sound_samples_and_counts_the_rest(benc
 def test_a_spoilt_udp_stream_gives_the_sound_samples_and_counts_the_rest(bench):
     listening, send = Listening.to_udp(bench)
     rng = random.Random(6)
-    pieces = spoilt_frames(rng)
-    for k, frame in enumerate(make_frames(INTEGERS[:800], RATE_HZ)[400:]):
-        pieces += [rng.randbytes(rng.randint(0, 200)) for _ in range(k % 5)] + [frame]
-    decoder = FrameDecoder(16, 'int16', SCALE_V, 0.0)
-    received = [[samples] if samples else [] for samples in map(decoder.frame, pieces)]
+    pieces = spoilt_packets(rng)
+    for k, packet in enumerate(make_packets(INTEGERS[:800], RATE_HZ)[400:]):
+        pieces += [rng.randbytes(rng.randint(0, 200)) for _ in range(k % 5)] + [packet]
+    decoder = PacketDecoder(16, 'int16', SCALE_V, 0.0)
+    received = [[samples] if samples else [] for samples in map(decoder.decode, pieces)]
     check_spoilt(listening, send, pieces, received, decoder.counts)
 
 
@@ -231,23 +233,23 @@ def pass_on(listening, send, pieces, received, counts):
     return wanted
 
 
-def test_datagrams_of_strangers_are_counted_and_not_taken(bench):
+def test_datagrams_of_unlisted_senders_are_counted_and_not_taken(bench):
     number = free_udp_port()
     listening = Listening(bench, {'source': 'udp', 'udp_port': number})
-    frames = make_frames(INTEGERS[:20], RATE_HZ)
+    packets = make_packets(INTEGERS[:20], RATE_HZ)
     stranger, known = Sender(number, '127.0.0.2'), Sender(number)
-    for mine, theirs in zip(frames[:10], frames[10:], strict=True):
+    for mine, theirs in zip(packets[:10], packets[10:], strict=True):
         known.send(mine)
         stranger.send(theirs)
     listening.wait_for(10)
-    listening.wait_for_counts({'strangers': 10})
+    listening.wait_for_counts({'unlisted_sender': 10})
     np.testing.assert_array_equal(listening.rows(), SCALE_V * INTEGERS[:10])
 
 
 def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(bench, port):
     rate_hz = 380.0
     rows = vibration(100_000, rate_hz)
-    pieces = [on_the_line(frame) for frame in make_frames(rows, rate_hz)]
+    pieces = [on_the_line(packet) for packet in make_packets(rows, rate_hz)]
     slip = bench.listen(Bool, 'slip', state_qos(depth=1000))
     valid = bench.listen(Bool, 'slip_valid', state_qos(depth=1000))
     bench.start('slip_detector')
@@ -275,10 +277,10 @@ def test_what_waits_for_its_batch_is_sent_when_the_sensor_goes(bench, port):
     driver = bench.start_driver(parameters=given)
     bench.wait_for(lambda: 'listening' in driver.log(), 'the driver to listen')
     rows = vibration(14, 380.0)
-    for frame in make_frames(rows, 380.0):
-        port.send(on_the_line(frame))
+    for packet in make_packets(rows, 380.0):
+        port.send(on_the_line(packet))
     bench.wait_for(lambda: batches, 'the first batch')
-    # Its last frame may still be on its way.
+    # Its last packet may still be on its way.
     bench.wait_for(port.is_read, 'the rest to be read')
     port.unplug()
     bench.wait_for(lambda: len(batches) == 2, 'the rest')
@@ -288,7 +290,7 @@ def test_what_waits_for_its_batch_is_sent_when_the_sensor_goes(bench, port):
 @pytest.mark.parametrize(
     ('connected', 'since', 'level', 'message'),
     [
-        (True, {'samples': 380, 'frames': 380}, Level.OK, 'listening'),
+        (True, {'samples': 380, 'packets': 380}, Level.OK, 'listening'),
         (False, {}, Level.ERROR, 'listening'),
         (True, {}, Level.ERROR, 'no samples come; listening'),
         (
@@ -299,9 +301,9 @@ def test_what_waits_for_its_batch_is_sent_when_the_sensor_goes(bench, port):
         ),
         (
             True,
-            {'strangers': 9},
+            {'unlisted_sender': 9},
             Level.ERROR,
-            'no samples come; listening; dropped or lost in the last second: strangers 9',
+            'no samples come; listening; dropped or lost in the last second: unlisted_sender 9',
         ),
     ],
 )
@@ -310,7 +312,7 @@ def test_a_sensor_is_told_in_words(connected, since, level, message):
     assert (status.level, status.message) == (level, message)
 
 
-def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_frames_stops_and_is_gone(bench, port):
+def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_packets_stops_and_is_gone(bench, port):
     _, send = Listening.to_port(bench, port)
     heard = bench.listen(DiagnosticArray, '/diagnostics', 10)
 
@@ -325,10 +327,10 @@ def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_frames_stops_and_is_gone
         bench.wait_for(said, f'{words!r} on /diagnostics')
 
     told(Level.ERROR, 'no samples come; listening to')
-    frames = [on_the_line(frame) for frame in make_frames(vibration(20_000, 380.0), 380.0)]
-    with sending(send, frames, 380.0):
+    packets = [on_the_line(packet) for packet in make_packets(vibration(20_000, 380.0), 380.0)]
+    with sending(send, packets, 380.0):
         told(Level.OK, 'listening to')
-    spoilt = [frame[:9] + bytes([frame[9] % 255 + 1]) + frame[10:] for frame in frames]
+    spoilt = [packet[:9] + bytes([packet[9] % 255 + 1]) + packet[10:] for packet in packets]
     with sending(send, spoilt, 380.0):
         told(Level.WARN, 'dropped or lost in the last second: ')
     port.unplug()
@@ -337,15 +339,15 @@ def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_frames_stops_and_is_gone
     assert status.name == 'slip_driver: sensor'
     assert status.hardware_id == 'fingertip'
     values = {pair.key: int(pair.value) for pair in status.values}
-    assert values['samples'] == values['frames'] > 0
+    assert values['samples'] == values['packets'] > 0
     assert values['garbage_bytes'] > 0
 
 
 def test_a_sensor_that_was_reset_is_heard_again(bench):
     listening, send = Listening.to_udp(bench)
-    frames = make_frames(INTEGERS[:1000], RATE_HZ)
+    packets = make_packets(INTEGERS[:1000], RATE_HZ)
     due = [*range(500), *[500] * 250, *range(500, 1250)]
-    with sending(send, frames[500:] + frames, RATE_HZ, listening.voltages, due):
+    with sending(send, packets[500:] + packets, RATE_HZ, listening.voltages, due):
         listening.wait_for(500 + 750)
     rows = listening.rows()
     np.testing.assert_array_equal(rows[:500], SCALE_V * INTEGERS[500:1000])
@@ -371,7 +373,7 @@ def test_signals_end_a_driver_that_listens_cleanly(bench, port, number, there):
         ({'source': 'serial', 'serial_baud': 1}, ['serial_baud', '1', '50 to']),
         ({'source': 'udp', 'udp_senders': '[hand]'}, ['udp_senders', "'hand'", '127.0.0.1']),
         ({'source': 'udp', 'udp_bind_address': '192.0.2.1'}, ['192.0.2.1', 'Cannot assign']),
-        ({'source': 'udp', 'frame_values': 'int8'}, ['frame_values', "'int8'", 'int16, int24']),
+        ({'source': 'udp', 'packet_values': 'int8'}, ['packet_values', "'int8'", 'int16, int24']),
     ],
 )
 def test_a_wrong_parameter_ends_the_driver_with_one_line(bench, parameters, words):

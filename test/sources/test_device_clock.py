@@ -91,7 +91,7 @@ def test_stamps_follow_a_clock_that_is_set(step_ns):
 def test_a_clock_begun_anew_is_mapped_anew():
     clock = DeviceClock()
     assert clock.stamps_ns(times_ns(3), 50_000_000) == [48_000_000, 49_000_000, 50_000_000]
-    clock.start_anew()
+    clock.restart()
     # The sender's clock began again; by the receiver's a second has passed.
     assert clock.stamps_ns([5, 6], 1_050_000_000) == [1_049_999_999, 1_050_000_000]
 

@@ -11,7 +11,7 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import serial_port as serial_source
 from slip_detector.sources.serial_port import RETRY_LAST_S, SerialSource
 from slip_detector.sources.source import open_live_source
-from support.sensors import SCALE_V, Port, make_frames, on_the_line
+from support.sensors import SCALE_V, Port, make_packets, on_the_line
 
 DEADLINE_S = 60.0
 
@@ -46,19 +46,19 @@ def read_rows(source, n):
 
 
 @pytest.mark.parametrize('samples', [1, 7])
-def test_frames_arrive_complete_and_in_order(port, samples):
+def test_packets_arrive_complete_and_in_order(port, samples):
     source = source_at(port.path)
     assert source.connected
     assert source.state == f'listening to {port.path} at 115200 baud'
-    for frame in make_frames(INTEGERS, 1000.0, samples):
-        port.send(on_the_line(frame))
+    for packet in make_packets(INTEGERS, 1000.0, samples):
+        port.send(on_the_line(packet))
     np.testing.assert_array_equal(read_rows(source, 60), SCALE_V * INTEGERS)
     source.close()
 
 
 def test_scale_and_offset_make_volts(port):
-    source = source_at(port.path, frame_scale_v=-0.5, frame_offset_v=2.25)
-    port.send(on_the_line(make_frames(INTEGERS[:1], 1000.0)[0]))
+    source = source_at(port.path, packet_scale_v=-0.5, packet_offset_v=2.25)
+    port.send(on_the_line(make_packets(INTEGERS[:1], 1000.0)[0]))
     np.testing.assert_array_equal(read_rows(source, 1), 2.25 - 0.5 * INTEGERS[:1])
     source.close()
 
@@ -87,8 +87,8 @@ def test_without_a_rate_lines_are_stamped_when_they_arrive(port):
 
 def test_a_port_that_is_pulled_out_is_found_again(port):
     source = source_at(port.path)
-    frames = [on_the_line(frame) for frame in make_frames(INTEGERS, 1000.0)]
-    port.send(b''.join(frames[:20]) + frames[20][:9])
+    packets = [on_the_line(packet) for packet in make_packets(INTEGERS, 1000.0)]
+    port.send(b''.join(packets[:20]) + packets[20][:9])
     before = read_rows(source, 20)
     port.unplug()
     read_until(source, lambda _: not source.connected, 'the loss')
@@ -97,7 +97,7 @@ def test_a_port_that_is_pulled_out_is_found_again(port):
     port.plug_in()
     read_until(source, lambda _: source.connected, 'the port')
     # Numbering and clock begin again: it was another sensor, or one without power.
-    port.send(b''.join(frames[:20]))
+    port.send(b''.join(packets[:20]))
     after = read_rows(source, 20)
     np.testing.assert_array_equal(before, SCALE_V * INTEGERS[:20])
     np.testing.assert_array_equal(after, before)
@@ -181,9 +181,9 @@ def test_an_idle_port_gives_nothing_and_stays(port):
 
 
 def test_what_was_sent_before_the_opening_is_old(port):
-    port.send(b'\0' + on_the_line(make_frames(INTEGERS[:1], 1000.0)[0]))
+    port.send(b'\0' + on_the_line(make_packets(INTEGERS[:1], 1000.0)[0]))
     source = source_at(port.path)
-    port.send(on_the_line(make_frames(INTEGERS[1:2], 1000.0)[0]))
+    port.send(on_the_line(make_packets(INTEGERS[1:2], 1000.0)[0]))
     np.testing.assert_array_equal(read_rows(source, 1), SCALE_V * INTEGERS[1:2])
     source.close()
 

@@ -11,10 +11,10 @@ from slip_detector.sources import udp as udp_source
 from slip_detector.sources.packets import LONGEST_BYTES
 from slip_detector.sources.source import open_live_source
 from slip_detector.sources.udp import SENDER_SILENT_S
-from support.sensors import SCALE_V, Sender, free_udp_port, make_frames
+from support.sensors import SCALE_V, Sender, free_udp_port, make_packets
 
 INTEGERS = np.random.default_rng(4).integers(-30000, 30000, (60, 4))
-FRAMES = make_frames(INTEGERS, 1000.0)
+PACKETS = make_packets(INTEGERS, 1000.0)
 
 
 class Heard:
@@ -31,11 +31,11 @@ class Heard:
         self._senders.append(Sender(self.port, address))
         return self._senders[-1]
 
-    def rows(self, sender, *frames):
-        """Send frames and return the rows that come of them."""
+    def rows(self, sender, *packets):
+        """Send packets and return the rows that come of them."""
         rows = [np.empty((0, 4))]
-        for frame in frames:
-            sender.send(frame)
+        for packet in packets:
+            sender.send(packet)
             rows += [samples.volts for samples in self.source.read()]
         return np.concatenate(rows)
 
@@ -55,7 +55,7 @@ def heard():
 @pytest.mark.parametrize('samples', [1, 7])
 def test_datagrams_arrive_complete_and_in_order(heard, samples):
     assert heard.source.state == f'listening on 127.0.0.1 port {heard.port}'
-    rows = heard.rows(heard.sender(), *make_frames(INTEGERS, 1000.0, samples))
+    rows = heard.rows(heard.sender(), *make_packets(INTEGERS, 1000.0, samples))
     np.testing.assert_array_equal(rows, SCALE_V * INTEGERS)
 
 
@@ -65,28 +65,28 @@ def test_without_datagrams_there_is_nothing(heard):
 
 def test_gaps_duplicates_and_reordering_are_noticed(heard):
     order = [0, 1, 3, 2, 3, 4, 8, 9]
-    rows = heard.rows(heard.sender(), *(FRAMES[k] for k in order))
+    rows = heard.rows(heard.sender(), *(PACKETS[k] for k in order))
     np.testing.assert_array_equal(rows, SCALE_V * INTEGERS[[0, 1, 3, 4, 8, 9]])
     counts = heard.source.counts
     assert (counts['late'], counts['duplicate'], counts['lost']) == (1, 1, 4)
 
 
-def test_datagrams_that_are_no_frames_are_counted(heard):
+def test_datagrams_that_are_no_packets_are_counted(heard):
     sender = heard.sender()
-    heard.rows(sender, FRAMES[0])
-    broken = FRAMES[1][:-1] + bytes([FRAMES[1][-1] ^ 1])
+    heard.rows(sender, PACKETS[0])
+    broken = PACKETS[1][:-1] + bytes([PACKETS[1][-1] ^ 1])
     empty, long = b'', bytes(LONGEST_BYTES + 500)
-    assert not heard.rows(sender, empty, broken, FRAMES[1][:20], FRAMES[1] + b'\0', long).size
+    assert not heard.rows(sender, empty, broken, PACKETS[1][:20], PACKETS[1] + b'\0', long).size
     counts = heard.source.counts
     assert (counts['broken'], counts['checksum'], counts['overlong']) == (1, 3, 1)
-    np.testing.assert_array_equal(heard.rows(sender, FRAMES[1]), SCALE_V * INTEGERS[1:2])
+    np.testing.assert_array_equal(heard.rows(sender, PACKETS[1]), SCALE_V * INTEGERS[1:2])
 
 
 def test_only_senders_that_are_listed_are_heard():
     heard = Heard(udp_senders=('127.0.0.3', '127.0.0.1'))
-    assert not heard.rows(heard.sender('127.0.0.2'), *FRAMES[:3]).size
-    assert heard.source.counts['strangers'] == 3
-    assert len(heard.rows(heard.sender('127.0.0.3'), *FRAMES[:3])) == 3
+    assert not heard.rows(heard.sender('127.0.0.2'), *PACKETS[:3]).size
+    assert heard.source.counts['unlisted_sender'] == 3
+    assert len(heard.rows(heard.sender('127.0.0.3'), *PACKETS[:3])) == 3
     heard.close()
 
 
@@ -94,17 +94,17 @@ def test_two_sensors_are_not_taken_for_one(heard, monkeypatch):
     now_s = [100.0]
     monkeypatch.setattr(udp_source.time, 'monotonic', lambda: now_s[0])
     one, other = heard.sender(), heard.sender()
-    assert len(heard.rows(one, *FRAMES[:3])) == 3
-    assert len(heard.rows(other, *FRAMES[10:13])) == 0
+    assert len(heard.rows(one, *PACKETS[:3])) == 3
+    assert len(heard.rows(other, *PACKETS[10:13])) == 0
     assert heard.source.counts['other_sender'] == 3
     now_s[0] += SENDER_SILENT_S
-    # What is no frame takes nobody's place, and does not make a duplicate fresh.
+    # What is no packet takes nobody's place, and does not make a duplicate fresh.
     assert len(heard.rows(other, b'noise')) == 0
-    assert len(heard.rows(one, FRAMES[2])) == 0
+    assert len(heard.rows(one, PACKETS[2])) == 0
     assert heard.source.counts['duplicate'] == 1
     # The other one may begin where it likes, once the first is silent.
-    np.testing.assert_array_equal(heard.rows(other, FRAMES[0]), SCALE_V * INTEGERS[:1])
-    assert len(heard.rows(one, FRAMES[3])) == 0
+    np.testing.assert_array_equal(heard.rows(other, PACKETS[0]), SCALE_V * INTEGERS[:1])
+    assert len(heard.rows(one, PACKETS[3])) == 0
 
 
 def test_it_listens_to_this_machine_alone_unless_told_otherwise():
@@ -124,7 +124,7 @@ def test_addresses_of_version_6_serve_as_well():
     except ValueError as error:
         pytest.skip(f'no IPv6: {error}')
     with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as sender:
-        sender.sendto(FRAMES[0], ('::1', port))
+        sender.sendto(PACKETS[0], ('::1', port))
         (samples,) = source.read()
     np.testing.assert_array_equal(samples.volts, SCALE_V * INTEGERS[:1])
     source.close()

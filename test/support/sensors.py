@@ -71,13 +71,13 @@ def free_udp_port():
         return probe.getsockname()[1]
 
 
-def on_the_line(frame):
-    """Return a frame as it stands on a serial line."""
-    return cobs_encode(frame) + b'\0'
+def on_the_line(packet):
+    """Return a packet as it stands on a serial line."""
+    return cobs_encode(packet) + b'\0'
 
 
-def make_frames(integers, rate_hz, samples=1, first=0):
-    """Cut rows of integers into frames of so many samples."""
+def make_packets(integers, rate_hz, samples=1, first=0):
+    """Cut rows of integers into packets of so many samples."""
     period_ns = round(1e9 / rate_hz)
     return [
         encode(

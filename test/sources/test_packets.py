@@ -1,4 +1,4 @@
-"""Frames and lines: what was sent comes out, and nothing else does."""
+"""Packets and lines: what was sent comes out, and nothing else does."""
 
 import random
 import zlib
@@ -15,8 +15,8 @@ from slip_detector.sources.packets import (
     KINDS,
     LONGEST_BYTES,
     RESTART_US,
-    FrameDecoder,
     LineDecoder,
+    PacketDecoder,
     cobs_decode,
     cobs_encode,
     encode,
@@ -33,11 +33,11 @@ MIXED_TEXT = st.lists(
 
 
 def decoder(channels=3, values='int16', scale_v=1e-3, offset_v=0.0):
-    return FrameDecoder(channels, values, scale_v, offset_v)
+    return PacketDecoder(channels, values, scale_v, offset_v)
 
 
-def frames(n, channels=3, first=0, samples=1):
-    """Make frames whose integers differ all over; one a millisecond."""
+def packets(n, channels=3, first=0, samples=1):
+    """Make packets whose integers differ all over; one a millisecond."""
     return [
         encode(
             (np.arange(samples * channels).reshape(samples, channels) + 7 * k) % 30000 - 9,
@@ -51,7 +51,7 @@ def frames(n, channels=3, first=0, samples=1):
 
 
 def on_the_line(sent):
-    return b''.join(cobs_encode(frame) + b'\0' for frame in sent)
+    return b''.join(cobs_encode(packet) + b'\0' for packet in sent)
 
 
 def rows(received, channels=3):
@@ -64,8 +64,8 @@ def integers(received, channels=3):
 
 
 def sent_by(*some):
-    """Return what a decoder of its own makes of frames, one by one."""
-    return integers([decoder().frame(frame) for frame in some])
+    """Return what a decoder of its own makes of packets, one by one."""
+    return integers([decoder().decode(packet) for packet in some])
 
 
 # COBS.
@@ -107,7 +107,7 @@ def test_codes_past_the_end_are_no_cobs():
     assert cobs_decode(b'\x00') is None
 
 
-# Frames.
+# Packets.
 
 
 @given(st.data())
@@ -121,18 +121,18 @@ def test_what_is_encoded_is_decoded(data):
     sent = data.draw(st.lists(row, min_size=n, max_size=n))
     scale_v, offset_v = data.draw(st.sampled_from([(1.0, 0.0), (-2.5e-6, 1.25), (1e-3, -5.0)]))
     period_ns = data.draw(st.integers(1, 10**9))
-    receiver = FrameDecoder(channels, values, scale_v, offset_v)
-    frame = encode(sent, values, data.draw(st.integers(0, 2**32 - 1)), 5, period_ns)
-    (received,) = receiver.feed(cobs_encode(frame) + b'\0')
+    receiver = PacketDecoder(channels, values, scale_v, offset_v)
+    packet = encode(sent, values, data.draw(st.integers(0, 2**32 - 1)), 5, period_ns)
+    (received,) = receiver.feed(cobs_encode(packet) + b'\0')
     np.testing.assert_array_equal(received.volts, offset_v + scale_v * np.array(sent, float))
     assert received.volts.dtype == np.float64
     assert np.diff(received.times_ns).tolist() == [period_ns] * (n - 1)
-    assert +receiver.counts == {'frames': 1, 'samples': n}
+    assert +receiver.counts == {'packets': 1, 'samples': n}
 
 
 @given(st.lists(st.integers(0, 40)), st.binary(max_size=200))
 def test_any_cut_of_the_bytes_gives_the_same_samples_and_counts(cuts, noise):
-    line = on_the_line(frames(3)) + noise + b'\0' + on_the_line(frames(4, first=4, samples=2))
+    line = on_the_line(packets(3)) + noise + b'\0' + on_the_line(packets(4, first=4, samples=2))
     whole, piecewise = decoder(), decoder()
     wanted = whole.feed(line)
     received, at = [], 0
@@ -149,18 +149,18 @@ def test_numbers_and_times_may_wrap(first, n):
     receiver = decoder(channels=1)
     received = []
     for k in range(n):
-        # Both counters wrap somewhere near, at different frames.
+        # Both counters wrap somewhere near, at different packets.
         sequence, time_us = (first + k) % 2**32, (2**32 - 2500 + k * PERIOD_US) % 2**32
         received += receiver.feed(cobs_encode(encode([[k]], 'int16', sequence, time_us)) + b'\0')
     times_ns = [r.times_ns[0] for r in received]
     assert np.diff(times_ns).tolist() == [PERIOD_US * 1000] * (n - 1)
-    assert [r.clock_anew for r in received] == [True] + [False] * (n - 1)
+    assert [r.clock_restarted for r in received] == [True] + [False] * (n - 1)
     assert not receiver.counts['lost']
 
 
 @given(st.data())
-def test_a_corrupted_frame_is_never_taken_for_another(data):
-    good = frames(1, samples=3)[0]
+def test_a_corrupted_packet_is_never_taken_for_another(data):
+    good = packets(1, samples=3)[0]
     line = bytearray(b'\0' + cobs_encode(good) + b'\0')
     kind = data.draw(st.sampled_from(['bits', 'cut', 'insert', 'swap']))
     at = data.draw(st.integers(1, len(line) - 2))
@@ -175,17 +175,17 @@ def test_a_corrupted_frame_is_never_taken_for_another(data):
         line[at], line[-at] = line[-at], line[at]
     receiver = decoder()
     received = receiver.feed(bytes(line) + b'\0')
-    # What was drawn may have undone itself; then the frame is as it was sent.
+    # What was drawn may have undone itself; then the packet is as it was sent.
     assert received == [] or cobs_decode(bytes(line).strip(b'\0')) == good
     reasons = ('broken', 'checksum', 'overlong')
     assert bool(received) != any(receiver.counts[reason] for reason in reasons)
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_of_a_line_damaged_all_over_only_sound_frames_are_taken_in_order(seed):
+def test_of_a_line_damaged_all_over_only_sound_packets_are_taken_in_order(seed):
     rng = random.Random(seed)
-    wanted = sent_by(*frames(60))
-    line = bytearray(on_the_line(frames(60)))
+    wanted = sent_by(*packets(60))
+    line = bytearray(on_the_line(packets(60)))
     for _ in range(rng.randint(1, 60)):
         at = rng.randrange(len(line))
         kind = rng.randrange(4)
@@ -201,34 +201,34 @@ def test_of_a_line_damaged_all_over_only_sound_frames_are_taken_in_order(seed):
     receiver = decoder()
     places = [wanted.index(row) for row in integers(receiver.feed(bytes(line)))]
     assert places == sorted(set(places))
-    assert receiver.counts['frames'] == len(places)
+    assert receiver.counts['packets'] == len(places)
     assert receiver.counts['garbage_bytes'] > 0
 
 
-@pytest.mark.parametrize('bit', range(8 * len(frames(1)[0])))
+@pytest.mark.parametrize('bit', range(8 * len(packets(1)[0])))
 def test_every_flipped_bit_of_a_datagram_is_noticed(bit):
-    frame = bytearray(frames(1)[0])
-    frame[bit // 8] ^= 1 << bit % 8
+    packet = bytearray(packets(1)[0])
+    packet[bit // 8] ^= 1 << bit % 8
     receiver = decoder()
-    assert receiver.frame(bytes(frame)) is None
+    assert receiver.decode(bytes(packet)) is None
     assert receiver.counts['checksum'] == 1
 
 
-@pytest.mark.parametrize('length', range(len(frames(1)[0])))
+@pytest.mark.parametrize('length', range(len(packets(1)[0])))
 def test_every_truncated_datagram_is_noticed(length):
     receiver = decoder()
-    assert receiver.frame(frames(1)[0][:length]) is None
+    assert receiver.decode(packets(1)[0][:length]) is None
     assert receiver.counts['checksum'] + receiver.counts['broken'] == 1
     assert receiver.counts['garbage_bytes'] == length
 
 
 def with_checksum(header, data):
-    frame = HEADER.pack(*header) + data
-    return frame + CHECKSUM.pack(zlib.crc32(frame))
+    packet = HEADER.pack(*header) + data
+    return packet + CHECKSUM.pack(zlib.crc32(packet))
 
 
 @pytest.mark.parametrize(
-    ('frame', 'reason'),
+    ('packet', 'reason'),
     [
         (encode([[1, 2]], 'int16', 0, 0), 'channels'),
         (encode([[1, 2, 3, 4]], 'int16', 0, 0), 'channels'),
@@ -242,29 +242,29 @@ def with_checksum(header, data):
         (encode([[1, 2, 3], [4, 5, 6]], 'int16', 0, 0, 0), 'period'),
     ],
 )
-def test_a_sound_frame_of_another_make_is_dropped_and_counted(frame, reason):
+def test_a_sound_packet_of_another_make_is_dropped_and_counted(packet, reason):
     receiver = decoder()
-    assert receiver.frame(frame) is None
-    assert receiver.counts == {reason: 1, 'garbage_bytes': len(frame)}
+    assert receiver.decode(packet) is None
+    assert receiver.counts == {reason: 1, 'garbage_bytes': len(packet)}
 
 
-def test_the_frame_after_a_broken_one_is_taken():
-    line = on_the_line(frames(3))
-    assert integers(decoder().feed(b'\x09\x01garbage\0' + line)) == sent_by(*frames(3))
-    # A lost delimiter costs two frames, a line that hangs costs one.
-    first = len(cobs_encode(frames(1)[0]))
+def test_the_packet_after_a_broken_one_is_taken():
+    line = on_the_line(packets(3))
+    assert integers(decoder().feed(b'\x09\x01garbage\0' + line)) == sent_by(*packets(3))
+    # A lost delimiter costs two packets, a line that hangs costs one.
+    first = len(cobs_encode(packets(1)[0]))
     receiver = decoder()
-    assert integers(receiver.feed(line[:first] + line[first + 1 :])) == sent_by(frames(3)[2])
+    assert integers(receiver.feed(line[:first] + line[first + 1 :])) == sent_by(packets(3)[2])
     receiver = decoder()
     assert integers(receiver.feed(b'\xff' * 3 * LONGEST_BYTES + b'\0' + line)) == sent_by(
-        *frames(3)
+        *packets(3)
     )
     assert receiver.counts['overlong'] == 1
     assert receiver.counts['garbage_bytes'] == 3 * LONGEST_BYTES
 
 
-def test_lost_frames_are_counted():
-    sent = frames(100)
+def test_lost_packets_are_counted():
+    sent = packets(100)
     receiver = decoder()
     received = receiver.feed(on_the_line(sent[:10] + sent[11:50] + sent[57:]))
     assert receiver.counts['lost'] == 8
@@ -272,7 +272,7 @@ def test_lost_frames_are_counted():
 
 
 def test_duplicates_and_latecomers_are_dropped():
-    sent = frames(200)
+    sent = packets(200)
     order = [0, 0, 1, 2, 1, 5, 3, 4, 4, 6, 150, 6, 10, 151]
     receiver = decoder()
     received = receiver.feed(on_the_line([sent[k] for k in order]))
@@ -285,87 +285,87 @@ def test_duplicates_and_latecomers_are_dropped():
 
 @given(st.randoms(use_true_random=False))
 def test_any_order_of_datagrams_gives_samples_in_order_and_counts_the_rest(rng):
-    sent = frames(60)
-    came = sorted(sent * 2, key=lambda frame: sent.index(frame) + rng.uniform(0, 12))
-    came = sent[:1] + [frame for frame in came if rng.random() > 0.2]
+    sent = packets(60)
+    came = sorted(sent * 2, key=lambda packet: sent.index(packet) + rng.uniform(0, 12))
+    came = sent[:1] + [packet for packet in came if rng.random() > 0.2]
     receiver = decoder()
-    received = [r for r in map(receiver.frame, came) if r]
+    received = [r for r in map(receiver.decode, came) if r]
     taken = integers(received)
     wanted = sent_by(*sent)
     assert taken == [row for row in wanted if row in taken]
     counts = receiver.counts
-    assert counts['frames'] + counts['duplicate'] + counts['late'] == len(came)
+    assert counts['packets'] + counts['duplicate'] + counts['late'] == len(came)
     first, last = wanted.index(taken[0]), wanted.index(taken[-1])
-    assert counts['frames'] + counts['lost'] == last - first + 1
+    assert counts['packets'] + counts['lost'] == last - first + 1
 
 
 def test_a_sender_that_began_again_is_believed_after_a_while():
     receiver = decoder()
-    before = frames(10, first=5000)
-    after = frames(400)
-    assert len([r for r in map(receiver.frame, before) if r]) == 10
-    received = [r for r in map(receiver.frame, after) if r]
+    before = packets(10, first=5000)
+    after = packets(400)
+    assert len([r for r in map(receiver.decode, before) if r]) == 10
+    received = [r for r in map(receiver.decode, after) if r]
     assert integers(received) == sent_by(*after[RESTART_US // PERIOD_US :])
-    assert [r.clock_anew for r in received] == [True] + [False] * (len(received) - 1)
+    assert [r.clock_restarted for r in received] == [True] + [False] * (len(received) - 1)
     assert receiver.counts['restarts'] == 1
     assert receiver.counts['lost'] == 0
 
 
-def test_frames_that_come_out_of_the_past_are_no_new_beginning():
+def test_packets_that_come_out_of_the_past_are_no_new_beginning():
     receiver = decoder()
-    sent = frames(2000)
+    sent = packets(2000)
     # Rising, and further apart than a sender takes to be believed; but most are missing between.
     order = [1000, 100, 500, 900, 1001, *range(700, 100, -1), 1002]
-    received = [r for r in (receiver.frame(sent[k]) for k in order) if r]
+    received = [r for r in (receiver.decode(sent[k]) for k in order) if r]
     assert integers(received) == sent_by(sent[1000], sent[1001], sent[1002])
     assert receiver.counts['restarts'] == 0
 
 
-def test_a_sender_that_began_again_is_believed_though_frames_are_lost():
+def test_a_sender_that_began_again_is_believed_though_packets_are_lost():
     receiver = decoder()
-    assert all(map(receiver.frame, frames(10, first=5000)))
-    after = [frame for k, frame in enumerate(frames(400)) if k % 4 == 0]
-    received = [r for r in map(receiver.frame, after[:64]) if r]
+    assert all(map(receiver.decode, packets(10, first=5000)))
+    after = [packet for k, packet in enumerate(packets(400)) if k % 4 == 0]
+    received = [r for r in map(receiver.decode, after[:64]) if r]
     # What came before the reset is no measure of what came since.
-    assert receiver.frame(frames(1, first=251)[0]) is None
+    assert receiver.decode(packets(1, first=251)[0]) is None
     assert receiver.counts['duplicate'] == 0
-    received += [r for r in map(receiver.frame, after[64:]) if r]
+    received += [r for r in map(receiver.decode, after[64:]) if r]
     assert integers(received) == sent_by(*after[63:])  # From 252 ms on.
 
 
 def test_a_sender_that_does_not_count_is_not_heard():
     receiver = decoder(channels=1)
-    received = [receiver.frame(encode([[k]], 'int16', 0, 1000 * k)) for k in range(1000)]
+    received = [receiver.decode(encode([[k]], 'int16', 0, 1000 * k)) for k in range(1000)]
     assert [r is not None for r in received] == [True] + [False] * 999
     assert receiver.counts['duplicate'] == 999
 
 
-def test_old_frames_among_fresh_ones_are_no_new_beginning():
+def test_old_packets_among_fresh_ones_are_no_new_beginning():
     receiver = decoder()
-    old, fresh = frames(1000), frames(1000, first=2000)
+    old, fresh = packets(1000), packets(1000, first=2000)
     received = []
     for k in range(1000):
-        received += [r for r in (receiver.frame(fresh[k]), receiver.frame(old[k])) if r]
+        received += [r for r in (receiver.decode(fresh[k]), receiver.decode(old[k])) if r]
     assert integers(received) == sent_by(*fresh)
     assert receiver.counts['restarts'] == 0
 
 
-def test_a_sender_without_a_clock_has_its_times_anew_with_each_frame():
+def test_a_sender_without_a_clock_has_its_times_anew_with_each_packet():
     receiver = decoder(channels=1)
-    received = [receiver.frame(encode([[k]], 'int16', k, 0)) for k in range(4)]
-    assert all(r.clock_anew for r in received)
+    received = [receiver.decode(encode([[k]], 'int16', k, 0)) for k in range(4)]
+    assert all(r.clock_restarted for r in received)
 
 
-def test_after_an_interruption_the_rest_of_a_frame_is_not_joined_to_another():
-    line = on_the_line(frames(2))
+def test_after_an_interruption_the_rest_of_a_packet_is_not_joined_to_another():
+    line = on_the_line(packets(2))
     receiver = decoder()
     receiver.feed(line[:10])
-    receiver.start_anew()
+    receiver.restart()
     assert receiver.counts['garbage_bytes'] == 10
-    assert integers(receiver.feed(line)) == sent_by(*frames(2))
+    assert integers(receiver.feed(line)) == sent_by(*packets(2))
 
 
-def test_half_an_hour_of_noise_holds_no_frame():
+def test_half_an_hour_of_noise_holds_no_packet():
     rng = random.Random(1)
     receiver = decoder(channels=16)
     received = []
@@ -378,21 +378,21 @@ def test_half_an_hour_of_noise_holds_no_frame():
     assert receiver.counts['broken'] + receiver.counts['checksum'] > 50_000
 
 
-def test_half_an_hour_of_noise_in_datagrams_holds_no_frame():
+def test_half_an_hour_of_noise_in_datagrams_holds_no_packet():
     rng = random.Random(4)
     receiver = decoder(channels=16)
     came = 0
     while came < HALF_AN_HOUR_BYTES:
         noise = rng.randbytes(rng.randint(0, 3000))
         came += len(noise)
-        assert receiver.frame(noise) is None
+        assert receiver.decode(noise) is None
     assert receiver.counts['garbage_bytes'] == came
 
 
-def test_a_frame_amid_noise_is_found():
+def test_a_packet_amid_noise_is_found():
     rng = random.Random(2)
-    sent = frames(50)
-    line = b''.join(rng.randbytes(300) + b'\0' + on_the_line([frame]) for frame in sent)
+    sent = packets(50)
+    line = b''.join(rng.randbytes(300) + b'\0' + on_the_line([packet]) for packet in sent)
     assert integers(decoder().feed(line)) == sent_by(*sent)
 
 
@@ -404,7 +404,7 @@ def test_a_frame_amid_noise_is_found():
         ([1, 2], 'int16', r'shape \(2,\), allowed: \(n, 1 to 255\)'),
         (np.zeros((1, 256)), 'int16', r'shape \(1, 256\)'),
         (np.zeros((0, 4)), 'int16', r'shape \(0, 4\)'),
-        (np.zeros((3000, 4)), 'int16', '3000 rows, allowed: a frame of 8192 bytes'),
+        (np.zeros((3000, 4)), 'int16', '3000 rows, allowed: a packet of 8192 bytes'),
     ],
 )
 def test_what_has_no_room_is_not_sent(numbers, values, words):
@@ -479,17 +479,17 @@ def test_any_cut_of_the_text_gives_the_same_samples_and_counts(text, cuts):
 def test_lines_at_a_rate_have_times_and_begin_anew_after_an_interruption():
     receiver = LineDecoder(1, 400.0)
     received = receiver.feed(b'\n1\n2\n3')
-    receiver.start_anew()
+    receiver.restart()
     received += receiver.feed(b'4\n5\n6\n')
     assert rows(received, 1)[:, 0].tolist() == [1, 2, 5, 6]
-    assert [r.clock_anew for r in received] == [True, False, True, False]
+    assert [r.clock_restarted for r in received] == [True, False, True, False]
     assert np.diff([r.times_ns[0] for r in received])[[0, 2]].tolist() == [2_500_000] * 2
 
 
 def test_after_an_interruption_of_an_endless_line_one_line_is_dropped():
     receiver = LineDecoder(1, 0.0)
     receiver.feed(b'\n' + b'9' * 100)
-    receiver.start_anew()
+    receiver.restart()
     assert rows(receiver.feed(b'4\n5\n'), 1).tolist() == [[5]]
 
 
@@ -506,6 +506,6 @@ def test_half_an_hour_of_noise_holds_no_line():
 
 def test_counts_are_of_one_decoder():
     one, other = decoder(), decoder()
-    one.frame(b'')
+    one.decode(b'')
     assert one.counts == Counter(broken=1, garbage_bytes=0)
     assert other.counts == Counter()

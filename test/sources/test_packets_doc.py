@@ -1,4 +1,4 @@
-"""docs/frame.md: its examples are run against the receiving side, its tables against the code."""
+"""docs/packets.md: its examples run against the decoder, its tables against the code."""
 
 import re
 import shutil
@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.sources import packets as frames
+from slip_detector.sources import packets
 from slip_detector.sources.packets import (
     CHECKSUM,
     HEADER,
     KINDS,
     LONGEST_BYTES,
-    FrameDecoder,
+    PacketDecoder,
     encode,
 )
 from slip_detector.sources.source import open_live_source
 from support.sensors import free_udp_port
 
-TEXT = (Path(__file__).resolve().parents[2] / 'docs' / 'frame.md').read_text(encoding='utf-8')
+TEXT = (Path(__file__).resolve().parents[2] / 'docs' / 'packets.md').read_text(encoding='utf-8')
 
 #: What stands in for the board: bytes go to stdout, a sample is taken each 1000 us.
 BOARD = """
@@ -69,15 +69,15 @@ def test_the_example_in_c_sends_what_the_driver_takes(tmp_path):
     line = subprocess.run(
         [tmp_path / 'sensor'], input=INTEGERS.astype('<i2').tobytes(), stdout=-1, check=True
     ).stdout
-    decoder = FrameDecoder(16, 'int16', 1.0, 0.0)
+    decoder = PacketDecoder(16, 'int16', 1.0, 0.0)
     received = decoder.feed(line)
     np.testing.assert_array_equal(np.concatenate([r.volts for r in received]), INTEGERS)
     times_ns = [r.times_ns[0] for r in received]
     assert np.diff(times_ns).tolist() == [1_000_000] * (len(INTEGERS) - 1)
-    assert +decoder.counts == {'frames': len(INTEGERS), 'samples': len(INTEGERS)}
+    assert +decoder.counts == {'packets': len(INTEGERS), 'samples': len(INTEGERS)}
 
 
-def test_long_frames_in_c_are_stuffed_as_they_should_be(tmp_path):
+def test_long_packets_in_c_are_stuffed_as_they_should_be(tmp_path):
     compiler = shutil.which('gcc') or shutil.which('cc')
     if compiler is None:
         pytest.skip('no C compiler')
@@ -94,7 +94,7 @@ def test_long_frames_in_c_are_stuffed_as_they_should_be(tmp_path):
     for plain in (b'', b'\0', b'\1' * 253, b'\1' * 254, b'\1' * 255, b'\1' * 254 + b'\0' * 3):
         line = subprocess.run([tmp_path / 'stuff'], input=plain, stdout=-1, check=True).stdout
         assert line[-1] == 0
-        assert frames.cobs_decode(line[:-1]) == plain
+        assert packets.cobs_decode(line[:-1]) == plain
 
 
 def test_the_example_in_python_sends_what_the_driver_takes():
@@ -106,7 +106,7 @@ def test_the_example_in_python_sends_what_the_driver_takes():
     names['send'](batches.tolist(), 1_000_000, ('127.0.0.1', port))
     volts = np.concatenate([s.volts for _ in batches for s in source.read()])
     np.testing.assert_array_equal(volts, 1e-3 * INTEGERS[:60])
-    assert +source.counts == {'frames': 20, 'samples': 60}
+    assert +source.counts == {'packets': 20, 'samples': 60}
     source.close()
 
 
@@ -126,5 +126,5 @@ def test_the_tables_say_what_the_code_does():
 
 def test_every_count_is_explained():
     explained = set(re.findall(r'`(\w+)`', TEXT))
-    for doc in (frames.FrameDecoder.__doc__, frames.LineDecoder.__doc__):
+    for doc in (packets.PacketDecoder.__doc__, packets.LineDecoder.__doc__):
         assert set(re.findall(r'``(\w+)``', doc.partition('counts :')[2])) <= explained
