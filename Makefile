@@ -2,6 +2,7 @@
 #
 #   make demo               install into .venv, run driver and detector, show the figures
 #   make grasp              a grasp controller on simulated objects: a table over thirty of them
+#   make check              what a change is checked with: lint, types, all tests without nodes
 #   make test               all checks
 #   make test ROS=kilted    the same on the wheels of another distribution, in .venv-kilted
 #
@@ -22,13 +23,17 @@ SOURCES := $(shell find slip_detector benchmarks launch config resource -type f 
 PACKAGE := $(SOURCES) setup.py setup.cfg pyproject.toml package.xml
 TESTS := $(shell find test docs -name '*.py' -o -name '*.md') README.md
 # What computes, and what of it the chain alone is.
-CHAIN_TESTS := test/parameters test/chain test/evaluation
-COMPUTING_TESTS := $(CHAIN_TESTS) test/recordings test/scenes test/tuning test/report test/grasp test/commands
+CHAIN_TESTS := test/chain test/evaluation
+COMPUTING_TESTS := $(CHAIN_TESTS) test/parameters test/recordings test/sources test/scenes test/tuning \
+	test/report test/grasp test/commands
+
+# On all cores; a worker that has nothing left takes tests from another.
+PYTEST := -m pytest --numprocesses auto --dist worksteal
 
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo grasp test clean
+.PHONY: demo grasp check test clean
 .DELETE_ON_ERROR:
 
 demo: out/demo.json
@@ -45,7 +50,14 @@ out/grasp.json: $(VENV)/installed $(PACKAGE)
 	mkdir -p out
 	$(BIN)/slip_grasp --out out > out/grasp.txt
 
-test: $(addprefix $(CHECKS)/,lint types pytest numpy1 interpreted colcon)
+check: $(VENV)/installed
+	@$(MAKE) --no-print-directory --jobs 3 $(addprefix $(CHECKS)/,lint types core)
+	@echo 'Lint, types and all tests without nodes passed.'
+
+# Nodes have the machine to themselves: they keep times.
+test: check
+	@$(MAKE) --no-print-directory $(CHECKS)/nodes
+	@$(MAKE) --no-print-directory --jobs 2 $(addprefix $(CHECKS)/,numpy1 interpreted colcon)
 	@echo 'All checks passed on ROS 2 $(ROS).'
 
 $(VENV)/installed: setup.py
@@ -56,7 +68,7 @@ $(VENV)/installed: setup.py
 $(OLDER)/installed: setup.py
 	$(PYTHON) -m venv $(OLDER)
 	$(OLDER)/bin/python -m pip install --quiet --editable '.[bags,numba,tune]' 'numpy==1.26.*' \
-		'scipy==1.11.*' hypothesis pytest pytest-timeout
+		'scipy==1.11.*' hypothesis pytest pytest-timeout pytest-xdist
 	touch $@
 
 $(CHECKS):
@@ -71,8 +83,12 @@ $(CHECKS)/types: $(VENV)/installed $(PACKAGE) | $(CHECKS)
 	$(BIN)/mypy
 	touch $@
 
-$(CHECKS)/pytest: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
-	$(BIN)/python -m pytest
+$(CHECKS)/core: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
+	$(BIN)/python $(PYTEST) -m 'not nodes'
+	touch $@
+
+$(CHECKS)/nodes: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
+	$(BIN)/python $(PYTEST) -m nodes
 	touch $@
 
 # Wheels of NumPy 1.26 end with Python 3.12.
@@ -80,14 +96,13 @@ $(CHECKS)/numpy1: $(PACKAGE) $(TESTS) | $(CHECKS)
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
 		$(MAKE) --no-print-directory $(OLDER)/installed && \
 		echo 'All that computes, with NumPy 1.26 and SciPy 1.11:' && \
-		$(OLDER)/bin/python -m pytest $(COMPUTING_TESTS); \
+		$(OLDER)/bin/python $(PYTEST) $(COMPUTING_TESTS); \
 	else echo 'NumPy 1.26 is left out: it needs Python 3.12 or older.'; fi
 	touch $@
 
 $(CHECKS)/interpreted: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
 	@echo 'The chain without Numba:'
-	$(BIN)/python -c "import sys; sys.modules['numba'] = None; import pytest; \
-		sys.exit(pytest.main(sys.argv[1:]))" $(CHAIN_TESTS)
+	PYTHONPATH=test $(BIN)/python $(PYTEST) -p support.without_numba $(CHAIN_TESTS)
 	touch $@
 
 # As on a robot: build, test what was built, run the executables from where they were installed.

@@ -50,6 +50,7 @@ setup(
             'playwright',
             'pytest>=7.4',
             'pytest-timeout',
+            'pytest-xdist',
             'ruff',
             'types-PyYAML',
             'types-pyserial',

@@ -2,10 +2,17 @@
 
 import os
 import signal
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 from support.domains import own_domain
+
+ROOT = Path(__file__).resolve().parents[1]
+
+#: All in them is marked ``nodes``.
+OF_NODES = tuple(ROOT / name for name in ('slip_detector/nodes', 'test/nodes', 'test/launch'))
 
 # A run in the background ignores SIGINT, and what it starts would too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -18,3 +25,10 @@ settings.register_profile(
     'slip_detector', deadline=None, derandomize=True, max_examples=60, database=None
 )
 settings.load_profile('slip_detector')
+
+
+def pytest_collection_modifyitems(items):
+    """Mark what is in the folders of the nodes."""
+    for item in items:
+        if any(item.path.is_relative_to(folder) for folder in OF_NODES):
+            item.add_marker(pytest.mark.nodes)

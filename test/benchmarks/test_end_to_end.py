@@ -15,6 +15,8 @@ from support.commands import PATIENCE_S, run, start
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
+pytestmark = pytest.mark.nodes
+
 from benchmarks.end_to_end import match
 
 END_PATIENCE_S = 60.0

@@ -9,6 +9,8 @@ from support.commands import run
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
+pytestmark = pytest.mark.nodes
+
 FIGURES = {
     'seconds': 600.0, 'fingers': 2, 'samples': 456_000, 'lost': {'lost and bridged': 3},
     'lost_total': 3, 'latency_median_ms': 0.5, 'latency_p99_ms': [1.0, 1.1],
