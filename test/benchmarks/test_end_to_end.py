@@ -15,9 +15,9 @@ from support.commands import PATIENCE_S, run, start
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-pytestmark = pytest.mark.nodes
-
 from benchmarks.end_to_end import match
+
+pytestmark = pytest.mark.nodes
 
 END_PATIENCE_S = 60.0
 

@@ -78,6 +78,7 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     assert (folder / 'report.html').read_text().startswith('<!DOCTYPE html>')
 
 
+@pytest.mark.nodes
 def test_the_node_starts_with_the_file(case):
     pytest.importorskip('rclpy', reason='needs rclpy')
     from support.harness import Bench, Detected
