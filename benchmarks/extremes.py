@@ -46,9 +46,9 @@ from benchmarks.scene_integrators import (
     shows_shears,
     solve,
 )
+from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 from slip_detector.scenes.mechanics import LEAST, WORK
-from slip_detector.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from slip_detector.evaluation.replay import LabelledRows, Replay
 from slip_detector.evaluation.scores import MOTION, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.sets import read_yaml
-from slip_detector.scenes.scene import Scene, find_scene
+from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import SEARCHED, Problem
 from slip_detector.tuning.search import search

@@ -124,7 +124,7 @@ def _variants(duration_s: float, seed: int) -> list[Variant]:
 
 
 def _scene(name: str, seed: int) -> LabelledRows:
-    from slip_detector.scenes.scene import find_scene, load_scene
+    from slip_detector.scenes import find_scene, load_scene
 
     scene = load_scene(find_scene(name), np.random.default_rng(seed))
     samples = scene.read(1_000_000)  # more than any of them has

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
+from slip_detector.scenes import Scene
 from slip_detector.scenes.contact import spread_load
 from slip_detector.scenes.drive import drive_at
 from slip_detector.scenes.friction import COULOMB, LIGHTEST_LOAD_N, bristle_force
 from slip_detector.scenes.mechanics import FINGERS, Plan
 from slip_detector.scenes.motion import LoadNumbers, PlateNumbers
-from slip_detector.scenes.scene import Scene
-from slip_detector.scenes.texture import ridges_between, roughness_between
+from slip_detector.scenes.roughness import roughness_between
+from slip_detector.scenes.texture import ridges_between
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import integrate, optimize
 
 from benchmarks.scene_equations import Ode
-from slip_detector.scenes.scene import Scene
+from slip_detector.scenes import Scene
 
 Floats = NDArray[np.float64]
 

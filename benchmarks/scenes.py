@@ -58,8 +58,9 @@ from benchmarks.scene_integrators import (
 )
 from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.sets import read_yaml
+from slip_detector.scenes import Scene, find_scene
 from slip_detector.scenes.motion import LoadNumbers
-from slip_detector.scenes.scene import OF_THE_SCENE, Scene, find_scene
+from slip_detector.scenes.parts import PARTS
 
 Floats = NDArray[np.float64]
 
@@ -394,7 +395,7 @@ def costs(path: Path, sizes: Sizes) -> dict[str, Any]:
     """Measure the run time of one scene, and of the same without each of its parts."""
     description = read_yaml(path)
     scene = fresh(description)
-    parts = [name for name in description if name not in OF_THE_SCENE]
+    parts = [name for name in description if name in PARTS]
     without: dict[str, dict[str, Any]] = {}
     sides: dict[str, dict[str, Any]] = {'': description}
     for part in (name for name in parts if name not in ALWAYS):

@@ -12,7 +12,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.scores import false_positive_percent, first_on_delay_s, mean_delay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings import RATE_TOLERANCE
-from slip_detector.scenes.scene import find_scene, load_scene
+from slip_detector.scenes import find_scene, load_scene
 
 Bools = NDArray[np.bool_]
 

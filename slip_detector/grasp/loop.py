@@ -22,8 +22,8 @@ from slip_detector.grasp.law import GraspLaw
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.sets import read_yaml
+from slip_detector.scenes import Scene, find_scene
 from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
-from slip_detector.scenes.scene import Scene, find_scene
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]

@@ -1,1 +1,6 @@
-"""The simulated fingertip: one file for each part of a scene."""
+"""The simulated fingertip: one file for each part, put together by a scene file."""
+
+from slip_detector.scenes.scene import Scene
+from slip_detector.scenes.scene_files import find_scene, load_scene
+
+__all__ = ['Scene', 'find_scene', 'load_scene']

@@ -1,32 +1,37 @@
 """What is done to the fingertip, all parts together, at one instant or at many.
 
-One compiled function serves the live scene, which asks for all the instants of a read at once,
-and SciPy's integrators, which ask for one after the other.
+One compiled function serves a scene, which asks for all the instants of a read at once, and an
+integrator that asks for one after the other.
 """
 
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.scenes.disturbances import (
-    TapNumbers,
-    lines_at,
-    lines_rate_at,
-    rolled_at,
-    tap_force_at,
-)
+from slip_detector.scenes.contact import Contact
+from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2, FreeObject
 from slip_detector.scenes.motion import (
     ForceNumbers,
+    Motion,
     force_at,
+    force_numbers,
     load_at,
+    load_numbers,
     plate_at,
+    plate_numbers,
 )
+from slip_detector.scenes.rolling import Rolling, rolled_at
+from slip_detector.scenes.sines import sines_at, sines_rate_at
+from slip_detector.scenes.steps import Step
+from slip_detector.scenes.taps import TapNumbers, Taps, tap_force_at
+from slip_detector.scenes.tremor import TREMOR_PEAK, HandMotion, Tremor
 
 Floats = NDArray[np.float64]
 
-NO_LINES = np.zeros((3, 0))
+NO_SINES = np.zeros((3, 0))
 NO_TAPS = TapNumbers(np.zeros(0), 0.0, 1.0)
 NO_ROLLING = np.zeros(0)
 NO_LOAD = np.zeros((2, 0))
@@ -50,13 +55,13 @@ class DriveNumbers(NamedTuple):
     taps : TapNumbers
         Of this part.
     rolling : ndarray, shape (6,)
-        The fields of :class:`slip_detector.scenes.disturbances.RollingNumbers`.
-    force_lines, motion_lines : ndarray, shape (3, k)
-        The tremor's lines, in newtons and, on a plate, metres; rows as the fields of
-        :class:`slip_detector.scenes.disturbances.Lines`.
-    force_lines_from_n : float
-        The normal force from which on all of the tremor's force is there.
-    load_lines : ndarray, shape (3, k)
+        The fields of :class:`slip_detector.scenes.rolling.RollingNumbers`.
+    force_sines, motion_sines : ndarray, shape (3, k)
+        The tremor, in newtons and, on a plate, metres; rows as the fields of
+        :class:`slip_detector.scenes.sines.Sines`.
+    force_sines_from_n : float
+        The normal force from which on the tremor's force acts in full.
+    load_sines : ndarray, shape (3, k)
         Inertia of the object in a hand that trembles, in newtons.
     """
 
@@ -67,10 +72,60 @@ class DriveNumbers(NamedTuple):
     load: Floats = NO_LOAD
     taps: TapNumbers = NO_TAPS
     rolling: Floats = NO_ROLLING
-    force_lines: Floats = NO_LINES
-    force_lines_from_n: float = 1.0
-    motion_lines: Floats = NO_LINES
-    load_lines: Floats = NO_LINES
+    force_sines: Floats = NO_SINES
+    force_sines_from_n: float = 1.0
+    motion_sines: Floats = NO_SINES
+    load_sines: Floats = NO_SINES
+
+
+def drive_numbers(
+    parts: Mapping[str, Any], steps: Sequence[Step], of_tremor: np.random.Generator
+) -> DriveNumbers:
+    """Collect what is done to the fingertip; parts that are not named stay left out.
+
+    Parameters
+    ----------
+    parts
+        The parts that are named, by their names.
+    steps
+        What is done, one after the other.
+    of_tremor
+        Generator of the tremor of one trial.
+
+    Raises
+    ------
+    ValueError
+        When a step is too short for its velocity; names the step.
+    """
+    motion: Motion = parts.get('motion', Motion())
+    contact: Contact = parts.get('contact', Contact())
+    taps: Taps | None = parts.get('taps')
+    rolling: Rolling | None = parts.get('rolling')
+    free_object: FreeObject | None = parts.get('object')
+    tremor: Tremor | None = parts.get('tremor')
+    numbers = DriveNumbers(
+        force_numbers(motion, steps), np.array(plate_numbers(motion, steps)), *contact.centre_m
+    )
+    if taps:
+        numbers = numbers._replace(taps=taps.numbers())
+    if rolling:
+        numbers = numbers._replace(rolling=np.array(rolling.numbers()))
+    if free_object:
+        load = load_numbers(free_object.mass_kg * STANDARD_GRAVITY_M_S2, steps)
+        numbers = numbers._replace(load=np.array(load))
+    if tremor:
+        hand = HandMotion(tremor, of_tremor)
+        sines = hand.motion_sines
+        numbers = numbers._replace(
+            force_sines=np.array(hand.force_sines),
+            force_sines_from_n=TREMOR_PEAK * tremor.force_rms_n,
+            motion_sines=np.array(sines),
+        )
+        if free_object:
+            # Seen from a hand that trembles, the object's mass pulls the other way.
+            inertia_n = free_object.mass_kg * sines.amplitude * sines.angular_rate_rad_s**2
+            numbers = numbers._replace(load_sines=np.array(sines._replace(amplitude=inertia_n)))
+    return numbers
 
 
 class Drive(NamedTuple):
@@ -100,14 +155,17 @@ class Drive(NamedTuple):
 
 @compiled
 def normal_force_at(t, side, numbers):
-    """Return the normal force with what taps and tremor do to it; never negative."""
+    """Return the normal force with what taps and tremor add to it; never negative.
+
+    Parameters and return value as those of :func:`drive_at`; in newtons.
+    """
     force = force_at(t, side, numbers.force)
     if numbers.taps.begins_s.size:
         force = force + tap_force_at(t, side, numbers.taps)
-    if numbers.force_lines.size:
-        # A hand that does not touch does not press; its tremor comes in with the contact.
-        share = np.minimum(force / numbers.force_lines_from_n, 1.0)
-        force = force + share * lines_at(t, numbers.force_lines)
+    if numbers.force_sines.size:
+        # A hand that does not touch does not press: its tremor grows with the contact force.
+        share = np.minimum(force / numbers.force_sines_from_n, 1.0)
+        force = force + share * sines_at(t, numbers.force_sines)
     return np.maximum(force, 0.0)
 
 
@@ -118,15 +176,17 @@ def drive_at(t, side, numbers):
     Parameters
     ----------
     t : float or ndarray, shape (n,)
-        The instants.
+        The instants in seconds.
     side : as ``t``
-        Times within the same smooth piece: at a corner they say which side is meant.
+        A time within the smooth piece that is meant, as at a corner two pieces meet; elsewhere
+        the instant itself.
     numbers : DriveNumbers
         Of the scene.
 
     Returns
     -------
     Drive
+        Each field as ``t``.
     """
     none = 0.0 * t
     force = normal_force_at(t, side, numbers)
@@ -135,10 +195,10 @@ def drive_at(t, side, numbers):
         rolled_x, rolled_y = rolled_at(t, numbers.rolling)
         x, y = x + rolled_x, y + rolled_y
     if numbers.load.size:
-        load = load_at(t, numbers.load) + lines_at(t, numbers.load_lines)
+        load = load_at(t, numbers.load) + sines_at(t, numbers.load_sines)
         return Drive(force, x, y, none, none, load)
     velocity, position = plate_at(t, side, numbers.plate)
-    if numbers.motion_lines.size:
-        velocity = velocity + lines_rate_at(t, numbers.motion_lines)
-        position = position + lines_at(t, numbers.motion_lines)
+    if numbers.motion_sines.size:
+        velocity = velocity + sines_rate_at(t, numbers.motion_sines)
+        position = position + sines_at(t, numbers.motion_sines)
     return Drive(force, x, y, velocity, position, none)

@@ -25,21 +25,21 @@ from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.sets import ParameterSet, parameter
 from slip_detector.scenes.skin import SkinNumbers
 
-#: A lighter patch counts as so heavy in g(w), which must not be zero: below it friction is none
-#: that a taxel could feel (a thousandth of a millinewton).
+#: Least load in g(w), which must not be zero: the friction under it (less than a thousandth of a
+#: millinewton) is too small for a taxel.
 LIGHTEST_LOAD_N = 1e-6
 
 #: Newton's method on a stage ends when a step changes the velocity by less than this share of
 #: it: it squares the error with each step, so what is left is about the square of this.
 TOLERANCE = 1e-6
 
-#: A balance of forces is as good as zero within so many shares of them.
+#: A balance of forces below this share of them is taken for zero.
 ROUND_OFF = 1e-15
 
-#: Skin without load is at rest when it is within so many metres of it, and as many a second.
-AT_REST_M = 1e-15
+#: Skin without load is at rest when its displacement (m) and velocity (m/s) are below this.
+AT_REST = 1e-15
 
-#: It has never been seen to take more than a tenth of so many steps.
+#: Ten times as many steps as Newton's method was ever seen to take.
 MOST_ITERATIONS = 200
 
 COULOMB, LUGRE = 1, 2
@@ -127,6 +127,12 @@ class Friction(ParameterSet):
         """Return how steeply sliding friction falls with velocity at most, under a normal load.
 
         g(w) falls steepest at w = v_s / sqrt(2).
+
+        Examples
+        --------
+        >>> from slip_detector.scenes.friction import Friction
+        >>> round(Friction().steepest_fall_n_s_m(load_n=0.05), 3)
+        0.214
         """
         if self.model == 'coulomb':
             return 0.0
@@ -151,7 +157,7 @@ def bristle_force(w, z, load, law):
 
 @compiled
 def _drop(ratio):
-    """Return exp(-ratio^2), which costs as much as all else where it is not plainly 1."""
+    """Return exp(-ratio^2); the exponential is left out where it is 1, as it takes long."""
     squared = ratio * ratio
     return np.exp(-squared) if squared > 1e-17 else 1.0
 
@@ -214,9 +220,9 @@ def _guess(available, impedance, w, z, load, step, law):
 def lugre_stage(available, impedance, w_last, z, load, step, law):
     """Find the velocity w at which available - impedance w is the friction force.
 
-    This is what an implicit step asks of a patch. The balance falls from above to below zero
-    between w = 0 and far out on the side of its sign at 0, so Newton's method, kept between the
-    two ends and helped by bisection, cannot fail.
+    An implicit step asks this of each patch. On the side of w that the balance at w = 0 has the
+    sign of, the balance passes through zero, so Newton's method, kept between two ends and helped
+    by bisection, always finds w.
 
     Returns
     -------
@@ -272,7 +278,7 @@ def skin_stage(v, x, u, z, w_last, load, step, skin, law):
         The velocity of the surface against the skin, the friction force, its slope in v, and the
         bristles' deflection after the step.
     """
-    if load == 0.0 and abs(x) < AT_REST_M and abs(u) < AT_REST_M:
+    if load == 0.0 and abs(x) < AT_REST and abs(u) < AT_REST:
         return v, 0.0, 0.0, 0.0
     inertia = skin.mass_kg / step
     impedance = inertia + skin.damping_n_s_m + skin.stiffness_n_m * step
@@ -284,29 +290,51 @@ def skin_stage(v, x, u, z, w_last, load, step, skin, law):
         force = most if available > 0.0 else -most
         return (available - force) / impedance, force, 0.0, 0.0
     w, force, slope, after = lugre_stage(available, impedance, w_last, z, load, step, law)
-    # The two in series: what the surface feels when the skin can give way.
+    # Friction and skin in series: the skin gives way to the surface.
     return w, force, slope * impedance / (slope + impedance), after
 
 
-def well_posed_or_say(
+def check_solvable(
     friction: 'Friction', skin: SkinNumbers, load_n: float, where: str = 'friction'
 ) -> None:
-    """Refuse parameters under which the skin has no one motion that could be computed.
+    """Refuse parameters under which the motion of the skin is not determined.
+
+    Parameters
+    ----------
+    friction
+        Between skin and surface.
+    skin
+        Over one taxel.
+    load_n
+        Largest normal load of a taxel.
+    where
+        What the error names.
 
     Raises
     ------
     ValueError
         When friction falls with velocity faster than the skin's damping rises: each patch would
-        stick and slip by itself, at a rhythm that no step resolves; and, without mass and
-        damping, when nothing says how fast a patch moves while it lets go.
+        stick and slip by itself, at a rhythm that no step resolves; and, on skin without mass and
+        damping, when nothing determines how fast a patch moves while it lets go.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.friction import Friction, check_solvable
+    >>> from slip_detector.scenes.skin import Skin
+    >>> steep = Friction(kinetic_coefficient=0.1, static_coefficient=1.0)
+    >>> try:
+    ...     check_solvable(steep, Skin().numbers(), load_n=0.1)
+    ... except ValueError as error:
+    ...     print(str(error)[:47])
+    friction: falls with velocity by up to 7.72 N s
     """
     fall = friction.steepest_fall_n_s_m(load_n)
     damping = skin.damping_n_s_m + friction.viscous_n_s_m
     if fall > damping:
         raise ValueError(
             f'{where}: falls with velocity by up to {fall:.3g} N s/m under {load_n:.3g} N, faster '
-            f'than damping_n_s_m and viscous_n_s_m, {damping:.3g} N s/m, hold against it: the '
-            'skin would chatter; allowed: more damping, a higher stribeck_velocity_m_s or '
+            f'than damping_n_s_m and viscous_n_s_m, {damping:.3g} N s/m, rise: the skin would '
+            'chatter; allowed: more damping, a higher stribeck_velocity_m_s or '
             'static_coefficient nearer kinetic_coefficient'
         )
     bristle_damping = friction.bristle_damping_n_s_m if friction.model == 'lugre' else 0.0

@@ -21,13 +21,9 @@ from slip_detector.scenes.friction import (
     FrictionNumbers,
     skin_stage,
 )
+from slip_detector.scenes.roughness import RoughNumbers, roughness_between
 from slip_detector.scenes.skin import SkinNumbers
-from slip_detector.scenes.texture import (
-    RidgeNumbers,
-    RoughNumbers,
-    ridges_between,
-    roughness_between,
-)
+from slip_detector.scenes.texture import RidgeNumbers, ridges_between
 
 Floats = NDArray[np.float64]
 

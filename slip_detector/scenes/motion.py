@@ -1,46 +1,26 @@
-"""What is done to the fingertip: the normal force, and the plate's motion or the object's load.
+"""What the steps ask for: the normal force, and the plate's motion or the object's load.
 
-All are pieces of closed forms. The compiled functions take one instant or many, and beside it
-``side``: a time within the piece that is meant, which at a corner is not plain. Where no side is
-meant it is the instant itself.
+Each is a closed form in pieces, which meet at corners. The compiled functions take one instant or
+many, and with it ``side``: a time within the piece that is meant, as at a corner two pieces meet.
+Elsewhere it is the instant itself.
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.scenes.steps import Step
 
 Floats = NDArray[np.float64]
 
-#: A damping ratio closer to 1 than this is taken for so far from it: the closed form of the
-#: ringing divides by the difference of the two roots, which is 0 at 1.
-CRITICAL = 1e-6
-
-
-@dataclasses.dataclass(frozen=True)
-class Step(ParameterSet):
-    """One step of the protocol; forces and shares ramp to their values in the course of it."""
-
-    duration_s: float = parameter(1.0, 'How long it takes.', unit='s', low=1e-3, high=36000.0)
-    force_n: float = parameter(
-        -1.0, 'Normal force at its end; negative: as before.', unit='N', low=-1.0, high=1000.0
-    )
-    velocity_m_s: float = parameter(
-        0.0, 'Velocity of the plate along x.', unit='m/s', low=-10.0, high=10.0
-    )
-    carried: float = parameter(
-        -1.0,
-        "Share of the object's weight that the fingers carry at its end; negative: as before.",
-        low=-1.0,
-        high=1.0,
-    )
-    pull_n: float = parameter(
-        0.0, 'Further force on the object along x at its end.', unit='N', low=-1e3, high=1e3
-    )
+#: A damping ratio closer to 1 than this is taken to be 1 plus this: the closed form of the ringing
+#: divides by the difference of the two roots, which is 0 at a ratio of 1.
+LEAST_FROM_CRITICAL = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +42,7 @@ class Motion(ParameterSet):
 
 @compiled
 def piece_at(side_s, starts_s):
-    """Return the number of the piece that a time lies in; the first one also has what is before.
+    """Return the number of the piece that a time lies in; 0 also before the first.
 
     Parameters
     ----------
@@ -114,11 +94,10 @@ def force_at(t, side, numbers):
     return np.maximum(_pulling_force_at(t, side, numbers), 0.0)
 
 
-def force_numbers(motion: Motion, steps: list[Step]) -> ForceNumbers:
+def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
     """Return the normal force: it follows the command like a mass on a damped spring.
 
-    The command is linear between corners, so the force is known in closed form at any instant,
-    at any sample rate.
+    The command is linear between corners, so the force is known in closed form at any instant.
 
     Parameters
     ----------
@@ -126,11 +105,19 @@ def force_numbers(motion: Motion, steps: list[Step]) -> ForceNumbers:
         How the contact rings.
     steps
         The commands.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.motion import Motion, force_at, force_numbers
+    >>> from slip_detector.scenes.steps import Step
+    >>> force = force_numbers(Motion(), [Step(duration_s=0.5, force_n=0.4), Step(2.0)])
+    >>> round(float(force_at(2.5, 2.5, force)), 6)
+    0.4
     """
     omega = 2 * np.pi * motion.ringing_hz
     ratio = motion.ringing_damping
-    if abs(ratio - 1.0) < CRITICAL:
-        ratio = 1.0 + CRITICAL
+    if abs(ratio - 1.0) < LEAST_FROM_CRITICAL:
+        ratio = 1.0 + LEAST_FROM_CRITICAL
     spread = np.sqrt(complex(ratio**2 - 1.0))
     numbers = ForceNumbers(
         starts_s=np.zeros(1),
@@ -151,7 +138,7 @@ def force_numbers(motion: Motion, steps: list[Step]) -> ForceNumbers:
 def held_force(numbers: ForceNumbers, time_s: float, force_n: float) -> ForceNumbers:
     """Return the force with the command ``force_n`` from ``time_s`` on.
 
-    What the steps say from there is forgotten, and so is all before the piece that goes on.
+    What the steps say from there on is dropped, and so are the pieces before the present one.
     """
     before = _pieces(numbers, slice(int(piece_at(time_s, numbers.starts_s)) + 1))
     return _pieces(_with_piece(before, time_s, force_n, 0.0), slice(-2, None))
@@ -176,7 +163,7 @@ def _with_piece(
     force_n = float(_pulling_force_at(start_s, start_s, numbers))
     a = force_n - (command_n - slope_n_s * numbers.lag_s)
     first = (rate_n_s - slope_n_s - q * a) / (p - q)
-    # A step shorter than the clock's last digit takes the place of the one before.
+    # A step too short for the time's last digit takes the place of the one before.
     replaced = bool(start_s <= numbers.starts_s[-1])
     before = _pieces(numbers, slice(len(numbers.starts_s) - replaced))
     return before._replace(
@@ -206,8 +193,18 @@ class PlateNumbers(NamedTuple):
 def plate_at(t, side, numbers):
     """Return the velocity and the position of the plate along x.
 
-    ``numbers`` are PlateNumbers or, which is less for a call to take apart, one array with the
-    fields as its rows.
+    Parameters
+    ----------
+    t, side : float or ndarray, shape (n,)
+        The instants in seconds, and the sides that are meant.
+    numbers : PlateNumbers or ndarray, shape (4, k)
+        An array has the fields of :class:`PlateNumbers` as rows in their order; a call that gets
+        one array is quicker.
+
+    Returns
+    -------
+    velocity_m_s, position_m
+        Floats or arrays, as ``t``.
     """
     starts_s, acceleration, velocity, position = numbers[0], numbers[1], numbers[2], numbers[3]
     k = piece_at(side, starts_s)
@@ -216,13 +213,23 @@ def plate_at(t, side, numbers):
     return velocity[k] + gained, position[k] + (velocity[k] + 0.5 * gained) * since
 
 
-def plate_numbers(motion: Motion, steps: list[Step]) -> PlateNumbers:
+def plate_numbers(motion: Motion, steps: Sequence[Step]) -> PlateNumbers:
     """Return the motion of the plate that the steps ask for.
 
     Raises
     ------
     ValueError
         When a step is too short for its velocity; names the step.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.motion import Motion, plate_at, plate_numbers
+    >>> from slip_detector.scenes.steps import Step
+    >>> steps = [Step(1.0), Step(1.0, velocity_m_s=0.01)]
+    >>> plate = plate_numbers(Motion(acceleration_m_s2=0.1), steps)
+    >>> velocity_m_s, position_m = plate_at(2.0, 2.0, plate)
+    >>> round(float(velocity_m_s), 6), round(float(position_m), 6)
+    (0.01, 0.0095)
     """
     time_s = 0.0
     corner_times, velocities = [0.0], [0.0]
@@ -238,7 +245,7 @@ def plate_numbers(motion: Motion, steps: list[Step]) -> PlateNumbers:
             if time_s > corner_times[-1]:
                 corner_times.append(time_s)
                 velocities.append(velocities[-1])
-            # A change too small for the clock's last digit is one at once.
+            # A change too quick for the time's last digit still takes time.
             corner_times.append(max(time_s + change, np.nextafter(time_s, np.inf)))
             velocities.append(step.velocity_m_s)
         time_s += step.duration_s
@@ -246,7 +253,7 @@ def plate_numbers(motion: Motion, steps: list[Step]) -> PlateNumbers:
     passed_m = lasts_s * (np.array(velocities[:-1]) + velocities[1:]) / 2
     return PlateNumbers(
         starts_s=np.array(corner_times),
-        # What it does last it goes on doing.
+        # The last velocity stays.
         acceleration_m_s2=np.append(np.diff(velocities) / lasts_s, 0.0),
         velocity_m_s=np.array(velocities),
         position_m=np.concatenate([[0.0], np.cumsum(passed_m)]),
@@ -259,7 +266,7 @@ class LoadNumbers(NamedTuple):
     Attributes
     ----------
     corners_s, force_n : ndarray, shape (k,)
-        Without length where there is no object.
+        Empty where there is no object.
     """
 
     corners_s: Floats
@@ -272,7 +279,7 @@ def load_at(t, numbers):
     return np.interp(t, numbers[0], numbers[1])
 
 
-def load_numbers(weight_n: float, steps: list[Step]) -> LoadNumbers:
+def load_numbers(weight_n: float, steps: Sequence[Step]) -> LoadNumbers:
     """Return what pulls on the object: the carried share of its weight and the further pull.
 
     Parameters
@@ -289,21 +296,3 @@ def load_numbers(weight_n: float, steps: list[Step]) -> LoadNumbers:
         times.append(times[-1] + step.duration_s)
         forces.append(carried * weight_n + step.pull_n)
     return LoadNumbers(np.array(times), np.array(forces))
-
-
-def steps_from(entries: Any) -> list[Step]:
-    """Read the steps of a scene file.
-
-    Raises
-    ------
-    ValueError
-        For an empty list or a step that is wrong; names the step.
-    """
-    if not isinstance(entries, list) or not entries:
-        raise ValueError(f'steps is {entries!r}, allowed: a list of at least one step')
-    steps = []
-    for number, entry in enumerate(entries, start=1):
-        if not isinstance(entry, dict):
-            raise ValueError(f'steps: step {number} is {entry!r}, allowed: names and values')
-        steps.append(Step.from_parameters(entry, f'steps: step {number}'))
-    return steps

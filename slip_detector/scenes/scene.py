@@ -1,107 +1,32 @@
-"""A scene: the parts that a YAML file names, put together and played row by row."""
+"""A scene: the parts that are named, put together and played row by row."""
 
-import dataclasses
-import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain import fingertip
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import PAPER_CHANNELS
-from slip_detector.parameters.files import shared_folder
-from slip_detector.parameters.sets import ParameterSet, parameter, read_yaml
+from slip_detector.scenes.clock import Clock
+from slip_detector.scenes.compatibility import check_grip, check_parts
 from slip_detector.scenes.contact import Contact
-from slip_detector.scenes.disturbances import (
-    Clock,
-    Drops,
-    Faults,
-    FaultyChannels,
-    HandMotion,
-    Hum,
-    HumVoltage,
-    LossyLink,
-    Rolling,
-    Taps,
-    Tremor,
-)
-from slip_detector.scenes.drive import Drive, DriveNumbers, drive_at, normal_force_at
+from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
+from slip_detector.scenes.drops import LossyLink
 from slip_detector.scenes.electronics import Electronics, Frontend
-from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2, FreeObject, ObjectNumbers
-from slip_detector.scenes.friction import Friction, FrictionNumbers, well_posed_or_say
-from slip_detector.scenes.mechanics import STAGES, Plan, State, advance
-from slip_detector.scenes.motion import (
-    LoadNumbers,
-    Motion,
-    PlateNumbers,
-    Step,
-    force_numbers,
-    held_force,
-    load_numbers,
-    plate_at,
-    plate_numbers,
-    steps_from,
-)
-from slip_detector.scenes.skin import Skin, SkinNumbers
-from slip_detector.scenes.texture import RidgeNumbers, Roughness, RoughNumbers, Texture
+from slip_detector.scenes.faults import FaultyChannels
+from slip_detector.scenes.hum import HumVoltage
+from slip_detector.scenes.mechanics import STAGES, State, advance
+from slip_detector.scenes.motion import LoadNumbers, Motion, PlateNumbers, held_force, plate_at
+from slip_detector.scenes.parts import PARTS, read_parts, read_sampling
+from slip_detector.scenes.plan import build_plan
+from slip_detector.scenes.steps import read_steps
 
 Floats = NDArray[np.float64]
 
-#: What a scene file can name, in the order in which the parts get their random generators.
-PARTS: dict[str, type[ParameterSet]] = {
-    'motion': Motion,
-    'contact': Contact,
-    'skin': Skin,
-    'friction': Friction,
-    'texture': Texture,
-    'roughness': Roughness,
-    'object': FreeObject,
-    'electronics': Electronics,
-    'hum': Hum,
-    'tremor': Tremor,
-    'taps': Taps,
-    'rolling': Rolling,
-    'faults': Faults,
-    'drops': Drops,
-    'clock': Clock,
-}
-
-OF_THE_SCENE = ('steps', 'sample_rate_hz', 'step_s')
-
-#: A step is cut finer where the skin would ring faster: it takes so little of a radian.
-RINGING_RAD = 0.4
-
-#: More steps than this for a second of scene are not to be waited for.
-MOST_STEPS_HZ = 2e6
-
-#: A tremor's peak over its RMS, for what it may add to the largest normal force.
-TREMOR_PEAK = 4.0
-
-NO_FRICTION = FrictionNumbers(0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0)
-NO_RIDGES = RidgeNumbers(0.0, 0.0, np.zeros(0))
-NO_ROUGHNESS = RoughNumbers(0.0, np.zeros(0), np.zeros(0))
-NO_OBJECT = ObjectNumbers(0.0, 0.0, 1.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class Sampling(ParameterSet):
-    """What a scene file says of itself."""
-
-    sample_rate_hz: float = parameter(380.0, 'Rate of the samples.', unit='Hz', low=1.0, high=1e6)
-    step_s: float = parameter(
-        3.5e-4,
-        'Longest step of the integrator; a sample period is cut into equal ones.',
-        unit='s',
-        low=1e-7,
-        high=1.0,
-    )
-
 
 class Scene:
-    """A fingertip and what is done to it; a :class:`~slip_detector.sources.source.Source`.
+    """A fingertip and what is done to it.
 
     Parts that are not named are not built: without ``friction`` the skin is not sheared, without
     ``texture`` and ``roughness`` the surface is smooth, without ``object`` the plate moves as the
@@ -119,6 +44,7 @@ class Scene:
     ----------
     sample_rate_hz : float
         As the sensor says; see the part ``clock``.
+    channel_names : tuple of str
     length : int
         Number of samples, those that ``drops`` loses included.
     true_rate_hz : float
@@ -129,28 +55,39 @@ class Scene:
         The parts that are named, by their names.
     motion, contact, electronics
         The parts that are always there, with their defaults where they are not named.
-    drive_numbers
-        What is done to the fingertip, see :mod:`slip_detector.scenes.drive`.
-    plan, state
-        What the stepper works on, see :mod:`slip_detector.scenes.mechanics`.
+    drive_numbers : DriveNumbers
+        What is done to the fingertip.
+    plan : Plan
+    state : State
+        What :func:`slip_detector.scenes.mechanics.advance` works on.
 
     Raises
     ------
     ValueError
         For an unknown part, a value that is not allowed or parts that do not go together; names
         the part and the parameter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.scenes import Scene
+    >>> press_and_slide = [{'force_n': 0.4}, {'duration_s': 0.5, 'velocity_m_s': 6.7e-3}]
+    >>> scene = Scene({'steps': press_and_slide, 'friction': {}}, np.random.default_rng(0))
+    >>> samples = scene.read(1000)
+    >>> samples.volts.shape  # 1.5 s at 380 Hz
+    (570, 16)
+    >>> float(samples.time_s[samples.truth][0].round(3))
+    1.003
     """
 
     def __init__(self, description: Mapping[str, Any], trial: np.random.Generator) -> None:
-        self.parts = parts_of(description)
-        own = {name: description[name] for name in ('sample_rate_hz', 'step_s')
-               if name in description}  # fmt: skip
-        sampling = Sampling.from_parameters(own)
-        steps = steps_from(description.get('steps'))
+        self.parts = parts = read_parts(description)
+        sampling = read_sampling(description)
+        steps = read_steps(description.get('steps'))
         children = dict(zip(PARTS, trial.spawn(len(PARTS)), strict=True))
         self.channel_names = tuple(f'ch{i + 1}' for i in range(PAPER_CHANNELS))
         self.sample_rate_hz = sampling.sample_rate_hz
-        clock: Clock | None = self.parts.get('clock')
+        clock: Clock | None = parts.get('clock')
         self.true_rate_hz = self.sample_rate_hz * (clock.rate_ratio if clock else 1.0)
         self.duration_s = sum(step.duration_s for step in steps)
         self.length = round(self.duration_s * self.true_rate_hz)
@@ -159,169 +96,41 @@ class Scene:
                 f'steps: all take {self.duration_s:g} s, allowed: at least one sample at '
                 f'{self.true_rate_hz:g} Hz'
             )
-        self.motion: Motion = self.parts.get('motion', Motion())
-        self.contact: Contact = self.parts.get('contact', Contact())
-        self.electronics: Electronics = self.parts.get('electronics', Electronics())
-        self._object: FreeObject | None = self.parts.get('object')
+        self.motion: Motion = parts.get('motion', Motion())
+        self.contact: Contact = parts.get('contact', Contact())
+        self.electronics: Electronics = parts.get('electronics', Electronics())
+        self.drive_numbers = drive_numbers(parts, steps, children['tremor'])
+        check_parts(parts, steps, self.true_rate_hz)
         self._frontend = Frontend(self.electronics, children['electronics'])
-        self.drive_numbers = self._drive_numbers(steps, children['tremor'])
-        self._build_disturbances(children)
-        self._check(steps)
-        self.plan = self._plan(sampling, children['texture'])
+        self._hum = HumVoltage(parts['hum'], children['hum']) if 'hum' in parts else None
+        self._faults: FaultyChannels | None = None
+        if 'faults' in parts:
+            lowest_v = self.electronics.rails_v[0]
+            self._faults = FaultyChannels(parts['faults'], children['faults'], lowest_v)
+        self._link = LossyLink(parts['drops'], children['drops']) if 'drops' in parts else None
+        self.plan = build_plan(
+            parts, self.true_rate_hz, sampling.step_s, self._frontend, children['texture']
+        )
         n_patches, n_channels = len(self.plan.patches), PAPER_CHANNELS
         self.state = State(
             np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
         )
         self._next = 0
-        # Compiling must not wait for the first sample.
+        # Compiles what the first read would have to wait for.
         advance(self.drive(np.zeros((0, 2))), self.state, self.plan, False, np.zeros((0, 16)),
                 np.zeros(0), np.zeros(0), np.zeros(0))  # fmt: skip
         self._truth(np.zeros(0), np.zeros(0))
-
-    def _drive_numbers(self, steps: list[Step], of_tremor: np.random.Generator) -> DriveNumbers:
-        """Collect what is done to the fingertip; parts that are not named stay left out."""
-        numbers = DriveNumbers(
-            force_numbers(self.motion, steps),
-            np.array(plate_numbers(self.motion, steps)),
-            *self.contact.centre_m,
-        )
-        taps: Taps | None = self.parts.get('taps')
-        if taps:
-            numbers = numbers._replace(taps=taps.numbers())
-        rolling: Rolling | None = self.parts.get('rolling')
-        if rolling:
-            numbers = numbers._replace(rolling=np.array(rolling.numbers()))
-        if self._object:
-            load = load_numbers(self._object.mass_kg * STANDARD_GRAVITY_M_S2, steps)
-            numbers = numbers._replace(load=np.array(load))
-        tremor: Tremor | None = self.parts.get('tremor')
-        if tremor:
-            hand = HandMotion(tremor, of_tremor)
-            lines = hand.motion_lines
-            numbers = numbers._replace(
-                force_lines=np.array(hand.force_lines),
-                force_lines_from_n=TREMOR_PEAK * tremor.force_rms_n,
-                motion_lines=np.array(lines),
-            )
-            if self._object:
-                # In the frame of a hand that trembles the object's mass pulls the other way.
-                inertia_n = self._object.mass_kg * lines.amplitude * lines.angular_rate_rad_s**2
-                numbers = numbers._replace(
-                    load_lines=np.array(lines._replace(amplitude=inertia_n))
-                )
-        return numbers
-
-    def _build_disturbances(self, children: dict[str, np.random.Generator]) -> None:
-        parts = self.parts
-        self._hum = HumVoltage(parts['hum'], children['hum']) if 'hum' in parts else None
-        self._faults = None
-        if 'faults' in parts:
-            self._faults = FaultyChannels(
-                parts['faults'], children['faults'], self.electronics.rails_v[0]
-            )
-        self._link = LossyLink(parts['drops'], children['drops']) if 'drops' in parts else None
-
-    def _check(self, steps: list[Step]) -> None:
-        """Refuse parts that do not go together."""
-        electronics = self.electronics
-        friction: Friction | None = self.parts.get('friction')
-        texture: Texture | None = self.parts.get('texture')
-        if self._object:
-            if not friction:
-                raise ValueError('object: falls without friction, allowed: with the part friction')
-            if self.largest_velocity_m_s:
-                raise ValueError(
-                    'steps: velocity_m_s is not 0, allowed: 0 with an object, which moves by '
-                    'itself'
-                )
-            if texture and not electronics.bandwidth_hz:
-                raise ValueError(
-                    'electronics: bandwidth_hz is 0, allowed: above 0 with an object and texture, '
-                    'as ridges may pass faster than samples can tell'
-                )
-        elif any(step.carried >= 0.0 or step.pull_n for step in steps):
-            raise ValueError(
-                'steps: carried and pull_n are for an object, allowed: with that part'
-            )
-        if texture and not self._object and not electronics.bandwidth_hz:
-            highest_hz = self.largest_velocity_m_s * texture.highest_wavenumber_1_m
-            if highest_hz > self.true_rate_hz / 2:
-                raise ValueError(
-                    f'texture: passes at up to {highest_hz:.4g} Hz, which {self.true_rate_hz:g} '
-                    'Hz of samples cannot tell from slower; allowed: with bandwidth_hz of the '
-                    'part electronics, or below half the sample rate'
-                )
-        if friction:
-            skin: Skin = self.parts.get('skin', Skin())
-            load_n = self.contact.largest_load_n(self._largest_force_n(steps))
-            well_posed_or_say(friction, skin.numbers(), load_n)
 
     @property
     def largest_velocity_m_s(self) -> float:
         """Return how fast the plate moves at most, in either direction; 0 where it stands."""
         return float(np.abs(PlateNumbers(*self.drive_numbers.plate).velocity_m_s).max())
 
-    def _largest_force_n(self, steps: list[Step]) -> float:
-        """Return the largest normal force that the steps and the disturbances can bring about."""
-        ratio = self.motion.ringing_damping
-        overshoot = math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) if ratio < 1.0 else 0.0
-        most_n = (1.0 + overshoot) * max(step.force_n for step in steps)
-        if 'taps' in self.parts:
-            most_n += max(self.parts['taps'].peak_force_n, 0.0)
-        if 'tremor' in self.parts:
-            most_n += TREMOR_PEAK * float(self.parts['tremor'].force_rms_n)
-        return max(most_n, 0.0)
-
-    def _plan(self, sampling: Sampling, of_trial: np.random.Generator) -> Plan:
-        friction: Friction | None = self.parts.get('friction')
-        texture: Texture | None = self.parts.get('texture')
-        roughness: Roughness | None = self.parts.get('roughness')
-        skin: Skin = self.parts.get('skin', Skin())
-        # Without skin and filter nothing lies between two samples.
-        per_sample = 1
-        if friction or self.electronics.bandwidth_hz:
-            step_s = min(sampling.step_s, self._ringing_step_s(skin) if friction else math.inf)
-            per_sample = math.ceil(1.0 / (self.true_rate_hz * step_s) - 1e-9)
-        if per_sample * self.true_rate_hz > MOST_STEPS_HZ:
-            raise ValueError(
-                f'the scene needs {per_sample * self.true_rate_hz:.3g} steps for a second, '
-                f'allowed: {MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 '
-                'help'
-            )
-        step_s = 1.0 / (self.true_rate_hz * per_sample)
-        patches = np.ones(PAPER_CHANNELS if friction else 0)
-        body = self._object.numbers() if self._object else NO_OBJECT
-        if self._object:
-            patches = np.append(patches, self._object.rest_patches)
-        cutoff_rad_s = 2.0 * np.pi * self.electronics.bandwidth_hz
-        return Plan(
-            step_s=step_s,
-            steps_per_sample=per_sample,
-            decay=math.exp(-cutoff_rad_s * step_s) if cutoff_rad_s else -1.0,
-            positions_m=fingertip.taxel_positions(),
-            patches=patches,
-            normal_v_n=self._frontend.normal_v_n,
-            shear_v_n=self._frontend.shear_v_n,
-            hertz=self.contact.numbers(),
-            skin=skin.numbers() if friction else SkinNumbers(0.0, 0.0, 0.0),
-            friction=friction.numbers() if friction else NO_FRICTION,
-            ridges=texture.numbers(of_trial) if texture else NO_RIDGES,
-            rough=roughness.numbers() if roughness else NO_ROUGHNESS,
-            body=body,
-        )
-
-    @staticmethod
-    def _ringing_step_s(skin: Skin) -> float:
-        """Return the longest step that follows the skin's own ringing; it need not ring."""
-        if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
-            return math.inf
-        return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)
-
     def hold_force(self, force_n: float) -> None:
         """Command a normal force from the next sample on, in place of what the steps say.
 
-        It is how a grip is controlled from outside while the scene runs; the force follows the
-        command as the part ``motion`` says.
+        A controller of the grip calls it while the scene runs; the force follows the command as
+        the part ``motion`` says.
 
         Raises
         ------
@@ -330,11 +139,8 @@ class Scene:
         """
         if not 0.0 <= force_n <= 1000.0:
             raise ValueError(f'force_n is {force_n:g} N, allowed: 0 to 1000 N')
-        friction: Friction | None = self.parts.get('friction')
-        if friction:
-            skin: Skin = self.parts.get('skin', Skin())
-            load_n = self.contact.largest_load_n(2.0 * force_n)
-            well_posed_or_say(friction, skin.numbers(), load_n, f'a grip of {force_n:g} N')
+        if 'friction' in self.parts:
+            check_grip(self.parts, 2.0 * force_n, f'a grip of {force_n:g} N')
         held = held_force(self.drive_numbers.force, self._next / self.true_rate_hz, force_n)
         self.drive_numbers = self.drive_numbers._replace(force=held)
 
@@ -348,14 +154,14 @@ class Scene:
         Parameters
         ----------
         time_s : ndarray, shape (n, 2)
-            Of the two stages of each step.
+            Of the two stages of each step of the integrator.
         """
         flat_s = time_s.ravel()
         done = drive_at(flat_s, flat_s, self.drive_numbers)
         return Drive(*(part.reshape(time_s.shape) for part in done))
 
     def corners_s(self) -> Floats:
-        """Return the times at which what is done to the fingertip has a corner, rising."""
+        """Return the times at which what is done to the fingertip has a corner, in order."""
         numbers, taps = self.drive_numbers, self.drive_numbers.taps
         corners = [numbers.force.starts_s, PlateNumbers(*numbers.plate).starts_s]
         corners.append(LoadNumbers(*numbers.load).corners_s)
@@ -368,14 +174,14 @@ class Scene:
     def clean(
         self, n: int, ledger: Floats | None = None
     ) -> tuple[Floats, Floats, Floats, NDArray[np.float64]]:
-        """Advance by up to ``n`` samples and return what the fingertip feels, free of noise.
+        """Advance by up to ``n`` samples; return what the fingertip feels, without noise.
 
         Parameters
         ----------
         n
             Number of samples.
         ledger : ndarray, shape (3,), optional
-            To book the energies of the friction in, see
+            Gets the energies of the friction, see
             :func:`slip_detector.scenes.mechanics.advance`.
 
         Returns
@@ -389,13 +195,9 @@ class Scene:
         self._next = max(last, first)
         m = self._next - first
         plan = self.plan
-        clean_v, position_m, sliding = (
-            np.empty((m, PAPER_CHANNELS)),
-            np.empty(m),
-            np.empty(m),
-        )
+        clean_v, position_m, sliding = np.empty((m, PAPER_CHANNELS)), np.empty(m), np.empty(m)
         begin = first == 0
-        # Steps are numbered from the start, so that a cut between two calls changes no bit.
+        # Steps are numbered from the scene's start, so that no bit depends on how reads are cut.
         of_steps = np.arange(
             max(first - 1, 0) * plan.steps_per_sample, max(last - 1, 0) * plan.steps_per_sample
         )
@@ -410,15 +212,24 @@ class Scene:
         return time_s, clean_v, position_m, sliding
 
     def read(self, n: int) -> Samples:
-        """Return the next ``n`` samples, fewer where some are lost, none only at the end."""
+        """Return the next ``n`` samples.
+
+        Any cut of a scene into reads gives the same bits.
+
+        Returns
+        -------
+        Samples
+            Fewer than ``n`` where the part ``drops`` loses some and before the end; none only at
+            the end.
+        """
         while True:
             time_s, clean_v, position_m, sliding = self.clean(n)
             if not len(time_s):
                 break
             volts = self._digitised(clean_v, time_s)
             truth = self._truth(time_s, sliding)
-            if not self._object:
-                # Where the platform is, without the tremor of the hand.
+            if 'object' not in self.parts:
+                # The platform's own position, without the tremor of the hand.
                 position_m = plate_at(time_s, time_s, self.drive_numbers.plate)[1]
             kept = self._link.kept(len(time_s)) if self._link else slice(None)
             samples = Samples(volts[kept], truth[kept], position_m[kept], time_s[kept])
@@ -429,15 +240,15 @@ class Scene:
 
     def _truth(self, time_s: Floats, sliding: Floats) -> NDArray[np.bool_]:
         """Return whether there is slip."""
-        if self._object:
-            # An object slips when most of what holds it slides.
+        if 'object' in self.parts:
+            # An object slips when more than half of the load that holds it slides.
             return sliding > 0.5
-        # The paper's Eq. 9: slip is what the platform's position says.
+        # The paper's Eq. 9: slip is when the platform's position changes.
         velocity_m_s, _ = plate_at(time_s, time_s, self.drive_numbers.plate)
         return np.asarray((velocity_m_s != 0.0) & (self.force_n(time_s) > 0.0))
 
     def _digitised(self, clean_v: Floats, time_s: Floats) -> Floats:
-        """Turn what the fingertip feels into what its electronics say."""
+        """Return the volts that the electronics make of what the fingertip feels."""
         volts = clean_v + self._frontend.baseline_v
         if self._hum:
             volts += self._hum.volts(time_s)[:, np.newaxis]
@@ -447,61 +258,3 @@ class Scene:
         if self._faults:
             volts = self._faults.after_converter(volts, time_s)
         return volts
-
-
-def parts_of(description: Mapping[str, Any]) -> dict[str, Any]:
-    """Read the parts that a description names.
-
-    ``friction: none`` names none, ``friction: coulomb`` one with the defaults of that model.
-
-    Raises
-    ------
-    ValueError
-        For an unknown part or a value that is not allowed; names the part and the parameter.
-    """
-    parts: dict[str, Any] = {}
-    for name, content in description.items():
-        if name in OF_THE_SCENE:
-            continue
-        if name not in PARTS:
-            raise ValueError(f'unknown part {name}, allowed: {", ".join((*OF_THE_SCENE, *PARTS))}')
-        if name == 'friction' and content == 'none':
-            continue
-        values = {'model': content} if name == 'friction' and isinstance(content, str) else content
-        if not isinstance(values, Mapping | None):
-            raise ValueError(f'{name} is {values!r}, allowed: names and values')
-        parts[name] = PARTS[name].from_parameters(values or {}, name)
-    return parts
-
-
-def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
-    """Build the scene of a YAML file.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be read or describes no scene; names the file.
-    """
-    try:
-        return Scene(read_yaml(path), trial)
-    except ValueError as error:
-        text = str(error)
-        raise ValueError(text if text.startswith(str(path)) else f'{path}: {text}') from None
-
-
-def find_scene(name: str) -> Path:
-    """Return the path of a scene given by its name or its path.
-
-    Raises
-    ------
-    ValueError
-        When there is none; lists the names there are.
-    """
-    path = Path(name)
-    if path.suffix in ('.yaml', '.yml'):
-        return path
-    folder = shared_folder() / 'config' / 'scenes'
-    known = sorted(file.stem for file in folder.glob('*.yaml'))
-    if name not in known:
-        raise ValueError(f'no scene {name!r}, allowed: {", ".join(known)}, or a path to a .yaml')
-    return folder / f'{name}.yaml'

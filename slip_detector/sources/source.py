@@ -61,7 +61,7 @@ def open_source(config: DriverConfig, repetition: int = 0) -> Source:
             raise ValueError("parameter recording is '', allowed: a path, as source is recording")
         return RecordingSource(open_recording(config.recording, config))
     # A driver that plays a recording need not load the simulation.
-    from slip_detector.scenes.scene import find_scene, load_scene
+    from slip_detector.scenes import find_scene, load_scene
 
     return load_scene(find_scene(config.scene), np.random.default_rng(config.seed + repetition))
 

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import scenes
 from benchmarks.scenes import QUICK, costs, front, measure, pace, precision, table
-from slip_detector.scenes.scene import Scene
+from slip_detector.scenes import Scene
 
 PLATE = """
 steps:

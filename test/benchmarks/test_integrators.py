@@ -17,7 +17,7 @@ from benchmarks.scene_integrators import (
     shows_shears,
     solve,
 )
-from slip_detector.scenes.scene import Scene
+from slip_detector.scenes import Scene
 
 ALL = 10**9
 

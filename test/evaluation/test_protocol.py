@@ -33,7 +33,7 @@ from slip_detector.evaluation.protocol_trials import (
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.sets import read_yaml
 from slip_detector.report.protocol_figures import stages
-from slip_detector.scenes.scene import find_scene
+from slip_detector.scenes import find_scene
 
 RATE_HZ = 100.0
 KEYS = {

@@ -52,8 +52,7 @@ def test_neither_tests_nor_benchmarks_are_installed():
 
 def test_the_installed_package_is_the_one_that_runs_and_finds_its_scenes(tmp_path):
     code = (
-        'import slip_detector.scenes.scene as s; '
-        'print(s.__file__); print(s.find_scene("plate_400um"))'
+        'import slip_detector.scenes as s; print(s.__file__); print(s.find_scene("plate_400um"))'
     )
     command = [sys.executable, '-c', code]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)

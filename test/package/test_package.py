@@ -15,7 +15,7 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.sets import SECTIONS, read_yaml
-from slip_detector.scenes.scene import find_scene
+from slip_detector.scenes import find_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted((ROOT / 'slip_detector').rglob('*.py'))

@@ -8,7 +8,8 @@ import yaml
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.scenes.scene import PARTS, Scene
+from slip_detector.scenes import Scene
+from slip_detector.scenes.parts import PARTS
 from support.parameter_tables import DOCUMENTS, ROOT, table, with_tables
 
 README, SCENES = ROOT / 'README.md', ROOT / 'docs' / 'scenes.md'

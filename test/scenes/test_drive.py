@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from slip_detector.scenes.disturbances import lines_at, lines_rate_at, rolled_at, tap_force_at
+from slip_detector.scenes import Scene
 from slip_detector.scenes.drive import Drive, drive_at
 from slip_detector.scenes.motion import force_at, load_at, plate_at
-from slip_detector.scenes.scene import TREMOR_PEAK, Scene
+from slip_detector.scenes.rolling import rolled_at
+from slip_detector.scenes.sines import sines_at, sines_rate_at
+from slip_detector.scenes.taps import tap_force_at
+from slip_detector.scenes.tremor import TREMOR_PEAK
 
 STEPS = [
     {'duration_s': 0.1},
@@ -59,17 +62,17 @@ def test_taps_tremor_and_rolling_come_on_top_of_what_the_steps_ask_for():
     pressed_n = force_at(t, t, numbers.force) + tap_force_at(t, t, numbers.taps)
     # A hand that does not touch does not press.
     share = np.minimum(pressed_n / (TREMOR_PEAK * TREMOR['force_rms_n']), 1.0)
-    pressed_n += share * lines_at(t, numbers.force_lines)
+    pressed_n += share * sines_at(t, numbers.force_sines)
     np.testing.assert_allclose(drive.force_n, np.maximum(pressed_n, 0.0), atol=1e-15)
     assert pressed_n.min() < 0.0 < drive.force_n.max()
     x_m, y_m = rolled_at(t, numbers.rolling)
     np.testing.assert_allclose(drive.centre_x_m, 1e-3 + x_m, atol=1e-18)
     np.testing.assert_allclose(drive.centre_y_m, -2e-3 + y_m, atol=1e-18)
     velocity_m_s, position_m = plate_at(t, t, numbers.plate)
-    velocity_m_s += lines_rate_at(t, numbers.motion_lines)
+    velocity_m_s += sines_rate_at(t, numbers.motion_sines)
     np.testing.assert_allclose(drive.velocity_m_s, velocity_m_s, atol=1e-18)
     np.testing.assert_allclose(
-        drive.position_m, position_m + lines_at(t, numbers.motion_lines), atol=1e-18
+        drive.position_m, position_m + sines_at(t, numbers.motion_sines), atol=1e-18
     )
     np.testing.assert_array_equal(drive.load_n, 0.0)
 
@@ -78,7 +81,7 @@ def test_an_object_pulls_against_a_hand_that_trembles():
     numbers, t = fresh(SHAKEN).drive_numbers, instants_s()
     drive = drive_at(t, t, numbers)
     h = 1e-4
-    before, here, after = (lines_at(t + k * h, numbers.motion_lines) for k in (-1, 0, 1))
+    before, here, after = (sines_at(t + k * h, numbers.motion_sines) for k in (-1, 0, 1))
     acceleration_m_s2 = (before - 2.0 * here + after) / h**2
     inertia_n = drive.load_n - load_at(t, numbers.load)
     np.testing.assert_allclose(inertia_n, -0.3 * acceleration_m_s2, atol=1e-5)

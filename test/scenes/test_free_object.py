@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.scenes import Scene
 from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 from slip_detector.scenes.mechanics import DISPLACEMENT, SPEED, VELOCITY, WORK
-from slip_detector.scenes.scene import Scene
 
 ALL = 10**9
 G = STANDARD_GRAVITY_M_S2

@@ -11,9 +11,9 @@ from slip_detector.scenes.friction import (
     LIGHTEST_LOAD_N,
     Friction,
     bristle_force,
+    check_solvable,
     lugre_stage,
     skin_stage,
-    well_posed_or_say,
 )
 from slip_detector.scenes.skin import Skin
 
@@ -285,13 +285,13 @@ def test_friction_that_falls_faster_than_damping_holds_is_refused():
     enough, less = (
         Skin(damping_n_s_m=share * fall, mass_kg=0.0).numbers() for share in (1.001, 0.999)
     )
-    well_posed_or_say(friction, enough, 0.01)
+    check_solvable(friction, enough, 0.01)
     with pytest.raises(ValueError, match='would chatter; allowed: more damping') as caught:
-        well_posed_or_say(friction, less, 0.01)
+        check_solvable(friction, less, 0.01)
     assert str(caught.value).startswith('friction: ')
     assert '\n' not in str(caught.value)
     with pytest.raises(ValueError, match=r'^a grip of 7 N: '):
-        well_posed_or_say(friction, less, 0.01, 'a grip of 7 N')
+        check_solvable(friction, less, 0.01, 'a grip of 7 N')
 
 
 def test_viscous_friction_counts_as_damping():
@@ -299,8 +299,8 @@ def test_viscous_friction_counts_as_damping():
     values |= {'stribeck_velocity_m_s': 1e-2, 'bristle_damping_n_s_m': 0.0}
     bare = Skin(damping_n_s_m=0.0, mass_kg=0.0).numbers()
     with pytest.raises(ValueError, match='would chatter'):
-        well_posed_or_say(Friction(**values, viscous_n_s_m=0.0), bare, 0.01)
-    well_posed_or_say(Friction(**values, viscous_n_s_m=10.0), bare, 0.01)
+        check_solvable(Friction(**values, viscous_n_s_m=0.0), bare, 0.01)
+    check_solvable(Friction(**values, viscous_n_s_m=10.0), bare, 0.01)
 
 
 def test_bristle_damping_on_skin_without_mass_and_damping_is_refused():
@@ -309,12 +309,12 @@ def test_bristle_damping_on_skin_without_mass_and_damping_is_refused():
         viscous_n_s_m=0.0,
     )  # fmt: skip
     with pytest.raises(ValueError, match='leaves its velocity open; allowed: 0, or') as caught:
-        well_posed_or_say(friction, Skin(damping_n_s_m=0.0, mass_kg=0.0).numbers(), 0.01)
+        check_solvable(friction, Skin(damping_n_s_m=0.0, mass_kg=0.0).numbers(), 0.01)
     assert '\n' not in str(caught.value)
-    well_posed_or_say(friction, Skin(damping_n_s_m=0.0, mass_kg=1e-6).numbers(), 0.01)
-    well_posed_or_say(friction, Skin(damping_n_s_m=0.1, mass_kg=0.0).numbers(), 0.01)
+    check_solvable(friction, Skin(damping_n_s_m=0.0, mass_kg=1e-6).numbers(), 0.01)
+    check_solvable(friction, Skin(damping_n_s_m=0.1, mass_kg=0.0).numbers(), 0.01)
     coulomb = Friction(model='coulomb', bristle_damping_n_s_m=0.1)  # It has no bristles.
-    well_posed_or_say(coulomb, Skin(damping_n_s_m=0.0, mass_kg=0.0).numbers(), 0.01)
+    check_solvable(coulomb, Skin(damping_n_s_m=0.0, mass_kg=0.0).numbers(), 0.01)
 
 
 @pytest.mark.parametrize(('kinetic', 'static'), [(0.6, 0.5), (0.0, 0.5)])

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from slip_detector.chain import fingertip
 from slip_detector.parameters.detector import PAPER_CHANNELS
+from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 from slip_detector.scenes.mechanics import DEFLECTION, DISPLACEMENT, LEAST, PASSING, WORK
-from slip_detector.scenes.scene import Scene
 
 ALL = 10**9
 DISTANCE_M = np.hypot(*fingertip.taxel_positions().T)
@@ -119,7 +119,7 @@ import json, sys
 sys.modules['numba'] = None
 import numpy as np
 from slip_detector.chain.compiled import COMPILED
-from slip_detector.scenes.scene import Scene
+from slip_detector.scenes import Scene
 assert not COMPILED
 scene = Scene(json.load(sys.stdin), np.random.default_rng(0))
 json.dump(scene.clean(10**9)[1].tolist(), sys.stdout)

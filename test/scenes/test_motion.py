@@ -11,7 +11,6 @@ from scipy.integrate import quad, solve_ivp
 
 from slip_detector.scenes.motion import (
     Motion,
-    Step,
     force_at,
     force_numbers,
     held_force,
@@ -19,8 +18,8 @@ from slip_detector.scenes.motion import (
     load_numbers,
     plate_at,
     plate_numbers,
-    steps_from,
 )
+from slip_detector.scenes.steps import Step
 
 FORCES_N = st.floats(1e-3, 5.0)
 FORCE_STEPS = st.lists(
@@ -253,18 +252,3 @@ def test_the_load_ramps_from_step_to_step():
 
 
 # Steps as a scene file has them.
-
-
-@pytest.mark.parametrize(
-    ('entries', 'said'),
-    [
-        (None, 'steps is None, allowed: a list of at least one step'),
-        ([], 'steps is [], allowed: a list of at least one step'),
-        ([3], 'steps: step 1 is 3, allowed: names and values'),
-        ([{}, {'duration_s': 0}], 'steps: step 2: parameter duration_s is 0 s, allowed: 0.001 to'),
-        ([{'duration': 1}], 'steps: step 1: unknown parameter duration = 1; did you mean durat'),
-    ],
-)
-def test_a_wrong_step_is_named(entries, said):
-    with pytest.raises(ValueError, match=re.escape(said)):
-        steps_from(entries)

@@ -8,8 +8,9 @@ import yaml
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.files import shared_folder
-from slip_detector.scenes.scene import PARTS, find_scene, load_scene
-from support.scene_cases import ALL, RIDGES, built, shipped, times_s
+from slip_detector.scenes import find_scene, load_scene
+from slip_detector.scenes.parts import PARTS
+from support.scene_cases import ALL, shipped, times_s
 
 SHIPPED = sorted(path.stem for path in (shared_folder() / 'config' / 'scenes').glob('*.yaml'))
 
@@ -135,20 +136,6 @@ def test_a_wrong_scene_file_is_named_with_part_parameter_and_what_is_allowed(tmp
 def test_a_missing_scene_file_is_named(tmp_path):
     with pytest.raises(ValueError, match=re.escape(f'{tmp_path / "no.yaml"}: cannot be read')):
         load_scene(tmp_path / 'no.yaml', np.random.default_rng(0))
-
-
-@pytest.mark.parametrize('extra', [{}, {'electronics': {'bandwidth_hz': 1e3}}])
-def test_ridges_too_fast_for_the_samples_need_a_bandwidth(extra):
-    texture = {**RIDGES, 'spatial_period_m': 400e-6, 'harmonics': [0.1, 0.1]}
-    # 100 Hz, of which the third harmonic passes at 300.
-    steps = [{'duration_s': 1.0, 'velocity_m_s': 40e-3}]
-    description = {'steps': steps, 'texture': texture, 'sample_rate_hz': 599.0, **extra}
-    if extra:
-        built(description)
-        return
-    with pytest.raises(ValueError, match=r'^texture: passes at up to 300 Hz, which 599 Hz'):
-        built(description)
-    built({**description, 'sample_rate_hz': 601.0})
 
 
 # The scenes that come with the package.

@@ -1,6 +1,5 @@
-"""Texture: ridges and roughness as a sensor that passes them gets them."""
+"""Texture: ridges as a sensor that passes over them reads them."""
 
-import itertools
 import re
 
 import numpy as np
@@ -9,13 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from slip_detector.scenes.texture import (
-    PROFILE_POINTS,
-    Roughness,
-    Texture,
-    ridges_between,
-    roughness_between,
-)
+from slip_detector.scenes.texture import Texture, ridges_between
 
 RIDGES = st.builds(
     lambda period_m, share, harmonics, seed: Texture(
@@ -29,23 +22,11 @@ RIDGES = st.builds(
     st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2),
     st.integers(0, 5),
 )
-ROUGH = [
-    Roughness(height_rms_m=1e-6, correlation_m=length_m, indentation_m=1e-3, surface_seed=seed)
-    for length_m, seed in [(1e-5, 1), (1e-4, 2)]
-]
-ROUGH_NUMBERS = [rough.numbers() for rough in ROUGH]
 
 
 def ridge(x_m, ridges):
     """Return the height at a place: a way of no length."""
     return ridges_between(x_m, x_m, ridges)
-
-
-def height(x_m, rough):
-    return roughness_between(x_m, x_m, rough)
-
-
-# Ridges.
 
 
 @given(RIDGES, st.floats(-1.0, 1.0))
@@ -134,62 +115,3 @@ def test_ridges_may_have_any_number_of_harmonics(harmonics):
         np.random.default_rng(0)
     )
     np.testing.assert_allclose(ridges.amplitudes, [1e-3, *(1e-3 * np.array(harmonics))])
-
-
-# Roughness.
-
-
-@pytest.mark.parametrize('rough', ROUGH)
-def test_roughness_has_the_rms_that_is_asked_for_and_no_mean(rough):
-    heights = rough.numbers().heights * rough.indentation_m
-    assert heights.std() == pytest.approx(rough.height_rms_m)
-    assert heights.mean() == pytest.approx(0.0, abs=1e-12 * rough.height_rms_m)
-
-
-@pytest.mark.parametrize('rough', ROUGH)
-def test_roughness_correlates_as_a_gaussian_of_its_length(rough):
-    numbers = rough.numbers()
-    x_m = np.arange(0.0, PROFILE_POINTS / numbers.per_m, rough.correlation_m / 4.0)
-    heights = np.array([height(x, numbers) for x in x_m])
-    heights = (heights - heights.mean()) / heights.std()
-    for lag in (2, 4, 8):  # Halves of a correlation length, a whole, and two.
-        correlation = np.mean(heights * np.roll(heights, lag))
-        assert correlation == pytest.approx(np.exp(-((lag / 4.0) ** 2)), abs=0.1)
-
-
-@given(st.sampled_from(ROUGH_NUMBERS), st.floats(-2.0, 2.0))
-def test_roughness_repeats_without_a_seam(rough, turns):
-    length_m = PROFILE_POINTS / rough.per_m
-    here, there = height(turns * length_m, rough), height((turns + 1.0) * length_m, rough)
-    assert here == pytest.approx(there, abs=1e-9)
-    for seam in (-1, 0, 1, 2):
-        before, after = (height(seam * length_m + by / rough.per_m, rough) for by in (-1e-6, 1e-6))
-        assert before == pytest.approx(after, abs=1e-7)
-
-
-@given(st.sampled_from(ROUGH_NUMBERS), st.floats(-20.0, 20.0), st.floats(-30.0, 30.0))
-def test_the_mean_of_roughness_over_a_way_is_that_of_its_points(rough, start, way):
-    assume(abs(way) > 1e-3)
-    kinks = np.arange(np.ceil(min(start, start + way)), max(start, start + way))
-    edges = np.concatenate([[start], np.sort(kinks) if way > 0 else -np.sort(-kinks)])
-    edges = np.append(edges, start + way)
-    area = sum(
-        quad(lambda x: height(x / rough.per_m, rough), a, b)[0]
-        for a, b in itertools.pairwise(edges)
-    )
-    mean = roughness_between(start / rough.per_m, (start + way) / rough.per_m, rough)
-    assert mean == pytest.approx(area / way, abs=1e-12)
-
-
-@given(st.sampled_from(ROUGH_NUMBERS), st.floats(-1.5, 1.5))
-def test_over_the_whole_of_the_profile_roughness_has_no_mean(rough, start):
-    length_m = PROFILE_POINTS / rough.per_m
-    mean = roughness_between(start * length_m, (start + 1.0) * length_m, rough)
-    assert mean == pytest.approx(0.0, abs=1e-12)
-
-
-def test_one_seed_is_one_surface():
-    one, again = (Roughness(surface_seed=4).numbers().heights for _ in range(2))
-    other = Roughness(surface_seed=5).numbers().heights
-    np.testing.assert_array_equal(one, again)
-    assert abs(np.corrcoef(one, other)[0, 1]) < 0.2

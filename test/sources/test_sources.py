@@ -11,7 +11,7 @@ from slip_detector.parameters import files
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.recordings import npz, open_recording
-from slip_detector.scenes.scene import find_scene
+from slip_detector.scenes import find_scene
 from slip_detector.sources.source import RecordingSource, open_source
 
 N_ROWS = 50

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slip_detector.scenes.scene import Scene, find_scene, load_scene
+from slip_detector.scenes import Scene, find_scene, load_scene
 
 ALL = 10**9
 

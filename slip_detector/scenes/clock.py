@@ -1,0 +1,21 @@
+"""The clock that the sensor samples by."""
+
+import dataclasses
+
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class Clock(ParameterSet):
+    """A sensor whose clock does not run at the rate that it says.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.clock import Clock
+    >>> 380.0 * Clock(rate_ratio=1.01).rate_ratio  # samples in a second, of a sensor of 380 Hz
+    383.8
+    """
+
+    rate_ratio: float = parameter(
+        1.01, 'True rate of the samples over the rate it says.', low=0.1, high=10.0
+    )

@@ -1,0 +1,96 @@
+"""Which parts of a scene go together."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from slip_detector.scenes.contact import Contact
+from slip_detector.scenes.electronics import Electronics
+from slip_detector.scenes.friction import Friction, check_solvable
+from slip_detector.scenes.motion import Motion
+from slip_detector.scenes.skin import Skin
+from slip_detector.scenes.steps import Step
+from slip_detector.scenes.texture import Texture
+from slip_detector.scenes.tremor import TREMOR_PEAK
+
+
+def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: float) -> None:
+    """Refuse parts that do not go together.
+
+    Parameters
+    ----------
+    parts
+        The parts that are named, by their names.
+    steps
+        What is done, one after the other.
+    true_rate_hz
+        At which the samples are taken.
+
+    Raises
+    ------
+    ValueError
+        Names the part, what is wrong with it beside the others, and what is allowed.
+    """
+    electronics: Electronics = parts.get('electronics', Electronics())
+    friction: Friction | None = parts.get('friction')
+    texture: Texture | None = parts.get('texture')
+    largest_velocity_m_s = max(abs(step.velocity_m_s) for step in steps)
+    if 'object' in parts:
+        if not friction:
+            raise ValueError('object: falls without friction, allowed: with the part friction')
+        if largest_velocity_m_s:
+            raise ValueError(
+                'steps: velocity_m_s is not 0, allowed: 0 with an object, which moves by itself'
+            )
+        if texture and not electronics.bandwidth_hz:
+            raise ValueError(
+                'electronics: bandwidth_hz is 0, allowed: above 0 with an object and texture, as '
+                'ridges may pass too fast for the sample rate'
+            )
+    elif any(step.carried >= 0.0 or step.pull_n for step in steps):
+        raise ValueError('steps: carried and pull_n are for an object, allowed: with that part')
+    elif texture and not electronics.bandwidth_hz:
+        highest_hz = largest_velocity_m_s * texture.highest_wavenumber_1_m
+        if highest_hz > true_rate_hz / 2:
+            raise ValueError(
+                f'texture: passes at up to {highest_hz:.4g} Hz, which {true_rate_hz:g} Hz of '
+                'samples cannot tell from slower; allowed: with bandwidth_hz of the part '
+                'electronics, or below half the sample rate'
+            )
+    if friction:
+        check_grip(parts, _largest_force_n(parts, steps))
+
+
+def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction') -> None:
+    """Refuse a normal force under which the skin would chatter.
+
+    Parameters
+    ----------
+    parts
+        The parts that are named, by their names; friction among them.
+    force_n
+        Largest normal force.
+    where
+        What the error names.
+
+    Raises
+    ------
+    ValueError
+        As :func:`slip_detector.scenes.friction.check_solvable`.
+    """
+    skin: Skin = parts.get('skin', Skin())
+    contact: Contact = parts.get('contact', Contact())
+    check_solvable(parts['friction'], skin.numbers(), contact.largest_load_n(force_n), where)
+
+
+def _largest_force_n(parts: Mapping[str, Any], steps: Sequence[Step]) -> float:
+    """Return the largest normal force that the steps and the disturbances can bring about."""
+    motion: Motion = parts.get('motion', Motion())
+    ratio = motion.ringing_damping
+    overshoot = math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) if ratio < 1.0 else 0.0
+    most_n = (1.0 + overshoot) * max(step.force_n for step in steps)
+    if 'taps' in parts:
+        most_n += max(parts['taps'].peak_force_n, 0.0)
+    if 'tremor' in parts:
+        most_n += TREMOR_PEAK * float(parts['tremor'].force_rms_n)
+    return max(most_n, 0.0)

@@ -1,0 +1,64 @@
+"""Samples that are lost on the way from the sensor."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class Drops(ParameterSet):
+    """Samples that are lost on the way, one at a time or several in a row."""
+
+    share: float = parameter(0.01, 'Share of the samples that are lost.', low=0.0, high=0.99)
+    burst_samples: float = parameter(
+        1.0, 'Mean number lost in a row; 1: never two.', low=1.0, high=1e6
+    )
+
+    def __post_init__(self) -> None:
+        """Check that bursts of this length can make up the share."""
+        super().__post_init__()
+        most = self.burst_samples / (self.burst_samples + 1)
+        if self.share > most:
+            raise ValueError(
+                f'parameter share is {self.share:g}, allowed: at most {most:g} with a '
+                f'burst_samples of {self.burst_samples:g}, as one sample comes between bursts'
+            )
+
+
+class LossyLink:
+    """The losses of one trial: a Markov chain of two states (Gilbert's model).
+
+    Parameters
+    ----------
+    drops
+        How many are lost.
+    trial
+        Generator; one number is drawn for each sample.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.scenes.drops import Drops, LossyLink
+    >>> link = LossyLink(Drops(share=0.25), np.random.default_rng(0))
+    >>> float(link.kept(100_000).mean().round(2))
+    0.75
+    """
+
+    def __init__(self, drops: Drops, trial: np.random.Generator) -> None:
+        self._trial = trial
+        self._goes_on = 1.0 - 1.0 / drops.burst_samples
+        # The stationary share of this Markov chain is the share that is asked for.
+        self._begins = drops.share / ((1.0 - drops.share) * drops.burst_samples)
+        self._lost = False
+
+    def kept(self, n: int) -> NDArray[np.bool_]:
+        """Say of each of the next ``n`` samples whether it arrives, shape (n,)."""
+        kept = np.ones(n, dtype=np.bool_)
+        if self._begins:
+            for i, draw in enumerate(self._trial.random(n).tolist()):
+                self._lost = draw < (self._goes_on if self._lost else self._begins)
+                kept[i] = not self._lost
+        return kept

@@ -1,0 +1,136 @@
+"""Channels that fail: dead, flat or noisy."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.parameters.detector import PAPER_CHANNELS
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+Floats = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Faults(ParameterSet):
+    """Channels that fail."""
+
+    from_s: float = parameter(0.0, 'When they fail.', unit='s', low=0.0, high=1e6)
+    dead_channels: tuple[int, ...] = parameter(
+        (), 'Channels that read the lowest voltage there is.', low=1, high=PAPER_CHANNELS
+    )
+    flat_channels: tuple[int, ...] = parameter(
+        (),
+        'Channels that go on reading the first sample of that time.',
+        low=1,
+        high=PAPER_CHANNELS,
+    )
+    noisy_channels: tuple[int, ...] = parameter(
+        (), 'Channels with more noise.', low=1, high=PAPER_CHANNELS
+    )
+    noise_v: float = parameter(
+        0.05, 'Standard deviation of the noise they have more.', unit='V', low=0.0, high=100.0
+    )
+
+    def __post_init__(self) -> None:
+        """Check that some channel fails, and each in one way only."""
+        super().__post_init__()
+        failing: set[int] = set()
+        for name in ('dead_channels', 'flat_channels', 'noisy_channels'):
+            for channel in getattr(self, name):
+                if channel in failing:
+                    raise ValueError(
+                        f'parameter {name} has channel {channel}, which fails already, '
+                        'allowed: one fault for a channel'
+                    )
+                failing.add(channel)
+        if not failing:
+            raise ValueError(
+                'parameters dead_channels, flat_channels and noisy_channels are all empty, '
+                'allowed: at least one channel'
+            )
+
+
+class FaultyChannels:
+    """The faults of one trial, in two places of the electronics.
+
+    A bad joint adds noise to the analog voltage, which rails and converter then limit and
+    quantise: :meth:`before_converter`. A dead or a flat channel repeats one code without any
+    noise, which no analog voltage does: :meth:`after_converter`.
+
+    Parameters
+    ----------
+    faults
+        Which channels fail, how and when.
+    trial
+        Generator of the noise.
+    lowest_v
+        What a dead channel reads: the lower rail.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.scenes.faults import Faults, FaultyChannels
+    >>> dead = Faults(dead_channels=(2,), from_s=0.1)
+    >>> channels = FaultyChannels(dead, np.random.default_rng(0), lowest_v=0.0)
+    >>> volts = channels.after_converter(np.full((3, 16), 4.3), np.array([0.0, 0.1, 0.2]))
+    >>> volts[:, :3]
+    array([[4.3, 4.3, 4.3],
+           [4.3, 0. , 4.3],
+           [4.3, 0. , 4.3]])
+    """
+
+    def __init__(self, faults: Faults, trial: np.random.Generator, lowest_v: float) -> None:
+        self._faults, self._noise, self._lowest_v = faults, trial, lowest_v
+        self._dead = np.array(faults.dead_channels, dtype=int) - 1
+        self._flat = np.array(faults.flat_channels, dtype=int) - 1
+        self._noisy = np.array(faults.noisy_channels, dtype=int) - 1
+        self._held_v: Floats | None = None
+
+    def before_converter(self, clean_v: Floats, time_s: Floats) -> Floats:
+        """Add the noise of the noisy channels; call it with consecutive rows.
+
+        Parameters
+        ----------
+        clean_v : ndarray, shape (n, 16)
+            What the channels would read.
+        time_s : ndarray, shape (n,)
+            When each row is sampled.
+
+        Returns
+        -------
+        ndarray, shape (n, 16)
+            A new array, or ``clean_v`` itself where nothing is added.
+        """
+        if not len(self._noisy) or not self._faults.noise_v:
+            return clean_v
+        failed = time_s >= self._faults.from_s
+        noise = self._noise.standard_normal((np.count_nonzero(failed), len(self._noisy)))
+        volts: Floats = clean_v.copy()
+        volts[np.ix_(failed, self._noisy)] += self._faults.noise_v * noise
+        return volts
+
+    def after_converter(self, volts: Floats, time_s: Floats) -> Floats:
+        """Overwrite the dead and the flat channels; call it with consecutive rows.
+
+        Parameters
+        ----------
+        volts : ndarray, shape (n, 16)
+            Samples as the converter gives them.
+        time_s : ndarray, shape (n,)
+            When each row was sampled.
+
+        Returns
+        -------
+        ndarray, shape (n, 16)
+            A new array, or ``volts`` itself where nothing changes.
+        """
+        failed = time_s >= self._faults.from_s
+        if not (len(self._dead) or len(self._flat)) or not np.any(failed):
+            return volts
+        if self._held_v is None:
+            self._held_v = volts[np.argmax(failed), self._flat]
+        result: Floats = volts.copy()
+        result[np.ix_(failed, self._dead)] = self._lowest_v
+        result[np.ix_(failed, self._flat)] = self._held_v
+        return result

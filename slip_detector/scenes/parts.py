@@ -1,0 +1,112 @@
+"""What a scene file can name: the parts, by their names."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.scenes.clock import Clock
+from slip_detector.scenes.contact import Contact
+from slip_detector.scenes.drops import Drops
+from slip_detector.scenes.electronics import Electronics
+from slip_detector.scenes.faults import Faults
+from slip_detector.scenes.free_object import FreeObject
+from slip_detector.scenes.friction import Friction
+from slip_detector.scenes.hum import Hum
+from slip_detector.scenes.motion import Motion
+from slip_detector.scenes.rolling import Rolling
+from slip_detector.scenes.roughness import Roughness
+from slip_detector.scenes.skin import Skin
+from slip_detector.scenes.taps import Taps
+from slip_detector.scenes.texture import Texture
+from slip_detector.scenes.tremor import Tremor
+
+#: The parts, in the order in which they get their random generators.
+PARTS: dict[str, type[ParameterSet]] = {
+    'motion': Motion,
+    'contact': Contact,
+    'skin': Skin,
+    'friction': Friction,
+    'texture': Texture,
+    'roughness': Roughness,
+    'object': FreeObject,
+    'electronics': Electronics,
+    'hum': Hum,
+    'tremor': Tremor,
+    'taps': Taps,
+    'rolling': Rolling,
+    'faults': Faults,
+    'drops': Drops,
+    'clock': Clock,
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Sampling(ParameterSet):
+    """The parameters that a scene file has beside its steps and parts."""
+
+    sample_rate_hz: float = parameter(380.0, 'Rate of the samples.', unit='Hz', low=1.0, high=1e6)
+    step_s: float = parameter(
+        3.5e-4,
+        'Longest step of the integrator; a sample period is cut into equal ones.',
+        unit='s',
+        low=1e-7,
+        high=1.0,
+    )
+
+
+#: Names in a scene file that are no parts.
+NOT_PARTS = ('steps', *(field.name for field in dataclasses.fields(Sampling)))
+
+
+def read_sampling(description: Mapping[str, Any]) -> Sampling:
+    """Read the sampling of a scene.
+
+    Raises
+    ------
+    ValueError
+        For a value that is not allowed; names the parameter.
+    """
+    names = [field.name for field in dataclasses.fields(Sampling)]
+    return Sampling.from_parameters({key: description[key] for key in names if key in description})
+
+
+def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
+    """Read the parts that a description names.
+
+    ``friction: none`` names none, ``friction: coulomb`` one with the defaults of that model.
+
+    Parameters
+    ----------
+    description
+        As a scene file has it.
+
+    Returns
+    -------
+    dict
+        The parts, each of its class in :data:`PARTS`, by their names.
+
+    Raises
+    ------
+    ValueError
+        For an unknown part or a value that is not allowed; names the part and the parameter.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.parts import read_parts
+    >>> read_parts({'steps': [{}], 'friction': 'none', 'clock': {'rate_ratio': 0.99}})
+    {'clock': Clock(rate_ratio=0.99)}
+    """
+    parts: dict[str, Any] = {}
+    for name, content in description.items():
+        if name in NOT_PARTS:
+            continue
+        if name not in PARTS:
+            raise ValueError(f'unknown part {name}, allowed: {", ".join((*NOT_PARTS, *PARTS))}')
+        if name == 'friction' and content == 'none':
+            continue
+        values = {'model': content} if name == 'friction' and isinstance(content, str) else content
+        if not isinstance(values, Mapping | None):
+            raise ValueError(f'{name} is {values!r}, allowed: names and values')
+        parts[name] = PARTS[name].from_parameters(values or {}, name)
+    return parts

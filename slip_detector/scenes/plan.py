@@ -1,0 +1,102 @@
+"""The plan of a scene: what the stepper needs that does not change while the scene runs."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from slip_detector.chain import fingertip
+from slip_detector.parameters.detector import PAPER_CHANNELS
+from slip_detector.scenes.contact import Contact
+from slip_detector.scenes.electronics import Electronics, Frontend
+from slip_detector.scenes.free_object import FreeObject, ObjectNumbers
+from slip_detector.scenes.friction import Friction, FrictionNumbers
+from slip_detector.scenes.mechanics import Plan
+from slip_detector.scenes.roughness import Roughness, RoughNumbers
+from slip_detector.scenes.skin import Skin, SkinNumbers
+from slip_detector.scenes.texture import RidgeNumbers, Texture
+
+#: A step is at most so much of the skin's own oscillation.
+RINGING_RAD = 0.4
+
+#: More steps than this for a second of scene are refused: they take too long.
+MOST_STEPS_HZ = 2e6
+
+NO_FRICTION = FrictionNumbers(0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0)
+NO_RIDGES = RidgeNumbers(0.0, 0.0, np.zeros(0))
+NO_ROUGHNESS = RoughNumbers(0.0, np.zeros(0), np.zeros(0))
+NO_OBJECT = ObjectNumbers(0.0, 0.0, 1.0)
+
+
+def build_plan(
+    parts: Mapping[str, Any],
+    true_rate_hz: float,
+    longest_step_s: float,
+    frontend: Frontend,
+    of_texture: np.random.Generator,
+) -> Plan:
+    """Build the plan of a scene; a part that is not named is empty in it.
+
+    Parameters
+    ----------
+    parts
+        The parts that are named, by their names.
+    true_rate_hz
+        At which the samples are taken.
+    longest_step_s
+        Of the integrator.
+    frontend
+        Electronics, with the sensitivities of the channels.
+    of_texture
+        Generator of where on its ridges the plate is put down.
+
+    Raises
+    ------
+    ValueError
+        When the skin oscillates too fast to be stepped through.
+    """
+    friction: Friction | None = parts.get('friction')
+    texture: Texture | None = parts.get('texture')
+    roughness: Roughness | None = parts.get('roughness')
+    free_object: FreeObject | None = parts.get('object')
+    contact: Contact = parts.get('contact', Contact())
+    electronics: Electronics = parts.get('electronics', Electronics())
+    skin: Skin = parts.get('skin', Skin())
+    steps_per_sample = 1
+    # Without skin and low-pass nothing happens between two samples.
+    if friction or electronics.bandwidth_hz:
+        step_s = min(longest_step_s, _ringing_step_s(skin) if friction else math.inf)
+        steps_per_sample = math.ceil(1.0 / (true_rate_hz * step_s) - 1e-9)
+    if steps_per_sample * true_rate_hz > MOST_STEPS_HZ:
+        raise ValueError(
+            f'the scene needs {steps_per_sample * true_rate_hz:.3g} steps for a second, allowed: '
+            f'{MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help'
+        )
+    step_s = 1.0 / (true_rate_hz * steps_per_sample)
+    patches = np.ones(PAPER_CHANNELS if friction else 0)
+    if free_object:
+        patches = np.append(patches, free_object.rest_patches)
+    cutoff_rad_s = 2.0 * np.pi * electronics.bandwidth_hz
+    return Plan(
+        step_s=step_s,
+        steps_per_sample=steps_per_sample,
+        decay=math.exp(-cutoff_rad_s * step_s) if cutoff_rad_s else -1.0,
+        positions_m=fingertip.taxel_positions(),
+        patches=patches,
+        normal_v_n=frontend.normal_v_n,
+        shear_v_n=frontend.shear_v_n,
+        hertz=contact.numbers(),
+        skin=skin.numbers() if friction else SkinNumbers(0.0, 0.0, 0.0),
+        friction=friction.numbers() if friction else NO_FRICTION,
+        ridges=texture.numbers(of_texture) if texture else NO_RIDGES,
+        rough=roughness.numbers() if roughness else NO_ROUGHNESS,
+        body=free_object.numbers() if free_object else NO_OBJECT,
+    )
+
+
+def _ringing_step_s(skin: Skin) -> float:
+    """Return the longest step that follows the skin's own oscillation; infinite without one."""
+    if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
+        return math.inf
+    return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)

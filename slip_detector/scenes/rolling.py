@@ -1,0 +1,102 @@
+"""Rolling: the contact moves over the fingertip, and nothing slides."""
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.compiled import compiled
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+Floats = NDArray[np.float64]
+
+
+class RollingNumbers(NamedTuple):
+    """What the compiled code needs of :class:`Rolling`."""
+
+    start_s: float
+    duration_s: float
+    hold_s: float
+    lasts_s: float
+    x_m: float
+    y_m: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Rolling(ParameterSet):
+    """The object rolls over the fingertip and back: the contact moves, and nothing slides."""
+
+    start_s: float = parameter(1.0, 'When it begins.', unit='s', low=0.0, high=1e6)
+    duration_s: float = parameter(
+        0.5, 'How long it takes to roll one way.', unit='s', low=1e-3, high=3600.0
+    )
+    hold_s: float = parameter(
+        0.0, 'How long it rests at either end.', unit='s', low=0.0, high=3600.0
+    )
+    distance_m: tuple[float, float] = parameter(
+        (1.5e-3, 0.0), 'How far the centre of contact moves: x, y.', unit='m', low=-0.1, high=0.1
+    )
+    repeats: int = parameter(1, 'How often it rolls there and back.', low=1, high=10**6)
+
+    @property
+    def cycle_s(self) -> float:
+        """How long it takes to roll there, to rest, to roll back and to rest."""
+        return 2.0 * (self.duration_s + self.hold_s)
+
+    def numbers(self) -> RollingNumbers:
+        """Return what the compiled code needs."""
+        return RollingNumbers(
+            self.start_s, self.duration_s, self.hold_s, self.repeats * self.cycle_s,
+            *self.distance_m,
+        )  # fmt: skip
+
+    def corners_s(self, until_s: float) -> Floats:
+        """Return when motion begins and ends, in the cycles that begin before ``until_s``.
+
+        Examples
+        --------
+        >>> from slip_detector.scenes.rolling import Rolling
+        >>> Rolling(start_s=1.0, duration_s=0.5, hold_s=0.25).corners_s(until_s=10.0)
+        array([1.  , 1.5 , 1.75, 2.25])
+        """
+        cycles = min(self.repeats, max(math.ceil((until_s - self.start_s) / self.cycle_s), 0))
+        back_s = 0.5 * self.cycle_s
+        within_s = [0.0, self.duration_s, back_s, back_s + self.duration_s]
+        begins_s = self.start_s + self.cycle_s * np.arange(cycles)
+        return np.asarray(np.add.outer(begins_s, within_s).ravel())
+
+
+@compiled
+def _smooth_step(u):
+    """Return ``3 u^2 - 2 u^3`` between 0 and 1: its slope is zero at both ends."""
+    u = np.minimum(np.maximum(u, 0.0), 1.0)
+    return u * u * (3.0 - 2.0 * u)
+
+
+@compiled
+def rolled_at(t, numbers):
+    """Return how far the centre of contact is from where it is at rest.
+
+    It moves along a smooth step, so its velocity has no jump and is zero at both ends. It is
+    exactly at rest before the start and after the last way back.
+
+    Parameters
+    ----------
+    t : float or ndarray, shape (n,)
+        The instants in seconds.
+    numbers : RollingNumbers or ndarray, shape (6,)
+        An array has the fields of :class:`RollingNumbers` in their order.
+
+    Returns
+    -------
+    x_m, y_m
+        Floats or arrays, as ``t``.
+    """
+    start_s, duration_s, hold_s, lasts_s = numbers[0], numbers[1], numbers[2], numbers[3]
+    one_way = duration_s + hold_s
+    since = np.minimum(np.maximum(t - start_s, 0.0), lasts_s)
+    within = since - 2.0 * one_way * np.floor(since / (2.0 * one_way))
+    share = _smooth_step(within / duration_s) - _smooth_step((within - one_way) / duration_s)
+    return share * numbers[4], share * numbers[5]

@@ -1,0 +1,123 @@
+"""A flat surface's roughness, under a taxel that slides over it."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.compiled import compiled
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+Floats = NDArray[np.float64]
+
+#: Points of the profile for each correlation length of it, and their number: after so many the
+#: profile repeats.
+POINTS_PER_LENGTH = 8
+PROFILE_POINTS = 8192
+
+#: The mean over a distance below this share of the points' spacing is the height in its middle.
+SHORT = 1e-3
+
+
+class RoughNumbers(NamedTuple):
+    """What the compiled code needs of a :class:`Roughness`.
+
+    Attributes
+    ----------
+    per_m : float
+        Points of the profile in a metre.
+    heights : ndarray, shape (n,)
+        The profile, as shares of the indentation.
+    integral : ndarray, shape (n + 1,)
+        Its integral from the first point to each, in shares times points.
+    """
+
+    per_m: float
+    heights: Floats
+    integral: Floats
+
+
+@dataclasses.dataclass(frozen=True)
+class Roughness(ParameterSet):
+    """A flat surface with a random profile, Gaussian with a Gaussian correlation."""
+
+    height_rms_m: float = parameter(
+        0.2e-6, 'Standard deviation of the height.', unit='m', low=0.0, high=1e-2
+    )
+    correlation_m: float = parameter(
+        50e-6, 'Correlation length of the profile.', unit='m', low=1e-9, high=1.0
+    )
+    indentation_m: float = parameter(
+        670e-6, 'Height that doubles the load of the taxel over it.', unit='m', low=1e-9, high=1.0
+    )
+    surface_seed: int = parameter(1, 'Seed of the profile: one seed is one surface.', low=0)
+
+    def numbers(self) -> RoughNumbers:
+        """Return what the compiled code needs."""
+        noise = np.random.default_rng(self.surface_seed).standard_normal(PROFILE_POINTS)
+        # Two passes of a Gaussian filter of this width correlate as exp(-(distance / length)^2).
+        cycles = np.fft.rfftfreq(PROFILE_POINTS) * POINTS_PER_LENGTH
+        profile = np.fft.irfft(np.fft.rfft(noise) * np.exp(-0.5 * np.square(np.pi * cycles)))
+        profile -= profile.mean()
+        heights = profile * (self.height_rms_m / self.indentation_m / profile.std())
+        # Area under the cubic through four neighbours, from the second of them to the third.
+        before, one, two = np.roll(heights, 1), np.roll(heights, -1), np.roll(heights, -2)
+        areas = (13.0 * (heights + one) - before - two) / 24.0
+        integral = np.concatenate([[0.0], np.cumsum(areas)])
+        return RoughNumbers(POINTS_PER_LENGTH / self.correlation_m, heights, integral)
+
+
+@compiled
+def _cell(place, heights):
+    """Return the four heights around a place (in points), and how far it is from the second."""
+    n = heights.size
+    below = np.floor(place)
+    j = int(below) % n
+    return heights[j - 1], heights[j], heights[(j + 1) % n], heights[(j + 2) % n], place - below
+
+
+@compiled
+def _height(place, rough):
+    """Return the height at a place: the cubic through the points (Catmull-Rom)."""
+    a, b, c, d, t = _cell(place, rough.heights)
+    slope = c - a
+    bend = 2.0 * a - 5.0 * b + 4.0 * c - d
+    return b + 0.5 * t * (slope + t * (bend + t * (3.0 * (b - c) + d - a)))
+
+
+@compiled
+def _area(place, rough):
+    """Return the integral of the height from point 0 to a place."""
+    a, b, c, d, t = _cell(place, rough.heights)
+    slope = c - a
+    bend = 2.0 * a - 5.0 * b + 4.0 * c - d
+    within = t * (b + t * (slope / 4.0 + t * (bend / 6.0 + t * (3.0 * (b - c) + d - a) / 8.0)))
+    n = rough.heights.size
+    # The profile has no mean, so whole repetitions of it add nothing.
+    return rough.integral[int(np.floor(place)) % n] + within
+
+
+@compiled
+def roughness_between(from_m, to_m, rough):
+    """Return the mean height between two places, as a share of the indentation.
+
+    Parameters
+    ----------
+    from_m, to_m : float
+        Places on the surface along x; from a place to itself it is the height there.
+    rough : RoughNumbers
+        Of the surface.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.roughness import PROFILE_POINTS, Roughness, roughness_between
+    >>> surface = Roughness(height_rms_m=1e-6).numbers()
+    >>> whole_m = PROFILE_POINTS / surface.per_m
+    >>> abs(round(roughness_between(0.0, whole_m, surface), 12))  # the whole profile has no mean
+    0.0
+    """
+    start, end = from_m * rough.per_m, to_m * rough.per_m
+    if abs(end - start) < SHORT:
+        return _height(0.5 * (start + end), rough)
+    return (_area(end, rough) - _area(start, rough)) / (end - start)

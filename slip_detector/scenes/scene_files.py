@@ -1,0 +1,69 @@
+"""Scene files: find one by its name, build its scene."""
+
+from pathlib import Path
+
+import numpy as np
+
+from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.sets import read_yaml
+from slip_detector.scenes.scene import Scene
+
+
+def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
+    """Build the scene of a YAML file.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    trial
+        Generator of what differs from trial to trial.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be read or describes no scene; names the file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.scenes import find_scene, load_scene
+    >>> scene = load_scene(find_scene('plate_400um'), np.random.default_rng(0))
+    >>> samples = scene.read(380)
+    >>> samples.volts.shape, samples.truth.any()
+    ((380, 16), np.False_)
+    """
+    try:
+        return Scene(read_yaml(path), trial)
+    except ValueError as error:
+        text = str(error)
+        raise ValueError(text if text.startswith(str(path)) else f'{path}: {text}') from None
+
+
+def find_scene(name: str) -> Path:
+    """Return the path of a scene file.
+
+    Parameters
+    ----------
+    name
+        Of a scene of the package, or a path that ends in .yaml or .yml.
+
+    Raises
+    ------
+    ValueError
+        When the package has no scene of this name; lists those it has.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes import find_scene
+    >>> find_scene('taps').name, find_scene('my/own.yaml').name
+    ('taps.yaml', 'own.yaml')
+    """
+    path = Path(name)
+    if path.suffix in ('.yaml', '.yml'):
+        return path
+    folder = shared_folder() / 'config' / 'scenes'
+    known = sorted(file.stem for file in folder.glob('*.yaml'))
+    if name not in known:
+        raise ValueError(f'no scene {name!r}, allowed: {", ".join(known)}, or a path to a .yaml')
+    return folder / f'{name}.yaml'

@@ -1,0 +1,62 @@
+"""The steps of a scene: what is done to the fingertip, one after the other."""
+
+import dataclasses
+from typing import Any
+
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class Step(ParameterSet):
+    """One step of the protocol; forces and shares ramp to their values in the course of it."""
+
+    duration_s: float = parameter(1.0, 'How long it takes.', unit='s', low=1e-3, high=36000.0)
+    force_n: float = parameter(
+        -1.0, 'Normal force at its end; negative: as before.', unit='N', low=-1.0, high=1000.0
+    )
+    velocity_m_s: float = parameter(
+        0.0, 'Velocity of the plate along x.', unit='m/s', low=-10.0, high=10.0
+    )
+    carried: float = parameter(
+        -1.0,
+        "Share of the object's weight that the fingers carry at its end; negative: as before.",
+        low=-1.0,
+        high=1.0,
+    )
+    pull_n: float = parameter(
+        0.0, 'Further force on the object along x at its end.', unit='N', low=-1e3, high=1e3
+    )
+
+
+def read_steps(entries: Any) -> list[Step]:
+    """Read the steps of a scene file.
+
+    Parameters
+    ----------
+    entries
+        The list under ``steps``; each entry has the parameters of :class:`Step` by their names.
+
+    Raises
+    ------
+    ValueError
+        For an empty list or a step that is wrong; names the step.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.steps import read_steps
+    >>> press, slide = read_steps([{'force_n': 0.4}, {'velocity_m_s': 6.7e-3}])
+    >>> press.force_n, slide.velocity_m_s, slide.duration_s
+    (0.4, 0.0067, 1.0)
+    >>> read_steps([{'force': 0.4}])
+    Traceback (most recent call last):
+    ...
+    ValueError: steps: step 1: unknown parameter force = 0.4; did you mean force_n?
+    """
+    if not isinstance(entries, list) or not entries:
+        raise ValueError(f'steps is {entries!r}, allowed: a list of at least one step')
+    steps = []
+    for number, entry in enumerate(entries, start=1):
+        if not isinstance(entry, dict):
+            raise ValueError(f'steps: step {number} is {entry!r}, allowed: names and values')
+        steps.append(Step.from_parameters(entry, f'steps: step {number}'))
+    return steps

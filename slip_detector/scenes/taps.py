@@ -1,0 +1,90 @@
+"""Taps on what is held: short pulses of the normal force."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.compiled import compiled
+from slip_detector.parameters.sets import ParameterSet, parameter
+
+Floats = NDArray[np.float64]
+
+
+class TapNumbers(NamedTuple):
+    """What the compiled code needs of :class:`Taps`; ``begins_s`` is empty without taps."""
+
+    begins_s: Floats
+    peak_force_n: float
+    duration_s: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Taps(ParameterSet):
+    """Taps: half sines on the normal force. The impulse of one is 2 / pi x peak x duration."""
+
+    times_s: tuple[float, ...] = parameter(
+        (),
+        'When each begins.',
+        unit='s',
+        low=0.0,
+        high=1e6,
+        allows='at least one, rising, at least duration_s apart, 0 to 1e+06 s',
+    )
+    peak_force_n: float = parameter(
+        0.5, 'Peak; negative: it relieves the contact.', unit='N', low=-1000.0, high=1000.0
+    )
+    duration_s: float = parameter(0.01, 'How long one takes.', unit='s', low=1e-4, high=10.0)
+
+    def __post_init__(self) -> None:
+        """Check that there are taps, one after the other."""
+        super().__post_init__()
+        if not self.times_s:
+            raise ValueError('parameter times_s is empty, allowed: at least one time')
+        for before, after in zip(self.times_s[:-1], self.times_s[1:], strict=True):
+            # One that begins where the one before ends may be early by a round-off error.
+            if after - before < self.duration_s * (1 - 1e-9):
+                raise ValueError(
+                    f'parameter times_s has {after:g} s after {before:g} s, allowed: rising, at '
+                    f'least duration_s, {self.duration_s:g} s, apart'
+                )
+
+    def numbers(self) -> TapNumbers:
+        """Return what the compiled code needs."""
+        return TapNumbers(np.array(self.times_s), self.peak_force_n, self.duration_s)
+
+
+@compiled
+def tap_force_at(t, side, numbers):
+    """Return what taps add to the normal force; exactly zero between them.
+
+    Parameters
+    ----------
+    t : float or ndarray, shape (n,)
+        The instants in seconds.
+    side : as ``t``
+        A time on the side that is meant where an instant is the begin or the end of a tap;
+        elsewhere the instant itself.
+    numbers : TapNumbers
+        Of at least one tap.
+
+    Returns
+    -------
+    float or ndarray, as ``t``
+        In newtons.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.scenes.taps import Taps, tap_force_at
+    >>> taps = Taps(times_s=(1.0,), peak_force_n=0.5, duration_s=0.5).numbers()
+    >>> t = np.array([0.9, 1.25, 1.6])
+    >>> tap_force_at(t, t, taps)
+    array([0. , 0.5, 0. ])
+    """
+    # Before the first tap the index is -1, and the time since the last tap is negative.
+    begin = numbers.begins_s[np.searchsorted(numbers.begins_s, side, side='right') - 1]
+    during = (side >= begin) & (side - begin < numbers.duration_s)
+    force = numbers.peak_force_n * np.sin(np.pi / numbers.duration_s * (t - begin))
+    return np.where(during, force, 0.0)

@@ -1,0 +1,94 @@
+"""Tremor of the hand that holds: on the normal force and on the position of the surface."""
+
+import dataclasses
+
+import numpy as np
+
+from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.scenes.sines import NO_SINES, Sines
+
+#: The band of a tremor is cut into so many parts of equal ratio; each has a pair of sines ...
+TREMOR_PAIRS = 3
+#: ... the second of which has this share of the first one's amplitude. So each pair beats.
+TREMOR_BEAT = 0.5
+
+#: The peak of a tremor over its RMS, an upper bound.
+TREMOR_PEAK = 4.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Tremor(ParameterSet):
+    """Tremor of the hand and motion of the arm.
+
+    The default force is about the tremor of healthy fingers in a pinch (the power that Table 1 of
+    https://www.hindawi.com/journals/cmmm/2012/975735/ calls background is up to 50 mN^2, 7 mN).
+    The default motion is small, so that the skin takes it up and nothing slides.
+    """
+
+    low_hz: float = parameter(2.0, 'Lowest frequency.', unit='Hz', low=0.01, high=1e3)
+    high_hz: float = parameter(20.0, 'Highest frequency.', unit='Hz', low=0.01, high=1e3)
+    force_rms_n: float = parameter(
+        0.01, 'RMS of what is added to the normal force.', unit='N', low=0.0, high=100.0
+    )
+    motion_rms_m: float = parameter(
+        5e-6, 'RMS of the motion of the surface along x.', unit='m', low=0.0, high=0.1
+    )
+
+    def __post_init__(self) -> None:
+        """Check that there is a band."""
+        super().__post_init__()
+        if self.low_hz >= self.high_hz:
+            raise ValueError(
+                f'parameter high_hz is {self.high_hz:g} Hz, allowed: above low_hz, '
+                f'{self.low_hz:g} Hz'
+            )
+
+
+class HandMotion:
+    """The tremor of one trial: six sines for the normal force, six others for the position.
+
+    The band is cut into three parts of equal ratio; in each, two neighbouring sines beat slowly.
+    All frequencies lie within the band, and the RMS in the long run is the one asked for.
+
+    Parameters
+    ----------
+    tremor
+        Its properties.
+    trial
+        Generator of the trial. Two children are always spawned from it, for the force and for
+        the motion, in this order; where the RMS is zero nothing is drawn.
+
+    Attributes
+    ----------
+    force_sines, motion_sines : Sines
+        In newtons and metres; none where the RMS is zero.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.scenes.tremor import HandMotion, Tremor
+    >>> hand = HandMotion(Tremor(force_rms_n=0.3, motion_rms_m=0.0), np.random.default_rng(0))
+    >>> float(np.sqrt(np.sum(hand.force_sines.amplitude**2) / 2).round(6))
+    0.3
+    >>> len(hand.motion_sines.amplitude)
+    0
+    """
+
+    def __init__(self, tremor: Tremor, trial: np.random.Generator) -> None:
+        of_force, of_motion = trial.spawn(2)
+        self.force_sines = _tremor_sines(tremor, tremor.force_rms_n, of_force)
+        self.motion_sines = _tremor_sines(tremor, tremor.motion_rms_m, of_motion)
+
+
+def _tremor_sines(tremor: Tremor, rms: float, trial: np.random.Generator) -> Sines:
+    if not rms:
+        return NO_SINES
+    # Places on the logarithmic scale from low_hz (0) to high_hz (1), none at the very edges.
+    first = np.arange(TREMOR_PAIRS) + trial.uniform(0.05, 0.85, TREMOR_PAIRS)
+    second = first + trial.uniform(0.02, 0.1, TREMOR_PAIRS)
+    places = np.concatenate([first, second]) / TREMOR_PAIRS
+    frequency_hz = tremor.low_hz * (tremor.high_hz / tremor.low_hz) ** places
+    relative = np.repeat([1.0, TREMOR_BEAT], TREMOR_PAIRS)
+    amplitude = relative * rms / np.sqrt(np.sum(np.square(relative)) / 2)
+    phase_rad = trial.uniform(0.0, 2 * np.pi, len(places))
+    return Sines(amplitude, 2 * np.pi * frequency_hz, phase_rad)
