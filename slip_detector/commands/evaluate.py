@@ -274,7 +274,7 @@ def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[
     """Return the figures of the paper's protocol, and what lays them out."""
     # Who evaluates recordings need not load the simulation.
     from slip_detector.evaluation import protocol
-    from slip_detector.evaluation.protocol_table import protocol_table
+    from slip_detector.report.protocol_table import protocol_table
 
     config = ChainConfig.from_yaml(options.config) if options.config else ChainConfig()
     trials = protocol.TRIALS if options.trials is None else options.trials

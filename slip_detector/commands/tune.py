@@ -32,7 +32,7 @@ from slip_detector.tuning.processes import Stopper, search_in_processes
 from slip_detector.tuning.quiet import quiet_threshold
 from slip_detector.tuning.search import search
 from slip_detector.tuning.tracks import Track, fingerprint, held_out, track_of
-from slip_detector.tuning.verdict import comparison_table, judge, pooled_figures
+from slip_detector.tuning.verdict import judge, pooled_figures
 
 #: Of a run that shows no bar, a line is printed so often.
 LINES = 10
@@ -312,6 +312,7 @@ def _finish(
 ) -> list[str]:
     """Judge the best found and write the files."""
     from slip_detector.report.tuning_report import replayed, write_tuning_report
+    from slip_detector.report.tuning_table import tuning_table
 
     count = study.follow()
     verdict = judge(problem, held, problem.choice(study))
@@ -333,8 +334,8 @@ def _finish(
     ]
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')
-    lines += ['On what was held out:', *comparison_table(*both['held out'])]
-    lines += ['On what was tuned on:', *comparison_table(*both['tuned on'])]
+    lines += ['On what was held out:', *tuning_table(*both['held out']).splitlines()]
+    lines += ['On what was tuned on:', *tuning_table(*both['tuned on']).splitlines()]
     parameters = verdict.chain.to_parameters()
     changes = {} if verdict.kept else {name: parameters[name] for name in SEARCHED}
     write_file(options.out, with_parameters(options.config, changes), _comments(argv, lines))

@@ -9,7 +9,7 @@ played through the nodes stand beside it.
 ``seeds``
     Of the table.
 ``conditions``
-    By condition, the figures of :func:`slip_detector.grasp.loop.figures`.
+    By condition, the figures of :func:`slip_detector.grasp.comparison.grasp_figures`.
 ``transport_ms``
     From sample to command, as the simulated loop takes it.
 ``nodes``
@@ -36,27 +36,27 @@ import rclpy
 import yaml
 from rclpy.executors import ExternalShutdownException
 
-from slip_detector.grasp.loop import (
+from slip_detector.grasp.comparison import (
     CONTROLLER,
-    TRANSPORT_S,
-    Trial,
+    WANTED,
+    check_wanted,
     conditions,
-    figures,
-    object_scene,
-    play_seeds,
+    grasp_figures,
 )
-from slip_detector.grasp.table import WANTED, judged, table
+from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, play_trials
+from slip_detector.grasp.objects import object_scene
 from slip_detector.nodes.grasp_witness import Heard, Witness, play_live
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.report.grasp_table import grasp_table
 
 #: The seed that is drawn, where there are so many: this object slips twice.
 SHOWN = 2
 
 
 def through_nodes(
-    seeds: Sequence[int], config: Path, folder: Path, trials: Sequence[Trial], limit_n: float
+    seeds: Sequence[int], config: Path, folder: Path, trials: Sequence[GraspTrial], limit_n: float
 ) -> tuple[dict[str, Any], dict[int, Heard]]:
     """Play some seeds through the nodes.
 
@@ -127,9 +127,9 @@ def main() -> None:
         arguments.out.mkdir(parents=True, exist_ok=True)
         seeds = list(range(arguments.seeds))
         trials = {
-            name: play_seeds(*both, seeds) for name, both in conditions(chain, grasp).items()
+            name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()
         }
-        parts = {name: figures(mine, grasp.limit_n) for name, mine in trials.items()}
+        parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
         mine = trials[CONTROLLER][: arguments.live]
         live, heard = through_nodes(
             seeds[: arguments.live], config, arguments.out, mine, grasp.limit_n
@@ -139,7 +139,7 @@ def main() -> None:
             'conditions': parts,
             'transport_ms': TRANSPORT_S * 1e3,
             **live,
-            'wanted': judged(parts[CONTROLLER]),
+            'wanted': check_wanted(parts[CONTROLLER]),
         }
         (arguments.out / 'grasp.json').write_text(json.dumps(result, indent=2) + '\n')
         from slip_detector.report.plots_grasp import draw_grasp
@@ -154,7 +154,7 @@ def main() -> None:
             {'position': shown.position, 'command': shown.command} if shown else {},
             WANTED['worst_slide_mm'][0],
         )
-        print(table(result))
+        print(grasp_table(result))
         print(f'Written: {arguments.out / "grasp.json"}, {arguments.out / "grasp.png"}')
     except (KeyboardInterrupt, ExternalShutdownException):
         sys.exit(130)

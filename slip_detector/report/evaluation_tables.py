@@ -1,9 +1,10 @@
 """The figures of ``slip_evaluate`` as tables of text."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from slip_detector.evaluation.events import ALREADY_ON, STAGES
+from slip_detector.report.text_table import UNDEFINED, text_table
 
 Cells = tuple[str, ...]
 
@@ -103,8 +104,6 @@ SECTIONS = (
 #: Said in place of the last section.
 NOTHING_MET = '{}: no bad samples, no gaps, no rows dropped'
 
-UNDEFINED = '-'
-
 LEGEND = f'{UNDEFINED}: not defined (no rows or events of the kind, or nobody says what moves)'
 
 
@@ -130,7 +129,7 @@ def as_tables(report: Mapping[str, Any]) -> str:
         notes.append(LEGEND)
     if 'written' in report:
         notes.append(f'Written: {", ".join(report["written"])}')
-    return '\n\n'.join([*map(_aligned, blocks), '\n'.join(notes)])
+    return '\n\n'.join([*(text_table(block, indent=0) for block in blocks), '\n'.join(notes)])
 
 
 def _tables(
@@ -160,12 +159,3 @@ def cell(name: str, value: float | None) -> str:
     if name.endswith('_ms'):
         return f'{value:.1f}'
     return f'{value:.2f}' if name.endswith(('_percent', '_per_minute')) else f'{value:.3f}'
-
-
-def _aligned(lines: Sequence[Cells]) -> str:
-    """Lay lines of text out in columns, the first to the left and the others to the right."""
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return '\n'.join(
-        '  '.join([first.ljust(widths[0]), *map(str.rjust, rest, widths[1:])])
-        for first, *rest in lines
-    )

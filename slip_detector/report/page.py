@@ -17,6 +17,7 @@ from typing import Any
 from slip_detector.report.evaluation_tables import cell
 from slip_detector.report.overview import Overview
 from slip_detector.report.page_data import Trial, Variant, bin_rows, chosen_snippets, front, pack
+from slip_detector.report.text_table import text_table
 
 SCRIPTS = ('report_data.js', 'report_draw.js', 'report.js')
 
@@ -117,21 +118,15 @@ def write_pictures(
 def figures_text(variants: Sequence[Variant]) -> str:
     """Lay out all figures as text: a block for each recording, a line for each figure."""
     names = _figure_names(variants)
-    width = max((len(_heading(name)) for name in names), default=0)
-    lines = []
-    for row in _row_titles(variants):
-        lines.append(
-            '  '.join([row.ljust(width), *(f'{variant.name:>12}' for variant in variants)])
-        )
-        lines += [
-            '  '.join([_heading(name).ljust(width), *(f'{cell:>12}' for cell in cells)])
-            for name in names
-            for cells in [
-                [_cell(name, variant.figures.get(row, {}).get(name)) for variant in variants]
-            ]
+    rows = []
+    for title in _row_titles(variants):
+        figures = [variant.figures.get(title, {}) for variant in variants]
+        rows.append([title, *(variant.name for variant in variants)])
+        rows += [
+            [_heading(name), *(_cell(name, one.get(name)) for one in figures)] for name in names
         ]
-        lines.append('')
-    return '\n'.join([*lines, f'{UNDEFINED}: not defined', ''])
+        rows.append([''] * len(rows[0]))
+    return '\n'.join([text_table(rows, indent=0), f'{UNDEFINED}: not defined', ''])
 
 
 def _file_name(text: str) -> str:

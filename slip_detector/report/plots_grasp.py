@@ -13,7 +13,8 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from slip_detector.grasp.loop import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED, Trial
+from slip_detector.grasp.comparison import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED
+from slip_detector.grasp.loop import GraspTrial
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ HEADROOM = 1.35
 
 def draw_grasp(
     path: Path,
-    trials: Mapping[str, Trial],
+    trials: Mapping[str, GraspTrial],
     figures: Mapping[str, Mapping[str, Any]],
     limit_n: float,
     live: Mapping[str, Floats],
@@ -51,7 +52,7 @@ def draw_grasp(
     trials
         By condition, the trial of one object.
     figures
-        By condition, those of :func:`slip_detector.grasp.loop.figures`.
+        By condition, those of :func:`slip_detector.grasp.comparison.grasp_figures`.
     limit_n
         The largest grip.
     live
@@ -84,7 +85,7 @@ def draw_grasp(
     plt.close(figure)
 
 
-def _draw_force(axis: Axes, trial: Trial, limit_n: float, command: Floats | None) -> None:
+def _draw_force(axis: Axes, trial: GraspTrial, limit_n: float, command: Floats | None) -> None:
     axis.fill_between(
         trial.time_s, trial.needed_n, color=NEEDED_COLOR, alpha=0.3, linewidth=0,
         label='just enough to hold it',
@@ -110,7 +111,7 @@ def _draw_force(axis: Axes, trial: Trial, limit_n: float, command: Floats | None
         )  # fmt: skip
 
 
-def _draw_slip(axis: Axes, trial: Trial) -> None:
+def _draw_slip(axis: Axes, trial: GraspTrial) -> None:
     for row, (on, color) in enumerate(((trial.sliding, '0.35'), (trial.slip, COLORS[CONTROLLER]))):
         edges = np.flatnonzero(np.diff(on.astype(int), prepend=0, append=0))
         period_s = trial.time_s[1] - trial.time_s[0]
@@ -121,7 +122,7 @@ def _draw_slip(axis: Axes, trial: Trial) -> None:
     axis.set_yticks([0, 1], ['it slides', '/slip'])
 
 
-def _draw_place(axis: Axes, trials: Mapping[str, Trial], position: Floats | None) -> None:
+def _draw_place(axis: Axes, trials: Mapping[str, GraspTrial], position: Floats | None) -> None:
     # What slides further leaves the panel; how far it came is in the legend.
     most_mm = max(SHOWN_SLIDES * float(trials[CONTROLLER].position_m[-1]) * 1e3, 0.1)
     for name in (UNCONTROLLED, PAPER, CONTROLLER):

@@ -11,20 +11,6 @@ from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import Problem
 from slip_detector.tuning.tracks import Track
 
-#: The figures that the file and the printed table have, what they are called, and their format.
-TABLE = {
-    'slips': ('slips', 'd'),
-    'recall': ('recall', '.3f'),
-    'precision': ('precision', '.3f'),
-    'false_alarms_per_minute': ('false alarms per minute', '.3g'),
-    'latency_median_ms': ('latency, median of those detected [ms]', '.1f'),
-    'latency_median_all_ms': ('latency, median of all, missed ones last [ms]', '.1f'),
-    'latency_p90_ms': ('latency, 90th percentile [ms]', '.1f'),
-    'latency_worst_ms': ('latency, worst [ms]', '.1f'),
-    'auc_all': ('AUC, all rows', '.3f'),
-    'auc_moving': ('AUC, rows of motion', '.3f'),
-}
-
 
 class Verdict(NamedTuple):
     """What is handed back, and why.
@@ -82,20 +68,3 @@ def pooled_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     median_s = float(np.median(latencies_s)) if latencies_s else np.inf
     median_ms = median_s * 1e3 if np.isfinite(median_s) else None
     return {**figures_of_merit(outcomes), 'latency_median_all_ms': median_ms}
-
-
-def comparison_table(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
-    """Lay the figures of the given and of the tuned chain out beside each other."""
-    rows = [('', 'given', 'tuned')]
-    for name, (title, form) in TABLE.items():
-        if name == 'auc_moving' and before[name] is None:
-            continue
-        cells = [
-            '-' if value is None else format(value, form) for value in (before[name], after[name])
-        ]
-        rows.append((title, cells[0], cells[1]))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        f'  {title.ljust(widths[0])}  {given.rjust(widths[1])}  {tuned.rjust(widths[2])}'.rstrip()
-        for title, given, tuned in rows
-    ]

@@ -16,7 +16,6 @@ from slip_detector.commands.evaluate import main
 from slip_detector.evaluation import protocol, protocol_trials
 from slip_detector.evaluation.bounds import Bound
 from slip_detector.evaluation.protocol import WANTED, claims, evaluate_protocol
-from slip_detector.evaluation.protocol_table import MEANINGS
 from slip_detector.evaluation.protocol_trials import (
     PAPER_DELAY_MS,
     SCENES,
@@ -33,6 +32,7 @@ from slip_detector.evaluation.protocol_trials import (
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.sets import read_yaml
 from slip_detector.report.protocol_figures import stages
+from slip_detector.report.protocol_table import MEANINGS
 from slip_detector.scenes import find_scene
 
 RATE_HZ = 100.0

@@ -7,20 +7,17 @@ import numpy as np
 import pytest
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.grasp.law import GraspLaw
-from slip_detector.grasp.loop import (
+from slip_detector.grasp.comparison import (
     AT_LIMIT,
     CONTROLLER,
     PAPER,
-    RANGES,
     UNCONTROLLED,
-    Trial,
     conditions,
-    figures,
-    object_scene,
-    play,
-    play_seeds,
+    grasp_figures,
 )
+from slip_detector.grasp.law import GraspLaw
+from slip_detector.grasp.loop import GraspTrial, play_trial, play_trials
+from slip_detector.grasp.objects import RANGES, object_scene
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
 
@@ -37,15 +34,15 @@ SEEDS = range(5000, 5003)
 @pytest.fixture(scope='module')
 def played():
     """Return the trials of each condition."""
-    return {name: play_seeds(*both, SEEDS) for name, both in conditions(CHAIN, GRASP).items()}
+    return {name: play_trials(*both, SEEDS) for name, both in conditions(CHAIN, GRASP).items()}
 
 
 def test_an_object_that_gets_heavier_is_never_dropped_and_hardly_slides(played):
-    found = figures(played[CONTROLLER], GRASP.limit_n)
+    found = grasp_figures(played[CONTROLLER], GRASP.limit_n)
     assert found['dropped'] == 0
     assert found['worst_slide_mm'] < 5.0
     assert found['mean_slide_mm'] < 2.0
-    limit = figures(played[AT_LIMIT], GRASP.limit_n)
+    limit = grasp_figures(played[AT_LIMIT], GRASP.limit_n)
     assert found['needed_percent'] < found['force_percent'] < 0.8 * limit['force_percent']
     for trial in played[CONTROLLER]:
         # It did slip, slip said so, the grip rose, and at the end the object is at rest.
@@ -57,7 +54,7 @@ def test_an_object_that_gets_heavier_is_never_dropped_and_hardly_slides(played):
 
 
 def test_the_figures_of_the_readme_are_as_good_as_is_wanted():
-    found = figures(play_seeds(CHAIN, GRASP, REPORTED), GRASP.limit_n)
+    found = grasp_figures(play_trials(CHAIN, GRASP, REPORTED), GRASP.limit_n)
     assert found['trials'] == 30
     assert found['dropped'] == 0
     assert found['worst_slide_mm'] < 5.0
@@ -66,7 +63,7 @@ def test_the_figures_of_the_readme_are_as_good_as_is_wanted():
 
 
 def test_without_a_controller_it_is_dropped(played):
-    found = figures(played[UNCONTROLLED], GRASP.limit_n)
+    found = grasp_figures(played[UNCONTROLLED], GRASP.limit_n)
     assert found['dropped'] == len(SEEDS)
     assert found['slide_mm'] == [None] * len(SEEDS)
     assert found['mean_slide_mm'] is None
@@ -74,15 +71,15 @@ def test_without_a_controller_it_is_dropped(played):
 
 
 def test_a_grip_at_the_limit_holds_and_spends_more(played):
-    found = figures(played[AT_LIMIT], GRASP.limit_n)
+    found = grasp_figures(played[AT_LIMIT], GRASP.limit_n)
     assert found['dropped'] == 0
     assert found['worst_slide_mm'] < 0.1
     assert found['force_percent'] > 90.0
 
 
 def test_the_papers_defaults_slide_further_and_squeeze_harder(played):
-    ours = figures(played[CONTROLLER], GRASP.limit_n)
-    theirs = figures(played[PAPER], GRASP.limit_n)
+    ours = grasp_figures(played[CONTROLLER], GRASP.limit_n)
+    theirs = grasp_figures(played[PAPER], GRASP.limit_n)
     assert theirs['dropped'] or theirs['mean_slide_mm'] > ours['mean_slide_mm']
     assert theirs['force_percent'] > ours['force_percent']
 
@@ -102,11 +99,11 @@ def test_each_seed_is_another_object_within_the_ranges_and_always_the_same_one()
 
 
 def test_a_trial_is_the_same_each_time_and_what_was_before_a_command_does_not_depend_on_it():
-    once, again = (play_seeds(CHAIN, GRASP, [5000])[0] for _ in range(2))
+    once, again = (play_trials(CHAIN, GRASP, [5000])[0] for _ in range(2))
     for one, other in zip(once, again, strict=True):
         np.testing.assert_array_equal(one, other)
     weaker = dataclasses.replace(GRASP, step_factor=1.1)
-    (other,) = play_seeds(CHAIN, weaker, [5000])
+    (other,) = play_trials(CHAIN, weaker, [5000])
     same = np.flatnonzero(once.command_n != other.command_n)[0]
     np.testing.assert_array_equal(once.position_m[:same], other.position_m[:same])
     assert not np.array_equal(once.position_m, other.position_m)
@@ -114,7 +111,7 @@ def test_a_trial_is_the_same_each_time_and_what_was_before_a_command_does_not_de
 
 def test_the_longer_a_command_takes_the_further_the_object_slides():
     slides_m = [
-        play_seeds(CHAIN, GRASP, [5000], transport_s=transport_s)[0].position_m[-1]
+        play_trials(CHAIN, GRASP, [5000], transport_s=transport_s)[0].position_m[-1]
         for transport_s in (0.0, 0.02, 0.06)
     ]
     assert slides_m == sorted(slides_m)
@@ -122,7 +119,7 @@ def test_the_longer_a_command_takes_the_further_the_object_slides():
 
 
 def test_the_grip_follows_the_command_with_the_lag_of_the_gripper():
-    (trial,) = play_seeds(CHAIN, GRASP, [5000])
+    (trial,) = play_trials(CHAIN, GRASP, [5000])
     jump = int(np.argmax(np.diff(trial.command_n))) + 1
     before_n, after_n = trial.command_n[jump - 1], trial.command_n[jump]
     at_half = jump + int(np.argmax(trial.force_n[jump:] > 0.5 * (before_n + after_n)))
@@ -132,7 +129,7 @@ def test_the_grip_follows_the_command_with_the_lag_of_the_gripper():
 
 def test_a_slide_of_a_lost_object_is_not_defined():
     rows = np.zeros(3)
-    lost = Trial(
+    lost = GraspTrial(
         rows, rows, rows, rows > 0, rows > 0, np.array([0.0, 0.05, 0.1]), np.ones(3), length_m=0.1
     )
     assert lost.dropped
@@ -140,7 +137,7 @@ def test_a_slide_of_a_lost_object_is_not_defined():
     held = lost._replace(length_m=0.2)
     assert not held.dropped
     assert held.slide_m == 0.1
-    found = figures([held, lost], 1.0)
+    found = grasp_figures([held, lost], 1.0)
     assert found['slide_mm'] == [pytest.approx(100.0), None]
     assert found['dropped'] == 1
     assert found['mean_slide_mm'] is None
@@ -152,7 +149,7 @@ def test_a_scene_that_holds_nothing_or_has_another_rate_is_refused_in_one_line()
     assert 'plate_400um.yaml' in str(caught.value)
     assert '\n' not in str(caught.value)
     with pytest.raises(ValueError, match='the scene holds nothing, allowed: '):
-        play({'steps': [{'duration_s': 1.0}]}, 0, SlipChain(CHAIN), GraspLaw(GRASP))
+        play_trial({'steps': [{'duration_s': 1.0}]}, 0, SlipChain(CHAIN), GraspLaw(GRASP))
     faster = SlipChain(dataclasses.replace(CHAIN, sample_rate_hz=500.0))
     with pytest.raises(ValueError, match='has 380 Hz, allowed: 500 Hz'):
-        play(object_scene(0), 0, faster, GraspLaw(GRASP))
+        play_trial(object_scene(0), 0, faster, GraspLaw(GRASP))

@@ -7,10 +7,18 @@ import sys
 import numpy as np
 import pytest
 
-from slip_detector.grasp.loop import CONTROLLER, UNCONTROLLED, conditions, figures, play_seeds
-from slip_detector.grasp.table import WANTED, judged, table
+from slip_detector.grasp.comparison import (
+    CONTROLLER,
+    UNCONTROLLED,
+    WANTED,
+    check_wanted,
+    conditions,
+    grasp_figures,
+)
+from slip_detector.grasp.loop import play_trials
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.report.grasp_table import grasp_table
 from slip_detector.report.plots_grasp import draw_grasp
 
 SEEDS, LIVE = 2, 1
@@ -21,7 +29,7 @@ TIMEOUT_S = 200.0
 def trials():
     """Return one trial of each condition."""
     both = conditions(ChainConfig(vote='mean'), GraspConfig())
-    return {name: play_seeds(*configs, [5000]) for name, configs in both.items()}
+    return {name: play_trials(*configs, [5000]) for name, configs in both.items()}
 
 
 @pytest.fixture(scope='module')
@@ -71,7 +79,7 @@ def test_a_picture_is_drawn_with_and_without_what_came_through_the_nodes(tmp_pat
     draw_grasp(
         path,
         {name: mine[0] for name, mine in trials.items()},
-        {name: figures(mine, 10.0) for name, mine in trials.items()},
+        {name: grasp_figures(mine, 10.0) for name, mine in trials.items()},
         10.0,
         {'position': rows, 'command': rows} if live else {},
         5.0,
@@ -81,15 +89,15 @@ def test_a_picture_is_drawn_with_and_without_what_came_through_the_nodes(tmp_pat
 
 def test_what_is_wanted_is_met_below_its_bound_only_and_never_when_it_is_not_defined():
     good = {name: 0.5 * below for name, (below, _) in WANTED.items()}
-    assert all(entry['met'] for entry in judged(good).values())
+    assert all(entry['met'] for entry in check_wanted(good).values())
     for name, (below, _) in WANTED.items():
         for value in (below, None):
-            found = judged({**good, name: value})
+            found = check_wanted({**good, name: value})
             assert [other for other, entry in found.items() if not entry['met']] == [name]
 
 
 def test_what_is_not_defined_is_a_dash_in_the_table(trials):
-    parts = {name: figures(mine, 10.0) for name, mine in trials.items()}
+    parts = {name: grasp_figures(mine, 10.0) for name, mine in trials.items()}
     result = {
         'seeds': [5000],
         'conditions': parts,
@@ -102,9 +110,9 @@ def test_what_is_not_defined_is_a_dash_in_the_table(trials):
             }
         },
         'latency_ms': None,
-        'wanted': judged(parts[UNCONTROLLED]),
+        'wanted': check_wanted(parts[UNCONTROLLED]),
     }
-    lines = table(result).splitlines()
+    lines = grasp_table(result).splitlines()
     (uncontrolled,) = (line for line in lines if line.strip().startswith(UNCONTROLLED))
     assert uncontrolled.split()[2:7] == ['1', 'of', '1', '-', '-']
     assert any(line.split() == ['5000', '-', '0.50', '50.0', '49.0'] for line in lines)

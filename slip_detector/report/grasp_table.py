@@ -1,29 +1,13 @@
 """The figures of the grasp as text."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from slip_detector.grasp.loop import CONTROLLER
-
-#: What the controller has to stay below, and what it is in words.
-WANTED = {
-    'dropped': (1, 'objects dropped'),
-    'worst_slide_mm': (5.0, 'worst slide [mm]'),
-    'mean_slide_mm': (2.0, 'mean slide [mm]'),
-    'force_percent': (60.0, 'mean grip [% of the limit]'),
-}
+from slip_detector.grasp.comparison import CONTROLLER, WANTED
+from slip_detector.report.text_table import number_text, text_table
 
 
-def judged(controller: Mapping[str, Any]) -> dict[str, Any]:
-    """Hold the controller's figures against what is wanted; what is not defined is not met."""
-    found = {}
-    for name, (below, _) in WANTED.items():
-        value = controller[name]
-        found[name] = {'value': value, 'below': below, 'met': value is not None and value < below}
-    return found
-
-
-def table(result: Mapping[str, Any]) -> str:
+def grasp_table(result: Mapping[str, Any]) -> str:
     """Lay the figures out: the conditions, what is wanted, and the trials through the nodes.
 
     Parameters
@@ -36,7 +20,7 @@ def table(result: Mapping[str, Any]) -> str:
             ['', 'dropped', 'mean', 'worst', 'mean', 'most', 'onsets']]  # fmt: skip
     for name, part in parts.items():
         figures = [
-            _cell(part[key], form)
+            number_text(part[key], form)
             for key, form in (
                 ('mean_slide_mm', '.2f'),
                 ('worst_slide_mm', '.2f'),
@@ -52,20 +36,22 @@ def table(result: Mapping[str, Any]) -> str:
         'until they are two to three times as heavy',
         f'In simulated time, {result["transport_ms"]:g} ms from sample to command',
         '',
-        *_aligned(rows),
+        text_table(rows),
         '',
         f'A grip that knew weight and friction, always just enough: {needed:.1f} % of the limit.',
         '',
         'Wanted of the controller',
         '',
-        *_aligned(
+        text_table(
             [
-                WANTED[name][1],
-                _cell(entry['value'], '.2f'),
-                f'wanted < {entry["below"]:g}',
-                'met' if entry['met'] else 'NOT met',
+                [
+                    WANTED[name][1],
+                    number_text(entry['value'], '.2f'),
+                    f'wanted < {entry["below"]:g}',
+                    'met' if entry['met'] else 'NOT met',
+                ]
+                for name, entry in result['wanted'].items()
             ]
-            for name, entry in result['wanted'].items()
         ),
     ]
     if result['nodes']:
@@ -78,8 +64,9 @@ def _through_nodes(result: Mapping[str, Any]) -> list[str]:
             ['seed', 'nodes', 'simulated', 'nodes', 'simulated']]  # fmt: skip
     for seed, part in result['nodes'].items():
         both = (part, part['simulated'])
-        slides = [_cell(entry['slide_mm'], '.2f') for entry in both]
-        rows.append([seed, *slides, *(_cell(entry['command_percent'], '.1f') for entry in both)])
+        slides = (number_text(one['slide_mm'], '.2f') for one in both)
+        commands = (number_text(one['command_percent'], '.1f') for one in both)
+        rows.append([seed, *slides, *commands])
     latency = result['latency_ms']
     says = 'undefined, no onset was answered'
     if latency:
@@ -87,21 +74,7 @@ def _through_nodes(result: Mapping[str, Any]) -> list[str]:
     return [
         'Through driver, detector and controller in real time, beside the same in simulated time',
         '',
-        *_aligned(rows),
+        text_table(rows),
         '',
         f'From sample to command: {says}',
-    ]
-
-
-def _cell(value: float | None, form: str) -> str:
-    return '-' if value is None else format(value, form)
-
-
-def _aligned(rows: Iterable[Sequence[str]]) -> list[str]:
-    """Lay rows of text out in columns, the first to the left and the others to the right."""
-    lines = [list(row) for row in rows]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return [
-        '  '.join(['', first.ljust(widths[0]), *map(str.rjust, rest, widths[1:])]).rstrip()
-        for first, *rest in lines
     ]

@@ -1,0 +1,36 @@
+"""The figures of a search as text."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from slip_detector.report.text_table import number_text, text_table
+
+#: The figures that the parameter file and the printed table have, their names there and formats.
+FIGURES = {
+    'slips': ('slips', 'd'),
+    'recall': ('recall', '.3f'),
+    'precision': ('precision', '.3f'),
+    'false_alarms_per_minute': ('false alarms per minute', '.3g'),
+    'latency_median_ms': ('latency, median of those detected [ms]', '.1f'),
+    'latency_median_all_ms': ('latency, median of all, missed ones last [ms]', '.1f'),
+    'latency_p90_ms': ('latency, 90th percentile [ms]', '.1f'),
+    'latency_worst_ms': ('latency, worst [ms]', '.1f'),
+    'auc_all': ('AUC, all rows', '.3f'),
+    'auc_moving': ('AUC, rows of motion', '.3f'),
+}
+
+
+def tuning_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
+    """Lay the figures of the given and of the tuned chain out beside each other.
+
+    Parameters
+    ----------
+    given, tuned
+        By the names of :data:`FIGURES`, as :func:`slip_detector.tuning.verdict.pooled_figures` has them.
+    """
+    rows = [('', 'given', 'tuned')]
+    for name, (title, form) in FIGURES.items():
+        if name == 'auc_moving' and given[name] is None:
+            continue
+        rows.append((title, number_text(given[name], form), number_text(tuned[name], form)))
+    return text_table(rows)
