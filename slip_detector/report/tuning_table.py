@@ -26,7 +26,7 @@ def tuning_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
     Parameters
     ----------
     given, tuned
-        By the names of :data:`FIGURES`, as :func:`slip_detector.tuning.verdict.pooled_figures` has them.
+        By the names of :data:`FIGURES`, as :mod:`slip_detector.tuning.verdict` pools them.
     """
     rows = [('', 'given', 'tuned')]
     for name, (title, form) in FIGURES.items():
