@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from slip_detector.chain.slip_chain import SlipChain, SlipResult
+    from slip_detector.chain.result import SlipResult
+    from slip_detector.chain.slip_chain import SlipChain
     from slip_detector.parameters.detector import ChainConfig
 
 __all__ = ['ChainConfig', 'SlipChain', 'SlipResult']
@@ -15,8 +16,12 @@ def __getattr__(name: str) -> Any:
         from slip_detector.parameters.detector import ChainConfig
 
         return ChainConfig
-    if name in ('SlipChain', 'SlipResult'):
-        from slip_detector.chain import slip_chain
+    if name == 'SlipChain':
+        from slip_detector.chain.slip_chain import SlipChain
 
-        return getattr(slip_chain, name)
+        return SlipChain
+    if name == 'SlipResult':
+        from slip_detector.chain.result import SlipResult
+
+        return SlipResult
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 try:
     from numba import njit
 
@@ -24,6 +26,11 @@ def _fingerprint() -> str:
 
 
 FINGERPRINT = _fingerprint()
+
+
+def as_silent(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Let a function that runs interpreted overflow as silently as compiled code does."""
+    return function if COMPILED else np.errstate(all='ignore')(function)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

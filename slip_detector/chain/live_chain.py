@@ -8,7 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.slip_chain import SlipChain, SlipResult
+from slip_detector.chain.result import SlipResult
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 
 #: Rows kept for a new chain to settle on. The slowest pole of the paper's filters falls to a

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.slip_chain import SlipChain, SlipResult
+from slip_detector.chain.result import SlipResult
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.events import (
     ALREADY_ON,
     FALSE,

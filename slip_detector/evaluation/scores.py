@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.chain.slip_chain import VOTE_ALL, VOTE_MEAN, SlipResult
+from slip_detector.chain.result import SlipResult
+from slip_detector.chain.votes import VOTE_ALL, VOTE_MEAN
 from slip_detector.parameters.detector import ChainConfig
 
 Bools = NDArray[np.bool_]

@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
-from slip_detector.chain.slip_chain import SlipResult
+from slip_detector.chain.result import SlipResult
 from slip_detector.nodes.messages import (
     beating_qos,
     event_qos,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.chain.slip_chain import SlipResult
+from slip_detector.chain.result import SlipResult
 from slip_detector.evaluation.replay import ReplayOutcome
 from slip_detector.parameters.detector import ChainConfig
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.chain.slip_chain import SlipChain, exchange
+from slip_detector.chain.kernel import exchange
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.scores import MOTION, SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from slip_detector.chain.slip_chain import TILE_LANES, SlipChain
+from slip_detector.chain.kernel import TILE_LANES
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from support.chain_cases import COMMON_MODES, FAST, VOTES, noise, sine
 

@@ -66,6 +66,14 @@ def test_only_the_report_imports_a_plotting_library():
     loaded_by(others, absent=['matplotlib'])
 
 
+def test_the_chain_is_offered_by_the_package_and_loads_nothing_that_it_does_not_need():
+    code = 'import sys; from slip_detector import SlipChain, ChainConfig; print(*sys.modules)'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    loaded = {name.split('.')[0] for name in done.stdout.split()}
+    assert {'slip_detector', 'numpy', 'scipy'} <= loaded
+    assert loaded.isdisjoint({'rclpy', 'std_msgs', 'matplotlib', 'optuna', 'rosbags'})
+
+
 def test_only_bags_need_what_reads_them():
     bags = ['bags', 'writing']
     others = [name for name in CORE if name not in [f'slip_detector.recordings.{b}' for b in bags]]

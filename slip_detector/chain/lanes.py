@@ -1,0 +1,248 @@
+"""Eight values side by side: one vector register for Numba, a small NumPy array without it.
+
+An inner loop over so few values costs more to enter than to run, and the compiler does not keep
+its values in registers from one row to the next. So compiled functions say themselves what is a
+vector. There are three kinds: of float64, of uint64 (words) and of bool. Operators take two
+vectors of a kind, or a vector and a number:
+
+- float64: ``+ - * /`` and the comparisons, which are false for NaN;
+- words: ``+ & | >> <<`` and ``!=``;
+- bool: ``& |``.
+
+Every operation is rounded as IEEE 754 has it, a multiplication and an addition are never fused:
+with and without Numba, and on any processor, the bits are the same.
+"""
+
+import operator
+
+import numpy as np
+
+from slip_detector.chain.compiled import COMPILED
+
+LANES = 8
+
+if not COMPILED:
+
+    def _lanes_from(at):
+        *row, i = at if isinstance(at, tuple) else (at,)
+        return *row, slice(i, i + LANES)
+
+    def load(array, at):
+        """Return the values of an array from the index ``at`` (an integer or a tuple) on."""
+        return array[_lanes_from(at)].copy()
+
+    def store(values, array, at):
+        """Write a vector to an array from the index ``at`` on."""
+        array[_lanes_from(at)] = values
+
+    def spread(value):
+        """Return a number in all lanes."""
+        return np.full(LANES, value)
+
+    def select(mask, a, b):
+        """Return ``a`` in the lanes where the mask is set, ``b`` in the others."""
+        return np.where(mask, a, b)
+
+    def root(values):
+        """Return the square roots."""
+        return np.sqrt(values)
+
+    def size(values):
+        """Return the absolute values."""
+        return np.abs(values)
+
+    def floor(values):
+        """Return the largest integers that are not larger."""
+        return np.floor(values)
+
+    def words_of(values):
+        """Return the bits of float64 as words."""
+        return values.view(np.uint64)
+
+    def floats_of(words):
+        """Return the float64 that have these words as their bits."""
+        return words.view(np.float64)
+
+else:
+    from llvmlite import ir
+    from numba.core import cgutils, types
+    from numba.extending import intrinsic, models, overload, register_model
+
+    class Lanes(types.Type):
+        """Numba's type of a vector.
+
+        Parameters
+        ----------
+        element
+            Numba's type of each value.
+        bits
+            LLVM's type of each value.
+        """
+
+        def __init__(self, element, bits):
+            self.element, self.bits = element, bits
+            super().__init__(f'{LANES} {element}')
+
+    @register_model(Lanes)
+    class _LanesModel(models.PrimitiveModel):
+        """A vector is one value of LLVM."""
+
+        def __init__(self, manager, kind):
+            super().__init__(manager, kind, ir.VectorType(kind.bits, LANES))
+
+    BOOLS = Lanes(types.boolean, ir.IntType(1))
+    FLOATS = Lanes(types.float64, ir.DoubleType())
+    WORDS = Lanes(types.uint64, ir.IntType(64))
+    KINDS = {kind.element: kind for kind in (BOOLS, FLOATS, WORDS)}
+
+    def _in_all_lanes(builder, value):
+        """Put a number into all lanes; leave a vector as it is."""
+        if isinstance(value.type, ir.VectorType):
+            return value
+        kind, index = ir.VectorType(value.type, LANES), ir.IntType(32)
+        one = builder.insert_element(ir.Constant(kind, ir.Undefined), value, index(0))
+        zeros = ir.Constant(ir.VectorType(index, LANES), [0] * LANES)
+        return builder.shuffle_vector(one, one, zeros)
+
+    def _of_vectors(result, emit):
+        """Return what ``intrinsic`` wants of a function of vectors or numbers."""
+
+        def codegen(context, builder, signature, args):
+            return emit(builder, *(_in_all_lanes(builder, value) for value in args))
+
+        return result, codegen
+
+    def _operator(function, kind, result, emit):
+        """Make Numba take an operator of two vectors, or of one and a number."""
+
+        @intrinsic
+        def call(typing, a, b):
+            return _of_vectors(result(a, b), emit)
+
+        @overload(function, jit_options={'forceinline': True})
+        def _(a, b):
+            if kind not in (a, b) or not {a, b} <= {kind, kind.element}:
+                return None
+
+            def of_vectors(a, b):
+                return call(a, b)
+
+            return of_vectors
+
+    def _instruction(name, *before):
+        return lambda builder, a, b: getattr(builder, name)(*before, a, b)
+
+    for _function, _name in (
+        (operator.add, 'fadd'),
+        (operator.sub, 'fsub'),
+        (operator.mul, 'fmul'),
+        (operator.truediv, 'fdiv'),
+    ):
+        _operator(_function, FLOATS, FLOATS, _instruction(_name))
+    for _function, _name in (
+        (operator.gt, '>'),
+        (operator.ge, '>='),
+        (operator.lt, '<'),
+        (operator.le, '<='),
+        (operator.eq, '=='),
+    ):
+        _operator(_function, FLOATS, BOOLS, _instruction('fcmp_ordered', _name))
+    for _function, _name in (
+        (operator.add, 'add'),
+        (operator.lshift, 'shl'),
+        (operator.rshift, 'lshr'),
+    ):
+        _operator(_function, WORDS, WORDS, _instruction(_name))
+    _operator(operator.ne, WORDS, BOOLS, _instruction('icmp_unsigned', '!='))
+    for _kind in (BOOLS, WORDS):
+        _operator(operator.and_, _kind, _kind, _instruction('and_'))
+        _operator(operator.or_, _kind, _kind, _instruction('or_'))
+
+    def _address(context, builder, array_type, at_type, array, at):
+        """Return where in an array the value with the index ``at`` is."""
+        made = context.make_array(array_type)(context, builder, array)
+        several = isinstance(at_type, types.BaseTuple)
+        indices = cgutils.unpack_tuple(builder, at) if several else [at]
+        kinds = list(at_type) if several else [at_type]
+        indices = [
+            context.cast(builder, index, kind, types.intp)
+            for index, kind in zip(indices, kinds, strict=True)
+        ]
+        return cgutils.get_item_pointer(context, builder, array_type, made, indices)
+
+    @intrinsic
+    def load(typing, array, at):
+        """Return the values of an array from the index ``at`` (an integer or a tuple) on."""
+        kind = KINDS[array.dtype]
+
+        def codegen(context, builder, signature, args):
+            address = _address(context, builder, *signature.args, *args)
+            vector = ir.VectorType(kind.bits, LANES)
+            return builder.load(builder.bitcast(address, vector.as_pointer()), align=8, typ=vector)
+
+        return kind(array, at), codegen
+
+    @intrinsic
+    def store(typing, values, array, at):
+        """Write a vector to an array from the index ``at`` on; bool takes a byte each."""
+
+        def codegen(context, builder, signature, args):
+            value, align = args[0], 8
+            address = _address(context, builder, *signature.args[1:], *args[1:])
+            if values == BOOLS:
+                value, align = builder.zext(value, ir.VectorType(ir.IntType(8), LANES)), 1
+            builder.store(value, builder.bitcast(address, value.type.as_pointer()), align=align)
+            return context.get_dummy_value()
+
+        return types.void(values, array, at), codegen
+
+    @intrinsic
+    def spread(typing, value):
+        """Return a number in all lanes."""
+        return _of_vectors(KINDS[value](value), lambda builder, a: a)
+
+    @intrinsic
+    def select(typing, mask, a, b):
+        """Return ``a`` in the lanes where the mask is set, ``b`` in the others."""
+        kind = a if isinstance(a, Lanes) else b if isinstance(b, Lanes) else KINDS[a]
+        return _of_vectors(kind(mask, a, b), lambda builder, *args: builder.select(*args))
+
+    def _of_floats(name):
+        """Return what LLVM has for each float64 under the name."""
+
+        def emit(builder, a):
+            kind = ir.FunctionType(a.type, [a.type])
+            function = f'llvm.{name}.v{LANES}f64'
+            return builder.call(
+                cgutils.get_or_insert_function(builder.module, kind, function), [a]
+            )
+
+        return emit
+
+    @intrinsic
+    def root(typing, values):
+        """Return the square roots."""
+        return _of_vectors(FLOATS(values), _of_floats('sqrt'))
+
+    @intrinsic
+    def size(typing, values):
+        """Return the absolute values."""
+        return _of_vectors(FLOATS(values), _of_floats('fabs'))
+
+    @intrinsic
+    def floor(typing, values):
+        """Return the largest integers that are not larger."""
+        return _of_vectors(FLOATS(values), _of_floats('floor'))
+
+    def _bits_as(kind):
+        return lambda builder, a: builder.bitcast(a, ir.VectorType(kind.bits, LANES))
+
+    @intrinsic
+    def words_of(typing, values):
+        """Return the bits of float64 as words."""
+        return _of_vectors(WORDS(values), _bits_as(WORDS))
+
+    @intrinsic
+    def floats_of(typing, words):
+        """Return the float64 that have these words as their bits."""
+        return _of_vectors(FLOATS(words), _bits_as(FLOATS))

@@ -1,0 +1,235 @@
+"""The vote of a group: one number of its levels, which is held against the threshold.
+
+Of the levels of its valid channels each vote takes one number in the level's own unit:
+
+- ``all``: the least of them, so that all are above a threshold that it is above;
+- k: the k-th largest;
+- ``mean``: the geometric mean.
+
+The group is ON where that number is above the threshold (Table 1 has ``all``). It does not depend
+on the threshold: what it is held against can be chosen afterwards.
+
+Levels come in rooms of shape (members, rows), eight rows to a vector, with :data:`NO_VOTE` in
+place of a level that is not valid.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.compiled import compiled
+from slip_detector.chain.lanes import (
+    LANES,
+    floats_of,
+    floor,
+    load,
+    select,
+    spread,
+    store,
+    words_of,
+)
+
+#: The votes that are no count of channels, as numbers.
+VOTE_ALL, VOTE_MEAN = 0, -1
+
+#: Stands for the level of a channel that is not valid: less than any level.
+NO_VOTE = -1.0
+
+# Of a float64: the bits of the fraction, how many they are, and those of the exponent of 1.
+FRACTION = np.uint64(2**52 - 1)
+FRACTION_BITS = np.uint64(52)
+ONE = np.uint64(0x3FF << 52)
+BIAS = 1023.0
+
+# Added to an integer below it, 2^52 leaves the integer in the bits of the fraction.
+LARGE = 2.0**52
+LARGE_BITS = np.uint64(0x433 << 52)
+
+#: The least float64 with a whole fraction; smaller ones are scaled by 2^54 before they are split.
+LEAST_NORMAL = 2.0**-1022
+SCALE_BITS = 54.0
+
+#: So many factors of up to 2 are within the range of float64.
+FACTORS = 512
+
+# ln m = 2 (s + s^3/3 + s^5/5 + ...) with s = (m - 1) / (m + 1), and exp z = 1 + z + z^2/2 + ...:
+# coefficients from the last to the first. What is left out is below 1e-17 for m within
+# [sqrt(1/2), sqrt(2)] and for z within [-0.75, 0.75].
+LOGARITHM = tuple(2.0 / k for k in range(23, 0, -2))
+EXPONENTIAL = tuple(1.0 / float(np.prod(np.arange(1.0, k + 1))) for k in range(18, -1, -1))
+LN_2 = float(np.log(2.0))
+ROOT_2 = float(np.sqrt(2.0))
+
+
+def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
+    """Return votes as the kernel has them.
+
+    Parameters
+    ----------
+    votes
+        Each ``all``, ``mean`` or a count of channels.
+
+    Raises
+    ------
+    ValueError
+        When a vote is none of these.
+
+    Examples
+    --------
+    >>> vote_numbers(['all', 'mean', 2])
+    array([ 0, -1,  2])
+    """
+    numbers = []
+    for vote in votes:
+        count = isinstance(vote, (int, np.integer)) and not isinstance(vote, bool) and vote >= 1
+        if not count and vote not in ('all', 'mean'):
+            raise ValueError(f'vote is {vote!r}, allowed: all, mean or a count of 1 or more')
+        numbers.append({'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(vote), vote))
+    return np.array(numbers, dtype=np.int64)
+
+
+@compiled
+def level_of_voter(level, valid):
+    """Return what stands for a channel's level in a room; a level that is no number is 0."""
+    return (level if level > 0.0 else 0.0) if valid else NO_VOTE
+
+
+@compiled
+def _exponents(values):
+    """Return the exponents of float64, as float64."""
+    return floats_of((words_of(values) >> FRACTION_BITS) | LARGE_BITS) - (LARGE + BIAS)
+
+
+@compiled
+def _fractions(values):
+    """Return the fractions of float64, from 1 to below 2."""
+    return floats_of((words_of(values) & FRACTION) | ONE)
+
+
+@compiled
+def _powers_of_2(exponents):
+    """Return 2 to the power of integers from -1022 to 1023."""
+    return floats_of(words_of(exponents + (LARGE + BIAS)) << FRACTION_BITS)
+
+
+@compiled
+def _polynomial(coefficients, x):
+    value = spread(0.0)
+    for coefficient in coefficients:
+        value = value * x + coefficient
+    return value
+
+
+@compiled
+def _geometric_mean(levels, members, k):
+    """Return the geometric mean of the valid levels of eight rows; any where there is none.
+
+    Fractions are multiplied and exponents are added, so that nothing over- or underflows. Only
+    operations that IEEE 754 rounds are used: logarithms of a library differ in their last bits.
+    """
+    count, exponent, product = spread(0.0), spread(0.0), spread(1.0)
+    least, most = spread(np.inf), spread(0.0)
+    for j in range(members):
+        level = load(levels, (j, k))
+        valid = level >= 0.0
+        small = level < LEAST_NORMAL
+        scaled = select(small, level * 2.0**SCALE_BITS, level)
+        own = _exponents(scaled) - select(small, spread(SCALE_BITS), spread(0.0))
+        count = count + select(valid, spread(1.0), spread(0.0))
+        exponent = select(valid, exponent + own, exponent)
+        product = select(valid, product * _fractions(scaled), product)
+        least = select(valid & (level < least), level, least)
+        most = select(level > most, level, most)
+        if j % FACTORS == FACTORS - 1:
+            exponent = exponent + _exponents(product)
+            product = _fractions(product)
+    exponent, product = exponent + _exponents(product), _fractions(product)
+    large = product > ROOT_2
+    exponent = select(large, exponent + 1.0, exponent)
+    product = select(large, product * 0.5, product)
+    # The mean of the logarithms to base 2: a whole number and what is left of it.
+    count = select(count > 0.0, count, 1.0)
+    whole = floor(exponent / count + 0.5)
+    s = (product - 1.0) / (product + 1.0)
+    logarithm = s * _polynomial(LOGARITHM, s * s)
+    rest = ((exponent - whole * count) * LN_2 + logarithm) / count
+    # In two steps: the smallest numbers are below 2^-1022.
+    half = floor(whole * 0.5)
+    mean = _polynomial(EXPONENTIAL, rest) * _powers_of_2(half) * _powers_of_2(whole - half)
+    # Not beyond the levels by rounding: of equal levels it is that level.
+    mean = select(mean < least, least, mean)
+    mean = select(mean > most, most, mean)
+    mean = select(most < np.inf, mean, most)
+    return select(least > 0.0, mean, 0.0)
+
+
+@compiled
+def _least(levels, members, k):
+    """Return the least valid level of eight rows, infinity where there is none."""
+    least = spread(np.inf)
+    for j in range(members):
+        level = load(levels, (j, k))
+        least = select((level >= 0.0) & (level < least), level, least)
+    return least
+
+
+@compiled
+def _any_valid(levels, members, k):
+    """Return in which of eight rows there is a valid level."""
+    most = spread(NO_VOTE)
+    for j in range(members):
+        level = load(levels, (j, k))
+        most = select(level > most, level, most)
+    return most >= 0.0
+
+
+@compiled
+def _sort(levels, members, count, k):
+    """Bring the ``count`` largest levels of eight rows to the front, the largest first."""
+    for i in range(count):
+        most = load(levels, (members - 1, k))
+        for j in range(members - 2, i - 1, -1):
+            level = load(levels, (j, k))
+            above = level > most
+            store(select(above, most, level), levels, (j + 1, k))
+            most = select(above, level, most)
+        store(most, levels, (i, k))
+
+
+@compiled
+def raise_to_votes(levels, members, rows, votes, statistics):
+    """Raise each vote's statistic to the number that one group has by that vote.
+
+    Parameters
+    ----------
+    levels
+        A room, at least as large as ``members`` and ``rows`` in whole vectors; it is left in
+        disorder.
+    members, rows
+        How many of each there are.
+    votes
+        As :func:`vote_numbers` returns them.
+    statistics
+        Shape (votes, rows or more in whole vectors), not less than 0; it stays where the group
+        cannot vote.
+    """
+    most_counted = 0
+    for vote in votes:
+        most_counted = max(most_counted, vote)
+    most_counted = min(most_counted, members)
+    for k in range(0, rows, LANES):
+        able = _any_valid(levels, members, k)
+        for v in range(votes.size):
+            if votes[v] <= 0:
+                if votes[v] == VOTE_ALL:
+                    number = _least(levels, members, k)
+                else:
+                    number = _geometric_mean(levels, members, k)
+                before = load(statistics, (v, k))
+                store(select(able & (number > before), number, before), statistics, (v, k))
+        _sort(levels, members, most_counted, k)
+        for v in range(votes.size):
+            if 0 < votes[v] <= members:
+                number, before = load(levels, (votes[v] - 1, k)), load(statistics, (v, k))
+                store(select(number > before, number, before), statistics, (v, k))

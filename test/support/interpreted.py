@@ -1,0 +1,32 @@
+"""The chain as it runs where Numba is missing."""
+
+import importlib
+import sys
+import warnings
+from functools import cache
+
+ROOM = 'slip_detector.chain'
+
+
+@cache
+def _interpreted_module():
+    """Import the chain once more, with no Numba to be found, and leave the first one in place."""
+    mine = {
+        name: sys.modules.pop(name) for name in list(sys.modules) if name.startswith(f'{ROOM}.')
+    }
+    numba = {name: sys.modules.pop(name) for name in list(sys.modules) if name == 'numba'}
+    sys.modules['numba'] = None
+    try:
+        return importlib.import_module(f'{ROOM}.slip_chain')
+    finally:
+        for name in [name for name in sys.modules if name.startswith(f'{ROOM}.')]:
+            del sys.modules[name]
+        del sys.modules['numba']
+        sys.modules.update(numba | mine)
+
+
+def interpreted_chain(config):
+    """Return a SlipChain that nothing of is compiled."""
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', RuntimeWarning)
+        return _interpreted_module().SlipChain(config)
