@@ -29,12 +29,13 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.commands.command_line import Parser, print_text
+from slip_detector.commands.recording_options import add_recording_options, with_recording_options
 from slip_detector.evaluation.evaluator import EvaluatedRecording, Evaluator, recording_figures
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_writable, writable_folder
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.recordings import ENDINGS, add_options, is_recording, with_options
+from slip_detector.recordings import ENDINGS, is_recording
 from slip_detector.report.evaluation_tables import as_tables
 
 NAME = 'slip_evaluate'
@@ -192,7 +193,7 @@ def _parser() -> Parser:
         metavar='FILE.html',
         help='write the same as a page to look through, with the timelines to zoom into',
     )
-    add_options(parser)
+    add_recording_options(parser)
     protocol = parser.add_argument_group('with --protocol')
     protocol.add_argument(
         '--protocol',
@@ -253,7 +254,7 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     recording_config = RecordingConfig.from_yaml(file) if file else RecordingConfig()
     evaluator = Evaluator(
         config,
-        with_options(recording_config, options),
+        with_recording_options(recording_config, options),
         EvaluationConfig.from_yaml(file) if file else EvaluationConfig(),
     )
     page = options.report

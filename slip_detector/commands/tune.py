@@ -18,6 +18,7 @@ import numpy as np
 
 from slip_detector.commands.command_line import print_text
 from slip_detector.commands.evaluate import recording_sets
+from slip_detector.commands.recording_options import with_recording_options
 from slip_detector.commands.tune_options import NAME, arguments_of
 from slip_detector.evaluation.evaluator import Evaluator
 from slip_detector.parameters.detector import ChainConfig
@@ -25,7 +26,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_writable, with_parameters, write_file
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.recordings import Counts, with_options
+from slip_detector.recordings import RecordingCounts
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import SEARCHED, Problem
 from slip_detector.tuning.processes import Stopper, search_in_processes
@@ -121,7 +122,7 @@ def load(
     return Loaded(tracks, notes)
 
 
-def _met(counts: Counts) -> str:
+def _met(counts: RecordingCounts) -> str:
     """Say what was met on the way through a recording; empty when nothing was."""
     many = {
         'values that are no number': counts.bad_samples,
@@ -228,7 +229,7 @@ def _listed(tracks: Sequence[Track]) -> str:
 
 def _settings(options: Namespace) -> Settings:
     settings = settings_of(options.config)
-    return settings._replace(recording=with_options(settings.recording, options))
+    return settings._replace(recording=with_recording_options(settings.recording, options))
 
 
 def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slip_detector.commands.command_line import Parser
-from slip_detector.recordings import add_options
+from slip_detector.commands.recording_options import add_recording_options
 
 NAME = 'slip_tune'
 
@@ -63,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
         help='hold out these recordings, or folders of them, and tune on all other RECORDINGs; '
         'repeatable',
     )  # fmt: skip
-    add_options(parser)
+    add_recording_options(parser)
     quiet = parser.add_argument_group('only the threshold')
     quiet.add_argument('--quiet', metavar='RECORDING', help='a recording without slip')
     quiet.add_argument(

@@ -17,7 +17,7 @@ from slip_detector.evaluation.replay import (
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.recordings import RATE_TOLERANCE, Counts, Recording, open_recording
+from slip_detector.recordings import RATE_TOLERANCE, Recording, RecordingCounts, open_recording
 from slip_detector.recordings.labels import labels_name
 
 Bools = NDArray[np.bool_]
@@ -49,14 +49,14 @@ class EvaluatedRecording(NamedTuple):
     Attributes
     ----------
     outcome : ReplayOutcome
-    counts : Counts
+    counts : RecordingCounts
         Gaps, bad samples and what was lost.
     observer : Observer or None
         What looked on, if it was asked for.
     """
 
     outcome: ReplayOutcome
-    counts: Counts
+    counts: RecordingCounts
     observer: Observer | None
 
 

@@ -23,8 +23,7 @@ from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.recordings import Rows
-from slip_detector.recordings.writing import write_recording
+from slip_detector.recordings import RecordedRows, write_recording
 from slip_detector.sources.source import open_source
 
 #: The demonstration must not mix with the topics of a robot that runs beside it.
@@ -202,7 +201,7 @@ def state_at(changes: list[tuple[float, bool]], times_s: Any) -> Any:
 def record(path: str, source: Source, start_ns: int) -> None:
     """Write what a source plays, with its labels, as if the first sample were taken at start."""
 
-    def pieces() -> Iterator[Rows]:
+    def pieces() -> Iterator[RecordedRows]:
         played = 0
         while n := len((samples := source.read(RECORD_ROWS)).volts):
             time_s = samples.time_s
@@ -210,7 +209,7 @@ def record(path: str, source: Source, start_ns: int) -> None:
                 time_s = np.arange(played, played + n) / source.sample_rate_hz
             stamps_ns = start_ns + np.rint(time_s * 1e9).astype(np.int64)
             played += n
-            yield Rows(samples.volts, stamps_ns, samples.truth, samples.position_m)
+            yield RecordedRows(samples.volts, stamps_ns, samples.truth, samples.position_m)
 
     write_recording(path, pieces(), source.sample_rate_hz, source.channel_names)
 

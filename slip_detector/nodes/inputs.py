@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from slip_detector.nodes.joint_states import Alike, Sample
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.recordings.fields import FieldReader
+from slip_detector.recordings.field_paths import FieldReader
 
 _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 

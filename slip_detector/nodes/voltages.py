@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 
 from slip_detector.nodes.messages import sensor_qos
-from slip_detector.recordings.fields import BATCH_LABELS
+from slip_detector.recordings.field_paths import BATCH_LABELS
 
 
 class Voltages:

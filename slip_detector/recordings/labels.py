@@ -1,4 +1,4 @@
-"""Labels of true slip: intervals that a person wrote, states that change, positions that move."""
+"""Labels of true slip that a person wrote: a file of intervals beside the recording."""
 
 import itertools
 from pathlib import Path
@@ -18,7 +18,7 @@ ENDING = '.labels.yaml'
 KEY = 'slip_s'
 
 
-class Interval(NamedTuple):
+class SlipInterval(NamedTuple):
     """A time with slip, in seconds from the first sample, and where that was written."""
 
     start_s: float
@@ -37,7 +37,7 @@ class Labels:
         In the order of their times, without overlap.
     """
 
-    def __init__(self, path: Path, intervals: list[Interval]) -> None:
+    def __init__(self, path: Path, intervals: list[SlipInterval]) -> None:
         self.path, self.intervals = path, intervals
         self._edges_ns = np.rint([edge * 1e9 for one in intervals for edge in one[:2]])
 
@@ -159,7 +159,7 @@ def _items(node: 'yaml.Node | None', path: Path) -> list[yaml.Node]:
     return items
 
 
-def _interval(node: yaml.Node, path: Path) -> Interval:
+def _interval(node: yaml.Node, path: Path) -> SlipInterval:
     """Read one pair of times."""
     where = f'{path}: line {node.start_mark.line + 1}:'
     if not isinstance(node, yaml.SequenceNode) or len(node.value) != 2:
@@ -170,7 +170,7 @@ def _interval(node: yaml.Node, path: Path) -> Interval:
         raise ValueError(f'{where} {text} is empty, allowed: the start first')
     if start_s < 0.0:
         raise ValueError(f'{where} {text} is outside the recording, allowed: from 0 s')
-    return Interval(start_s, end_s, node.start_mark.line + 1)
+    return SlipInterval(start_s, end_s, node.start_mark.line + 1)
 
 
 def _time(node: yaml.Node, where: str) -> float:
@@ -184,65 +184,3 @@ def _time(node: yaml.Node, where: str) -> float:
         shown = repr(node.value) if isinstance(node, yaml.ScalarNode) else 'a list'
         raise ValueError(f'{where} {shown} is no time, allowed: a number of seconds')
     return number
-
-
-def states_at(changes_ns: Stamps, states: Bools, at_ns: Stamps) -> Bools:
-    """Return the state that the last change at or before each time left.
-
-    Parameters
-    ----------
-    changes_ns : ndarray of int, shape (k,)
-        When the state was published, rising.
-    states : ndarray of bool, shape (k,)
-        What was published.
-    at_ns : ndarray of int, shape (n,)
-        The times that are asked for.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        False before the first: nobody had said that there was slip.
-    """
-    from_none_on = np.concatenate([[False], states])
-    return np.asarray(from_none_on[np.searchsorted(changes_ns, at_ns, side='right')])
-
-
-class Motion:
-    """When a position changes (the paper's Eq. 9), from positions that come in pieces.
-
-    Between two messages with different positions there is motion, both ends included: the last
-    sample at which the platform still stood is the first of the slip.
-
-    Parameters
-    ----------
-    still_m
-        A step of the position up to this is rest.
-    """
-
-    def __init__(self, still_m: float) -> None:
-        self._still_m = still_m
-        self._last: tuple[Stamps, Floats] | None = None
-        self._edges_ns: list[int] = []
-
-    def add(self, stamps_ns: Stamps, positions_m: Floats) -> None:
-        """Take the next stamps, (n,), and positions, (n, axes)."""
-        if self._last is not None:
-            stamps_ns = np.concatenate([self._last[0], stamps_ns])
-            positions_m = np.concatenate([self._last[1], positions_m])
-        moves = (np.abs(np.diff(positions_m, axis=0)) > self._still_m).any(axis=1)
-        edges = np.diff(np.concatenate([[False], moves, [False]]).astype(np.int8))
-        starts = stamps_ns[np.flatnonzero(edges == 1)].tolist()
-        ends = stamps_ns[np.flatnonzero(edges == -1)].tolist()
-        if starts and self._edges_ns and starts[0] <= self._edges_ns[-1]:
-            del starts[0], self._edges_ns[-1]  # It goes on where the last piece ended.
-            self._edges_ns.append(ends.pop(0))
-        for start, end in zip(starts, ends, strict=True):
-            self._edges_ns += [start, end]
-        self._last = stamps_ns[-1:], positions_m[-1:]
-
-    def at(self, at_ns: Stamps) -> Bools:
-        """Tell whether there is motion at each time, (n,)."""
-        edges = np.array(self._edges_ns, dtype=np.int64)
-        began = np.searchsorted(edges[::2], at_ns, side='right')
-        over = np.searchsorted(edges[1::2], at_ns, side='left')
-        return np.asarray(began > over)

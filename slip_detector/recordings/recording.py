@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.timeline import Timeline
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.resample import Resampler
-from slip_detector.recordings.rows import Piece, Rows
+from slip_detector.recordings.rows import Piece, RecordedRows
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -27,7 +27,7 @@ PIECE_ROWS = 8192
 
 
 @dataclasses.dataclass
-class Counts:
+class RecordingCounts:
     """What was met on the way through a recording; complete when its pieces have been read.
 
     Attributes
@@ -71,7 +71,7 @@ class Recording:
         Whether the recording itself names its channels; else they are ch1, ch2, ...
     has_truth : bool
         Whether it says where there is slip.
-    counts : Counts
+    counts : RecordingCounts
         Of the last reading.
     """
 
@@ -84,7 +84,7 @@ class Recording:
 
     def __init__(self, path: Path, labels: 'Labels | None', resample: bool) -> None:
         self.path = path
-        self.counts = Counts()
+        self.counts = RecordingCounts()
         self._labels, self._resample = labels, resample
 
     @property
@@ -92,7 +92,7 @@ class Recording:
         """Whether it is known where there is slip."""
         return self._labels is not None or self.labelled
 
-    def read(self) -> Iterator[Rows]:
+    def read(self) -> Iterator[RecordedRows]:
         """Yield the rows of the file, some thousands at a time."""
         raise NotImplementedError
 
@@ -104,12 +104,12 @@ class Recording:
         """Return what :meth:`array` knows."""
         return []
 
-    def rows(self) -> Iterator[Rows]:
+    def rows(self) -> Iterator[RecordedRows]:
         """Yield all rows as they were recorded, with the labels that a person wrote, if any.
 
         Yields
         ------
-        Rows
+        RecordedRows
             At least one row each.
 
         Raises
@@ -117,7 +117,7 @@ class Recording:
         ValueError
             When the file is broken or the labels do not suit it; names the file and the place.
         """
-        self.counts = Counts()
+        self.counts = RecordingCounts()
         labels = self._labels
         first_ns = last_ns = 0
         empty = True
@@ -200,9 +200,9 @@ class Recording:
     ) -> list[Piece]:
         """Drop, bridge and part the rows of a piece; ``last`` is the one before it."""
         period_ns = 1e9 / rate_hz
-        rows, which, offset = Rows(*piece[:3]), piece.rows, 0
+        rows, which, offset = RecordedRows(*piece[:3]), piece.rows, 0
         if last is not None:  # Its last row may be what bridges the first gap.
-            rows, offset = Rows(*last[:3]).take(slice(-1, None)).then(rows), 1
+            rows, offset = RecordedRows(*last[:3]).take(slice(-1, None)).then(rows), 1
             which = np.concatenate([last.rows[-1:], which])
         take: list[int] = []
         stamps_ns: list[int] = []
@@ -235,5 +235,5 @@ class Recording:
         return parts
 
 
-def _piece(rows: Rows, new_stretch: bool, which: Stamps) -> Piece:
+def _piece(rows: RecordedRows, new_stretch: bool, which: Stamps) -> Piece:
     return Piece(rows.volts, rows.stamps_ns, rows.truth, new_stretch, which)

@@ -10,7 +10,7 @@ Stamps = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-class Rows(NamedTuple):
+class RecordedRows(NamedTuple):
     """Rows as they were recorded.
 
     Attributes
@@ -29,17 +29,17 @@ class Rows(NamedTuple):
     truth: 'Bools | None' = None
     position_m: 'Floats | None' = None
 
-    def take(self, which: 'NDArray[np.intp] | slice') -> 'Rows':
+    def take(self, which: 'NDArray[np.intp] | slice') -> 'RecordedRows':
         """Return some of the rows."""
         truth = None if self.truth is None else self.truth[which]
-        return Rows(self.volts[which], self.stamps_ns[which], truth)
+        return RecordedRows(self.volts[which], self.stamps_ns[which], truth)
 
-    def then(self, more: 'Rows') -> 'Rows':
+    def then(self, more: 'RecordedRows') -> 'RecordedRows':
         """Return these rows and those of more."""
         truth = None
         if self.truth is not None and more.truth is not None:
             truth = np.concatenate([self.truth, more.truth])
-        return Rows(
+        return RecordedRows(
             np.concatenate([self.volts, more.volts]),
             np.concatenate([self.stamps_ns, more.stamps_ns]),
             truth,

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.recordings.bags import BOOL, JOINT_STATE
-from slip_detector.recordings.cdr import Encoder
-from slip_detector.recordings.rows import Rows
-from slip_detector.recordings.storage import load_rosbags
+from slip_detector.recordings.bag_storage import load_rosbags
+from slip_detector.recordings.message_encoder import JointStateEncoder
+from slip_detector.recordings.rows import RecordedRows
+from slip_detector.recordings.topics import BOOL, JOINT_STATE
 
 #: Version of the metadata that ROS 2 Jazzy and later read.
 BAG_VERSION = 9
@@ -24,7 +24,7 @@ _PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
 
 def write_recording(
     path: 'str | Path',
-    pieces: Iterable[Rows],
+    pieces: Iterable[RecordedRows],
     sample_rate_hz: float,
     channel_names: Sequence[str],
     frame_id: str = 'fingertip',
@@ -76,7 +76,7 @@ def write_recording(
         raise ValueError(f'{path}: cannot be written ({error.strerror or error})') from None
 
 
-def _write_csv(path: Path, pieces: Iterable[Rows], names: Sequence[str]) -> None:
+def _write_csv(path: Path, pieces: Iterable[RecordedRows], names: Sequence[str]) -> None:
     first = True
     with open(path, 'w', newline='', encoding='utf-8') as file:
         lines = csv.writer(file)
@@ -95,7 +95,7 @@ def _write_csv(path: Path, pieces: Iterable[Rows], names: Sequence[str]) -> None
                 lines.writerow([f'{sign}{seconds}.{rest:09d}', *map(repr, row), *slip])
 
 
-def _write_npz(path: Path, pieces: Iterable[Rows], sample_rate_hz: float) -> None:
+def _write_npz(path: Path, pieces: Iterable[RecordedRows], sample_rate_hz: float) -> None:
     columns = {
         key: [column for column in parts if column is not None]
         for key, parts in zip(_NPZ_KEYS, zip(*pieces, strict=True), strict=True)
@@ -104,7 +104,9 @@ def _write_npz(path: Path, pieces: Iterable[Rows], sample_rate_hz: float) -> Non
     np.savez(path, sample_rate_hz=sample_rate_hz, **arrays)
 
 
-def _write_bag(path: Path, pieces: Iterable[Rows], names: Sequence[str], frame_id: str) -> None:
+def _write_bag(
+    path: Path, pieces: Iterable[RecordedRows], names: Sequence[str], frame_id: str
+) -> None:
     """Write the folder of a bag, or only the file of its messages."""
     rosbag2 = load_rosbags()
     plugin = rosbag2.StoragePlugin[_PLUGINS.get(path.suffix, 'MCAP')]
@@ -116,7 +118,7 @@ def _write_bag(path: Path, pieces: Iterable[Rows], names: Sequence[str], frame_i
 
 
 def _write_messages(
-    writer: Any, pieces: Iterable[Rows], names: Sequence[str], frame_id: str
+    writer: Any, pieces: Iterable[RecordedRows], names: Sequence[str], frame_id: str
 ) -> None:
     """Write the topics as the driver publishes them, received at their stamps."""
     from rosbags.typesys import Stores, get_typestore
@@ -126,8 +128,8 @@ def _write_messages(
     voltages = writer.add_connection(
         '/voltages', JOINT_STATE, typestore=store, offered_qos_profiles=[samples]
     )
-    rows = Encoder(store, frame_id, names)
-    platform = Encoder(store, frame_id, ['platform'])
+    rows = JointStateEncoder(store, frame_id, names)
+    platform = JointStateEncoder(store, frame_id, ['platform'])
     bools = [
         bytes(store.serialize_cdr(store.types[BOOL](data=state), BOOL)) for state in (False, True)
     ]

@@ -6,7 +6,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Samples, Source
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.recordings import Recording, Rows, open_recording
+from slip_detector.recordings import RecordedRows, Recording, open_recording
 from slip_detector.sources.live import LiveSource
 
 
@@ -23,7 +23,9 @@ class RecordingSource:
         self.sample_rate_hz = recording.sample_rate_hz
         self.channel_names = recording.channel_names
         self._pieces = recording.rows()
-        self._rows = Rows(np.empty((0, len(self.channel_names))), np.empty(0, np.int64), None)
+        self._rows = RecordedRows(
+            np.empty((0, len(self.channel_names))), np.empty(0, np.int64), None
+        )
         self._first_ns: int | None = None
 
     def read(self, n: int) -> Samples:

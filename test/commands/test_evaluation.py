@@ -22,7 +22,7 @@ from slip_detector.evaluation.scores import REST, SLIP, DecisionStatistic, Score
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.recordings.writing import write_recording
+from slip_detector.recordings import write_recording
 from slip_detector.report.evaluation_tables import SECTIONS, as_tables
 from slip_detector.report.overview import events_of
 

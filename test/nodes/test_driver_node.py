@@ -12,8 +12,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.recordings import Rows
-from slip_detector.recordings.writing import write_recording
+from slip_detector.recordings import RecordedRows, write_recording
 from slip_detector.sources.source import open_source
 from support.harness import ROOT, ended_quietly, patient_qos, patient_state_qos
 from support.recorded import read_recording
@@ -117,7 +116,7 @@ def test_a_bag_is_played_as_it_was_recorded_with_its_labels_and_gaps(bench, tmp_
     k = np.arange(120)
     k = k[(k < 40) | (k > 47)]  # a gap that the detector is to see
     stamps_ns = 1_700_000_000_000_000_000 + k * 2_000_000
-    wanted = Rows(4.3 + 1e-3 * np.sin(k[:, np.newaxis] * [1, 2, 3]), stamps_ns, k >= 80)
+    wanted = RecordedRows(4.3 + 1e-3 * np.sin(k[:, np.newaxis] * [1, 2, 3]), stamps_ns, k >= 80)
     write_recording(tmp_path / f'mine{ending}', [wanted], 500.0, ['left', 'right', 'tip'])
     parameters = {'source': 'recording', 'recording': tmp_path / f'mine{ending}'}
     played = Played(bench, parameters, len(k))
@@ -133,7 +132,7 @@ def test_a_bag_is_played_as_it_was_recorded_with_its_labels_and_gaps(bench, tmp_
 def test_any_topic_of_a_bag_and_labels_by_hand_are_played(bench, tmp_path):
     pytest.importorskip('rosbags', reason='needs rosbags')
     k = np.arange(100)
-    wanted = Rows(np.ones((100, 2)) * k[:, np.newaxis], k * 2_000_000, None, k * 1e-3)
+    wanted = RecordedRows(np.ones((100, 2)) * k[:, np.newaxis], k * 2_000_000, None, k * 1e-3)
     write_recording(tmp_path / 'mine.mcap', [wanted], 500.0, ['a', 'b'])
     (tmp_path / 'mine.labels.yaml').write_text('slip_s: [[0.1, 0.15]]')
     parameters = {

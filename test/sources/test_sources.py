@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from slip_detector.parameters import files
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.recordings import npz, open_recording
+from slip_detector.recordings import npz_recording, open_recording
 from slip_detector.scenes import find_scene
 from slip_detector.sources.source import RecordingSource, open_source
 
@@ -31,7 +31,7 @@ def whole(tmp_path_factory):
 def test_a_recording_is_read_to_its_end_in_any_cut(whole, piece_rows, cuts):
     path, volts, slip = whole
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(npz, 'PIECE_ROWS', piece_rows)
+        patch.setattr(npz_recording, 'PIECE_ROWS', piece_rows)
         source = RecordingSource(open_recording(path))
         pieces = [source.read(n) for n in [*cuts, N_ROWS, 1]]
     np.testing.assert_array_equal(np.concatenate([p.volts for p in pieces]), volts)

@@ -11,8 +11,7 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
-from slip_detector.recordings import ENDINGS, open_recording
-from slip_detector.recordings.writing import write_recording
+from slip_detector.recordings import ENDINGS, open_recording, write_recording
 from support.bags import NAMES, PLUGINS, Bag, gathered, rows
 
 MESSAGES = 4000

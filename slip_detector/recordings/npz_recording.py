@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
-from slip_detector.recordings.rows import Rows
+from slip_detector.recordings.rows import RecordedRows
+from slip_detector.recordings.truth import as_truth
 
 #: Name of the array of stamps that recordings written here have.
 STAMPS_KEY = 'stamps_ns'
@@ -75,7 +76,7 @@ class NpzRecording(Recording):
         """Open the arrays that have something for each row."""
         return {key: _Member(archive, key) for key in self._keys if key in self._names}
 
-    def read(self) -> Iterator[Rows]:
+    def read(self) -> Iterator[RecordedRows]:
         """Yield the rows of the file, some thousands at a time."""
         volts_key, stamps_key, truth_key = self._keys
         with _archive(self.path) as archive:
@@ -91,7 +92,7 @@ class NpzRecording(Recording):
                     stamps_ns = np.rint(k * (1e9 / self.sample_rate_hz)).astype(np.int64)
                 label = part.get(truth_key)
                 truth = None if label is None else as_truth(label, truth_key, self.path)
-                yield Rows(part[volts_key].astype(np.float64), stamps_ns, truth)
+                yield RecordedRows(part[volts_key].astype(np.float64), stamps_ns, truth)
 
     def array(self, name: str) -> 'NDArray[Any] | None':
         """Return an array of the file by its name; None where there is none."""
@@ -103,16 +104,6 @@ class NpzRecording(Recording):
     def array_names(self) -> list[str]:
         """Return the names of all arrays."""
         return sorted(self._names)
-
-
-def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
-    """Convert the label of true slip; NaN or 'False' are not taken for slip."""
-    if label.dtype.kind == 'b':
-        return label.reshape(-1)
-    wrong = label[~np.isin(label, (0, 1))] if label.dtype.kind in 'iuf' else label.reshape(-1)
-    if wrong.size:
-        raise ValueError(f'{path}: {key} has {wrong.tolist()[0]!r}, allowed: 0 and 1')
-    return np.asarray(label, dtype=bool).reshape(-1)
 
 
 @contextlib.contextmanager

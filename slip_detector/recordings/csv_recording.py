@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
-from slip_detector.recordings.npz import as_truth
 from slip_detector.recordings.rate import rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
-from slip_detector.recordings.rows import Rows
+from slip_detector.recordings.rows import RecordedRows
+from slip_detector.recordings.truth import as_truth
 
 TIME = 'time_s'
 
@@ -58,7 +58,7 @@ class CsvRecording(Recording):
             )
         self.sample_rate_hz = rate_hz
 
-    def read(self) -> Iterator[Rows]:
+    def read(self) -> Iterator[RecordedRows]:
         """Yield the rows of the file, some thousands at a time."""
         columns = [self._names.index(name) for name in self.channel_names]
         for table in self._tables():
@@ -66,7 +66,7 @@ class CsvRecording(Recording):
             if self.labelled:
                 label = table.cells[:, self._names.index(self._truth_key)]
                 truth = as_truth(label, self._truth_key, self.path)
-            yield Rows(table.cells[:, columns], table.stamps_ns, truth)
+            yield RecordedRows(table.cells[:, columns], table.stamps_ns, truth)
 
     def array(self, name: str) -> 'NDArray[np.float64] | None':
         """Return a column of the file by its name; None where there is none."""

@@ -5,15 +5,13 @@ database the rows are read in the order in which they were written, until a page
 """
 
 import contextlib
-import importlib
-import sqlite3
 import struct
-import sys
 import zlib
 from collections.abc import Generator, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
-from urllib.parse import quote
+
+from slip_detector.recordings.compression import decompressor
+from slip_detector.recordings.topics import Message, Topic
 
 #: Each record of an MCAP file begins with its kind and its length in bytes.
 _RECORD = struct.Struct('<BQ')
@@ -24,30 +22,6 @@ _DATA_END = 15
 
 #: Bytes that are decompressed at a time: what comes before a damaged place is kept.
 _STEP = 1 << 14
-
-
-class Topic(NamedTuple):
-    """A topic of a bag.
-
-    Attributes
-    ----------
-    name : str
-    msgtype : str
-        As ``sensor_msgs/msg/JointState``.
-    encoding : str
-        Of the definition: ``ros2msg``, ``ros2idl`` or '' where there is none.
-    definition : str
-        Of the type.
-    """
-
-    name: str
-    msgtype: str
-    encoding: str
-    definition: str
-
-
-#: Topic, time of receipt in nanoseconds, serialised message.
-Message = tuple[str, int, bytes]
 
 
 class DamagedMcap:
@@ -148,23 +122,12 @@ def _decompressed(data: bytes, compression: str) -> Iterator[bytes]:
     if not compression:
         yield data
         return
-    decompress = _decompressor(compression)
+    decompress = decompressor(compression)
     for begin in range(0, len(data), _STEP):
         try:
             yield decompress(data[begin : begin + _STEP])
         except Exception:  # Each library has its own; what came before is kept.
             return
-
-
-def _decompressor(compression: str) -> Any:
-    """Return what takes a compressed stream part by part."""
-    if compression == 'zstd':
-        return zstd().ZstdDecompressor().decompress
-    if compression == 'lz4':
-        from lz4.frame import LZ4FrameDecompressor
-
-        return LZ4FrameDecompressor().decompress
-    raise ValueError(f'unknown compression {compression!r}')
 
 
 def _text(data: bytes) -> tuple[str, bytes]:
@@ -173,72 +136,3 @@ def _text(data: bytes) -> tuple[str, bytes]:
     if 4 + length > len(data):
         raise ValueError('the record is too short')
     return data[4 : 4 + length].decode(), data[4 + length :]
-
-
-def zstd() -> Any:
-    """Return the module that reads zstd, which came into Python with 3.14."""
-    return importlib.import_module(
-        'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
-    )
-
-
-class DamagedDatabase:
-    """A database without its end; of whole pages.
-
-    Parameters
-    ----------
-    path
-        Of the file.
-    name
-        That a person knows it by.
-
-    Attributes
-    ----------
-    topics : list of Topic
-    lost : str
-        Where the file was cut off.
-    """
-
-    def __init__(self, path: Path, name: str) -> None:
-        self._path, self.name = path, name
-        self.lost = ''
-        self._names: dict[int, str] = {}
-        self.topics = []
-        definitions: dict[str, tuple[str, str]] = {}
-        with contextlib.closing(self._connection()) as connection:
-            with contextlib.suppress(sqlite3.Error):  # Older bags have none.
-                query = 'SELECT topic_type, encoding, encoded_message_definition'
-                for row in connection.execute(f'{query} FROM message_definitions'):
-                    msgtype, encoding, text = map(str, row)
-                    definitions[msgtype] = (encoding, text)
-            try:
-                for key, *row in connection.execute('SELECT id, name, type FROM topics'):
-                    topic, msgtype = map(str, row)
-                    self._names[key] = topic
-                    self.topics.append(Topic(topic, msgtype, *definitions.get(msgtype, ('', ''))))
-            except sqlite3.Error as error:
-                raise ValueError(f'{name}: is broken or not db3 ({error})') from None
-
-    def messages(self, topics: set[str]) -> Iterator[Message]:
-        """Yield the messages of some topics in the order in which they were written."""
-        self.lost = ''
-        with contextlib.closing(self._connection()) as connection:
-            try:
-                query = 'SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'
-                for key, received_ns, raw in connection.execute(query):
-                    topic = self._names.get(key)
-                    if topic in topics and isinstance(raw, bytes) and isinstance(received_ns, int):
-                        yield topic, received_ns, raw
-            except sqlite3.Error:
-                self.lost = f'is cut off or damaged, {self._path.stat().st_size} bytes are left'
-
-    def _connection(self) -> sqlite3.Connection:
-        """Open the database, also where it has fewer pages than its first one says."""
-        place = f'file:{quote(str(self._path))}?immutable=1'
-        try:
-            connection = sqlite3.connect(place, uri=True)
-            connection.execute('PRAGMA writable_schema = ON')
-        except sqlite3.Error as error:
-            raise ValueError(f'{self.name}: is broken or not db3 ({error})') from None
-        connection.text_factory = lambda text: text.decode(errors='replace')
-        return connection

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import Motion, find_labels, read_labels, states_at
+from slip_detector.recordings.labels import find_labels, read_labels
 
 RATE_HZ = 100.0
 N_ROWS = 1000
@@ -156,36 +156,3 @@ def test_no_file_of_labels_ends_in_anything_but_labels_or_one_line(tmp_path_fact
 def test_labels_may_end_with_the_last_sample(recording, tmp_path):
     (tmp_path / 'trial.labels.yaml').write_text('slip_s: [[9.5, 10]]')
     assert truth(recording).sum() == 50
-
-
-@given(st.lists(st.booleans(), max_size=8), st.data())
-def test_a_state_holds_until_the_next(states, data):
-    steps = data.draw(st.lists(st.integers(1, 5), min_size=len(states), max_size=len(states)))
-    changes = np.cumsum(np.array(steps, dtype=np.int64))
-    at = np.arange(-1, int(changes[-1]) + 3 if len(states) else 3)
-    wanted = [
-        bool(
-            [state for when, state in zip(changes, states, strict=True) if when <= t][-1:]
-            == [True]
-        )
-        for t in at
-    ]
-    np.testing.assert_array_equal(states_at(changes, np.array(states, bool), at), wanted)
-
-
-@given(st.lists(st.sampled_from([0.0, 1.0]), min_size=1, max_size=25), st.data())
-def test_motion_lies_between_positions_that_differ_in_any_cut(positions, data):
-    n = len(positions)
-    position_m = np.array(positions)[:, np.newaxis]
-    stamps_ns = np.arange(n) * 10
-    motion = Motion(0.0)
-    cuts = sorted(data.draw(st.lists(st.integers(0, n), max_size=4)))
-    for begin, end in zip([0, *cuts], [*cuts, n], strict=True):
-        if begin < end:
-            motion.add(stamps_ns[begin:end], position_m[begin:end])
-    moved = np.diff(positions) != 0
-    at = np.arange(-5, 10 * n + 5)
-    wanted = np.zeros(len(at), bool)
-    for k in np.flatnonzero(moved):
-        wanted |= (at >= 10 * k) & (at <= 10 * (k + 1))
-    np.testing.assert_array_equal(motion.at(at), wanted)

@@ -1,8 +1,5 @@
 """Pieces of a recording: gaps, stretches and rates as the detector node treats them."""
 
-import argparse
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,13 +8,11 @@ from hypothesis import strategies as st
 from slip_detector.chain.timeline import Timeline
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import (
-    add_options,
     is_recording,
-    npz,
+    npz_recording,
     open_recording,
-    with_options,
 )
-from slip_detector.recordings.recording import Counts
+from slip_detector.recordings.recording import RecordingCounts
 from slip_detector.recordings.resample import Resampler
 from slip_detector.recordings.rows import Piece
 from support.recorded import read_recording
@@ -45,7 +40,7 @@ def joined(pieces):
 
 def as_the_node_does(volts, stamps_ns, truth, max_gap_s):
     """Feed the rows one by one to a timeline, as nodes/detector.py does."""
-    timeline, counts = Timeline(1 / RATE_HZ, max_gap_s), Counts(rows=0)
+    timeline, counts = Timeline(1 / RATE_HZ, max_gap_s), RecordingCounts(rows=0)
     stretches, last = [[]], None
     for i, stamp_ns in enumerate(stamps_ns.tolist()):
         arrival = timeline.arrive(stamp_ns)
@@ -85,7 +80,7 @@ def test_any_stamps_are_treated_as_the_node_treats_them(
     path = save(tmp_path_factory.mktemp('any') / 'a.npz', volts, stamps_ns, slip=truth)
     recording = open_recording(path)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(npz, 'PIECE_ROWS', piece_rows)
+        patch.setattr(npz_recording, 'PIECE_ROWS', piece_rows)
         stretches = joined(recording.pieces(RATE_HZ, max_gap_s))
     wanted, counts = as_the_node_does(volts, stamps_ns, truth, max_gap_s)
     assert recording.counts == counts
@@ -100,7 +95,7 @@ def test_the_size_of_the_pieces_makes_no_difference(tmp_path_factory, n, piece_r
     volts = np.asfortranarray(np.random.default_rng(1).normal(size=(n, 3)))  # both orders are read
     path = save(tmp_path_factory.mktemp('cut') / 'a.npz', volts, slip=np.arange(n) % 2)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(npz, 'PIECE_ROWS', piece_rows)
+        patch.setattr(npz_recording, 'PIECE_ROWS', piece_rows)
         pieces = list(open_recording(path).pieces())
     assert {len(piece.volts) for piece in pieces[:-1]} <= {piece_rows}
     np.testing.assert_array_equal(np.concatenate([piece.volts for piece in pieces]), volts)
@@ -112,7 +107,7 @@ def test_a_second_reading_counts_from_zero(tmp_path):
     recording = open_recording(save(tmp_path / 'a.npz', np.full((30, 2), np.nan)))
     for _ in range(2):
         assert sum(len(piece.volts) for piece in recording.pieces()) == 30
-        assert recording.counts == Counts(rows=30, stretches=1, bad_samples=60)
+        assert recording.counts == RecordingCounts(rows=30, stretches=1, bad_samples=60)
 
 
 @pytest.mark.parametrize(('rate_hz', 'allowed'), [(98.01, True), (102.0, True), (97.9, False)])
@@ -134,7 +129,7 @@ def test_a_rate_more_than_two_percent_off_is_an_error_with_both_and_the_option(
 def resampled(path, rate_hz, piece_rows=8192):
     recording = open_recording(path, RecordingConfig(recording_resample=True))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(npz, 'PIECE_ROWS', piece_rows)
+        patch.setattr(npz_recording, 'PIECE_ROWS', piece_rows)
         pieces = list(recording.pieces(rate_hz))
     columns = [[piece[i] for piece in pieces] for i in (0, 1, 2)]
     return [None if column[0] is None else np.concatenate(column) for column in columns]
@@ -257,18 +252,3 @@ def test_a_recording_is_known_by_its_ending_or_its_metadata(tmp_path):
     assert not is_recording(tmp_path)
     (tmp_path / 'metadata.yaml').touch()
     assert is_recording(tmp_path)
-
-
-def test_the_options_say_what_the_parameters_say():
-    parser = argparse.ArgumentParser()
-    add_options(parser)
-    config = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
-    assert with_options(config, parser.parse_args([])) == config
-    words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
-    assert with_options(config, parser.parse_args(words)) == dataclasses.replace(
-        config,
-        recording_topic='/biotac',
-        recording_field='pac',
-        recording_labels='l.yaml',
-        recording_resample=True,
-    )

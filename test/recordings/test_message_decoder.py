@@ -5,7 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.recordings import cdr
+from slip_detector.recordings import message_decoder
+from slip_detector.recordings.field_paths import FieldReader
+from slip_detector.recordings.message_decoder import MessageDecoder
+from slip_detector.recordings.message_encoder import JointStateEncoder
+from slip_detector.recordings.message_layout import read_layout
 
 typesys = pytest.importorskip('rosbags.typesys', reason='needs rosbags')
 
@@ -76,15 +80,15 @@ def test_all_at_once_is_as_one_by_one(path, little, labels, n_cells, few, data):
     raws = [bytes(STORE.serialize_cdr(one, msgtype, little_endian=little)) for one in messages]
     with pytest.MonkeyPatch.context() as patch:
         if few:
-            patch.setattr(cdr, 'MOST_LAYOUTS', 1)
-        decoded = cdr.Decoder(STORE, msgtype, path).many(raws, range(len(raws)))
-    one_by_one = cdr.Decoder(STORE, msgtype, path)
+            patch.setattr(message_decoder, 'MOST_LAYOUTS', 1)
+        decoded = MessageDecoder(STORE, msgtype, path).many(raws, range(len(raws)))
+    one_by_one = MessageDecoder(STORE, msgtype, path)
     rows, stamps_ns, _ = zip(*map(one_by_one.one, raws), strict=True)
     assert decoded.volts.tobytes() == np.concatenate(rows).tobytes()
     assert decoded.stamps_ns.tolist() == list(stamps_ns)
     assert decoded.which.tolist() == list(range(len(raws)))
     # It was not done one by one in secret.
-    assert few or cdr.Decoder(STORE, msgtype, path).layout_of(raws[0]).places.size
+    assert few or read_layout(raws[0], STORE, msgtype, FieldReader(path)).places.size
 
 
 @given(
@@ -99,7 +103,7 @@ def test_what_is_encoded_all_at_once_is_what_rosbags_encodes(n, channels, frame_
     )
     stamps_ns = np.array(data.draw(st.lists(st.integers(0, 2**60), min_size=n, max_size=n)))
     names = [f'ch{i}' for i in range(channels)]
-    raws = cdr.Encoder(STORE, frame_id, names).many(volts, stamps_ns)
+    raws = JointStateEncoder(STORE, frame_id, names).many(volts, stamps_ns)
     types, nothing = STORE.types, np.empty(0)
     for raw, row, stamp_ns in zip(raws, volts, stamps_ns.tolist(), strict=True):
         stamp = types['builtin_interfaces/msg/Time'](*divmod(stamp_ns, 1_000_000_000))
@@ -112,12 +116,12 @@ def test_what_is_encoded_all_at_once_is_what_rosbags_encodes(n, channels, frame_
 def test_a_damaged_message_is_left_out_and_never_a_crash(data):
     msgtype = 'sensor_msgs/msg/JointState'
     volts = np.arange(12.0).reshape(4, 3)
-    raws = cdr.Encoder(STORE, 'tip', ['a', 'b', 'c']).many(volts, np.arange(4))
+    raws = JointStateEncoder(STORE, 'tip', ['a', 'b', 'c']).many(volts, np.arange(4))
     damaged = bytearray(raws[2])
     for _ in range(data.draw(st.integers(1, 4))):
         damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
     raws[2] = bytes(damaged[: data.draw(st.integers(0, len(damaged)))])
-    decoder = cdr.Decoder(STORE, msgtype, 'position')
+    decoder = MessageDecoder(STORE, msgtype, 'position')
     decoder.many(raws[:1], [0])
     decoded = decoder.many(raws, range(4))
     assert {0, 1, 3} <= set(decoded.which.tolist())
@@ -126,6 +130,8 @@ def test_a_damaged_message_is_left_out_and_never_a_crash(data):
 
 
 def test_a_message_received_in_no_year_is_said_so():
-    raws = cdr.Encoder(STORE, 'tip', ['a']).many(np.ones((1, 1)), np.zeros(1, dtype=np.int64))
+    raws = JointStateEncoder(STORE, 'tip', ['a']).many(
+        np.ones((1, 1)), np.zeros(1, dtype=np.int64)
+    )
     with pytest.raises(ValueError, match='received beyond the year 2262'):
-        cdr.Decoder(STORE, 'sensor_msgs/msg/JointState', 'position').many(raws, [2**64 - 1])
+        MessageDecoder(STORE, 'sensor_msgs/msg/JointState', 'position').many(raws, [2**64 - 1])

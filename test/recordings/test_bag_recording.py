@@ -18,8 +18,12 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.recordings import Rows, bags, open_recording
-from slip_detector.recordings.writing import write_recording
+from slip_detector.recordings import (
+    RecordedRows,
+    bag_recording,
+    open_recording,
+    write_recording,
+)
 from support.bags import (
     ENDINGS,
     JOINT_STATE,
@@ -73,7 +77,7 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path_factory, ending, data)
     start_ns = data.draw(st.integers(0, 2**60))
     steps_ns = data.draw(st.lists(st.integers(9_000_000, 11_000_000), min_size=n, max_size=n))
     stamps_ns = start_ns + np.cumsum(np.array(steps_ns, dtype=np.int64))
-    written = Rows(volts, stamps_ns, truth)
+    written = RecordedRows(volts, stamps_ns, truth)
     cut = data.draw(st.integers(0, n))
     pieces = [written.take(slice(cut)), written.take(slice(cut, None))]
     path = tmp_path_factory.mktemp('written') / f'trial{ending}'
@@ -135,7 +139,7 @@ def test_any_message_type_is_read_by_topic_and_field(tmp_path, plugin):
     path = tmp_path / 'a'
     config = RecordingConfig(recording_topic='/hub/sensor_0', recording_field='pillars[].fz')
     recording = open_recording(path, config)
-    same(gathered(recording), Rows(volts.astype(np.float64), stamps(300), None))
+    same(gathered(recording), RecordedRows(volts.astype(np.float64), stamps(300), None))
     assert recording.channel_names == ('ch1', 'ch2', 'ch3', 'ch4')
     one = RecordingConfig(recording_topic='sensor_0', recording_field='pillars[2].fz')
     np.testing.assert_array_equal(read_recording(path, one).volts, volts[:, 2:3])
@@ -157,7 +161,7 @@ def test_a_type_that_is_defined_in_idl_is_read(tmp_path):
     config = RecordingConfig(recording_topic='/biotac', recording_field='pac')
     volts = np.arange(20.0)[:, np.newaxis] + np.arange(3.0)
     # Without a header the time of receipt is the stamp.
-    same(gathered(open_recording(tmp_path / 'a', config)), Rows(volts, stamps(20), None))
+    same(gathered(open_recording(tmp_path / 'a', config)), RecordedRows(volts, stamps(20), None))
 
 
 def test_messages_of_other_layouts_are_read_one_by_one_to_the_same_bits(tmp_path):
@@ -392,8 +396,8 @@ def test_without_rosbags_npz_is_read_and_a_bag_says_what_to_install(tmp_path):
 
 
 def test_the_first_messages_do_not_decide_what_the_later_ones_are(tmp_path, monkeypatch):
-    monkeypatch.setattr(bags, 'FIRST_MESSAGES', 3)
-    monkeypatch.setattr(bags, 'PIECE_ROWS', 7)
+    monkeypatch.setattr(bag_recording, 'FIRST_MESSAGES', 3)
+    monkeypatch.setattr(bag_recording, 'PIECE_ROWS', 7)
     written = rows(100)
     write_recording(tmp_path / 'a.mcap', [written], 380.0, NAMES)
     same(gathered(open_recording(tmp_path / 'a.mcap')), written)

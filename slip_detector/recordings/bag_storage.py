@@ -9,7 +9,10 @@ from typing import Any
 
 import yaml
 
-from slip_detector.recordings.damaged import DamagedDatabase, DamagedMcap, Message, Topic, zstd
+from slip_detector.recordings.compression import zstd
+from slip_detector.recordings.damaged_database import DamagedDatabase
+from slip_detector.recordings.damaged_mcap import DamagedMcap
+from slip_detector.recordings.topics import Message, Topic
 
 METADATA = 'metadata.yaml'
 
@@ -27,9 +30,6 @@ _STEP = 1 << 20
 #: Where the head of a database says how long its pages are.
 _PAGE_SIZE_AT = 16
 
-#: Parts the definitions of several types in one text.
-_RULE = '=' * 80 + '\n'
-
 
 def load_rosbags() -> Any:
     """Import the part of rosbags that reads and writes bags.
@@ -46,7 +46,7 @@ def load_rosbags() -> Any:
     return rosbag2
 
 
-class Storage:
+class BagStorage:
     """The messages of a bag.
 
     Parameters
@@ -133,39 +133,6 @@ class Storage:
             yield [
                 _DAMAGED[file.suffix](file, name) for file, name in zip(files, names, strict=True)
             ]
-
-
-def typestore_of(topic: Topic) -> Any:
-    """Return the store of rosbags that knows the type of a topic.
-
-    Raises
-    ------
-    ValueError
-        When the bag does not define the type and it is none of ROS itself, or the definition is
-        broken.
-    """
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-
-    if not topic.encoding:
-        store = get_typestore(Stores.LATEST)
-        if topic.msgtype not in store.fielddefs:
-            raise ValueError(f'the bag does not define the type {topic.msgtype} of {topic.name}')
-        return store
-    store = get_typestore(Stores.EMPTY)
-    try:
-        if topic.encoding == 'ros2msg':
-            store.register(get_types_from_msg(topic.definition, topic.msgtype))
-        else:
-            parts = topic.definition.split(_RULE)
-            # Each of several begins with a line that names it.
-            texts = parts if len(parts) == 1 else [part.partition('\n')[2] for part in parts[1:]]
-            for text in texts:
-                store.register(get_types_from_idl(text))
-        store.get_msgdef(topic.msgtype)
-    except Exception as error:
-        why = ' '.join(str(error).split())
-        raise ValueError(f'the definition of {topic.msgtype} cannot be read ({why})') from None
-    return store
 
 
 def _topic(connection: Any) -> Topic:

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.timeline import GAP_PERIODS
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.recordings.cdr import Decoded, Decoder
-from slip_detector.recordings.damaged import Topic
-from slip_detector.recordings.labels import Labels, Motion, states_at
+from slip_detector.recordings.bag_storage import BagStorage
+from slip_detector.recordings.labels import Labels
+from slip_detector.recordings.message_decoder import MessageDecoder, MessageRows
 from slip_detector.recordings.rate import rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
-from slip_detector.recordings.rows import Rows
-from slip_detector.recordings.storage import Storage, typestore_of
+from slip_detector.recordings.rows import RecordedRows
+from slip_detector.recordings.topics import BOOL, JOINT_STATE, Topic, typestore_of
+from slip_detector.recordings.truth import PlatformMotion, states_at
 
 Bools = NDArray[np.bool_]
 Stamps = NDArray[np.int64]
@@ -25,9 +26,6 @@ T = TypeVar('T')
 
 #: Topic that is read where none is named.
 TOPIC = 'voltages'
-
-JOINT_STATE = 'sensor_msgs/msg/JointState'
-BOOL = 'std_msgs/msg/Bool'
 
 #: Messages that are decoded first: they tell the rate, and how many samples a message has.
 FIRST_MESSAGES = 1024
@@ -38,7 +36,7 @@ class BagRecording(Recording):
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config.recording_resample)
-        self._storage = self._naming(lambda: Storage(path))
+        self._storage = self._naming(lambda: BagStorage(path))
         self._topic = topic = self._rows_topic(config.recording_topic)
         self._typestore = self._naming(lambda: typestore_of(topic))
         self._field = config.recording_field or self._usual_field(topic)
@@ -64,7 +62,7 @@ class BagRecording(Recording):
         self._samples = int(np.median(decoded.samples))
         self.sample_rate_hz = message_hz * self._samples
 
-    def read(self) -> Iterator[Rows]:
+    def read(self) -> Iterator[RecordedRows]:
         """Yield the rows of the topic, some thousands at a time."""
         truth_at = self._truth()
         decoder = self._decoder(self._topic, self._field)
@@ -82,7 +80,7 @@ class BagRecording(Recording):
                 truth = truth_at(stamps_ns, np.repeat(late_ns, decoded.samples))
             first_ns = int(stamps_ns[0]) if first_ns is None else first_ns
             last_ns = int(stamps_ns[-1])
-            yield Rows(decoded.volts, stamps_ns, truth)
+            yield RecordedRows(decoded.volts, stamps_ns, truth)
         if self._storage.lost:
             end_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
             all_of_them = self._storage.counts.get(self._topic.name, 0)
@@ -93,13 +91,15 @@ class BagRecording(Recording):
                 f'{messages} messages up to {end_s:.3f} s are read'
             )
 
-    def _decoder(self, topic: Topic, field: str) -> Decoder:
+    def _decoder(self, topic: Topic, field: str) -> MessageDecoder:
         typestore = self._typestore
         if topic is not self._topic:
             typestore = self._naming(lambda: typestore_of(topic))
-        return self._naming(lambda: Decoder(typestore, topic.msgtype, field))
+        return self._naming(lambda: MessageDecoder(typestore, topic.msgtype, field))
 
-    def _decoded(self, topic: Topic, decoder: Decoder) -> Iterator[tuple[Decoded, Stamps]]:
+    def _decoded(
+        self, topic: Topic, decoder: MessageDecoder
+    ) -> Iterator[tuple[MessageRows, Stamps]]:
         """Yield the messages of a topic, decoded, and when each was received."""
         messages = self._storage.messages({topic.name})
         n = FIRST_MESSAGES
@@ -110,7 +110,7 @@ class BagRecording(Recording):
             if len(decoded.samples):
                 n = max(1, PIECE_ROWS // max(1, int(np.median(decoded.samples))))
 
-    def _stamps(self, decoded: Decoded, last_ns: 'int | None') -> Stamps:
+    def _stamps(self, decoded: MessageRows, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.
 
         A message with several samples has one stamp, that of the last; the others are spread
@@ -141,7 +141,7 @@ class BagRecording(Recording):
         if self._truth_topic is not None:
             topic = self._truth_topic
             typestore = self._naming(lambda: typestore_of(topic))
-            decoder = Decoder(typestore, BOOL, 'data')
+            decoder = MessageDecoder(typestore, BOOL, 'data')
             changes = [
                 (received_ns, bool(self._naming(lambda: decoder.message(raw)).data))  # noqa: B023
                 for _, received_ns, raw in self._storage.messages({topic.name})
@@ -150,7 +150,7 @@ class BagRecording(Recording):
             states = np.array([state for _, state in changes], dtype=bool)
             return lambda stamps_ns, late_ns: states_at(at_ns, states, stamps_ns + late_ns)
         if self._position_topic is not None:
-            motion = Motion(self._still_m)
+            motion = PlatformMotion(self._still_m)
             decoder = self._decoder(self._position_topic, 'position')
             for decoded, _ in self._decoded(self._position_topic, decoder):
                 if len(decoded.volts):

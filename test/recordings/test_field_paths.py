@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.recordings.fields import FieldReader, field_names
+from slip_detector.recordings.field_paths import FieldReader, field_names
 
 
 @dataclasses.dataclass

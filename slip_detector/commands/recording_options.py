@@ -1,0 +1,50 @@
+"""The options of the commands that read recordings: where in them the rows and labels are."""
+
+import argparse
+import dataclasses
+
+from slip_detector.parameters.recording import RecordingConfig
+
+
+def add_recording_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say where in a recording the rows and labels are."""
+    group = parser.add_argument_group('what to read of a recording')
+    group.add_argument(
+        '--topic', metavar='NAME', help='topic of a bag that has the rows (default: voltages)'
+    )
+    group.add_argument(
+        '--field',
+        metavar='PATH',
+        help='field of its messages with the channels, as position, pac or pillars[].fz '
+        '(default: position of a JointState, data of a MultiArray)',
+    )
+    group.add_argument(
+        '--labels',
+        metavar='FILE',
+        help='YAML file of the intervals with slip, or a folder of such files (default: '
+        'NAME.labels.yaml beside the recording, else what the recording itself says)',
+    )
+    group.add_argument(
+        '--resample',
+        action='store_true',
+        default=None,
+        help='bring a recording of another rate to that of the chain',
+    )
+
+
+def with_recording_options(
+    config: RecordingConfig, options: argparse.Namespace
+) -> RecordingConfig:
+    """Return the configuration with what the options of :func:`add_recording_options` say.
+
+    Raises
+    ------
+    ValueError
+        When a value is not allowed.
+    """
+    given = {
+        f'recording_{name}': getattr(options, name)
+        for name in ('topic', 'field', 'labels', 'resample')
+    }
+    changes = {name: value for name, value in given.items() if value is not None}
+    return dataclasses.replace(config, **changes)

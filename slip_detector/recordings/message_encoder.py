@@ -1,0 +1,64 @@
+"""Rows as serialised messages (CDR), all at once."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.recordings.field_paths import FieldReader
+from slip_detector.recordings.message_layout import begin_of, read_layout
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+
+class JointStateEncoder:
+    """Serialises rows as messages of JointState, which all have one layout.
+
+    Parameters
+    ----------
+    typestore
+        Of rosbags.
+    frame_id
+        Of the header of each.
+    names
+        Of the channels.
+    """
+
+    def __init__(self, typestore: Any, frame_id: str, names: Sequence[str]) -> None:
+        msgtype = 'sensor_msgs/msg/JointState'
+        types = typestore.types
+        stamp = types['builtin_interfaces/msg/Time'](sec=0, nanosec=0)
+        message = types[msgtype](
+            header=types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame_id),
+            name=list(names),
+            position=np.zeros(len(names)),
+            velocity=np.empty(0),
+            effort=np.empty(0),
+        )
+        raw = bytes(typestore.serialize_cdr(message, msgtype))
+        layout = read_layout(raw, typestore, msgtype, FieldReader('position'))
+        assert layout.stamp_bytes is not None
+        self._template = np.frombuffer(raw, np.uint8)
+        self._stamp_bytes, self._row_begin = layout.stamp_bytes, begin_of(layout.places[0, 0])
+
+    def many(self, volts: Floats, stamps_ns: Stamps) -> list[bytes]:
+        """Serialise rows.
+
+        Parameters
+        ----------
+        volts : ndarray, shape (n, c)
+            The rows.
+        stamps_ns : ndarray of int, shape (n,)
+            Their stamps.
+        """
+        n, length = len(volts), len(self._template)
+        block = np.tile(self._template, (n, 1))
+        parts = np.stack(np.divmod(stamps_ns, 1_000_000_000), axis=1)
+        for begin, part in zip(self._stamp_bytes, parts.T, strict=True):
+            block[:, begin : begin + 4] = part.astype('<u4')[:, np.newaxis].view(np.uint8)
+        rows = np.ascontiguousarray(volts, dtype='<f8').view(np.uint8)
+        block[:, self._row_begin : self._row_begin + rows.shape[1]] = rows
+        content = block.tobytes()
+        return [content[i : i + length] for i in range(0, n * length, length)]

@@ -1,0 +1,229 @@
+"""Where the numbers of a serialised message (CDR) stand.
+
+That depends only on the type of the message and on the lengths of the texts and lists in it. So it
+is found once, by reading a message in which each number is its own place through a
+:class:`~slip_detector.recordings.field_paths.FieldReader`; every message with the same texts and
+lengths has its numbers at the same places.
+"""
+
+import struct
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.recordings.field_paths import FieldReader
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+#: CDR begins with four bytes; the second says whether the least significant byte is first.
+HEADER_BYTES = 4
+
+#: Types of numbers, by the names that message definitions have for them.
+DTYPES = {
+    'bool': '?',
+    'byte': 'u1',
+    'char': 'u1',
+    'octet': 'u1',
+    'float32': 'f4',
+    'float64': 'f8',
+    **{f'int{8 * size}': f'i{size}' for size in (1, 2, 4, 8)},
+    **{f'uint{8 * size}': f'u{size}' for size in (1, 2, 4, 8)},
+}
+_CODES = list(dict.fromkeys(DTYPES.values()))
+
+#: A place is the number of its type's code times this, plus the byte at which it begins. float64
+#: holds that exactly for messages below 4 GB.
+_TYPE_STEP = 2.0**32
+
+
+class MessageLayout(NamedTuple):
+    """Where the numbers of one field, and the stamp, stand in messages that are alike.
+
+    Attributes
+    ----------
+    fixed : ndarray of int, shape (k,)
+        Which bytes are texts and lengths: messages are alike if they agree in these.
+    fixed_bytes : ndarray of uint8, shape (k,)
+        What these bytes are.
+    places : ndarray, shape (samples, channels)
+        Type and place of each number of the field.
+    stamp_bytes : tuple of int, or None
+        Where the seconds and the nanoseconds of the header's stamp begin.
+    byte_order : str
+        ``<`` or ``>``.
+    names : tuple of str
+        Of the channels, where the message names them.
+    """
+
+    fixed: NDArray[np.intp]
+    fixed_bytes: Bytes
+    places: Floats
+    stamp_bytes: tuple[int, int] | None
+    byte_order: str
+    names: tuple[str, ...]
+
+    def fits(self, messages: Bytes) -> NDArray[np.bool_]:
+        """Tell which of the messages, (m, bytes), have this layout, shape (m,)."""
+        return np.asarray((messages[:, self.fixed] == self.fixed_bytes).all(axis=1))
+
+    def stamps_ns(self, messages: Bytes) -> 'Stamps | None':
+        """Return the stamps of messages of this layout, (m,); None where they have no header."""
+        if self.stamp_bytes is None:
+            return None
+        seconds, rest = self.stamp_bytes
+        stamps_ns = _number(messages, seconds, f'{self.byte_order}i4').astype(np.int64)
+        stamps_ns *= 1_000_000_000
+        stamps_ns += _number(messages, rest, f'{self.byte_order}u4')
+        return stamps_ns
+
+    def rows(self, messages: Bytes) -> Floats:
+        """Return the numbers of messages of this layout, shape (m, samples, channels)."""
+        codes, begins = np.divmod(self.places.reshape(-1), _TYPE_STEP)
+        first, begin = _CODES[int(codes[0])], int(begins[0])
+        size = np.dtype(first).itemsize
+        if (codes == codes[0]).all() and (np.diff(begins) == size).all():
+            end = begin + size * self.places.size
+            block = np.ascontiguousarray(messages[:, begin:end])
+            rows = block.view(f'{self.byte_order}{first}').astype(np.float64)
+        else:
+            rows = np.stack(
+                [
+                    _number(messages, int(at), f'{self.byte_order}{_CODES[int(code)]}')
+                    for code, at in zip(codes, begins, strict=True)
+                ],
+                axis=1,
+                dtype=np.float64,
+            )
+        return rows.reshape(-1, *self.places.shape)
+
+
+def _number(messages: Bytes, begin: int, dtype: str) -> NDArray[Any]:
+    """Return the number that begins at one byte of each message, (m,)."""
+    size = np.dtype(dtype).itemsize
+    return np.ascontiguousarray(messages[:, begin : begin + size]).view(dtype)[:, 0]
+
+
+def begin_of(place: float) -> int:
+    """Return the byte at which the number of a place begins."""
+    return int(place % _TYPE_STEP)
+
+
+def read_layout(raw: bytes, typestore: Any, msgtype: str, field: FieldReader) -> MessageLayout:
+    """Find the layout of a message.
+
+    Parameters
+    ----------
+    raw
+        The message.
+    typestore
+        Of rosbags, with the definition of the type.
+    msgtype
+        Name of the type.
+    field
+        Reads the field whose numbers are the channels.
+
+    Raises
+    ------
+    ValueError, LookupError, struct.error
+        When that cannot be told, as the message is broken or lacks the field.
+    """
+    reader = _LayoutReader(raw, typestore)
+    message = reader.message(msgtype)
+    places = field(message)
+    # Some writers pad to a multiple of four.
+    if not places.size or not 0 <= len(raw) - reader.position < HEADER_BYTES:
+        raise ValueError('the message is empty or longer than its fields')
+    stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+    fixed = np.array(reader.fixed, dtype=np.intp)
+    return MessageLayout(
+        fixed,
+        np.frombuffer(raw, np.uint8)[fixed],
+        places,
+        None if stamp is None else (begin_of(stamp.sec), begin_of(stamp.nanosec)),
+        reader.byte_order,
+        channel_names(message, places.shape[1]),
+    )
+
+
+def channel_names(message: Any, channels: int) -> tuple[str, ...]:
+    """Return the names that a message gives its channels, as JointState does; else none."""
+    names = getattr(message, 'name', ())
+    if isinstance(names, str) or len(names) != channels:
+        return ()
+    return tuple(names) if all(isinstance(name, str) for name in names) else ()
+
+
+class _LayoutReader:
+    """Reads a serialised message with places instead of its numbers."""
+
+    def __init__(self, raw: bytes, typestore: Any) -> None:
+        self._raw, self._typestore = raw, typestore
+        self.position = HEADER_BYTES
+        self.byte_order = '<' if raw[1] & 1 else '>'
+        self.fixed: list[int] = list(range(HEADER_BYTES))
+
+    def message(self, msgtype: str, real: bool = False) -> Any:
+        """Return a message of places; ``real``: of the numbers themselves, which become fixed."""
+        # The layout of a MultiArray says what its data are: it has to be the same in all messages.
+        real = real or msgtype == 'std_msgs/msg/MultiArrayLayout'
+        definition = self._typestore.get_msgdef(msgtype)
+        values = [self._value(description, real) for _, description in definition.fields]
+        return definition.cls(*values)
+
+    def _value(self, description: Any, real: bool) -> Any:
+        from rosbags.interfaces import Nodetype
+
+        kind, inner = description
+        if kind == Nodetype.NAME:
+            return self.message(inner, real)
+        if kind == Nodetype.BASE:
+            return self._text() if inner[0] == 'string' else self._number(inner[0], real)
+        element, count = inner
+        if kind == Nodetype.SEQUENCE:
+            count = self._length()
+            if count > len(self._raw):
+                raise ValueError('a list is longer than the message')
+        if element[0] == Nodetype.BASE and element[1][0] != 'string' and not real:
+            return self._places(element[1][0], count)
+        return [self._value(element, real) for _ in range(count)]
+
+    def _align(self, size: int) -> None:
+        self.position += -(self.position - HEADER_BYTES) % size
+
+    def _take(self, size: int) -> bytes:
+        begin, self.position = self.position, self.position + size
+        if self.position > len(self._raw):
+            raise ValueError('the message is too short')
+        return self._raw[begin : self.position]
+
+    def _length(self) -> int:
+        self._align(4)
+        self.fixed.extend(range(self.position, self.position + 4))
+        return int(struct.unpack(f'{self.byte_order}I', self._take(4))[0])
+
+    def _text(self) -> str:
+        length = self._length()
+        text = self._take(length)
+        self.fixed.extend(range(self.position - length, self.position))
+        return text[:-1].decode()
+
+    def _number(self, name: str, real: bool) -> Any:
+        places = self._places(name, 1)
+        if not real:
+            return places[0]
+        dtype = np.dtype(f'{self.byte_order}{DTYPES[name]}')
+        begin = self.position - dtype.itemsize
+        self.fixed.extend(range(begin, self.position))
+        return np.frombuffer(self._raw[begin : self.position], dtype)[0]
+
+    def _places(self, name: str, count: int) -> Floats:
+        code = DTYPES[name]
+        size = np.dtype(code).itemsize
+        if count:
+            self._align(size)
+        begin = self.position
+        self._take(size * count)
+        return _TYPE_STEP * _CODES.index(code) + begin + size * np.arange(count, dtype=np.float64)

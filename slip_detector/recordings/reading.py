@@ -1,0 +1,66 @@
+"""Open recordings, whatever kind of file they are."""
+
+from pathlib import Path
+
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.recordings.csv_recording import CsvRecording
+from slip_detector.recordings.labels import find_labels, read_labels
+from slip_detector.recordings.npz_recording import NpzRecording
+from slip_detector.recordings.recording import Recording
+
+BAG_ENDINGS = ('.mcap', '.db3')
+
+ENDINGS = ('.npz', '.csv', *BAG_ENDINGS)
+
+#: What makes a folder a bag.
+METADATA = 'metadata.yaml'
+
+
+def is_recording(path: 'str | Path') -> bool:
+    """Return whether a path is one recording, by its ending or as a folder that is a bag."""
+    path = Path(path)
+    if path.is_dir():
+        return (path / METADATA).is_file()
+    return path.suffix in ENDINGS
+
+
+def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) -> Recording:
+    """Open a recording to read it in pieces.
+
+    An npz file holds the rows under ``recording_volts_key``, the rate under
+    ``recording_rate_key`` and perhaps the label under ``recording_truth_key``. A csv file has a
+    line of names, a column ``time_s``, perhaps a column of the label, and a column for each
+    channel. A bag (a rosbag2 folder, or one of its .mcap or .db3 files) has a topic
+    ``recording_topic`` with the rows in the field ``recording_field``.
+
+    Parameters
+    ----------
+    path
+        The file or the folder of a bag.
+    config
+        Names of the parts of the recording; the defaults if not given.
+
+    Raises
+    ------
+    ValueError
+        When it is missing, broken or lacks a part; names the file and the part.
+    """
+    path, config = Path(path), config or RecordingConfig()
+    try:
+        labels_file = find_labels(config.recording_labels, path)
+        labels = None if labels_file is None else read_labels(labels_file)
+        if path.suffix == '.npz':
+            return NpzRecording(path, config, labels)
+        if path.suffix == '.csv':
+            return CsvRecording(path, config, labels)
+        if path.suffix in BAG_ENDINGS or path.is_dir():
+            # Who reads no bags need not have what reads them.
+            from slip_detector.recordings.bag_recording import BagRecording
+
+            return BagRecording(path, config, labels)
+        raise ValueError(
+            f'{path}: is {path.suffix or "without ending"}, allowed: {", ".join(ENDINGS)} or the '
+            'folder of a bag'
+        )
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be read ({error.strerror or error})') from None

@@ -1,0 +1,66 @@
+"""Topics of a bag, and the types of their messages."""
+
+from typing import Any, NamedTuple
+
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+BOOL = 'std_msgs/msg/Bool'
+
+#: Parts the definitions of several types in one text.
+_RULE = '=' * 80 + '\n'
+
+
+class Topic(NamedTuple):
+    """A topic of a bag.
+
+    Attributes
+    ----------
+    name : str
+    msgtype : str
+        As ``sensor_msgs/msg/JointState``.
+    encoding : str
+        Of the definition: ``ros2msg``, ``ros2idl`` or '' where there is none.
+    definition : str
+        Of the type.
+    """
+
+    name: str
+    msgtype: str
+    encoding: str
+    definition: str
+
+
+#: Topic, time of receipt in nanoseconds, serialised message.
+Message = tuple[str, int, bytes]
+
+
+def typestore_of(topic: Topic) -> Any:
+    """Return the store of rosbags that knows the type of a topic.
+
+    Raises
+    ------
+    ValueError
+        When the bag does not define the type and it is none of ROS itself, or the definition is
+        broken.
+    """
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if not topic.encoding:
+        store = get_typestore(Stores.LATEST)
+        if topic.msgtype not in store.fielddefs:
+            raise ValueError(f'the bag does not define the type {topic.msgtype} of {topic.name}')
+        return store
+    store = get_typestore(Stores.EMPTY)
+    try:
+        if topic.encoding == 'ros2msg':
+            store.register(get_types_from_msg(topic.definition, topic.msgtype))
+        else:
+            parts = topic.definition.split(_RULE)
+            # Each of several begins with a line that names it.
+            texts = parts if len(parts) == 1 else [part.partition('\n')[2] for part in parts[1:]]
+            for text in texts:
+                store.register(get_types_from_idl(text))
+        store.get_msgdef(topic.msgtype)
+    except Exception as error:
+        why = ' '.join(str(error).split())
+        raise ValueError(f'the definition of {topic.msgtype} cannot be read ({why})') from None
+    return store

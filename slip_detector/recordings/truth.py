@@ -1,0 +1,83 @@
+"""What a recording itself says of slip: labels, states that change, positions that move."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
+    """Convert the label of true slip; NaN or 'False' are not taken for slip."""
+    if label.dtype.kind == 'b':
+        return label.reshape(-1)
+    wrong = label[~np.isin(label, (0, 1))] if label.dtype.kind in 'iuf' else label.reshape(-1)
+    if wrong.size:
+        raise ValueError(f'{path}: {key} has {wrong.tolist()[0]!r}, allowed: 0 and 1')
+    return np.asarray(label, dtype=bool).reshape(-1)
+
+
+def states_at(changes_ns: Stamps, states: Bools, at_ns: Stamps) -> Bools:
+    """Return the state that the last change at or before each time left.
+
+    Parameters
+    ----------
+    changes_ns : ndarray of int, shape (k,)
+        When the state was published, rising.
+    states : ndarray of bool, shape (k,)
+        What was published.
+    at_ns : ndarray of int, shape (n,)
+        The times that are asked for.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        False before the first: nobody had said that there was slip.
+    """
+    from_none_on = np.concatenate([[False], states])
+    return np.asarray(from_none_on[np.searchsorted(changes_ns, at_ns, side='right')])
+
+
+class PlatformMotion:
+    """When a position changes (the paper's Eq. 9), from positions that come in pieces.
+
+    Between two messages with different positions there is motion, both ends included: the last
+    sample at which the platform still stood is the first of the slip.
+
+    Parameters
+    ----------
+    still_m
+        A step of the position up to this is rest.
+    """
+
+    def __init__(self, still_m: float) -> None:
+        self._still_m = still_m
+        self._last: tuple[Stamps, Floats] | None = None
+        self._edges_ns: list[int] = []
+
+    def add(self, stamps_ns: Stamps, positions_m: Floats) -> None:
+        """Take the next stamps, (n,), and positions, (n, axes)."""
+        if self._last is not None:
+            stamps_ns = np.concatenate([self._last[0], stamps_ns])
+            positions_m = np.concatenate([self._last[1], positions_m])
+        moves = (np.abs(np.diff(positions_m, axis=0)) > self._still_m).any(axis=1)
+        edges = np.diff(np.concatenate([[False], moves, [False]]).astype(np.int8))
+        starts = stamps_ns[np.flatnonzero(edges == 1)].tolist()
+        ends = stamps_ns[np.flatnonzero(edges == -1)].tolist()
+        if starts and self._edges_ns and starts[0] <= self._edges_ns[-1]:
+            del starts[0], self._edges_ns[-1]  # It goes on where the last piece ended.
+            self._edges_ns.append(ends.pop(0))
+        for start, end in zip(starts, ends, strict=True):
+            self._edges_ns += [start, end]
+        self._last = stamps_ns[-1:], positions_m[-1:]
+
+    def at(self, at_ns: Stamps) -> Bools:
+        """Tell whether there is motion at each time, (n,)."""
+        edges = np.array(self._edges_ns, dtype=np.int64)
+        began = np.searchsorted(edges[::2], at_ns, side='right')
+        over = np.searchsorted(edges[1::2], at_ns, side='left')
+        return np.asarray(began > over)
