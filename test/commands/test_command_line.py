@@ -20,7 +20,7 @@ sys.exit(command_line.{command}())
 """
 
 
-@pytest.mark.parametrize('command', ['evaluate', 'tune', 'benchmark'])
+@pytest.mark.parametrize('command', ['evaluate', 'tune'])
 def test_an_interrupt_while_a_command_loads_is_one_line(command):
     done = subprocess.run(
         [sys.executable, '-c', INTERRUPTED.format(command=command)],
@@ -33,7 +33,7 @@ def test_an_interrupt_while_a_command_loads_is_one_line(command):
     assert done.stderr == f'slip_{command}: ended before it was done\n'
 
 
-@pytest.mark.parametrize('command', ['evaluate', 'tune', 'benchmark'])
+@pytest.mark.parametrize('command', ['evaluate', 'tune'])
 def test_a_command_passes_its_exit_code_on(command, monkeypatch):
     from slip_detector.commands import command_line
 
