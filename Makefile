@@ -19,7 +19,7 @@ OLDER := .venv-numpy1
 CHECKS := build/checks-$(ROS)
 COLCON := build/colcon-$(ROS)
 
-SOURCES := $(shell find slip_detector benchmarks launch config resource -type f -not -path '*/__pycache__/*')
+SOURCES := $(shell find slip_detector benchmarks examples launch config resource -type f -not -path '*/__pycache__/*')
 PACKAGE := $(SOURCES) setup.py setup.cfg pyproject.toml package.xml
 TESTS := $(shell find test docs -name '*.py' -o -name '*.md') README.md
 # What computes, and what of it the chain alone is.

@@ -24,6 +24,7 @@ setup(
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/config/scenes', glob('config/scenes/*.yaml')),
+        (f'share/{NAME}/examples', glob('examples/*.*')),
     ],
     python_requires='>=3.10',
     install_requires=[

@@ -32,3 +32,13 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if any(item.path.is_relative_to(folder) for folder in OF_NODES):
             item.add_marker(pytest.mark.nodes)
+
+
+@pytest.fixture
+def bench():
+    """A domain with a node of the test's own, for any number of processes."""
+    from support.harness import Bench
+
+    bench = Bench()
+    yield bench
+    bench.close()

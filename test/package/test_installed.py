@@ -39,7 +39,12 @@ def test_every_executable_is_where_ros2_run_looks():
 def test_the_index_and_all_shared_files_are_there():
     share = Path(PREFIX) / 'share'
     assert (share / 'ament_index/resource_index/packages/slip_detector').is_file()
-    for name in ('package.xml', 'launch/hand.launch.py', 'config/slip_detector.yaml'):
+    for name in (
+        'package.xml',
+        'launch/hand.launch.py',
+        'config/slip_detector.yaml',
+        'examples/send_packets.c',
+    ):
         assert (share / 'slip_detector' / name).is_file()
 
 

@@ -34,12 +34,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 class Process:
-    """An executable of the package, its output kept."""
+    """A command, its output kept."""
 
-    def __init__(self, name, *words, domain, parameters=None, output=None):
-        command = [sys.executable, '-m', 'slip_detector.nodes.run', name, '--ros-args']
-        for key, value in (parameters or {}).items():
-            command += ['-p', f'{key}:={value}']
+    def __init__(self, *command, domain, output=None):
         self._log = tempfile.TemporaryFile('w+')  # noqa: SIM115, closed in end()
         environment = {
             **os.environ,
@@ -47,7 +44,7 @@ class Process:
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         }
         self._process = subprocess.Popen(
-            [*command, *map(str, words)],
+            list(map(str, command)),
             stdout=output or self._log,
             stderr=subprocess.STDOUT,
             env=environment,
@@ -112,8 +109,15 @@ class Bench:
         self._clients = {}
 
     def start(self, name, *words, parameters=None, output=None):
-        """Start an executable; its output is kept, or goes to a file."""
-        process = Process(name, *words, domain=self.domain, parameters=parameters, output=output)
+        """Start an executable of the package; its output is kept, or goes to a file."""
+        command = ['slip_detector.nodes.run', name, '--ros-args']
+        for key, value in (parameters or {}).items():
+            command += ['-p', f'{key}:={value}']
+        return self.start_python('-m', *command, *words, output=output)
+
+    def start_python(self, *words, output=None):
+        """Start Python with these words; its output is kept, or goes to a file."""
+        process = Process(sys.executable, *words, domain=self.domain, output=output)
         self.processes.append(process)
         return process
 

@@ -1,0 +1,83 @@
+"""Act on slip, and hold on when the detector is silent.
+
+``slip`` and ``slip_valid`` repeat ten times a second (``heartbeat_hz``). The subscriptions ask
+for a deadline and for liveliness, so the middleware tells this node when they stop: the detector
+has died, hangs, or cannot be reached. ``grasp_controller`` does more with the same topics.
+"""
+
+import contextlib
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Bool
+
+#: Longest silence; no less than two heartbeats, which the detector offers.
+DEADLINE = Duration(seconds=0.3)
+
+QOS = QoSProfile(
+    depth=100,  # No change may be missed while this node is busy.
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,  # The last state comes at once.
+    deadline=DEADLINE,
+    liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,  # Only a message is a sign of life.
+    liveliness_lease_duration=DEADLINE,
+)
+
+
+class SlipFollower(Node):
+    """Says what a gripper should do; replace :meth:`act` by what moves yours."""
+
+    def __init__(self):
+        super().__init__('slip_follower')
+        # None: not heard.
+        self._heard = {'slip': None, 'slip_valid': None}
+        self._action = ''
+        for topic in self._heard:
+            self.create_subscription(
+                Bool,
+                topic,
+                lambda message, topic=topic: self._take(topic, message.data),
+                QOS,
+                event_callbacks=SubscriptionEventCallbacks(
+                    deadline=lambda event, topic=topic: self._take(topic, None),
+                    liveliness=lambda event, topic=topic: self._on_liveliness(topic, event),
+                ),
+            )
+
+    def _on_liveliness(self, topic, event):
+        if event.alive_count == 0:
+            self._take(topic, None)
+
+    def _take(self, topic, state):
+        self._heard[topic] = state
+        if not self._heard['slip_valid'] or self._heard['slip'] is None:
+            action = 'hold the grip: slip is not known'
+        elif self._heard['slip']:
+            action = 'raise the grip: slip'
+        else:
+            action = 'keep or relax the grip: no slip'
+        if action != self._action:
+            self._action = action
+            self.act(action)
+
+    def act(self, action):
+        """Say what to do; called when it changes."""
+        self.get_logger().info(action)
+
+
+def main():
+    """Follow slip until Ctrl-C."""
+    rclpy.init()
+    node = SlipFollower()
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(node)
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+if __name__ == '__main__':
+    main()

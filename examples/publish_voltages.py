@@ -1,0 +1,65 @@
+"""Publish the samples of your own sensor for the detector.
+
+Replace ``OwnSensor`` by what reads your sensor. The detector needs a parameter file that describes
+the sensor: ``sample_rate_hz``, ``channels`` and ``groups``.
+"""
+
+import contextlib
+import math
+import random
+import time
+
+import rclpy
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+
+SAMPLE_RATE_HZ = 250.0
+CHANNEL_NAMES = ['ch1', 'ch2', 'ch3', 'ch4']
+
+
+class OwnSensor:
+    """Stands in for a sensor: every other second all channels vibrate at 25 Hz."""
+
+    def __init__(self):
+        self._begin_ns, self._n = time.time_ns(), 0
+
+    def read(self):
+        """Wait for the next sample.
+
+        Returns
+        -------
+        int
+            When it was taken, in ns. Not when it is published: from these times the detector
+            knows of lost samples. They have to be true to less than half a sample period.
+        list of float
+            The voltage of each channel in V.
+        """
+        time_s = self._n / SAMPLE_RATE_HZ
+        taken_ns = self._begin_ns + round(1e9 * time_s)
+        self._n += 1
+        time.sleep(max(0.0, 1e-9 * (taken_ns - time.time_ns())))
+        vibration = 0.05 * math.sin(2 * math.pi * 25.0 * time_s) if time_s % 2 > 1 else 0.0
+        return taken_ns, [4.3 + vibration + random.gauss(0.0, 1e-3) for _ in CHANNEL_NAMES]
+
+
+def main():
+    """Publish until Ctrl-C."""
+    rclpy.init()
+    node = rclpy.create_node('own_sensor')
+    publisher = node.create_publisher(JointState, 'voltages', qos_profile_sensor_data)
+    sensor = OwnSensor()
+    with contextlib.suppress(KeyboardInterrupt):
+        while True:
+            taken_ns, volts = sensor.read()
+            if not rclpy.ok():
+                break
+            message = JointState(name=CHANNEL_NAMES, position=volts)
+            message.header.stamp = Time(nanoseconds=taken_ns).to_msg()
+            publisher.publish(message)
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,41 @@
+"""examples/publish_voltages.py, with a detector that has the parameter file of the README."""
+
+import signal
+
+import pytest
+from std_msgs.msg import Bool
+
+from support.harness import patient_state_qos
+from support.pages import README, ROOT, file_shown
+
+pytestmark = pytest.mark.nodes
+
+
+def test_a_detector_with_the_parameters_of_the_readme_tells_its_slip(bench, tmp_path):
+    parameters = tmp_path / 'my_sensor.yaml'
+    parameters.write_text(file_shown(README, parameters.name), encoding='utf-8')
+    slip = bench.listen(Bool, 'slip', patient_state_qos())
+    valid = bench.listen(Bool, 'slip_valid', patient_state_qos())
+    detector = bench.start('slip_detector', '--params-file', parameters)
+    sensor = bench.start_python(ROOT / 'examples' / 'publish_voltages.py')
+    bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')
+
+    def changes():
+        states = [message.data for message in slip]
+        return [b for a, b in zip([None, *states], states, strict=False) if a != b]
+
+    bench.wait_for(lambda: len(changes()) > 4, 'slip to come and go twice')
+    for process in (sensor, detector):
+        process.signal(signal.SIGINT)
+        assert process.wait() == 0, process.log()
+        assert 'Traceback' not in process.log()
+    assert 'dropped' not in detector.log()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_cleanly(bench, number):
+    sensor = bench.start_python(ROOT / 'examples' / 'publish_voltages.py')
+    bench.wait_for(lambda: bench.node.count_publishers('/voltages'), 'the publisher')
+    sensor.signal(number)
+    assert sensor.wait() == 0, sensor.log()
+    assert 'Traceback' not in sensor.log()

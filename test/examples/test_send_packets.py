@@ -1,0 +1,133 @@
+"""examples/send_packets.c and .py: what they send is what the driver's decoder takes."""
+
+import runpy
+import shutil
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources.packets import PacketDecoder, cobs_decode
+from slip_detector.sources.source import open_live_source
+from support.pages import ROOT
+from support.sensors import free_udp_port
+
+EXAMPLE_C = ROOT / 'examples' / 'send_packets.c'
+EXAMPLE_PYTHON = ROOT / 'examples' / 'send_packets.py'
+
+#: What stands in for the board: bytes go to stdout, a sample is taken each 1000 us.
+BOARD = """
+#include <stdint.h>
+#include <stdio.h>
+static uint32_t now_us = 4294960000u;
+void send_byte(uint8_t byte) { putchar(byte); }
+uint32_t micros(void) { return now_us += 1000u; }
+void send_sample(const int16_t values[16]);
+int main(void)
+{
+    int16_t values[16];
+    while (fread(values, sizeof values, 1, stdin))
+        send_sample(values);
+    return 0;
+}
+"""
+
+#: Some with zeros in them, some without, and the ends of the range.
+INTEGERS = np.concatenate(
+    [
+        np.zeros((2, 16), int),
+        np.random.default_rng(8).integers(-32768, 32768, (300, 16)),
+        np.full((2, 16), -32768),
+        np.full((2, 16), 0x0101),
+        np.full((2, 16), 32767),
+    ]
+)
+
+
+def built(folder, *sources):
+    """Compile sources and return the program."""
+    compiler = shutil.which('cc') or shutil.which('gcc')
+    if compiler is None:
+        pytest.skip('no C compiler')
+    program = folder / 'program'
+    strict = ['-std=c99', '-Wall', '-Wextra', '-Werror', '-pedantic']
+    subprocess.run([compiler, *strict, '-o', program, *sources], check=True)
+    return program
+
+
+def test_c_sends_what_the_driver_takes(tmp_path):
+    board = tmp_path / 'board.c'
+    board.write_text(BOARD)
+    program = built(tmp_path, EXAMPLE_C, board)
+    line = subprocess.run(
+        [program], input=INTEGERS.astype('<i2').tobytes(), stdout=subprocess.PIPE, check=True
+    ).stdout
+    decoder = PacketDecoder(16, 'int16', 1.0, 0.0)
+    received = decoder.feed(line)
+    np.testing.assert_array_equal(np.concatenate([r.volts for r in received]), INTEGERS)
+    times_ns = [r.times_ns[0] for r in received]
+    assert np.diff(times_ns).tolist() == [1_000_000] * (len(INTEGERS) - 1)
+    assert +decoder.counts == {'packets': len(INTEGERS), 'samples': len(INTEGERS)}
+
+
+def test_c_stuffs_long_packets_as_it_should(tmp_path):
+    # The function is private to its file, so what calls it stands in the same.
+    source = tmp_path / 'stuff.c'
+    source.write_text(
+        EXAMPLE_C.read_text(encoding='utf-8')
+        + '#include <stdio.h>\n'
+        + 'void send_byte(uint8_t byte) { putchar(byte); }\n'
+        + 'uint32_t micros(void) { return 0; }\n'
+        + 'int main(void) { static uint8_t data[9000];\n'
+        + 'send_stuffed(data, (uint32_t)fread(data, 1, sizeof data, stdin)); return 0; }\n'
+    )
+    program = built(tmp_path, source)
+    # More than 254 bytes without a zero, just as many, and one more or less.
+    for plain in (b'', b'\0', b'\1' * 253, b'\1' * 254, b'\1' * 255, b'\1' * 254 + b'\0' * 3):
+        line = subprocess.run([program], input=plain, stdout=subprocess.PIPE, check=True).stdout
+        assert line[-1] == 0
+        assert cobs_decode(line[:-1]) == plain
+
+
+@pytest.fixture
+def source():
+    """A driver's source that listens to a free UDP port."""
+    config = DriverConfig(source='udp', udp_port=free_udp_port())
+    source = open_live_source(config, time.time_ns)
+    yield source, config
+    source.close()
+
+
+def test_python_sends_what_the_driver_takes(source):
+    source, config = source
+    names = runpy.run_path(str(EXAMPLE_PYTHON))
+    batches = INTEGERS[:60].reshape(20, 3, 16)
+    names['send'](batches.tolist(), 1_000_000, ('127.0.0.1', config.udp_port))
+    volts = np.concatenate([s.volts for _ in batches for s in source.read()])
+    np.testing.assert_array_equal(volts, config.packet_scale_v * INTEGERS[:60])
+    assert +source.counts == {'packets': 20, 'samples': 60}
+
+
+def test_python_as_a_program_sends_volts_that_vibrate_with_the_right_times(source):
+    source, config = source
+    command = [sys.executable, EXAMPLE_PYTHON, '127.0.0.1', str(config.udp_port)]
+    with subprocess.Popen(command) as program:
+        try:
+            stamps_ns, rows = [], []
+            while len(rows) < 900:
+                for sample in source.read():
+                    stamps_ns.extend(sample.stamps_ns)
+                    rows.extend(sample.volts)
+                assert program.poll() is None
+        finally:
+            program.terminate()
+    assert source.counts['samples'] == source.counts['packets'] * 10
+    assert (+source.counts).keys() == {'packets', 'samples'}
+    volts = np.array(rows)
+    assert np.all(np.abs(volts[:450].mean(axis=0) - 4.3) < 0.001)
+    assert volts[510:900].std() > 10 * volts[:490].std()
+    steps_ns = np.diff(np.array(stamps_ns, dtype=np.int64))
+    assert np.all(steps_ns > 0)
