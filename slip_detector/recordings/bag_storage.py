@@ -27,7 +27,7 @@ _COMPRESSED = '.zstd'
 #: Bytes that are copied at a time.
 _STEP = 1 << 20
 
-#: Where the head of a database says how long its pages are.
+#: The byte of a database at which the length of its pages stands.
 _PAGE_SIZE_AT = 16
 
 

@@ -6,14 +6,33 @@ from typing import Any
 
 
 def zstd() -> Any:
-    """Return the module that reads zstd, which came into Python with 3.14."""
+    """Return the module that reads zstd: Python's own from 3.14 on, else its backport."""
     return importlib.import_module(
         'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
     )
 
 
 def decompressor(compression: str) -> Any:
-    """Return what takes a compressed stream part by part."""
+    """Return a function that decompresses a stream, called with one part after the other.
+
+    Parameters
+    ----------
+    compression
+        ``zstd`` or ``lz4``.
+
+    Raises
+    ------
+    ValueError
+        When the compression is another.
+
+    Examples
+    --------
+    >>> import lz4.frame
+    >>> from slip_detector.recordings.compression import decompressor
+    >>> packed, decompress = lz4.frame.compress(b'volts'), decompressor('lz4')
+    >>> decompress(packed[:10]) + decompress(packed[10:])
+    b'volts'
+    """
     if compression == 'zstd':
         return zstd().ZstdDecompressor().decompress
     if compression == 'lz4':

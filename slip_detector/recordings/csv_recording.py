@@ -23,7 +23,7 @@ TIME = 'time_s'
 MOST_S = 9e9
 
 
-class _Table(NamedTuple):
+class _Lines(NamedTuple):
     """Lines of the file: (n, columns) numbers and (n,) stamps, exact to the nanosecond."""
 
     cells: NDArray[np.float64]
@@ -31,14 +31,29 @@ class _Table(NamedTuple):
 
 
 class CsvRecording(Recording):
-    """A csv file whose column ``time_s`` says when each row was taken."""
+    """A csv file whose column ``time_s`` says when each row was taken.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    config
+        Name of the column of labels.
+    labels
+        That a person wrote, if any.
+
+    Raises
+    ------
+    ValueError
+        When a line or a column is missing or not what it should be; names it.
+    """
 
     named = True
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config.recording_resample)
         self._truth_key = config.recording_truth_key
-        with self._lines() as lines:
+        with self._open() as lines:
             self._names = names = [name.strip() for name in next(lines, [])]
         if TIME not in names:
             there = ', '.join(names) or 'none'
@@ -49,7 +64,7 @@ class CsvRecording(Recording):
         self.channel_names = tuple(n for n in names if n not in (TIME, self._truth_key))
         if not self.channel_names:
             raise ValueError(f'{path}: has no samples')
-        first = next(self._tables(), None)
+        first = next(self._lines(), None)
         rate_hz = None if first is None else rate_of(first.cells[:, names.index(TIME)])
         if rate_hz is None:
             raise ValueError(
@@ -61,40 +76,40 @@ class CsvRecording(Recording):
     def read(self) -> Iterator[RecordedRows]:
         """Yield the rows of the file, some thousands at a time."""
         columns = [self._names.index(name) for name in self.channel_names]
-        for table in self._tables():
+        for lines in self._lines():
             truth = None
             if self.labelled:
-                label = table.cells[:, self._names.index(self._truth_key)]
+                label = lines.cells[:, self._names.index(self._truth_key)]
                 truth = as_truth(label, self._truth_key, self.path)
-            yield RecordedRows(table.cells[:, columns], table.stamps_ns, truth)
+            yield RecordedRows(lines.cells[:, columns], lines.stamps_ns, truth)
 
     def array(self, name: str) -> 'NDArray[np.float64] | None':
         """Return a column of the file by its name; None where there is none."""
         if name not in self._names:
             return None
         column = self._names.index(name)
-        return np.concatenate([table.cells[:, column] for table in self._tables()])
+        return np.concatenate([lines.cells[:, column] for lines in self._lines()])
 
     def array_names(self) -> list[str]:
         """Return the names of all columns."""
         return sorted(self._names)
 
     @contextlib.contextmanager
-    def _lines(self) -> 'Iterator[csv._reader]':  # type: ignore[name-defined]
+    def _open(self) -> 'Iterator[csv._reader]':  # type: ignore[name-defined]
         """Open the file and name it where it is no text."""
         try:
-            # Spreadsheets write a mark.
+            # Spreadsheets begin the file with a byte order mark.
             with open(self.path, newline='', encoding='utf-8-sig') as file:
                 yield csv.reader(file)
         except (UnicodeError, csv.Error):
             raise ValueError(f'{self.path}: is broken or not csv') from None
 
-    def _tables(self) -> Iterator[_Table]:
+    def _lines(self) -> Iterator[_Lines]:
         """Yield the lines after the first as numbers, some thousands at a time."""
         names = self._names
         cells: list[list[float]] = []
         stamps_ns: list[int] = []
-        with self._lines() as lines:
+        with self._open() as lines:
             next(lines)
             for line in lines:
                 if not line:  # an empty line, as many programs leave at the end
@@ -108,10 +123,10 @@ class CsvRecording(Recording):
                     raise ValueError(f'{where} has {len(line)} columns, allowed: {len(names)}')
                 stamps_ns.append(_nanoseconds(line[names.index(TIME)], where))
                 if len(cells) == PIECE_ROWS:
-                    yield _Table(np.array(cells), np.array(stamps_ns, dtype=np.int64))
+                    yield _Lines(np.array(cells), np.array(stamps_ns, dtype=np.int64))
                     cells, stamps_ns = [], []
         if cells:
-            yield _Table(np.array(cells), np.array(stamps_ns, dtype=np.int64))
+            yield _Lines(np.array(cells), np.array(stamps_ns, dtype=np.int64))
 
 
 def _nanoseconds(text: str, where: str) -> int:

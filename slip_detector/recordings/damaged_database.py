@@ -10,20 +10,20 @@ from slip_detector.recordings.topics import Message, Topic
 
 
 class DamagedDatabase:
-    """A database without its end; of whole pages.
+    """A database that is cut off or damaged.
 
     Parameters
     ----------
     path
-        Of the file.
+        Of the file; cut to whole pages, as SQLite takes the rest of a page for content.
     name
-        That a person knows it by.
+        By which messages call it: the file may be a copy.
 
     Attributes
     ----------
     topics : list of Topic
     lost : str
-        Where the file was cut off.
+        What is known of where the file is cut off; empty if it is not, so far.
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -60,7 +60,7 @@ class DamagedDatabase:
                 self.lost = f'is cut off or damaged, {self._path.stat().st_size} bytes are left'
 
     def _connection(self) -> sqlite3.Connection:
-        """Open the database, also where it has fewer pages than its first one says."""
+        """Open the database, also where it has fewer pages than its first page says."""
         place = f'file:{quote(str(self._path))}?immutable=1'
         try:
             connection = sqlite3.connect(place, uri=True)

@@ -1,7 +1,8 @@
-"""Files of bags that rosbags refuses, as they were cut off: what of them can be read.
+"""MCAP files that were cut off or damaged: the messages that can still be read.
 
-An MCAP file is read record by record up to the cut, also in a compressed chunk that is cut; of a
-database the rows are read in the order in which they were written, until a page is missing.
+rosbags refuses a file without its end. The package mcap reads it, but hands out no chunk that is
+cut, as the last one of a recorder that died is; here each record is read up to the cut, also in a
+compressed chunk.
 """
 
 import contextlib
@@ -17,7 +18,7 @@ from slip_detector.recordings.topics import Message, Topic
 _RECORD = struct.Struct('<BQ')
 _MAGIC = b'\x89MCAP0\r\n'
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
-#: Behind it there is only an index.
+#: Ends the messages; an index follows.
 _DATA_END = 15
 
 #: Bytes that are decompressed at a time: what comes before a damaged place is kept.
@@ -25,20 +26,20 @@ _STEP = 1 << 14
 
 
 class DamagedMcap:
-    """An MCAP file without its end.
+    """An MCAP file that is cut off or damaged.
 
     Parameters
     ----------
     path
         Of the file.
     name
-        That a person knows it by.
+        By which messages call it: the file may be a copy.
 
     Attributes
     ----------
     topics : list of Topic
     lost : str
-        Where the file was cut off.
+        Where the file is cut off or damaged; empty if it is neither, so far.
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -96,7 +97,7 @@ class DamagedMcap:
 
 
 def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, bool]:
-    """Yield the records of a chunk; returns whether all of it was there and right."""
+    """Yield the records of a chunk; return whether the chunk was whole and its checksum right."""
     try:
         _, _, length, checksum = struct.unpack_from('<QQQI', chunk)
         compression, rest = _text(chunk[28:])
@@ -105,7 +106,7 @@ def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, b
         return False
     right = whole and len(content) == length and checksum in (0, zlib.crc32(content))
     if whole and len(content) == length and not right:
-        return False  # Something in it is wrong, and nothing says what.
+        return False  # Some byte in it is wrong, and nothing says which.
     begin = 0
     while begin + _RECORD.size <= len(content):
         kind, n = _RECORD.unpack_from(content, begin)
@@ -118,7 +119,7 @@ def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, b
 
 
 def _decompressed(data: bytes, compression: str) -> Iterator[bytes]:
-    """Yield what a chunk held, up to where it is cut or damaged."""
+    """Yield the content of a chunk, up to where it is cut or damaged."""
     if not compression:
         yield data
         return
@@ -126,12 +127,12 @@ def _decompressed(data: bytes, compression: str) -> Iterator[bytes]:
     for begin in range(0, len(data), _STEP):
         try:
             yield decompress(data[begin : begin + _STEP])
-        except Exception:  # Each library has its own; what came before is kept.
+        except Exception:  # Each library has its own exceptions; what came before is kept.
             return
 
 
 def _text(data: bytes) -> tuple[str, bytes]:
-    """Split a text, after its length, off the front of a record."""
+    """Return the text that a record begins with, and the rest of the record."""
     (length,) = struct.unpack_from('<I', data)
     if 4 + length > len(data):
         raise ValueError('the record is too short')

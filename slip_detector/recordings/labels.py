@@ -42,7 +42,7 @@ class Labels:
         self._edges_ns = np.rint([edge * 1e9 for one in intervals for edge in one[:2]])
 
     def at(self, after_ns: Stamps) -> Bools:
-        """Tell where there is slip: from a start on, up to but without its end.
+        """Return where there is slip: from each start on, up to but without its end.
 
         Parameters
         ----------
@@ -52,7 +52,7 @@ class Labels:
         return np.asarray(np.searchsorted(self._edges_ns, after_ns, side='right') % 2 == 1)
 
     def check_end(self, end_s: float, recording: Path) -> None:
-        """See that no interval lies beyond the end of the recording.
+        """Check that no interval ends after the recording.
 
         Raises
         ------
@@ -74,7 +74,7 @@ def labels_name(recording: Path) -> str:
 
 
 def find_labels(setting: str, recording: Path) -> 'Path | None':
-    """Return the file of labels of a recording.
+    """Return the path of the labels of a recording.
 
     Parameters
     ----------
@@ -108,11 +108,29 @@ def find_labels(setting: str, recording: Path) -> 'Path | None':
 def read_labels(path: Path) -> Labels:
     """Read the intervals of slip that a person wrote.
 
+    Parameters
+    ----------
+    path
+        Of a YAML file with a list ``slip_s`` of pairs of seconds from the first sample on.
+
     Raises
     ------
     ValueError
         When the file cannot be read, is not such a list, or an interval is empty, begins before
         the recording or overlaps another; names file and line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from slip_detector.recordings.labels import read_labels
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial.labels.yaml'
+    ...     _ = path.write_text('slip_s: [[1.0, 2.5]]')
+    ...     labels = read_labels(path)
+    >>> labels.at(np.array([0, 1_000_000_000, 2_500_000_000]))
+    array([False,  True, False])
     """
     try:
         node = yaml.compose(path.read_text(encoding='utf-8'), Loader=yaml.SafeLoader)
@@ -174,7 +192,7 @@ def _interval(node: yaml.Node, path: Path) -> SlipInterval:
 
 
 def _time(node: yaml.Node, where: str) -> float:
-    """Read a number; what YAML 1.1 makes of 1:30 or 010 is not what a person means by it."""
+    """Read a number as it is written: YAML 1.1 would make 90 of 1:30, and 8 of 010."""
     text = node.value if isinstance(node, yaml.ScalarNode) and node.style is None else ''
     try:
         number = float(text)

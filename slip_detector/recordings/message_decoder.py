@@ -200,7 +200,7 @@ class MessageDecoder:
         return _LayoutGroup(np.array([i]), rows[np.newaxis], stamps_ns, names)
 
     def _make_layout(self, raw: bytes) -> MessageLayout | None:
-        """Return the layout of a message; None where it cannot be told.
+        """Return the layout of a message; None where it cannot be found.
 
         Decoding such a message on its own says what is wrong with it.
         """

@@ -66,7 +66,7 @@ class MessageLayout(NamedTuple):
     names: tuple[str, ...]
 
     def fits(self, messages: Bytes) -> NDArray[np.bool_]:
-        """Tell which of the messages, (m, bytes), have this layout, shape (m,)."""
+        """Return which of the messages, (m, bytes), have this layout, shape (m,)."""
         return np.asarray((messages[:, self.fixed] == self.fixed_bytes).all(axis=1))
 
     def stamps_ns(self, messages: Bytes) -> 'Stamps | None':
@@ -128,7 +128,7 @@ def read_layout(raw: bytes, typestore: Any, msgtype: str, field: FieldReader) ->
     Raises
     ------
     ValueError, LookupError, struct.error
-        When that cannot be told, as the message is broken or lacks the field.
+        When the message is broken or lacks the field.
     """
     reader = _LayoutReader(raw, typestore)
     message = reader.message(msgtype)

@@ -23,6 +23,13 @@ def rate_of(times_s: NDArray[Any]) -> 'float | None':
     -------
     float or None
         Hz; None where there are fewer than two rows or the stamps do not rise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.recordings.rate import rate_of
+    >>> round(rate_of(np.array([0.0, 0.01, 0.02, 0.52, 0.53])), 6)  # half a second is missing
+    100.0
     """
     steps = np.diff(times_s)
     steps = steps[steps > 0.0]

@@ -12,12 +12,19 @@ BAG_ENDINGS = ('.mcap', '.db3')
 
 ENDINGS = ('.npz', '.csv', *BAG_ENDINGS)
 
-#: What makes a folder a bag.
+#: A folder that has this file is a bag.
 METADATA = 'metadata.yaml'
 
 
 def is_recording(path: 'str | Path') -> bool:
-    """Return whether a path is one recording, by its ending or as a folder that is a bag."""
+    """Return whether a path is one recording, by its ending or as a folder that is a bag.
+
+    Examples
+    --------
+    >>> from slip_detector.recordings import is_recording
+    >>> is_recording('trial.mcap'), is_recording('trial.labels.yaml')
+    (True, False)
+    """
     path = Path(path)
     if path.is_dir():
         return (path / METADATA).is_file()
@@ -44,6 +51,20 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     ------
     ValueError
         When it is missing, broken or lacks a part; names the file and the part.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from slip_detector.recordings import open_recording
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial.npz'
+    ...     np.savez(path, volts=np.full((100, 2), 4.3), sample_rate_hz=100.0)
+    ...     recording = open_recording(path)
+    ...     n = sum(len(piece.volts) for piece in recording.pieces())
+    >>> recording.sample_rate_hz, n
+    (100.0, 100)
     """
     path, config = Path(path), config or RecordingConfig()
     try:
@@ -54,7 +75,7 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
         if path.suffix == '.csv':
             return CsvRecording(path, config, labels)
         if path.suffix in BAG_ENDINGS or path.is_dir():
-            # Who reads no bags need not have what reads them.
+            # rosbags is needed by those who read bags only.
             from slip_detector.recordings.bag_recording import BagRecording
 
             return BagRecording(path, config, labels)

@@ -21,7 +21,7 @@ class RecordedRows(NamedTuple):
     truth : ndarray of bool, shape (n,), or None
         Whether there is slip, where it is known.
     position_m : ndarray, shape (n,), or None
-        Position of the platform; written, but not read back but as the truth that it tells.
+        Position of the platform. It is written; what is read back of it is the truth.
     """
 
     volts: Floats
@@ -35,7 +35,17 @@ class RecordedRows(NamedTuple):
         return RecordedRows(self.volts[which], self.stamps_ns[which], truth)
 
     def then(self, more: 'RecordedRows') -> 'RecordedRows':
-        """Return these rows and those of more."""
+        """Return these rows and, after them, those of ``more``.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from slip_detector.recordings import RecordedRows
+        >>> one = RecordedRows(np.ones((2, 3)), np.array([0, 1_000_000]))
+        >>> two = RecordedRows(np.zeros((1, 3)), np.array([2_000_000]))
+        >>> one.then(two).stamps_ns
+        array([      0, 1000000, 2000000])
+        """
         truth = None
         if self.truth is not None and more.truth is not None:
             truth = np.concatenate([self.truth, more.truth])

@@ -34,7 +34,7 @@ Message = tuple[str, int, bytes]
 
 
 def typestore_of(topic: Topic) -> Any:
-    """Return the store of rosbags that knows the type of a topic.
+    """Return the store of rosbags that has the type of a topic.
 
     Raises
     ------

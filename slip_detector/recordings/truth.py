@@ -12,7 +12,22 @@ Bools = NDArray[np.bool_]
 
 
 def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
-    """Convert the label of true slip; NaN or 'False' are not taken for slip."""
+    """Convert labels to bool, shape (n,).
+
+    Parameters
+    ----------
+    label : ndarray, shape (n,) or (n, 1)
+        Bools, or numbers that are 0 or 1.
+    key
+        Name of the array or column.
+    path
+        Of the recording.
+
+    Raises
+    ------
+    ValueError
+        When a label is neither, such as NaN or a text; names the file and the label.
+    """
     if label.dtype.kind == 'b':
         return label.reshape(-1)
     wrong = label[~np.isin(label, (0, 1))] if label.dtype.kind in 'iuf' else label.reshape(-1)
@@ -36,7 +51,14 @@ def states_at(changes_ns: Stamps, states: Bools, at_ns: Stamps) -> Bools:
     Returns
     -------
     ndarray of bool, shape (n,)
-        False before the first: nobody had said that there was slip.
+        False before the first change.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.recordings.truth import states_at
+    >>> states_at(np.array([10, 20]), np.array([True, False]), np.array([5, 10, 19, 20]))
+    array([False,  True,  True, False])
     """
     from_none_on = np.concatenate([[False], states])
     return np.asarray(from_none_on[np.searchsorted(changes_ns, at_ns, side='right')])
@@ -52,6 +74,15 @@ class PlatformMotion:
     ----------
     still_m
         A step of the position up to this is rest.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.recordings.truth import PlatformMotion
+    >>> motion = PlatformMotion(still_m=1e-6)
+    >>> motion.add(np.array([0, 10, 20, 30]), np.array([[0.0], [0.0], [0.1], [0.1]]))
+    >>> motion.at(np.array([5, 10, 20, 25]))
+    array([False,  True,  True, False])
     """
 
     def __init__(self, still_m: float) -> None:
@@ -76,7 +107,7 @@ class PlatformMotion:
         self._last = stamps_ns[-1:], positions_m[-1:]
 
     def at(self, at_ns: Stamps) -> Bools:
-        """Tell whether there is motion at each time, (n,)."""
+        """Return whether there is motion at each time, (n,)."""
         edges = np.array(self._edges_ns, dtype=np.int64)
         began = np.searchsorted(edges[::2], at_ns, side='right')
         over = np.searchsorted(edges[1::2], at_ns, side='left')

@@ -50,6 +50,20 @@ def write_recording(
     ------
     ValueError
         When the path exists already, has another ending or cannot be written; names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from slip_detector.recordings import RecordedRows, open_recording, write_recording
+    >>> rows = RecordedRows(np.full((100, 2), 4.3), np.arange(100) * 10_000_000)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial.csv'
+    ...     write_recording(path, [rows], sample_rate_hz=100.0, channel_names=['a', 'b'])
+    ...     recording = open_recording(path)
+    >>> recording.channel_names, round(recording.sample_rate_hz, 6), recording.has_truth
+    (('a', 'b'), 100.0, False)
     """
     path = Path(path)
     writers: dict[str, Callable[[Path], None]] = {
@@ -68,7 +82,7 @@ def write_recording(
         raise ValueError(f'{path}: is there already, allowed: a new path')
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Whoever looks meanwhile, or after a failure, finds no half recording.
+        # It appears under its name when it is complete, so no failure leaves half a recording.
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as folder:
             writers[path.suffix](Path(folder) / path.name)
             os.replace(Path(folder) / path.name, path)
@@ -168,7 +182,7 @@ def _write_messages(
 def _qualities() -> tuple[Any, Any]:
     """Return the driver's qualities of service, of samples and of states.
 
-    ``ros2 bag play`` offers what the bag says: who subscribes later is to get the last state.
+    ``ros2 bag play`` offers what the bag says: a late subscriber gets the last state.
     """
     from rosbags import interfaces
 
