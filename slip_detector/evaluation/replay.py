@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.result import SlipResult
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.stamps import missing_rows
 from slip_detector.evaluation.events import (
     ALREADY_ON,
     FALSE,
@@ -290,10 +291,9 @@ class _Run:
     def _begin_stretch(self, stamps_ns: NDArray[np.int64] | None) -> None:
         self._end_stretch()
         if stamps_ns is not None and self._last_ns is not None:
-            # A clock that was set back does not turn time back.
-            missing = round((int(stamps_ns[0]) - self._last_ns) * 1e-9 * self._rate_hz) - 1
-            self._row += max(missing, 0)
-            if self._observer and missing > 0:
+            missing = missing_rows(self._last_ns, int(stamps_ns[0]), self._rate_hz)
+            self._row += missing
+            if self._observer and missing:
                 self._observer.gap(missing / self._rate_hz)
         self._chain.reset()
 

@@ -11,7 +11,7 @@ from rclpy.timer import Timer
 
 from slip_detector.chain.filters import design
 from slip_detector.chain.live_chain import LiveChain
-from slip_detector.chain.timeline import Timeline
+from slip_detector.chain.stamps import Arrival, StampGrid
 from slip_detector.nodes.diagnostics import Diagnostics
 from slip_detector.nodes.health import Health
 from slip_detector.nodes.inputs import Input
@@ -127,7 +127,7 @@ class Detector(LifecycleNode):
     def _forget_input(self) -> None:
         """Expect samples of which nothing is known yet."""
         config = self.config
-        self._timeline = Timeline(1 / config.sample_rate_hz, config.max_gap_s)
+        self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
         self._names: list[str] | None = list(config.channel_names) or None
         self._frame_id = ''
         self._last_row: NDArray[np.float64] | None = None
@@ -235,7 +235,7 @@ class Detector(LifecycleNode):
             self._listen()
         if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
             self._forget_input()
-        self._timeline.max_gap_s = config.max_gap_s
+        self._stamp_grid.max_gap_s = config.max_gap_s
         of_timers = {'heartbeat_hz', 'input_timeout_s', *OF_THE_TOPICS}
         if differ & of_timers or self._replayed != self._time_is_replayed():
             self._stop_timers()
@@ -266,12 +266,12 @@ class Detector(LifecycleNode):
             # Replayed, and without times of their own: one after the other, whenever they come.
             at_ns = self.get_clock().now().nanoseconds
         else:
-            arrival = self._timeline.arrive(at_ns, n)
+            arrival = self._stamp_grid.arrive(at_ns, n)
             if not arrival.accepted:
                 self._drop('backwards', 'the stamp of a message is not after the one before')
                 return
             if arrival.missing or arrival.reset:
-                rows = self._mend(rows, arrival.missing)
+                rows = self._mend(rows, arrival)
         self._heard = True
         topics = self._topics
         listened = topics.envelope_wanted
@@ -281,7 +281,7 @@ class Detector(LifecycleNode):
         if len(rows) == 1:
             topics.announce(result.flags[0], at_ns, self._frame_id)
         else:
-            period_ns = self._timeline.period_ns
+            period_ns = self._stamp_grid.period_ns
             for i, flags in enumerate(result.flags, 1 - len(rows)):
                 topics.announce(flags, at_ns + round(i * period_ns), self._frame_id)
         if listened:
@@ -301,11 +301,12 @@ class Detector(LifecycleNode):
         self._drop('names', f'the channels of a message are {_short(names)}, allowed: {wanted}')
         return False
 
-    def _mend(self, rows: NDArray[np.float64], missing: int) -> NDArray[np.float64]:
+    def _mend(self, rows: NDArray[np.float64], arrival: Arrival) -> NDArray[np.float64]:
         """Bridge a short gap with the last row, start anew after a long one."""
-        if missing and self._last_row is not None:
+        if arrival.missing and self._last_row is not None:
+            missing = arrival.missing
             self._log('bridged', f'{missing} samples missing, bridged with the last one', missing)
-            return np.concatenate([np.repeat(self._last_row, missing, axis=0), rows])
+            return arrival.bridge(self._last_row, rows)
         self._log('reset', 'the input had a gap or its clock was set, the chain starts anew')
         self._chain.reset()
         self._health.restart()

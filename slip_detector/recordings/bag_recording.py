@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.timeline import GAP_PERIODS
+from slip_detector.chain.stamps import GAP_PERIODS
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.bag_storage import BagStorage
 from slip_detector.recordings.labels import Labels

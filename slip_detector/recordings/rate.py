@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.timeline import GAP_PERIODS
+from slip_detector.chain.stamps import GAP_PERIODS
 
 
 def rate_of(times_s: NDArray[Any]) -> 'float | None':

@@ -1,7 +1,6 @@
 """What all recordings have in common: pieces of rows, judged by their stamps as the node does."""
 
 import dataclasses
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.timeline import Timeline
+from slip_detector.chain.stamps import StampGrid
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.resample import Resampler
 from slip_detector.recordings.rows import Piece, RecordedRows
@@ -183,55 +182,35 @@ class Recording:
 
     def _stretches(self, rate_hz: float, max_gap_s: float) -> Iterator[Piece]:
         """Yield the rows with gaps bridged and stretches parted."""
-        timeline = Timeline(1 / rate_hz, max_gap_s)
+        grid = StampGrid(1 / rate_hz, max_gap_s)
         first = 0
         last: Piece | None = None
         for rows in self.rows():
             which = np.arange(first, first + len(rows.volts))
             piece = _piece(rows, last is None, which)
             first += len(rows.volts)
-            regular = timeline.arrive_all(rows.stamps_ns)
-            for part in [piece] if regular else self._mended(piece, last, timeline, rate_hz):
+            regular = grid.arrive_all(rows.stamps_ns)
+            for part in [piece] if regular else self._mended(piece, last, grid):
                 yield part
                 last = part
 
-    def _mended(
-        self, piece: Piece, last: 'Piece | None', timeline: Timeline, rate_hz: float
-    ) -> list[Piece]:
+    def _mended(self, piece: Piece, last: 'Piece | None', grid: StampGrid) -> list[Piece]:
         """Drop, bridge and part the rows of a piece; ``last`` is the one before it."""
-        period_ns = 1e9 / rate_hz
-        rows, which, offset = RecordedRows(*piece[:3]), piece.rows, 0
+        mended = grid.mend(piece.stamps_ns)
+        self.counts.gaps += mended.gaps
+        self.counts.bridged_rows += mended.bridged
+        self.counts.dropped += mended.dropped
+        rows, which, places = RecordedRows(*piece[:3]), piece.rows, mended.places
         if last is not None:  # Its last row may be what bridges the first gap.
-            rows, offset = RecordedRows(*last[:3]).take(slice(-1, None)).then(rows), 1
+            rows = RecordedRows(*last[:3]).take(slice(-1, None)).then(rows)
             which = np.concatenate([last.rows[-1:], which])
-        take: list[int] = []
-        stamps_ns: list[int] = []
-        starts = [0]
-        previous = 0
-        for i, stamp_ns in enumerate(rows.stamps_ns[offset:].tolist(), start=offset):
-            arrival = timeline.arrive(stamp_ns)
-            if not arrival.accepted:
-                self.counts.dropped += 1
-                continue
-            if arrival.reset:
-                starts.append(len(take))
-            elif arrival.missing:
-                self.counts.gaps += 1
-                self.counts.bridged_rows += arrival.missing
-                take += [previous] * arrival.missing
-                begin_ns = stamp_ns - round(arrival.missing * period_ns)
-                stamps_ns += [begin_ns + round(k * period_ns) for k in range(arrival.missing)]
-            take.append(i)
-            stamps_ns.append(stamp_ns)
-            previous = i
+            places = places + 1
         parts = []
-        for begin, end in itertools.pairwise([*starts, len(take)]):
-            if begin < end:
-                at = np.array(take[begin:end])
-                stamps = np.array(stamps_ns[begin:end], dtype=np.int64)
-                mended = rows.take(at)._replace(stamps_ns=stamps)
-                new = begin > 0 or piece.new_stretch or starts[1:2] == [0]
-                parts.append(_piece(mended, new, which[at]))
+        for i, of_stretch in enumerate(mended.stretches):
+            at = places[of_stretch]
+            part = rows.take(at)._replace(stamps_ns=mended.stamps_ns[of_stretch])
+            new = i > 0 or mended.first_is_new or piece.new_stretch
+            parts.append(_piece(part, new, which[at]))
         return parts
 
 

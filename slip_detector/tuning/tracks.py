@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain.stamps import missing_rows
 from slip_detector.evaluation.events import OnIntervals, RowInterval
 from slip_detector.evaluation.replay import LabelledRows
 from slip_detector.evaluation.scores import MOTION, REST, SLIP
@@ -133,8 +134,7 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
         if piece.new_stretch and place:
             labels.close(row)
             if piece.stamps_ns is not None and last_ns is not None:
-                missing = round((int(piece.stamps_ns[0]) - last_ns) * 1e-9 * sample_rate_hz) - 1
-                row += max(missing, 0)
+                row += missing_rows(last_ns, int(piece.stamps_ns[0]), sample_rate_hz)
         kind = np.where(piece.truth, SLIP, REST).astype(np.int8)
         if piece.moving is not None:
             has_motion = True

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.timeline import Timeline
+from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import (
     is_recording,
@@ -39,11 +39,11 @@ def joined(pieces):
 
 
 def as_the_node_does(volts, stamps_ns, truth, max_gap_s):
-    """Feed the rows one by one to a timeline, as nodes/detector.py does."""
-    timeline, counts = Timeline(1 / RATE_HZ, max_gap_s), RecordingCounts(rows=0)
+    """Feed the rows one by one to a grid, as nodes/detector.py does."""
+    grid, counts = StampGrid(1 / RATE_HZ, max_gap_s), RecordingCounts(rows=0)
     stretches, last = [[]], None
     for i, stamp_ns in enumerate(stamps_ns.tolist()):
-        arrival = timeline.arrive(stamp_ns)
+        arrival = grid.arrive(stamp_ns)
         if not arrival.accepted:
             counts.dropped += 1
             continue

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from slip_detector.chain.timeline import BACKWARDS, NEW_STRETCH, NEXT, Timeline
+from slip_detector.chain.stamps import BACKWARDS, NEW_STRETCH, NEXT, StampGrid, missing_rows
 
 PERIOD_NS = 2_500_000  # 400 Hz
 PERIOD_S = 0.0025
@@ -16,11 +16,10 @@ START_NS = 1_750_000_000 * 10**9  # A stamp of today: floats no longer tell nano
 
 def arrivals(samples, jitter_ns=None, max_gap_s=MAX_GAP_S):
     """Let samples arrive by their numbers."""
-    timeline = Timeline(PERIOD_S, max_gap_s)
+    grid = StampGrid(PERIOD_S, max_gap_s)
     jitter_ns = jitter_ns or [0] * len(samples)
     return [
-        timeline.arrive(START_NS + k * PERIOD_NS + j)
-        for k, j in zip(samples, jitter_ns, strict=True)
+        grid.arrive(START_NS + k * PERIOD_NS + j) for k, j in zip(samples, jitter_ns, strict=True)
     ]
 
 
@@ -113,9 +112,9 @@ def test_accepted_stamps_rise_within_a_stretch_and_only_there_rows_are_bridged(s
 
 @pytest.mark.parametrize('rate_hz', [59.7, 380.0, 2012.5])
 def test_a_period_that_is_no_whole_number_of_nanoseconds_gathers_no_error(rate_hz):
-    timeline = Timeline(1 / rate_hz, MAX_GAP_S)
+    grid = StampGrid(1 / rate_hz, MAX_GAP_S)
     stamps = [START_NS + round(k * 1e9 / rate_hz) for k in range(5000)]
-    assert all(timeline.arrive(stamp) == NEXT for stamp in stamps)
+    assert all(grid.arrive(stamp) == NEXT for stamp in stamps)
 
 
 def line_of(rate_hz, n, jitter_s=0.0, seed=0):
@@ -128,18 +127,18 @@ def line_of(rate_hz, n, jitter_s=0.0, seed=0):
 @pytest.mark.parametrize('seed', range(5))
 @pytest.mark.parametrize('rate_hz', [380.0, 0.98 * 380.0, 1.02 * 380.0])
 def test_a_millisecond_of_jitter_and_a_clock_that_is_off_make_no_rows(rate_hz, seed):
-    timeline = Timeline(1 / 380, MAX_GAP_S)
-    judged = [timeline.arrive(s) for s in line_of(rate_hz, 20_000, 1e-3, seed)]
+    grid = StampGrid(1 / 380, MAX_GAP_S)
+    judged = [grid.arrive(s) for s in line_of(rate_hz, 20_000, 1e-3, seed)]
     assert judged == [NEXT] * len(judged)
-    assert 1e9 / timeline.period_ns == pytest.approx(rate_hz, rel=5e-3)
+    assert 1e9 / grid.period_ns == pytest.approx(rate_hz, rel=5e-3)
 
 
 @pytest.mark.parametrize('rate_hz', [0.9 * 380.0, 1.1 * 380.0])
 def test_a_rate_that_is_wrong_by_a_tenth_makes_no_rows(rate_hz):
-    timeline = Timeline(1 / 380, MAX_GAP_S)
-    judged = [timeline.arrive(s) for s in line_of(rate_hz, 5000)]
+    grid = StampGrid(1 / 380, MAX_GAP_S)
+    judged = [grid.arrive(s) for s in line_of(rate_hz, 5000)]
     assert judged == [NEXT] * len(judged)
-    assert 1e9 / timeline.period_ns == pytest.approx(rate_hz, rel=1e-6)
+    assert 1e9 / grid.period_ns == pytest.approx(rate_hz, rel=1e-6)
 
 
 @pytest.mark.parametrize('seed', range(5))
@@ -148,16 +147,16 @@ def test_each_sample_lost_at_random_is_made_up_for_in_spite_of_jitter(jitter_s, 
     stamps = line_of(380.0, 20_000, jitter_s, seed)
     kept = np.random.default_rng(100 + seed).random(len(stamps)) > 0.05
     kept[0] = kept[-1] = True
-    timeline = Timeline(1 / 380, MAX_GAP_S)
-    judged = [timeline.arrive(s) for s, keep in zip(stamps, kept, strict=True) if keep]
+    grid = StampGrid(1 / 380, MAX_GAP_S)
+    judged = [grid.arrive(s) for s, keep in zip(stamps, kept, strict=True) if keep]
     assert all(arrival.accepted and not arrival.reset for arrival in judged)
     # The line may take some dozens of samples to find its place.
     assert sum(a.missing for a in judged) == pytest.approx((~kept).sum(), abs=2)
 
 
 def test_every_second_sample_only_is_a_gap_each_and_no_slower_clock():
-    timeline = Timeline(1 / 380, MAX_GAP_S)
-    judged = [timeline.arrive(s) for s in line_of(190.0, 500)]
+    grid = StampGrid(1 / 380, MAX_GAP_S)
+    judged = [grid.arrive(s) for s in line_of(190.0, 500)]
     assert [arrival.missing for arrival in judged[1:]] == [1] * 499
 
 
@@ -167,8 +166,8 @@ def test_large_jitter_costs_a_few_rows_but_never_the_place_on_the_line(seed):
     stamps = [
         START_NS + round(k * 1e9 / 380 + j) for k, j in enumerate(random.normal(0, 5e5, 20_000))
     ]
-    timeline = Timeline(1 / 380, MAX_GAP_S)
-    judged = [timeline.arrive(s) for s in stamps]
+    grid = StampGrid(1 / 380, MAX_GAP_S)
+    judged = [grid.arrive(s) for s in stamps]
     assert sum(arrival.missing for arrival in judged) < 40
     assert not any(arrival.reset for arrival in judged)
 
@@ -177,18 +176,18 @@ def test_large_jitter_costs_a_few_rows_but_never_the_place_on_the_line(seed):
 def test_batches_come_or_are_missing_as_a_whole(rows, n, data):
     lost = data.draw(st.integers(1, n - 1))
     late_ns = data.draw(st.integers(0, rows * PERIOD_NS // 3))
-    timeline = Timeline(PERIOD_S, 1.0)
+    grid = StampGrid(PERIOD_S, 1.0)
     for number in range(n + 1):
         if number != lost:
             at_ns = START_NS + number * rows * PERIOD_NS
-            arrival = timeline.arrive(at_ns + late_ns * (number == 1), rows)
+            arrival = grid.arrive(at_ns + late_ns * (number == 1), rows)
             assert arrival == (True, rows if number == lost + 1 else 0, False)
 
 
 @given(st.lists(st.integers(-2, 45), max_size=60), st.lists(st.integers(0, 60), max_size=4))
 def test_samples_taken_all_at_once_are_judged_as_one_by_one(steps, cuts):
     stamps = np.array([START_NS + sum(steps[:i]) * PERIOD_NS for i in range(len(steps) + 1)])
-    one_by_one, at_once = Timeline(PERIOD_S, MAX_GAP_S), Timeline(PERIOD_S, MAX_GAP_S)
+    one_by_one, at_once = StampGrid(PERIOD_S, MAX_GAP_S), StampGrid(PERIOD_S, MAX_GAP_S)
     for block in np.split(stamps, sorted(cuts)):
         judged = [one_by_one.arrive(stamp) for stamp in block.tolist()]
         if at_once.arrive_all(block):
@@ -199,13 +198,49 @@ def test_samples_taken_all_at_once_are_judged_as_one_by_one(steps, cuts):
 
 
 def test_after_a_flood_gaps_are_told_again():
-    timeline = Timeline(PERIOD_S, MAX_GAP_S)
+    grid = StampGrid(PERIOD_S, MAX_GAP_S)
     flood = [START_NS + k * PERIOD_NS // 20 for k in range(2000)]
-    judged = [timeline.arrive(s) for s in flood]
+    judged = [grid.arrive(s) for s in flood]
     assert judged == [NEXT] * len(judged)
-    judged = [timeline.arrive(flood[-1] + k * PERIOD_NS) for k in [*range(1, 6001), 6011]]
+    judged = [grid.arrive(flood[-1] + k * PERIOD_NS) for k in [*range(1, 6001), 6011]]
     # The line has to find the old rate again.
     assert sum(arrival.missing for arrival in judged[:-1]) < 10
     assert judged[2000:-1] == [NEXT] * 4000
     assert judged[-1].missing == 10
-    assert timeline.arrive(flood[-1] + 6100 * PERIOD_NS) == NEW_STRETCH
+    assert grid.arrive(flood[-1] + 6100 * PERIOD_NS) == NEW_STRETCH
+
+
+@given(
+    st.lists(st.integers(-3, 40), max_size=60),
+    st.lists(st.integers(0, 60), max_size=5),
+)
+def test_mended_samples_are_what_their_arrivals_say_however_they_are_cut(steps, cuts):
+    stamps = START_NS + PERIOD_NS * np.cumsum(np.array(steps, np.int64))
+    grid, rows, wanted = StampGrid(PERIOD_S, MAX_GAP_S), [], []
+    for i, stamp in enumerate(stamps.tolist()):
+        arrival = grid.arrive(stamp)
+        if arrival.reset:
+            wanted.append(rows)
+            rows = []
+        if arrival.accepted:
+            rows = [*rows, *arrival.bridge((rows or [0])[-1:], [i]).tolist()]
+    wanted.append(rows)
+
+    grid, stretches, last = StampGrid(PERIOD_S, MAX_GAP_S), [[]], None
+    for piece in np.split(np.arange(len(stamps)), sorted(cuts)):
+        mended = grid.mend(stamps[piece])
+        assert len(mended.stamps_ns) == len(mended.places)
+        for i, of_stretch in enumerate(mended.stretches):
+            if i or mended.first_is_new:
+                stretches.append([])
+            places = mended.places[of_stretch]
+            stretches[-1] += [last if at < 0 else int(piece[at]) for at in places]
+            assert (np.diff(mended.stamps_ns[of_stretch]) > 0).all()
+        if len(mended.places):
+            last = int(piece[mended.places[-1]])
+    assert [part for part in stretches if part] == [part for part in wanted if part]
+
+
+@pytest.mark.parametrize(('after_s', 'missing'), [(-5, 0), (0, 0), (0.01, 0), (0.02, 1), (1, 99)])
+def test_the_rows_that_are_missing_between_two_stamps(after_s, missing):
+    assert missing_rows(START_NS, START_NS + round(after_s * 1e9), 100.0) == missing

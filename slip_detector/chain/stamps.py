@@ -1,9 +1,14 @@
-"""Stamps of incoming samples: what is next, what is missing, what runs backwards."""
+"""Stamps of incoming samples: what is next, what is missing, what runs backwards.
 
-from typing import NamedTuple
+What a gap does to rows stands here, for live input and recordings alike: a short one is bridged
+with the last row, after a long one the chain starts as from the first row.
+"""
+
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.compiled import compiled
 
@@ -11,7 +16,7 @@ from slip_detector.chain.compiled import compiled
 #: start, and in the long run. A long memory averages the jitter out and still follows a drift.
 FIRST_MEMORY, LONG_MEMORY = 16, 256
 
-#: A sample further ahead of the grid, in periods, is no jitter: the grid begins anew.
+#: A sample further ahead of the grid, in periods, is no jitter: a new grid begins.
 LARGEST_JITTER = 2.0
 
 #: Jitter is forgotten over so many samples.
@@ -82,12 +87,29 @@ class Arrival(NamedTuple):
     missing : int
         Samples missing before it, to be bridged with the last row.
     reset : bool
-        Too many are missing, or time has started anew: it is the first of a new stretch.
+        Too many are missing, or the clock was set: it is the first of a new stretch.
     """
 
     accepted: bool
     missing: int
     reset: bool
+
+    def bridge(self, last: ArrayLike, rows: ArrayLike) -> NDArray[Any]:
+        """Return rows with those that are missing before them, which repeat the last one.
+
+        Parameters
+        ----------
+        last
+            The row before, shape (1, ...).
+        rows
+            The next ones, shape (n, ...).
+
+        Examples
+        --------
+        >>> Arrival(accepted=True, missing=2, reset=False).bridge([4.1], [4.3])
+        array([4.1, 4.1, 4.3])
+        """
+        return np.concatenate([np.repeat(last, self.missing, axis=0), rows])
 
 
 NEXT = Arrival(True, 0, False)
@@ -95,8 +117,48 @@ NEW_STRETCH = Arrival(True, 0, True)
 BACKWARDS = Arrival(False, 0, False)
 
 
-class Timeline:
-    """Judges samples by their stamps.
+class MendedSamples(NamedTuple):
+    """Samples with gaps bridged, and where stretches begin.
+
+    Attributes
+    ----------
+    places : ndarray of int, shape (n,)
+        Which of the samples each is, from 0; -1 is the last sample before them.
+    stamps_ns : ndarray of int, shape (n,)
+    stretches : tuple of slice
+        Runs of them, at least one sample each; all but the first begin a new stretch.
+    first_is_new : bool
+        Whether the first run begins one too.
+    gaps, bridged, dropped : int
+        Short gaps, samples that bridge them, and samples left out.
+    """
+
+    places: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
+    stretches: tuple[slice, ...]
+    first_is_new: bool
+    gaps: int
+    bridged: int
+    dropped: int
+
+
+def missing_rows(last_ns: int, stamp_ns: int, sample_rate_hz: float) -> int:
+    """Return how many rows are missing between two that are stamped so.
+
+    A clock that was set back does not turn time back: then it is none.
+
+    Examples
+    --------
+    >>> missing_rows(0, 1_000_000_000, 100.0)
+    99
+    >>> missing_rows(1_000_000_000, 0, 100.0)
+    0
+    """
+    return max(round((stamp_ns - last_ns) * 1e-9 * sample_rate_hz) - 1, 0)
+
+
+class StampGrid:
+    """A grid of times on which samples are expected: tells by a stamp what to do with its sample.
 
     Samples are expected on an even grid that follows the stamps: a line fitted to them with a
     fading memory. So a stamp may be off by half a period, and the clock behind the stamps by
@@ -127,6 +189,7 @@ class Timeline:
                 (1.0 + LARGEST_RATE_ERROR) * period_ns,
             ]
         )
+        self._nominal_ns = period_ns
         self.max_gap_s = max_gap_s
         self._last_ns: int | None = None
         self._dropped_first_ns: int | None = None
@@ -193,6 +256,56 @@ class Timeline:
             return True
         self._last_ns, self._line = last_ns, line
         return False
+
+    def mend(self, stamps_ns: NDArray[np.int64]) -> MendedSamples:
+        """Take samples one by one: drop, bridge and part them.
+
+        Parameters
+        ----------
+        stamps_ns : ndarray of int, shape (n,)
+            One of each sample.
+
+        Examples
+        --------
+        >>> grid = StampGrid(period_s=0.01, max_gap_s=0.1)
+        >>> mended = grid.mend(np.array([0, 10, 40, 1000]) * 1_000_000)
+        >>> mended.places
+        array([0, 1, 1, 1, 2, 3])
+        >>> mended.stretches
+        (slice(0, 5, None), slice(5, 6, None))
+        """
+        places: list[int] = []
+        mended_ns: list[int] = []
+        starts = [0]
+        last, gaps, bridged, dropped = -1, 0, 0, 0
+        for i, stamp_ns in enumerate(stamps_ns.tolist()):
+            arrival = self.arrive(stamp_ns)
+            if not arrival.accepted:
+                dropped += 1
+                continue
+            if arrival.reset:
+                starts.append(len(places))
+            if arrival.missing:
+                gaps += 1
+                bridged += arrival.missing
+                begin_ns = stamp_ns - round(arrival.missing * self._nominal_ns)
+                mended_ns += [
+                    begin_ns + round(k * self._nominal_ns) for k in range(arrival.missing)
+                ]
+                places += arrival.bridge([last], [i]).tolist()
+            else:
+                places.append(i)
+            mended_ns.append(stamp_ns)
+            last = i
+        return MendedSamples(
+            np.array(places, np.int64),
+            np.array(mended_ns, np.int64),
+            tuple(slice(a, b) for a, b in pairwise([*starts, len(places)]) if a < b),
+            starts[1:2] == [0],
+            gaps,
+            bridged,
+            dropped,
+        )
 
     def _begin(self, stamp_ns: int) -> None:
         self._last_ns = stamp_ns
