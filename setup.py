@@ -17,7 +17,7 @@ setup(
     name=NAME,
     version='0.4.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={f'{NAME}.report': ['templates/*']},
+    package_data={f'{NAME}.report': ['templates/*', 'templates/uplot/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -19,7 +19,11 @@ from slip_detector.report.overview import Overview
 from slip_detector.report.page_data import Trial, Variant, bin_rows, chosen_snippets, front, pack
 from slip_detector.report.text_table import text_table
 
-SCRIPTS = ('report_data.js', 'report_draw.js', 'report.js')
+#: Scripts of a page, in the order in which they need each other.
+SCRIPTS = (
+    'uplot/uPlot.iife.min.js', 'timeline.js', 'report_data.js', 'report_lanes.js', 'report.js',
+)  # fmt: skip
+STYLES = ('uplot/uPlot.min.css', 'report.css')
 
 UNDEFINED = '\N{EN DASH}'
 
@@ -65,7 +69,8 @@ def write(
     page = Template(_read('report.html')).substitute(
         title=escape(title),
         notes=_list(notes),
-        css=_read('report.css'),
+        css='\n'.join(map(_read, STYLES)),
+        licence=_read('uplot/LICENSE.txt'),
         js='\n'.join(map(_read, SCRIPTS)),
         data=_data(variants),
         sections='\n'.join(_sections(variants, trials)),

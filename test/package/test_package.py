@@ -72,7 +72,7 @@ def test_what_is_installed_is_the_package_without_tests_and_benchmarks(tmp_path)
     command = [sys.executable, 'setup.py', '--quiet', 'build_py', '--build-lib', str(tmp_path)]
     subprocess.run(command, cwd=ROOT, check=True)
     built = {path.relative_to(tmp_path) for path in tmp_path.rglob('*') if path.is_file()}
-    templates = (ROOT / 'slip_detector' / 'report' / 'templates').iterdir()
+    templates = (ROOT / 'slip_detector' / 'report' / 'templates').rglob('*.*')
     assert built == {path.relative_to(ROOT) for path in (*SOURCES, *templates)}
 
 

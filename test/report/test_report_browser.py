@@ -20,7 +20,8 @@ pytestmark = pytest.mark.skipif(
     bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING
 )
 
-GUTTER = 92  # pixels of the names at the left, as in report_draw.js
+#: Pixels of the names at the left and of the margin at the right, as in timeline.js.
+NAMES_WIDTH, RIGHT_MARGIN = 92, 16
 
 
 @pytest.fixture(scope='module')
@@ -98,10 +99,10 @@ def view(page):
 
 def pixels(page):
     settle(page)
-    return page.evaluate('document.getElementById("timeline").toDataURL()')
+    return page.evaluate('document.querySelector("#timeline canvas").toDataURL()')
 
 
-def colors(page, selector='#timeline'):
+def colors(page, selector):
     """Return how many pixels of each colour there are."""
     settle(page)
     return page.evaluate(
@@ -122,7 +123,7 @@ def point(page, share, y=0.5, selector='#timeline'):
     """Return where on the page a share of the time in view is."""
     page.locator(selector).scroll_into_view_if_needed()
     box = page.locator(selector).bounding_box()
-    x = box['x'] + GUTTER + share * (box['width'] - GUTTER)
+    x = box['x'] + NAMES_WIDTH + share * (box['width'] - NAMES_WIDTH - RIGHT_MARGIN)
     return x, box['y'] + (y * box['height'] if y <= 1 else y)
 
 
@@ -130,7 +131,7 @@ def test_it_renders(opened):
     page = opened('both.html')
     assert page.title() == 'A title'
     assert view(page) == (0, 1, 0.0, 20.0)
-    for selector in ('#timeline', '#minimap'):
+    for selector in ('#timeline canvas', '#minimap'):
         seen = colors(page, selector)
         assert seen.get('213,94,0', 0) > 100, selector  # ON
         assert len(seen) > 5
@@ -327,7 +328,7 @@ def test_the_read_out_about_an_event_is_the_very_sample(opened, name):
     volts, truth = scenes.volts_and_truth(seed=0)
     row = 1520 + 5
     assert truth[row]
-    y = page.evaluate('lanes.find((lane) => lane.kind === "channel").top + 10')
+    y = page.evaluate('timeline.lanes.find((lane) => lane.curve).top + 10')
     text = read_out(page, ((row + 0.5) / 380.0 - start) / (stop - start), y)
     time_s, channel, value, ratio = re.fullmatch(
         r'([\d.]+) s · (\w+) · ([\d.]+) V · level / threshold (.+)', text
@@ -358,7 +359,7 @@ def test_data_that_are_broken_are_said_to_be(browser, folder):
 
 def test_many_channels_without_labels_or_events(opened):
     page = opened('unlabelled.html')
-    names = page.evaluate('lanes.map((lane) => lane.name)')
+    names = page.evaluate('timeline.lanes.map((lane) => lane.name)')
     assert 'label' not in names
     assert len([name for name in names if name and name.startswith('ch')]) == 95
     assert 'Disabled channels, 1 of them' in page.inner_text('#resolution')

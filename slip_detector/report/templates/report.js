@@ -15,68 +15,25 @@ const zoom = (factor, at = (view.from + view.to) / 2) =>
 const pan = (seconds) => look(view.from + seconds, view.to + seconds);
 const whole = () => look(0, duration());
 
-function timeAt(event, target, from, to) {
-  const box = target.getBoundingClientRect();
-  return from + (to - from) * (event.clientX - box.left - GUTTER) / (box.width - GUTTER);
-}
-
-const atPointer = (event) => timeAt(event, canvas, view.from, view.to);
-const inPlot = (event) => event.clientX - canvas.getBoundingClientRect().left > GUTTER;
-
-canvas.addEventListener('wheel', (event) => {
-  if (!inPlot(event)) return;  // Over the names the page scrolls.
-  event.preventDefault();
-  const unit = event.deltaMode === 1 ? 30 : 1;
-  if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) {
-    pan((view.to - view.from) * event.deltaX * unit / 1000);
-  } else zoom(Math.exp(event.deltaY * unit * 0.002), atPointer(event));
-}, {passive: false});
-
-let grip = null;
-canvas.addEventListener('pointerdown', (event) => {
-  if (event.button || !inPlot(event)) return;
-  canvas.setPointerCapture(event.pointerId);
-  grip = {x: event.clientX, at: atPointer(event), from: view.from, to: view.to, choose: event.shiftKey, moved: false};
-  canvas.classList.add('moving');
+const timeline = new Timeline(root, {
+  tickText: clock,
+  onLook: (from, to) => (Number.isFinite(from) ? look(from, to) : whole()),
+  onPoint: readOut,
+  onClick: chooseNear,
 });
-canvas.addEventListener('pointermove', (event) => {
-  hover = event;
-  readOut();
-  if (!grip) return;
-  grip.moved ||= Math.abs(event.clientX - grip.x) > 3;
-  if (grip.choose) {
-    selection = [grip.at, atPointer(event)].sort((a, b) => a - b);
-    redraw();
-  } else if (grip.moved) {
-    const shift = timeAt(event, canvas, grip.from, grip.to) - grip.at;
-    look(grip.from - shift, grip.to - shift);
-  }
-});
-canvas.addEventListener('pointerup', (event) => {
-  if (grip && selection && grip.moved) look(...selection);
-  else if (grip && !grip.moved) chooseNear(event);
-  release();
-});
-canvas.addEventListener('pointercancel', release);
-canvas.addEventListener('dblclick', whole);
-function release() {
-  grip = selection = null;
-  canvas.classList.remove('moving');
-  redraw();
-}
 
-function chooseNear(pointer) {
-  const y = pointer.clientY - canvas.getBoundingClientRect().top, lane = lanes[1];
-  if (y < lane.top || y > lane.top + lane.height) return;
-  const at = atPointer(pointer), reach = 8 * (view.to - view.from) / canvas.clientWidth;
-  const events = eventsOf(view.recording);
-  const near = events.map((event, i) => [event[0], Math.abs(event[1] - at), i])
+function chooseNear(at, lane, reach) {
+  if (lane?.name !== 'events') return;
+  const near = eventsOf(view.recording).map((event, i) => [event[0], Math.abs(event[1] - at), i])
     .filter(([, away]) => away < reach).sort((a, b) => a[0] - b[0] || a[1] - b[1]);
   if (near.length) go(view.variant, view.recording, near[0][2]);
 }
 
 let strip = null;
-const onStrip = (event) => timeAt(event, minimap, 0, duration());
+const onStrip = (event) => {
+  const box = minimap.getBoundingClientRect();
+  return duration() * (event.clientX - box.left - NAMES_WIDTH) / (box.width - NAMES_WIDTH - RIGHT_MARGIN);
+};
 minimap.addEventListener('pointerdown', (event) => {
   minimap.setPointerCapture(event.pointerId);
   strip = {at: onStrip(event), x: event.clientX};
@@ -97,7 +54,7 @@ minimap.addEventListener('pointerup', (event) => {
 function onKey(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select, input')) return;
   const keys = {n: () => step(1), p: () => step(-1)};
-  if (event.target === canvas) {
+  if (event.target === root) {
     const tenth = (view.to - view.from) / 10;
     Object.assign(keys, {
       '+': () => zoom(0.5), '=': () => zoom(0.5), '-': () => zoom(2), Home: whole,
@@ -111,24 +68,21 @@ function onKey(event) {
 }
 document.addEventListener('keydown', onKey);
 
-async function readOut() {
-  if (!hover || !inPlot(hover)) return;
-  const data = await load(view.recording), seconds = atPointer(hover), recording = now();
-  const y = hover.clientY - canvas.getBoundingClientRect().top;
-  const lane = lanes.find((l) => y >= l.top && y < l.top + l.height + 2);
-  const words = [clock(seconds)];
-  if (lane?.kind === 'channel') {
-    const scale = (canvas.clientWidth - GUTTER) / (view.to - view.from), c = lane.channel;
-    pieces(data, c, scale, (values, offset, first, stop, row, rows) => {
-      const i = Math.floor((seconds * recording.rate_hz - row) / rows), k = offset + i;
-      if (i < first || i >= stop) return;
-      const [low, high] = [values.low[k], values.high[k]]
-        .map((code) => recording.lowest_v[c] + recording.step_v[c] * code);
-      words.push(lane.name, values.low[k] === NO_SAMPLE ? 'no sample'
+function readOut(seconds, lane) {
+  const {rate_hz: rate, lowest_v: lowest, step_v: step} = now(), words = [clock(seconds)];
+  if (lane) words.push(lane.name);
+  if (lane?.curve) {
+    const {starts, found} = drawn;
+    let k = starts.findLastIndex((row) => row <= seconds * rate);
+    const piece = found.find(({first, stop}) => k < stop - first || (k -= stop - first) < 0);
+    if (k >= 0 && piece) {
+      const c = lane.channel, at = c * piece.n + piece.first + k;
+      const [low, high] = [piece.low[at], piece.high[at]].map((code) => lowest[c] + step[c] * code);
+      words.push(piece.low[at] === NO_SAMPLE ? 'no sample'
         : high > low ? `${volts(low)} to ${volts(high)}` : volts(low),
-      `level / threshold ${ratio(values.levels[k])}`);
-    });
-  } else if (lane?.name) words.push(lane.name);
+      `level / threshold ${ratio(piece.levels[at])}`);
+    }
+  }
   element('readout').textContent = words.join(' \u00b7 ');
 }
 

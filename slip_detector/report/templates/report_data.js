@@ -1,5 +1,6 @@
 'use strict';
-// Reads what report_data.py wrote, and makes bins of twice the length until few are left.
+// Reads what page_data.py wrote, makes bins of twice the length until few are left, and finds what
+// is to be drawn of a stretch of time.
 
 const NO_SAMPLE = 0xffff;
 
@@ -91,4 +92,68 @@ function halved(values, channels, n, join) {
     n = half;
   }
   return sizes;
+}
+
+// What is drawn of rows from to to, where a pixel is so many rows: where rows were kept, these, else
+// bins, few enough. Of each piece: its first row, the rows of each value, and the values first to
+// stop of each channel, which begin at channel * n.
+function pieces(header, data, variant, from, to, rowsOfPixel) {
+  const level = Math.max(0, Math.ceil(Math.log2(rowsOfPixel / header.bin_rows)));
+  const size = Math.min(level, data.low.length - 1), rows = header.bin_rows * 2 ** size;
+  const {levels, snippets} = data.variants[variant], found = [];
+  // One more at either end, so that curves reach the edge.
+  [from, to] = [from - rows, to + rows];
+  const bins = (start, stop) => {
+    const {values: low, n} = data.low[size];
+    const first = Math.max(0, Math.floor(start / rows)), end = Math.min(n, Math.ceil(stop / rows));
+    if (end > first) {
+      found.push({row: 0, rows, n, first, stop: end, low, high: data.high[size].values, levels: levels[size].values});
+    }
+  };
+  let at = from;
+  if (rows > 1 && size === 0) {
+    for (const {start, rows: n, volts, levels: codes} of snippets) {
+      const stop = start + n;
+      if (stop <= from || start >= to) continue;
+      if (start > at) bins(at, start);
+      found.push({
+        row: start, rows: 1, n, first: Math.max(0, Math.floor(from) - start - 1),
+        stop: Math.min(n, Math.ceil(to) - start + 1), low: volts, high: volts, levels: codes,
+      });
+      at = stop;
+    }
+  }
+  if (at < to) bins(at, to);
+  return found;
+}
+
+// The rows at which the values of pieces begin, and at last the one after them.
+function startsOf(found) {
+  const starts = [];
+  let end = 0;
+  for (const {row, rows, first, stop} of found) {
+    // A bin that began before the piece is drawn from there on.
+    for (let i = first; i < stop; i++) starts.push(Math.max(row + i * rows, end));
+    end = row + stop * rows;
+  }
+  return [...starts, end];
+}
+
+// A channel's curve from the values of pieces; of each that is no sample, null. choose(piece): its
+// lowest and its highest values. code(value): what is drawn of it, or null.
+function curveOf(found, channel, choose, code) {
+  const rows = [], low = [], high = [];
+  for (const piece of found) {
+    const [lowest, highest] = choose(piece);
+    for (let i = piece.first, k = channel * piece.n + i; i < piece.stop; i++, k++) {
+      const from = code(lowest[k]), to = code(highest[k]), single = piece.rows === 1;
+      rows.push(single ? from : null);
+      low.push(single ? null : from);
+      high.push(single ? null : to);
+    }
+  }
+  // The last bin, too, is as long as it is.
+  for (const values of [low, high]) values.push(values.at(-1) ?? null);
+  rows.push(null);
+  return {rows, low, high};
 }
