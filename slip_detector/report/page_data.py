@@ -4,7 +4,7 @@ All that the timeline draws of a recording is one run of bytes, compressed and i
 header that is JSON. A report stays small however long its recordings are: bins are merged until
 all fit, and of the rows about events those of false alarms, misses and late ones come first.
 
-The bytes are, one after another (``templates/report.js`` reads them in this order):
+The bytes are, one after another (``templates/report_data.js`` reads them in this order):
 
 - lowest volts of each bin as 16-bit codes, channel after channel, each as its difference from the
   bin before; then highest less lowest;
