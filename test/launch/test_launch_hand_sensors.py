@@ -6,17 +6,20 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.nodes.messages import state_qos
+from support.harness import launched, package_share, patient_qos
+from support.sensors import SCALE_V, Sender, free_udp_port, make_packets, sending, vibration
+
 reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
 launch_testing = pytest.importorskip('launch_testing', reason=reason)
 pytest.importorskip('launch_ros', reason=reason)
 
 from launch_testing.asserts import assertExitCodes  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-from std_msgs.msg import Bool  # noqa: E402
-
-from slip_detector.nodes.messages import state_qos  # noqa: E402
-from support.harness import launched, package_share, patient_qos  # noqa: E402
-from support.sensors import SCALE_V, Sender, free_udp_port, make_frames, sending, vibration  # noqa: E402
 
 package_share()
 
@@ -48,7 +51,7 @@ class TestTopics(unittest.TestCase):
             slip = bench.listen(Bool, f'left/{finger}/slip', state_qos())
             rows = factor * vibration(20_000, RATE_HZ)
             sender = Sender(port)
-            with sending(sender.send, make_frames(rows, RATE_HZ), RATE_HZ):
+            with sending(sender.send, make_packets(rows, RATE_HZ), RATE_HZ):
                 bench.wait_for(lambda heard=slip: heard and heard[-1].data, f'slip of {finger}')
                 # Two periods of the vibration and more: the highest value is among them.
                 bench.wait_for(lambda heard=voltages: len(heard) > 200, f'samples of {finger}')

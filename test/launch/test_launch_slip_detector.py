@@ -4,16 +4,19 @@ import unittest
 
 import pytest
 
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.nodes.messages import state_qos
+from support.harness import launched, package_share, patient_qos
+
 reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
 launch_testing = pytest.importorskip('launch_testing', reason=reason)
 pytest.importorskip('launch_ros', reason=reason)
 
 from launch_testing.asserts import assertExitCodes  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-from std_msgs.msg import Bool  # noqa: E402
-
-from slip_detector.nodes.messages import state_qos  # noqa: E402
-from support.harness import launched, package_share, patient_qos  # noqa: E402
 
 package_share()
 
