@@ -1,1 +1,1 @@
-"""The measurements of ``slip_benchmark``, one module each."""
+"""How fast and how exact the package is: measurements, rivals and references, not installed."""

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from benchmarks import report_size
+from benchmarks.tune import browser as system_browser
 from slip_detector.report import page as report
 from support import report_scenes as scenes
 
@@ -14,7 +14,7 @@ try:
 except ImportError:
     expect = None
 
-MISSING = report_size.why_no_browser()
+MISSING = system_browser.why_no_browser()
 
 pytestmark = pytest.mark.skipif(
     bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING
@@ -28,7 +28,7 @@ NAMES_WIDTH, RIGHT_MARGIN = 92, 16
 def browser():
     if MISSING:
         pytest.fail(f'SLIP_NEED_BROWSER is 1 and the report {MISSING}')
-    with report_size.browser() as running:
+    with system_browser.browser() as running:
         yield running
 
 

@@ -1,0 +1,63 @@
+"""The command line of the benchmarks: ``python -m benchmarks COMMAND``, from a checkout.
+
+``--json`` prints one object. Its keys ``machine`` (see :func:`benchmarks.measurement.machine`) and
+``quick`` (whether the sizes were cut short) are those of all subcommands; the others are in the
+docstring of the module that measures: :mod:`benchmarks.chain.speed` and
+:mod:`benchmarks.chain.precision`, and ``measure.py`` in :mod:`benchmarks.scenes`,
+:mod:`benchmarks.extremes`, :mod:`benchmarks.tune` and :mod:`benchmarks.soak`.
+"""
+
+import argparse
+import importlib
+import json
+import sys
+
+if not __package__:
+    sys.exit('benchmarks: run it in the folder of the checkout as: python -m benchmarks')
+
+from benchmarks.processes import exit_on_termination
+
+#: The subcommands. Each is a folder here, whose ``command.py`` has ``options()``, its parser, and
+#: ``run(words)``, which takes what the parser found and returns a ``Measurement``.
+COMMANDS = {
+    'chain': 'run time and numerical error of the chain',
+    'scenes': 'error of the simulated fingertip against run time',
+    'extremes': 'stiff and extreme cases of the simulated fingertip',
+    'tune': 'recordings read, evaluated, searched and reported; what tuning brings',
+    'soak': 'drivers and detectors that run for long',
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one subcommand and print what it has measured; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks',
+        description='Measure how fast and how exact the package is.',
+        epilog='commands:\n' + '\n'.join(f'  {name:<9} {what}' for name, what in COMMANDS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument('command', choices=COMMANDS, metavar='COMMAND', help='see below')
+    parser.add_argument(
+        'options', nargs=argparse.REMAINDER, help='of the command, which says them after --help'
+    )
+    chosen = parser.parse_args(arguments)
+    try:
+        with exit_on_termination():
+            command = importlib.import_module(f'benchmarks.{chosen.command}.command')
+            words = command.options().parse_args(chosen.options)
+            measurement = command.run(words)
+            print(json.dumps(measurement.figures, indent=2) if words.json else measurement.text)
+    except KeyboardInterrupt:
+        return 130
+    except ModuleNotFoundError as error:
+        extras = "pip install -e '.[bags,numba,tune,test]'"
+        print(f'benchmarks: the package {error.name} is missing: {extras}', file=sys.stderr)
+        return 1
+    except (RuntimeError, OSError, ValueError) as error:
+        print(f'benchmarks: {error}', file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

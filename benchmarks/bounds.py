@@ -1,0 +1,95 @@
+"""What is wanted of the figures, and whether they are so."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+
+class Bound(NamedTuple):
+    """What is wanted of a figure.
+
+    Attributes
+    ----------
+    relation : str
+        ``>=``, ``<=`` or ``<``.
+    value : float
+        What the figure is compared with.
+
+    Examples
+    --------
+    >>> Bound('<=', 4.0).met(3.5), str(Bound('<=', 4.0))
+    (True, '<= 4')
+    """
+
+    relation: str
+    value: float
+
+    def met(self, figure: float) -> bool:
+        """Return whether a figure is as wanted."""
+        if self.relation == '>=':
+            return figure >= self.value
+        return figure <= self.value if self.relation == '<=' else figure < self.value
+
+    def __str__(self) -> str:
+        return f'{self.relation} {self.value:g}'
+
+
+def verdicts(
+    bounds: Mapping[str, Bound], values: Mapping[str, float | None], judged: bool = True
+) -> dict[str, dict[str, Any]]:
+    """Compare each measured figure with what is wanted of it.
+
+    Parameters
+    ----------
+    bounds
+        What is wanted, by claim.
+    values
+        What was measured, by claim; None where it was not.
+    judged
+        False for a measurement that is too short to be judged.
+
+    Returns
+    -------
+    dict
+        By claim ``value``, ``bound`` (as text) and ``met``; ``met`` is None where nothing was
+        measured or nothing is judged.
+
+    Examples
+    --------
+    >>> verdicts({'speedup': Bound('>=', 10.0)}, {'speedup': 12.5})
+    {'speedup': {'value': 12.5, 'bound': '>= 10', 'met': True}}
+    """
+    return {
+        claim: {
+            'value': value,
+            'bound': str(bound),
+            'met': bound.met(value) if judged and value is not None else None,
+        }
+        for claim, bound in bounds.items()
+        for value in (values[claim],)
+    }
+
+
+def verdict_in_words(verdict: Mapping[str, Any]) -> str:
+    """Return whether a claim of :func:`verdicts` is met, in words.
+
+    Examples
+    --------
+    >>> verdict_in_words({'value': 12.5, 'bound': '>= 10', 'met': True})
+    'met'
+    >>> verdict_in_words({'value': None, 'bound': '>= 10', 'met': None})
+    'not measured'
+    """
+    if verdict['value'] is None:
+        return 'not measured'
+    return {None: 'not judged', True: 'met', False: 'NOT met'}[verdict['met']]
+
+
+def claim_in_words(verdict: Mapping[str, Any]) -> str:
+    """Return what is wanted and whether it is met, to stand behind the figure.
+
+    Examples
+    --------
+    >>> claim_in_words({'value': 8.0, 'bound': '>= 10', 'met': False})
+    '(wanted >= 10: NOT met)'
+    """
+    return f'(wanted {verdict["bound"]}: {verdict_in_words(verdict)})'

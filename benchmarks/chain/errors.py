@@ -1,0 +1,90 @@
+"""Inputs on which the chain's precision is measured, and errors against the reference."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.chain import reference
+from slip_detector.parameters.detector import ChainConfig
+
+Floats = NDArray[np.float64]
+#: Rows of one type or the other.
+Reals = NDArray[Any]
+
+BASELINE_V = 4.25
+#: Samples are whole multiples of this.
+STEP_V = 2.0**-18
+SWING_V = 0.02
+
+#: NumPy is fastest with about so many rows a call.
+ROWS_PER_CALL = 4096
+
+
+def tones_v(config: ChainConfig, rows: int, channels: int = 1, seed: int = 0) -> Floats:
+    """Make tones inside the pass-band and noise that swell and fade; exact in float32.
+
+    Returns
+    -------
+    ndarray, shape (rows, channels)
+    """
+    random = np.random.default_rng(seed)
+    low, high = config.passband_hz
+    time_s = np.arange(rows)[:, None] / config.sample_rate_hz
+    tones = sum(
+        np.sin(2 * np.pi * (time_s * tone_hz + random.random(channels)))
+        for tone_hz in (1.2 * low, np.sqrt(low * high), 0.9 * high)
+    )
+    swell = 0.55 - 0.45 * np.cos(6 * np.pi * np.arange(rows) / rows)[:, None]
+    noise = random.standard_normal((rows, channels))
+    return BASELINE_V + quantised(SWING_V * swell * (tones / 3 + noise / 4))
+
+
+def quantised(signals: Floats) -> Floats:
+    """Round to whole multiples of ``STEP_V``.
+
+    Examples
+    --------
+    >>> float(quantised(np.array(0.1)) / STEP_V)
+    26214.0
+    """
+    return np.round(signals / STEP_V) * STEP_V
+
+
+class ReferenceResult(NamedTuple):
+    """What the reference gives on one channel: each number the sum of two float64; shapes (n,)."""
+
+    envelope: tuple[Floats, Floats]
+    level: tuple[Floats, Floats]
+
+
+def run_reference(config: ChainConfig, samples: Floats, sections: Any = None) -> ReferenceResult:
+    """Run the reference on one channel.
+
+    Parameters
+    ----------
+    config
+        The chain's.
+    samples : ndarray, shape (n,)
+        Volts.
+    sections
+        Of :func:`benchmarks.chain.reference.exactly`; the reference's own design without.
+    """
+    filtered = reference.run_filter(sections or reference.design(config), samples)
+    envelope, level = reference.envelope_and_level(filtered, config)
+    return ReferenceResult(reference.as_two(envelope), reference.as_two(level))
+
+
+def worst_error(values: Reals, wanted: tuple[Floats, Floats]) -> float | None:
+    """Return the worst difference as a share of the largest value; None if it is not finite.
+
+    Examples
+    --------
+    >>> near, rest = np.array([1.0, 4.0]), np.zeros(2)
+    >>> worst_error(np.array([1.0, 4.5]), (near, rest))
+    0.125
+    """
+    near, rest = wanted
+    differences = np.abs((values.astype(np.float64) - near) - rest)
+    worst = float(differences.max() / near.max())
+    return worst if np.isfinite(worst) else None

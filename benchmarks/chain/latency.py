@@ -1,0 +1,45 @@
+"""Which received change belongs to which sample, and how late it was."""
+
+
+def latencies_of_changes_ns(
+    stamps_ns: list[int], states: list[bool], received: list[tuple[int, bool]]
+) -> list[int | None]:
+    """Return how long after its sample each change was received.
+
+    Parameters
+    ----------
+    stamps_ns : list of int
+        When the sample of each change was sent, in order.
+    states : list of bool
+        What each change is to.
+    received
+        Time of receipt in nanoseconds and state, in order, each differing from the one before.
+
+    Returns
+    -------
+    list of int or None
+        Latency of each change in nanoseconds; None where it was lost.
+
+    Examples
+    --------
+    >>> latencies_of_changes_ns([0, 100], [True, False], [(5, True), (106, False)])
+    [5, 6]
+    >>> latencies_of_changes_ns([0, 100], [True, False], [(5, True)])
+    [5, None]
+    """
+    # As long as nothing is lost, the k-th received is the k-th change, however late. Where some
+    # are lost, a receipt belongs to a change only if it came before the next one of its kind.
+    lost_some = len(received) < len(stamps_ns)
+    latencies_ns: list[int | None] = []
+    next_one = 0
+    for k, (stamp_ns, state) in enumerate(zip(stamps_ns, states, strict=True)):
+        j = next_one
+        while j < len(received) and (received[j][0] < stamp_ns or received[j][1] != state):
+            j += 1
+        last = not lost_some or k + 2 >= len(stamps_ns)
+        if j < len(received) and (last or received[j][0] < stamps_ns[k + 2]):
+            latencies_ns.append(received[j][0] - stamp_ns)
+            next_one = j + 1
+        else:
+            latencies_ns.append(None)
+    return latencies_ns

@@ -1,0 +1,118 @@
+"""The figures of the chain's precision as text."""
+
+import textwrap
+from typing import Any
+
+from benchmarks.bounds import claim_in_words
+
+TABLE_COLUMNS = 99
+
+#: Methods by the heads of their columns, in the tables; the chain's come first.
+COLUMNS = {
+    'chain': 'chain',
+    'sections float64': 'float64',
+    'sections float32': 'float32',
+    'polynomials float64': 'float64',
+    'polynomials float32': 'float32',
+}
+
+
+def chain_precision_table(figures: dict[str, Any]) -> str:
+    """Lay the figures out as text.
+
+    Parameters
+    ----------
+    figures
+        Of :func:`benchmarks.chain.precision.measure_chain_precision`.
+    """
+
+    def claim(name: str) -> str:
+        verdict = figures['wanted'][name]
+        return f"  the chain's worst: {verdict['value']:.1e} {claim_in_words(verdict)}"
+
+    lines = [
+        f'Precision    worst error of the level as a share of the largest one, against '
+        f'{figures["digits"]} digits',
+        '             "run": of the chain with its float64 coefficients taken as exact',
+        '',
+        *_heads(f'  {"rate":>7} {"band":>6} {"stop-bands [Hz]":<15}'),
+    ]
+    for entry in figures['rates']:
+        stops = ' '.join(_band(pair) for pair in entry['stopbands_hz'])
+        lead = f'  {entry["sample_rate_hz"]:7g} {_band(entry["passband_hz"]):>6} {stops:<15}'
+        lines.append(lead + _error_cells(entry))
+    lines += [claim('rates.error'), *_wrapped(figures['rates_note'], '  ')]
+    lines += ['', '  ns a row of 16 channels, taking turns']
+    for entry in figures['rates']:
+        cells = (f'{entry["methods"][name]["ns_per_row"]:9.0f}' for name in COLUMNS)
+        first, *rest = cells
+        lines.append(f'  {entry["sample_rate_hz"]:7g} {"":22}{first}{"":9}{"".join(rest)}')
+    network = ''
+    for entry in figures['edges']:
+        if entry['network'] != network:
+            network = entry['network']
+            lines += ['', f'  {network}, at {entry["sample_rate_hz"]:g} Hz']
+            lines += _heads(f'  {"edge / rate":>11}  {"largest pole":<19}')
+        if entry['refused']:
+            lines += _wrapped(f'refused: {entry["refused"]}', f'  {entry["edge_share"]:11.2e}  ')
+            continue
+        lead = f'  {entry["edge_share"]:11.2e}  {entry["largest_pole_radius"]:<19.9f}'
+        lines.append(lead + _error_cells(entry))
+    lines.append(claim('edges.error'))
+    long = figures['long_run']
+    lines += ['', '  error over the last period after ... rows at 380 Hz']
+    lines.append(f'  {"":22}' + ''.join(f'{rows:14,}' for rows in long['rows']))
+    for name, method in long['methods'].items():
+        errors = ''.join(f'{_figure(worst):>14}' for worst in method['errors'])
+        lines.append(f'  {name:<22}{errors}')
+    lines += [claim('long_run.error'), '', '  extremes']
+    for entry in figures['extremes']:
+        worst = '' if entry['error'] is None else f'error {_figure(entry["error"])}'
+        said = ', '.join(part for part in (worst, entry['found']) if part)
+        others = '; '.join(f'{name} {_figure(value)}' for name, value in entry['others'].items())
+        said += '' if entry['finite'] else ', NOT finite'
+        lines += _wrapped(
+            f'{said}; rivals: {others}' if others else said, f'  {entry["case"]:<44} '
+        )
+    slow = figures['slow_down']
+    return '\n'.join(
+        [
+            *lines,
+            claim('extremes.error'),
+            f'  time a row, as a multiple of an ordinary one: denormal input '
+            f'{slow["denormal_input"]:.2f},',
+            f'  a pulse decayed to denormals {slow["decay_to_denormals"]:.2f}',
+        ]
+    )
+
+
+def _band(edges_hz: tuple[float, float]) -> str:
+    return f'{edges_hz[0]:g}-{edges_hz[1]:g}'
+
+
+def _figure(worst: float | None) -> str:
+    return 'not finite' if worst is None else f'{worst:.1e}'
+
+
+def _heads(lead: str) -> list[str]:
+    """Return the two lines over columns of errors; ``run`` is of the chain too."""
+    first, *rest = COLUMNS.values()
+    return [
+        f'{"":{len(lead) + 18}}{"SciPy sections":>18}{"SciPy polynomials":>18}',
+        lead + ''.join(f'{head:>9}' for head in (first, 'run', *rest)),
+    ]
+
+
+def _error_cells(entry: dict[str, Any]) -> str:
+    cells = [
+        entry['methods'][name]['state'] or _figure(entry['methods'][name]['error'])
+        for name in COLUMNS
+    ]
+    cells.insert(1, _figure(entry['run_error']))
+    return ''.join(f'{cell:>9}' for cell in cells)
+
+
+def _wrapped(text: str, lead: str) -> list[str]:
+    return textwrap.wrap(
+        text, TABLE_COLUMNS, initial_indent=lead, subsequent_indent=' ' * len(lead)
+    )

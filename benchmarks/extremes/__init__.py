@@ -1,0 +1,1 @@
+"""The simulated fingertip in stiff and extreme cases."""

@@ -1,0 +1,154 @@
+"""Error against run time, as pictures."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from matplotlib import pyplot as plt
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
+
+from slip_detector.report.plots import COLORS
+
+#: Of sample rates, or of methods.
+MARKERS = ('o', 's', '^', 'D', 'v', 'P')
+
+DOTS_PER_INCH = 120
+
+
+def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
+    """Draw the error of the chain and of its rivals against run time and against low edges.
+
+    Parameters
+    ----------
+    path
+        The picture to write.
+    precision
+        Of :func:`benchmarks.chain.precision.measure_chain_precision`.
+    """
+    figure, (work, low) = plt.subplots(ncols=2, figsize=(12, 5.2), layout='constrained')
+    error_label = 'error of the level / its largest value'
+    methods = list(precision['rates'][0]['methods'])
+    colors = dict(zip(methods, COLORS, strict=False))
+
+    def drawn(entry: Mapping[str, Any], method: str) -> float:
+        # Where no digit is right, how wrong the figures are does not matter.
+        figures = entry['methods'][method]
+        return 1.0 if figures['state'] else float(figures['error'])
+
+    for method in methods:
+        errors = [drawn(entry, method) for entry in precision['rates']]
+        times_us = [entry['methods'][method]['ns_per_row'] / 1e3 for entry in precision['rates']]
+        name = 'the chain (float64 sections)' if method == 'chain' else method
+        work.plot(errors, times_us, color=colors[method], linewidth=0.8, alpha=0.5)
+        for error, time_us, marker in zip(errors, times_us, MARKERS, strict=False):
+            work.plot(error, time_us, marker, color=colors[method], markersize=7, alpha=0.85)
+        low.plot([], [], color=colors[method], linewidth=3, label=name)
+    figure.legend(loc='outside upper center', ncols=len(methods), frameon=False)
+    work.set(xscale='log', yscale='log', xlim=(1e-15, 10.0), xlabel=error_label)
+    fastest_us, slowest_us = work.get_ylim()
+    work.set(ylim=(fastest_us / 2, slowest_us * 2), ylabel='time a row of 16 channels [µs]')
+    work.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    work.yaxis.set_major_formatter('{x:g}')
+    work.yaxis.set_minor_locator(NullLocator())
+    work.set_title('error against run time, by sample rate', fontsize=11)
+    for entry, marker in zip(precision['rates'], MARKERS, strict=False):
+        work.plot([], [], marker, color='0.4', label=f'{entry["sample_rate_hz"]:g} Hz')
+    work.legend(loc='lower right', fontsize=9)
+
+    networks = list(dict.fromkeys(entry['network'] for entry in precision['edges']))
+    handles = []
+    for network, style in zip(networks, ('-', '--'), strict=False):
+        entries = [entry for entry in precision['edges'] if entry['network'] == network]
+        taken = [entry for entry in entries if not entry['refused']]
+        shares = [entry['edge_share'] for entry in taken]
+        for method in methods:
+            errors = [drawn(entry, method) for entry in taken]
+            low.plot(shares, errors, style, color=colors[method], marker='o', markersize=4)
+        handles += low.plot([], [], style, color='0.4', label=network)
+    low.legend(handles=handles, loc='lower right', fontsize=8)
+    refused = max(entry['edge_share'] for entry in precision['edges'] if entry['refused'])
+    low.set(xscale='log', yscale='log', xlim=(refused / 2.5, 2e-3), ylim=(1e-15, 10.0))
+    low.set(xlabel='lowest edge / sample rate', ylabel=error_label)
+    low.set_title('error against the lowest edge of the bands', fontsize=11)
+    low.axvspan(refused / 10, refused, color='#f3d9cf', zorder=0)
+    low.text(refused / 1.6, 1e-8, 'refused before it starts', rotation=90, ha='center')
+    work.axvspan(0.1, 10.0, color='0.9', zorder=0)
+    low.axhspan(0.1, 10.0, color='0.9', zorder=0)
+    work.text(1.0, slowest_us * 1.9, 'lost or\nunstable', ha='center', va='top', fontsize=9)
+    low.text(1.9e-3, 3.5, 'lost or unstable', ha='right', va='center', fontsize=9)
+    for axis in (work, low):
+        axis.grid(color='0.9', linewidth=0.5)
+        axis.set_axisbelow(True)
+    figure.savefig(path, dpi=DOTS_PER_INCH)
+    plt.close(figure)
+
+
+def draw_scenes_precision(path: Path, figures: Mapping[str, Any]) -> None:
+    """Draw voltage error against run time of each scene, for the live stepper and its rivals.
+
+    Parameters
+    ----------
+    path
+        The picture to write.
+    figures
+        Of :func:`benchmarks.scenes.measure.measure_scenes`.
+    """
+    entries = [entry for entry in figures['precision'] if entry['runs']]
+    columns = min(3, max(len(entries), 1))
+    rows = max(math.ceil(len(entries) / columns), 1)
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(4.2 * columns, 3.2 * rows + 0.6), sharex=True, sharey=True,
+        squeeze=False, layout='constrained',
+    )  # fmt: skip
+    # Black for the one that the others are compared with.
+    names = ['live', 'LSODA', 'BDF', 'Radau', 'RK45', 'DOP853']
+    colors = dict(zip(names, ('k', *COLORS), strict=False))
+    markers = dict(zip(names, MARKERS, strict=True))
+    for axis, entry in zip(axes.flat, entries, strict=False):
+        floor = entry['reference']['voltage_error']
+        axis.axvspan(1e-12, floor, color='0.9', zorder=0)
+        axis.axvline(1e-3, color='0.6', linestyle=':', linewidth=1)
+        axis.axhline(1e3, color='0.6', linestyle='--', linewidth=1)
+        for name in names:
+            runs = [run for run in entry['runs'] if run['method'] == name and not run['said']]
+            # Of a stretch only: hollow.
+            whole = max((run['over'][1] - run['over'][0] for run in entry['runs']), default=0.0)
+            for full in (True, False):
+                some = [
+                    run for run in runs if (run['over'][1] - run['over'][0] > 0.9 * whole) == full
+                ]
+                axis.plot(
+                    [max(run['voltage_error'], floor) for run in some],
+                    [run['run_time_per_s'] * 1e3 for run in some],
+                    color=colors[name],
+                    marker=markers[name],
+                    markersize=5,
+                    linewidth=1.6 if name == 'live' else 1.0,
+                    linestyle='-' if full else ':',
+                    markerfacecolor=colors[name] if full else 'w',
+                    zorder=4 if name == 'live' else 3,
+                )
+        axis.set(xscale='log', yscale='log', xlim=(1e-9, 1.0))
+        axis.set_title(entry['scene'], fontsize=10)
+        axis.grid(color='0.93', linewidth=0.5)
+        axis.set_axisbelow(True)
+    for axis in axes.flat[len(entries) :]:
+        axis.set_axis_off()
+    figure.supxlabel("worst voltage error / range of the volts (grey: below the reference's own)")
+    figure.supylabel('run time for a simulated second [ms] (dashed: real time)')
+    handles = [
+        Line2D(
+            [], [], color=colors[name], marker=markers[name],
+            label='the live stepper' if name == 'live' else name,
+        )
+        for name in names
+    ]  # fmt: skip
+    handles.append(
+        Line2D([], [], color='0.4', marker='o', markerfacecolor='w', linestyle=':',
+               label='a stretch about the onset')
+    )  # fmt: skip
+    figure.legend(handles=handles, loc='outside upper center', ncols=len(handles), frameon=False)
+    figure.savefig(path, dpi=DOTS_PER_INCH)
+    plt.close(figure)

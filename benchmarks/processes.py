@@ -1,0 +1,176 @@
+"""Processes: how they are started, watched and ended, and what they take of the machine."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+#: Modules of the benchmarks are found from here.
+CHECKOUT = Path(__file__).resolve().parents[1]
+
+#: The nodes are on one machine and need no network.
+ON_THIS_MACHINE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+
+#: For importing rclpy on a machine that is busy.
+IMPORT_TIMEOUT_S = 120.0
+
+#: Between the request to end and the kill.
+END_TIMEOUT_S = 10.0
+
+#: The same for a process that has to end others first.
+SESSION_END_TIMEOUT_S = 15.0
+
+
+def why_not_ros() -> str:
+    """Return why the nodes cannot run here; empty where they can."""
+    # In a process of its own: importing rclpy may restart the interpreter.
+    probe = subprocess.run(
+        [sys.executable, '-c', 'import rclpy, sensor_msgs.msg, std_msgs.msg'],
+        capture_output=True, text=True, timeout=IMPORT_TIMEOUT_S, check=False,
+    )  # fmt: skip
+    if probe.returncode == 0:
+        return ''
+    return f'rclpy cannot be imported ({last_line(probe.stderr)})'
+
+
+def last_line(text: str) -> str:
+    """Return the last line that a process wrote."""
+    lines = text.strip().splitlines()
+    return lines[-1] if lines else 'it wrote nothing'
+
+
+def figures_of_process(module: str, words: Sequence[str], timeout_s: float) -> dict[str, Any]:
+    """Run a module of the benchmarks as a process; return the JSON object that it prints.
+
+    It has a session of its own: Ctrl-C reaches this process only, which then ends the other, and
+    that one its nodes, in their order; and nothing outlives a process that had to be killed.
+
+    Raises
+    ------
+    RuntimeError
+        When the process fails or does not end in time.
+    """
+    process = subprocess.Popen(
+        [sys.executable, '-m', module, *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=CHECKOUT,
+        env=ON_THIS_MACHINE | dict(os.environ), start_new_session=True,
+    )  # fmt: skip
+    try:
+        output, errors = process.communicate(timeout=timeout_s)
+    except subprocess.TimeoutExpired:
+        raise RuntimeError(f'{module} did not end within {timeout_s:.0f} s') from None
+    finally:
+        _end_session(process)
+    if process.returncode:
+        raise RuntimeError(f'{module} failed: {last_line(errors)}')
+    figures: dict[str, Any] = json.loads(output)
+    return figures
+
+
+def _end_session(process: 'subprocess.Popen[str]') -> None:
+    """End a process gently, then kill whatever is left of its session."""
+    if process.poll() is None:
+        process.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.communicate(timeout=SESSION_END_TIMEOUT_S)
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def print_figures(measure: Callable[[], dict[str, Any]]) -> int:
+    """Measure and print one JSON object, for :func:`figures_of_process`; return the exit code."""
+    try:
+        with exit_on_termination(signal.SIGINT, signal.SIGTERM):
+            print(json.dumps(measure()))
+    except (RuntimeError, ValueError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+@contextlib.contextmanager
+def exit_on_termination(*signals: signal.Signals) -> Iterator[None]:
+    """Turn signals, SIGTERM unless others are given, into an exit that ends what was started."""
+    before = {number: signal.signal(number, _exit) for number in signals or (signal.SIGTERM,)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _exit(number: int, frame: FrameType | None) -> None:
+    sys.exit(128 + number)
+
+
+@contextlib.contextmanager
+def nodes_running(
+    commands: Mapping[str, Sequence[str]],
+) -> 'Iterator[dict[str, subprocess.Popen[bytes]]]':
+    """Start processes, by name; end them on the way out.
+
+    What they write on stdout is thrown away: only the process that measures prints there.
+    """
+    processes: dict[str, subprocess.Popen[bytes]] = {}
+    try:
+        for name, command in commands.items():
+            processes[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        yield processes
+    finally:
+        for process in processes.values():
+            process.terminate()
+        for process in processes.values():
+            try:
+                process.wait(END_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def raise_if_ended(processes: 'Mapping[str, subprocess.Popen[bytes]]') -> None:
+    """Check that all processes still run.
+
+    Raises
+    ------
+    RuntimeError
+        When one does not; names it and its exit code.
+    """
+    for name, process in processes.items():
+        if process.poll() is not None:
+            raise RuntimeError(f'{name} ended with the exit code {process.returncode}')
+
+
+def processor_time_s(pid: int) -> float:
+    """Return the processor time, user and system, that a process has taken so far.
+
+    Examples
+    --------
+    >>> import os
+    >>> processor_time_s(os.getpid()) > 0.0
+    True
+    """
+    # The name in parentheses may hold anything; after it, utime is field 12 and stime field 13.
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def memory_kib(pid: int) -> int:
+    """Return how much memory a process holds (its resident set).
+
+    Examples
+    --------
+    >>> import os
+    >>> memory_kib(os.getpid()) > 1000
+    True
+    """
+    for line in Path(f'/proc/{pid}/status').read_text().splitlines():
+        if line.startswith('VmRSS:'):
+            return int(line.split()[1])
+    return 0  # a process that has just ended

@@ -1,0 +1,1 @@
+"""The simulated fingertip: its error against run time, beside SciPy's integrators."""

@@ -1,0 +1,35 @@
+"""The subcommand ``scenes``."""
+
+import argparse
+
+from benchmarks.measurement import Measurement, heading, machine, shared_options
+from benchmarks.pictures import draw_scenes_precision
+from benchmarks.scenes.measure import measure_scenes
+from benchmarks.scenes.table import scenes_table
+from slip_detector.report.plots import writable_picture
+
+
+def options() -> argparse.ArgumentParser:
+    """Return the parser of the subcommand."""
+    parser = shared_options(
+        'scenes',
+        "Measure errors and run times of the live stepper and of SciPy's integrators on the "
+        'shipped scenes against a tight reference, and what each part of a scene costs. Says of '
+        'each figure what is wanted and whether it is met; the exit code is 0 either way.',
+        picture='out/scenes_work_precision.png',
+    )
+    parser.add_argument(
+        '--scene', action='append', default=[], metavar='NAME', help='only this one; repeatable'
+    )
+    return parser
+
+
+def run(words: argparse.Namespace) -> Measurement:
+    """Measure the scenes."""
+    # What cannot be written is said before the measurement.
+    picture = writable_picture(words.plot) if words.plot else None
+    figures = {'machine': machine(), 'quick': words.quick}
+    figures |= measure_scenes(words.quick, words.scene)
+    if picture:
+        draw_scenes_precision(picture, figures)
+    return Measurement(figures, '\n\n'.join((heading(figures), scenes_table(figures))))

@@ -1,0 +1,59 @@
+"""The fastest method for an error: the live stepper's time against that of all others."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+#: From this error on the live stepper is wanted to be on the front.
+FRONT_ERROR = 1e-3
+
+#: An error of 0 has no logarithm.
+LEAST_ERROR = 1e-16
+
+
+def front_ratio(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Compare the live stepper with all other methods at errors of ``FRONT_ERROR`` and above.
+
+    The time that a method takes for an error is that of its fastest run which errs no more, and
+    between two runs the straight line in logarithms. A rival's runs count where they err by 1e-3
+    and more, and its line at 1e-3.
+    """
+    live = _envelope([run for run in runs if run['method'] == 'live'])
+    worst: dict[str, Any] = {'ratio': None, 'against': ''}
+    for method in dict.fromkeys(run['method'] for run in runs if run['method'] != 'live'):
+        rival = _envelope([run for run in runs if run['method'] == method and not run['said']])
+        if not len(rival):
+            continue
+        at = sorted({FRONT_ERROR, *(e for e in rival[:, 0] if e > FRONT_ERROR)})
+        for error in at:
+            theirs, ours = _time_at(error, rival), _time_at(error, live)
+            if theirs is None:
+                continue
+            ratio = math.inf if ours is None else ours / theirs
+            if worst['ratio'] is None or ratio > worst['ratio']:
+                worst = {'ratio': ratio, 'against': f'{method} at {error:.1e}'}
+    return worst
+
+
+def _envelope(runs: list[dict[str, Any]]) -> Floats:
+    """Return errors, falling, and run times, rising, of the runs that no other beats in both."""
+    points = sorted(
+        (run['run_time_per_s'], run['voltage_error']) for run in runs if not run['said']
+    )
+    kept: list[tuple[float, float]] = []
+    for run_time, error in points:
+        if not kept or error < kept[-1][0]:
+            kept.append((max(error, LEAST_ERROR), run_time))
+    return np.array(kept).reshape(-1, 2)
+
+
+def _time_at(error: float, envelope: Floats) -> float | None:
+    """Return the run time for an error; None where it is too small."""
+    errors, times = envelope[::-1].T  # errors rise
+    if error < errors[0]:
+        return None
+    return float(np.exp(np.interp(np.log(error), np.log(errors), np.log(times))))

@@ -1,0 +1,1 @@
+"""Drivers and detectors of a hand that run for long."""

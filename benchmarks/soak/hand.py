@@ -1,0 +1,192 @@
+"""The processes of a soak: a driver and a detector for all fingers, watched by their diagnostics.
+
+What is counted as lost is what the detectors themselves miss, by the stamps of the samples:
+bridged, dropped, or a stretch that begins again. So no other process has to receive the samples.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from benchmarks.processes import (
+    memory_kib,
+    nodes_running,
+    print_figures,
+    processor_time_s,
+    raise_if_ended,
+)
+from slip_detector.nodes.health import AGE_KEYS, VALUES
+
+START_TIMEOUT_S = 120.0
+SPIN_S = 0.2
+
+#: What the nodes compile, and discovery, are over after a minute, or after this share of a short
+#: soak.
+WARM_UP_S, WARM_UP_SHARE = 60.0, 0.2
+
+
+class Watch(Node):
+    """Notes the diagnostics of the detectors, and the memory of all processes."""
+
+    def __init__(self, namespace: str, processes: 'dict[str, subprocess.Popen[bytes]]') -> None:
+        super().__init__('slip_watch', namespace=namespace)
+        self._processes = processes
+        # By detector: the values of each report, with the time of its receipt.
+        self.reports: dict[str, list[tuple[float, dict[str, str]]]] = {}
+        self.memory_kib: dict[str, list[tuple[float, int]]] = {name: [] for name in processes}
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
+        self.create_timer(1.0, self._note_memory)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            name, _, part = status.name.partition(': ')
+            if part == 'input' and f'/{name}'.startswith(self.get_namespace()):
+                values = {pair.key: pair.value for pair in status.values}
+                self.reports.setdefault(name, []).append((time.monotonic(), values))
+
+    def _note_memory(self) -> None:
+        for name, process in self._processes.items():
+            self.memory_kib[name].append((time.monotonic(), memory_kib(process.pid)))
+
+
+def run_hand(seconds: float, fingers: int, samples_per_message: int) -> dict[str, Any]:
+    """Run the fingers; see :func:`benchmarks.soak.measure.measure_soak`.
+
+    Returns
+    -------
+    dict
+        The keys of ``soak``.
+
+    Raises
+    ------
+    RuntimeError
+        When a process ends too early or does not report in time.
+    """
+    namespace = f'/slip_soak_{os.getpid()}'
+    names = ','.join(f'finger_{finger + 1}' for finger in range(fingers))
+    driver = ['-p', 'loop:=true', '-p', 'wait_for_subscribers:=1']
+    driver += ['-p', f'samples_per_message:={samples_per_message}']
+    detector = []
+    if samples_per_message > 1:
+        detector = ['-p', 'input_type:=std_msgs/msg/Float32MultiArray', '-p', 'input_field:=data']
+    commands = {}
+    for name, parameters in (('slip_detector', detector), ('slip_driver', driver)):
+        command = [sys.executable, '-m', 'slip_detector.nodes.run', name, '--fingers', names]
+        command += ['--ros-args', '--log-level', 'error', '-r', f'__ns:={namespace}', *parameters]
+        commands[name] = command
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        with nodes_running(commands) as processes:
+            watch = Watch(namespace, processes)
+            return _watched(watch, processes, seconds, fingers)
+    finally:
+        rclpy.try_shutdown()
+
+
+def _watched(
+    watch: Watch, processes: 'dict[str, subprocess.Popen[bytes]]', seconds: float, fingers: int
+) -> dict[str, Any]:
+    """Watch the processes for so long and return the figures of the time after the warm-up."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(watch)
+
+    def spin(until: Callable[[], bool], deadline_s: float, awaited: str) -> None:
+        while not until():
+            raise_if_ended(processes)
+            if time.monotonic() > deadline_s:
+                raise RuntimeError(f'waited in vain for {awaited}')
+            executor.spin_once(timeout_sec=SPIN_S)
+
+    def all_run() -> bool:
+        last = [reports[-1][1] for reports in watch.reports.values()]
+        return len(last) == fingers and all(int(values['samples']) > 0 for values in last)
+
+    spin(all_run, time.monotonic() + START_TIMEOUT_S, 'all detectors to have samples')
+    begin_s = time.monotonic()
+    warm_s = begin_s + min(WARM_UP_S, WARM_UP_SHARE * seconds)
+    end_s = begin_s + seconds
+    spin(lambda: time.monotonic() > warm_s, end_s, 'the warm-up')
+    used_s = {name: processor_time_s(process.pid) for name, process in processes.items()}
+    spin(lambda: time.monotonic() > end_s, end_s + START_TIMEOUT_S, 'the end')
+    for name, process in processes.items():
+        used_s[name] = processor_time_s(process.pid) - used_s[name]
+    return _figures(watch, used_s, warm_s, end_s)
+
+
+def _figures(
+    watch: Watch, used_s: dict[str, float], warm_s: float, end_s: float
+) -> dict[str, Any]:
+    """Compute the figures of the time after the warm-up."""
+    span_s = end_s - warm_s
+    lost: dict[str, int] = dict.fromkeys(VALUES.values(), 0)
+    samples = 0
+    p99_ms: list[tuple[float, float]] = []
+    median_ms: list[float] = []
+    for reports in watch.reports.values():
+        samples += int(reports[-1][1]['samples'])
+        for key in lost:
+            lost[key] += int(reports[-1][1][key])
+        for at_s, values in reports:
+            if at_s > warm_s and values[AGE_KEYS[1]] != '-':
+                median_ms.append(float(values[AGE_KEYS[0]]))
+                p99_ms.append((at_s, float(values[AGE_KEYS[1]])))
+    middle_s = (warm_s + end_s) / 2
+    halves = [
+        [value for at_s, value in p99_ms if (at_s < middle_s) == first] for first in (True, False)
+    ]
+    if not all(halves):
+        raise RuntimeError('the detectors reported no samples after the warm-up')
+    growth = {}
+    for name, looks in watch.memory_kib.items():
+        after = [kib for at_s, kib in looks if at_s > warm_s]
+        tenth = max(1, len(after) // 10)
+        growth[name] = float(np.median(after[-tenth:]) / np.median(after[:tenth]) - 1.0)
+    roles = {
+        role: 100 * sum(s for name, s in used_s.items() if name.endswith(role)) / span_s
+        for role in ('slip_detector', 'slip_driver')
+    }
+    return {
+        'seconds': span_s,
+        'fingers': len(watch.reports),
+        'samples': samples,
+        'lost': lost,
+        'lost_total': sum(lost.values()),
+        'latency_median_ms': float(np.median(median_ms)),
+        'latency_p99_ms': [float(np.median(half)) for half in halves],
+        'latency_p99_growth': float(np.median(halves[1]) / np.median(halves[0])),
+        'memory_growth_percent': 100 * max(growth.values()),
+        'memory_mib': {
+            role: max(
+                looks[-1][1] for name, looks in watch.memory_kib.items() if name.endswith(role)
+            )
+            / 1024
+            for role in roles
+        },
+        'cpu_percent': roles,
+        'cpu_percent_total': sum(roles.values()),
+    }
+
+
+def main() -> int:
+    """Run the hand, and print one JSON object."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--seconds', type=float, default=600.0)
+    parser.add_argument('--fingers', type=int, default=1)
+    parser.add_argument('--samples-per-message', type=int, default=1)
+    words = parser.parse_args()
+    return print_figures(lambda: run_hand(words.seconds, words.fingers, words.samples_per_message))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Recordings read, evaluated, searched and reported; what tuning brings."""

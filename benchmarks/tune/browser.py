@@ -1,0 +1,62 @@
+"""A browser without a screen, which opens pages of the package."""
+
+import contextlib
+import importlib
+import importlib.util
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+#: Names of browsers that can run without a screen.
+BROWSERS = (
+    'chromium-headless-shell', 'chromium', 'chromium-browser', 'google-chrome',
+    'google-chrome-stable',
+)  # fmt: skip
+
+#: No screen, no updates, no requests of its own.
+FLAGS = (
+    '--headless', '--no-sandbox', '--disable-gpu', '--no-first-run',
+    '--disable-background-networking', '--disable-component-update', '--disable-sync',
+)  # fmt: skip
+
+#: Milliseconds within which a page must have been drawn.
+PATIENCE_MS = 60_000.0
+
+
+def why_no_browser() -> str:
+    """Return why no page can be opened; empty where one can."""
+    if importlib.util.find_spec('playwright') is None:
+        return 'needs the Python package playwright'
+    if not any(map(shutil.which, BROWSERS)):
+        return f'needs a browser: one of {", ".join(BROWSERS)}'
+    return ''
+
+
+@contextlib.contextmanager
+def browser() -> Iterator[Any]:
+    """Run the system's browser; see :func:`why_no_browser` first.
+
+    Yields
+    ------
+    playwright.sync_api.Browser
+    """
+    # By name: Playwright may be missing, see why_no_browser.
+    sync_playwright = importlib.import_module('playwright.sync_api').sync_playwright
+    path = next(path for path in map(shutil.which, BROWSERS) if path)
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        try:
+            yield running
+        finally:
+            running.close()
+
+
+def ready_ms(path: Path) -> float:
+    """Open a report and return when its timeline was first drawn, from the start of loading."""
+    with browser() as running:
+        page = running.new_page(viewport={'width': 1280, 'height': 900})
+        page.goto(path.resolve().as_uri())
+        drawn = page.locator('html[data-ready-ms]')
+        drawn.wait_for(state='attached', timeout=PATIENCE_MS)
+        return float(drawn.get_attribute('data-ready-ms') or 'nan')

@@ -1,0 +1,43 @@
+"""The subcommand ``tune``."""
+
+import argparse
+from pathlib import Path
+
+from benchmarks.measurement import Measurement, heading, machine, shared_options
+from benchmarks.tune.measure import measure_tuning
+from benchmarks.tune.table import tuning_table
+
+
+def options() -> argparse.ArgumentParser:
+    """Return the parser of the subcommand."""
+    parser = shared_options(
+        'tune',
+        'Measure what evaluating and reading an hour costs, a search against the same around '
+        'SciPy and NumPy, and the report of an hour; then what tuning brings on families of '
+        'simulated scenes and, where they are given, on real recordings. Says of each figure what '
+        'is wanted and whether it is met; the exit code is 0 either way.',
+    )
+    parser.add_argument(
+        '--part', action='append', default=[], metavar='NAME',
+        help='only this one: evaluate, read, search, report, families or real; repeatable',
+    )  # fmt: skip
+    parser.add_argument(
+        '--recordings', metavar='FOLDER', type=Path, help='for real: labelled recordings'
+    )
+    parser.add_argument(
+        '--config', metavar='FILE', type=Path, help='for real: the parameters to begin with'
+    )
+    return parser
+
+
+def run(words: argparse.Namespace) -> Measurement:
+    """Measure the tuner and what is around it.
+
+    Raises
+    ------
+    ValueError
+        For an unknown part, or one that lacks its recordings.
+    """
+    figures = {'machine': machine(), 'quick': words.quick}
+    figures |= measure_tuning(words.quick, words.part, words.recordings, words.config)
+    return Measurement(figures, '\n\n'.join((heading(figures), tuning_table(figures))))

@@ -1,0 +1,114 @@
+"""What evaluating an hour costs, against copying the hour and holding it against a threshold.
+
+Both sides read the same npz file, not compressed and in the page cache, in turns. The plain
+pass reads the array with ``numpy.load``, copies it and compares it with a number. The evaluation
+is that of ``slip_evaluate``, from the file to the figures.
+
+:func:`measure_evaluation` gives one object:
+
+``rows``, ``channels``, ``rounds``
+    The recording.
+``evaluation_s``, ``plain_s``, ``plain_without_reading_s``
+    Least time of each.
+``ratio``
+    The first to the second.
+``times_real_time``
+    How many times faster than real time the evaluation is.
+``figures``
+    Some of what the evaluation found: ``slips``, ``recall``, ``latency_median_ms``, ``auc_all``.
+``wanted``
+    For ``ratio``: the measured ``value``, the ``bound`` as text and whether it is ``met``.
+"""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.bounds import Bound, verdicts
+from benchmarks.timing import least_times_s
+from slip_detector.evaluation.evaluator import Evaluator
+from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
+from slip_detector.evaluation.replay import figures_of_merit
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
+
+WANTED = {'ratio': Bound('<=', 4.0)}
+
+ROUNDS = 5
+
+#: An hour at the chain's 380 Hz.
+HOUR_ROWS = 3600 * 380
+
+
+def write_hour(path: Path, rows: int = HOUR_ROWS) -> None:
+    """Write trials of the paper's protocol, one after the other, as a labelled recording.
+
+    Parameters
+    ----------
+    path
+        The npz file.
+    rows
+        How many; the last trial is cut.
+    """
+    trials = [trial for plate in SCENES.values() for trial in simulate_trials(plate, range(2))]
+    volts = np.concatenate([trial.volts for trial in trials])
+    slip = np.concatenate([trial.moving for trial in trials])
+    repeats = -(-rows // len(volts))
+    np.savez(
+        path,
+        volts=np.tile(volts, (repeats, 1))[:rows],
+        slip=np.tile(slip, repeats)[:rows],
+        sample_rate_hz=ChainConfig().sample_rate_hz,
+    )
+
+
+def measure_evaluation(rows: int = HOUR_ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
+    """Measure the evaluation against a plain pass; the keys are in the module's docstring.
+
+    Parameters
+    ----------
+    rows
+        Of 16 channels.
+    rounds
+        How often each side has its turn.
+    """
+    config = ChainConfig()
+    evaluator = Evaluator(config, RecordingConfig(), EvaluationConfig())
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'hour.npz'
+        write_hour(path, rows)
+        figures = figures_of_merit([evaluator.evaluate(path).outcome])
+        with np.load(path) as file:
+            volts = file['volts']
+
+        def evaluation() -> None:
+            figures_of_merit([evaluator.evaluate(path).outcome])
+
+        def plain() -> None:
+            with np.load(path) as file:
+                _copy_and_threshold(file['volts'])
+
+        times_s = least_times_s([evaluation, plain, lambda: _copy_and_threshold(volts)], rounds)
+    result: dict[str, Any] = {
+        'rows': rows,
+        'channels': config.channels,
+        'rounds': rounds,
+        'evaluation_s': times_s[0],
+        'plain_s': times_s[1],
+        'plain_without_reading_s': times_s[2],
+        'ratio': times_s[0] / times_s[1],
+        'times_real_time': rows / config.sample_rate_hz / times_s[0],
+        'figures': {
+            name: figures[name] for name in ('slips', 'recall', 'latency_median_ms', 'auc_all')
+        },
+    }
+    result['wanted'] = verdicts(WANTED, {'ratio': result['ratio']})
+    return result
+
+
+def _copy_and_threshold(volts: NDArray[np.float64]) -> None:
+    _ = volts.copy() > 4.5

@@ -1,0 +1,131 @@
+"""Recordings read, evaluated, searched and reported, and what tuning brings.
+
+:func:`measure_tuning` gives one object (keys of ``python -m benchmarks tune --json``). ``--part``
+leaves out what it does not name:
+
+``evaluate``
+    As :mod:`benchmarks.tune.evaluation_speed` has it.
+``read``
+    As :mod:`benchmarks.tune.reading_speed` has it, of an MCAP file.
+``search``
+    As :mod:`benchmarks.tune.search_speed` has it.
+``report``
+    As :mod:`benchmarks.tune.report_size` has it.
+``families``
+    As :mod:`benchmarks.tune.families` has it, by the name of the family under ``by_name``, with
+    ``better``, in how many of them latency and false alarms are better.
+``real``
+    As :mod:`benchmarks.tune.real_recordings` has it.
+``wanted``
+    For each claim, by ``part.figure``: the measured ``value``, the ``bound`` as text and whether
+    it is ``met``; both are null where it was not measured, and ``met`` with ``--quick``, which is
+    too short to be judged.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.bounds import Bound, verdicts
+from benchmarks.tune.evaluation_speed import measure_evaluation
+from benchmarks.tune.families import measure_families
+from benchmarks.tune.reading_speed import measure_reading, write_hour
+from benchmarks.tune.real_recordings import TRIALS, measure_real_recordings
+from benchmarks.tune.report_size import measure_report
+from benchmarks.tune.search_speed import measure_search
+
+#: All that can be measured; ``real`` needs recordings.
+PARTS = ('evaluate', 'read', 'search', 'report', 'families', 'real')
+
+WANTED = {
+    'evaluate.ratio': Bound('<=', 4.0),
+    'read.times_real_time': Bound('>=', 200.0),
+    'search.speedup': Bound('>=', 8.0),
+    'report.bytes': Bound('<', 10e6),
+    'report.ready_ms': Bound('<=', 3000.0),
+    'families.better': Bound('>=', 3.0),
+    'real.least_auc_moving': Bound('>=', 0.90),
+}
+
+#: Searches on the real recordings, each with the next seed.
+REAL_SEEDS = 5
+
+
+def measure_tuning(
+    quick: bool = False,
+    parts: Sequence[str] = (),
+    recordings: Path | None = None,
+    config: Path | None = None,
+) -> dict[str, Any]:
+    """Measure what it costs to tune and what it brings; the keys are in the module's docstring.
+
+    Parameters
+    ----------
+    quick
+        Small and rough, for tests.
+    parts
+        Of :data:`PARTS`; none: all, but ``real`` only where there are recordings.
+    recordings, config
+        A folder of labelled recordings and the parameters to begin with.
+
+    Raises
+    ------
+    ValueError
+        For an unknown part, or ``real`` without recordings and parameters.
+    """
+    for part in parts:
+        if part not in PARTS:
+            raise ValueError(f'--part is {part!r}, allowed: {", ".join(PARTS)}')
+    if ('real' in parts or recordings) and not (recordings and config):
+        raise ValueError('real recordings need --recordings and --config')
+    chosen = parts or [part for part in PARTS if part != 'real' or recordings]
+    result: dict[str, Any] = {}
+    for part in chosen:
+        if part == 'real':
+            assert recordings is not None
+            assert config is not None
+            seeds, trials = (range(1), 4) if quick else (range(REAL_SEEDS), TRIALS)
+            result['real'] = measure_real_recordings(recordings, config, seeds, trials)
+        else:
+            result[part] = _MEASURES[part](quick)
+    values = {
+        claim: result.get(part, {}).get(figure)
+        for claim in WANTED
+        for part, figure in [claim.split('.')]
+    }
+    result['wanted'] = verdicts(WANTED, values, judged=not quick)
+    return result
+
+
+def _evaluate(quick: bool) -> dict[str, Any]:
+    return measure_evaluation(20_000, 2) if quick else measure_evaluation()
+
+
+def _read(quick: bool) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'hour.mcap'
+        write_hour(path, 30.0 if quick else 3600.0)
+        return measure_reading(path)
+
+
+def _search(quick: bool) -> dict[str, Any]:
+    return measure_search(4, 0.5) if quick else measure_search()
+
+
+def _report(quick: bool) -> dict[str, Any]:
+    return measure_report(30.0) if quick else measure_report()
+
+
+def _families(quick: bool) -> dict[str, Any]:
+    by_name = measure_families(4, range(2), range(2, 3)) if quick else measure_families()
+    return {'by_name': by_name, 'better': sum(one['better'] for one in by_name.values())}
+
+
+_MEASURES = {
+    'evaluate': _evaluate,
+    'read': _read,
+    'search': _search,
+    'report': _report,
+    'families': _families,
+}

@@ -1,0 +1,52 @@
+"""How much faster than real time recordings are read; bags have a message for each sample."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_detector.recordings import PIECE_ROWS, RecordedRows, open_recording, write_recording
+
+CHANNELS = 16
+RATE_HZ = 380.0
+
+
+def write_hour(path: 'str | Path', seconds: float = 3600.0) -> None:
+    """Write a recording of 16 channels at 380 Hz; an hour as .mcap takes some 500 MB.
+
+    Parameters
+    ----------
+    path
+        A new file; its ending says of which kind.
+    seconds
+        Length of the recording.
+    """
+    names = [f'ch{i + 1}' for i in range(CHANNELS)]
+    write_recording(path, _pieces(round(seconds * RATE_HZ)), RATE_HZ, names)
+
+
+def _pieces(n: int) -> Iterator[RecordedRows]:
+    random = np.random.default_rng(0)
+    for first in range(0, n, PIECE_ROWS):
+        k = np.arange(first, min(first + PIECE_ROWS, n))
+        volts = 4.3 + 1e-3 * random.standard_normal((len(k), CHANNELS))
+        slip = k // round(10 * RATE_HZ) % 2 == 1
+        yield RecordedRows(volts, np.rint(k * 1e9 / RATE_HZ).astype(np.int64), slip)
+
+
+def measure_reading(path: 'str | Path') -> dict[str, Any]:
+    """Read a recording once, as the evaluation does.
+
+    Returns
+    -------
+    dict
+        ``recorded_s``, ``read_s``, and their ratio ``times_real_time``.
+    """
+    start_s = time.perf_counter()
+    recording = open_recording(path)
+    rows = sum(len(piece.volts) for piece in recording.pieces(RATE_HZ))
+    read_s = time.perf_counter() - start_s
+    recorded_s = rows / RATE_HZ
+    return {'recorded_s': recorded_s, 'read_s': read_s, 'times_real_time': recorded_s / read_s}

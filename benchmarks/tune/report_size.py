@@ -1,0 +1,86 @@
+"""How large the report of an hour is, and how soon a browser has drawn it."""
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.tune.browser import ready_ms, why_no_browser
+from slip_detector.evaluation.replay import LabelledRows, Replay, figures_of_merit
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report import page as report
+from slip_detector.report.overview import Overview, events_of
+from slip_detector.report.page_data import Variant
+from slip_detector.scenes import find_scene, load_scene
+
+#: The hour is made of these, one after another and again.
+SCENES = ('plate_400um', 'taps', 'tremor_hum', 'rolling')
+
+#: Added to each sample: repetitions without noise would compress to nothing.
+NOISE_V = 5e-4
+
+#: They differ as much as those before and after a search.
+CONFIGS = {
+    'given': ChainConfig(),
+    'tuned': ChainConfig(
+        passband_hz=(12.0, 80.0), stopbands_hz=(), vote='mean', threshold=2.0,
+        envelope_window_s=0.03,
+    ),
+}  # fmt: skip
+
+
+def measure_report(duration_s: float = 3600.0, seed: int = 0) -> dict[str, Any]:
+    """Write the report of two variants on 16 channels at 380 Hz, and open it.
+
+    Returns
+    -------
+    dict
+        ``duration_s``; ``bytes`` of the file; ``ready_ms`` from the start of loading until the
+        timeline is drawn, the least of three; None where no page can be opened, ``skipped`` then
+        says why.
+    """
+    skipped = why_no_browser()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'report.html'
+        report.write(path, 'An hour', _variants(duration_s, seed))
+        times_ms = [] if skipped else [ready_ms(path) for _ in range(3)]
+        return {
+            'duration_s': duration_s,
+            'bytes': path.stat().st_size,
+            'ready_ms': min(times_ms, default=None),
+            'skipped': skipped,
+        }
+
+
+def _variants(duration_s: float, seed: int) -> list[Variant]:
+    parts = [_scene(name, seed) for name in SCENES]
+    variants = []
+    for name, config in CONFIGS.items():
+        overview = Overview('hour', config)
+        random = np.random.default_rng(seed)
+        outcome = Replay(config, scores=False).run(
+            _pieces(parts, round(duration_s * config.sample_rate_hz), random), observer=overview
+        )
+        overview.events = events_of(outcome)
+        variants.append(Variant(name, config, [overview], {'hour': figures_of_merit([outcome])}))
+    return variants
+
+
+def _scene(name: str, seed: int) -> LabelledRows:
+    scene = load_scene(find_scene(name), np.random.default_rng(seed))
+    samples = scene.read(1_000_000)  # more than any of them has
+    return LabelledRows(samples.volts, np.asarray(samples.truth, dtype=bool))
+
+
+def _pieces(
+    parts: list[LabelledRows], rows: int, random: np.random.Generator
+) -> Iterator[LabelledRows]:
+    """Yield the parts, with noise and again and again, until there are so many rows."""
+    left = rows
+    while left > 0:
+        for volts, truth, *_ in parts:
+            some = volts[:left]
+            yield LabelledRows(some + NOISE_V * random.standard_normal(some.shape), truth[:left])
+            left -= len(some)

@@ -1,0 +1,195 @@
+"""A search against the same around a chain in SciPy and NumPy, trial by trial in turns.
+
+:func:`measure_search` gives one object:
+
+``trials``, ``minutes``, ``channels``, ``sample_rate_hz``
+    Of each search, and of the recording that it searches on.
+``search_s``, ``numpy_s``, ``speedup``
+    Time of all trials of each, and their ratio.
+``sampler_s``
+    What of each went into asking for the next trial.
+``agreement``
+    Share of the trials in which both found the same cost.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from benchmarks.timing import garbage_collection_off
+from slip_detector.chain.filters import design
+from slip_detector.evaluation.replay import LabelledRows
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.tuning.objective import Objective
+from slip_detector.tuning.space import SearchSpace, Vote
+from slip_detector.tuning.sweep import ThresholdSweep, windows
+from slip_detector.tuning.tracks import Track, track_of
+
+Floats = NDArray[np.float64]
+
+#: Costs that differ by less count as equal: rounding differs between the two sides, so a level
+#: next to a threshold may be above it for one and below it for the other.
+SAME_COST_MS = 0.5
+
+#: More of the trials than this must have the same cost.
+LEAST_AGREEMENT = 0.9
+
+#: Trials of each search, and minutes of the recording.
+TRIALS, MINUTES = 100, 15.0
+
+
+def slips_and_noise(minutes: float, seed: int = 0) -> Track:
+    """Make a recording of 16 channels at 380 Hz: noise, some hum, and slips of half a second."""
+    config = ChainConfig()
+    rate, random = config.sample_rate_hz, np.random.default_rng(seed)
+    n = round(minutes * 60.0 * rate)
+    time_s = np.arange(n) / rate
+    truth = np.asarray(time_s % 5.0 > 4.5)
+    volts = 4.3 + 0.004 * random.standard_normal((n, config.channels))
+    volts += 0.002 * np.sin(2 * np.pi * 50.0 * time_s)[:, None]
+    ridges = 0.02 * np.sin(2 * np.pi * 17.0 * time_s[:, None] + np.arange(config.channels))
+    volts[truth] += ridges[truth]
+    return track_of('slips and noise', [LabelledRows(volts, truth)], rate)
+
+
+class NumpyObjective(Objective):
+    """The objective with chain and sweep as a user of SciPy and NumPy would write them.
+
+    It has no check of the samples, as such scripts have none.
+    """
+
+    def statistic(
+        self, chain: ChainConfig, votes: Sequence[Vote]
+    ) -> Sequence[Mapping[Vote, Floats]]:
+        """Return what is held against the threshold by track and vote, shapes (n,)."""
+        return [_statistic(_level(chain, track.volts), chain, votes) for track in self._tracks]
+
+    def swept(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
+        """Return what becomes of the tracks at each threshold."""
+        false = np.zeros(limits.size, np.int64)
+        counts = np.zeros((3, limits.size + 1), np.int64)
+        latencies_ms = []
+        for part, track in zip(statistic, self._tracks, strict=True):
+            rate_hz, config = track.sample_rate_hz, self._evaluation
+            early, tail = (round(s * rate_hz) for s in (config.early_s, config.tail_s))
+            above = np.searchsorted(limits, part)
+            before = np.concatenate([[0], above[:-1]])
+            for kind in range(3):
+                counts[kind] += np.bincount(above[track.kind == kind], minlength=limits.size + 1)
+            outside = above > before
+            for start, low, high in zip(
+                [slip.start for slip in track.slips], *windows(track, early, tail), strict=True
+            ):
+                outside[low:high] = False
+                rise = above[low:high, None] > np.arange(limits.size)
+                rise &= before[low:high, None] <= np.arange(limits.size)
+                rows = np.where(rise.any(axis=0), rise.argmax(axis=0) + low - start, np.nan)
+                latencies_ms.append(rows * (1e3 / rate_hz))
+            risen = np.bincount(before[outside], minlength=limits.size + 1)
+            risen -= np.bincount(above[outside], minlength=limits.size + 1)
+            false += np.cumsum(risen)[:-1]
+        quiet_s = sum(track.quiet_s for track in self._tracks)
+        return ThresholdSweep(limits, np.array(latencies_ms), false, quiet_s, counts)
+
+
+def _level(config: ChainConfig, volts: Floats) -> Floats:
+    """Return the level of a recording without gaps, an expression a stage; shape (n, c)."""
+    deviations = volts - volts[0]
+    if config.common_mode != 'none':
+        take = np.median if config.common_mode == 'median' else np.mean
+        deviations = deviations - np.asarray(take(deviations, axis=1, keepdims=True))
+    filtered = signal.sosfilt(design(config), deviations, axis=0)
+    squares = (np.abs(filtered) ** config.exponent) ** 2
+    envelope = np.sqrt(_windowed_mean(squares, config.samples(config.envelope_window_s)))
+    return _windowed_mean(envelope, config.samples(config.decision_window_s))
+
+
+def _windowed_mean(values: Floats, window: int) -> Floats:
+    sums = np.cumsum(np.concatenate([np.zeros((window, values.shape[1])), values]), axis=0)
+    # The difference of two sums may come out below zero by their rounding errors.
+    return np.asarray(np.maximum((sums[window:] - sums[:-window]) / window, 0.0))
+
+
+def _statistic(level: Floats, config: ChainConfig, votes: Sequence[Vote]) -> dict[Vote, Floats]:
+    """Return the largest statistic of the groups by vote, shapes (n,)."""
+    best = {vote: np.zeros(len(level)) for vote in votes}
+    for members in config.groups.values():
+        ordered = np.sort(level[:, np.array(members) - 1], axis=1)
+        for vote, most in best.items():
+            if vote == 'all':
+                mine = ordered[:, 0]
+            elif vote == 'mean':
+                with np.errstate(divide='ignore'):
+                    mine = np.exp(np.log(ordered).mean(axis=1))
+            else:
+                mine = ordered[:, -int(vote)]
+            np.maximum(most, mine, out=most)
+    return best
+
+
+def measure_search(trials: int = TRIALS, minutes: float = MINUTES) -> dict[str, Any]:
+    """Compare a search with the same around :class:`NumpyObjective`.
+
+    Parameters
+    ----------
+    trials
+        Of each search.
+    minutes
+        Of the recording.
+
+    Raises
+    ------
+    RuntimeError
+        When the two find different chains.
+    """
+    from slip_detector.tuning.study import Study
+
+    given, weights, evaluation = ChainConfig(), TuneConfig(), EvaluationConfig()
+    track = slips_and_noise(minutes)
+    space = SearchSpace(given)
+    sides = [
+        (kind([track], evaluation, weights), Study(None, '', space.distributions(), seed=0))
+        for kind in (Objective, NumpyObjective)
+    ]
+    for objective, _ in sides:  # compile and load before the measurement
+        objective.best(given)
+    spent_s, sampler_s, same = [0.0, 0.0], [0.0, 0.0], 0
+    with garbage_collection_off():
+        for k in range(trials):
+            costs_ms = []
+            for i, (objective, study) in enumerate(sides):
+                start_s = time.perf_counter()
+                points = space.starts()
+                trial = study.ask(points[k] if k < len(points) else None)
+                asked_s = time.perf_counter()
+                try:
+                    found = objective.best(space.chain(trial.params))
+                except ValueError:  # no such filter
+                    found = []
+                cost_ms = found[0].cost_ms if found else None
+                study.tell(trial, cost_ms, {})
+                spent_s[i] += time.perf_counter() - start_s
+                sampler_s[i] += asked_s - start_s
+                costs_ms.append(cost_ms if cost_ms is not None else np.inf)
+            same += costs_ms[0] == costs_ms[1] or abs(costs_ms[0] - costs_ms[1]) < SAME_COST_MS
+    if same < LEAST_AGREEMENT * trials:
+        raise RuntimeError(
+            f'the search and its NumPy rival found the same in {same} of {trials} trials'
+        )
+    return {
+        'trials': trials,
+        'minutes': minutes,
+        'channels': given.channels,
+        'sample_rate_hz': given.sample_rate_hz,
+        'search_s': spent_s[0],
+        'numpy_s': spent_s[1],
+        'speedup': spent_s[1] / spent_s[0],
+        'sampler_s': sampler_s,
+        'agreement': same / trials,
+    }

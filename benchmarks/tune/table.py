@@ -1,0 +1,51 @@
+"""The figures of the tuner as text."""
+
+from typing import Any
+
+from benchmarks.bounds import verdict_in_words
+
+MEANINGS = {
+    'evaluate.ratio': 'evaluating an hour from npz, against copy and threshold',
+    'read.times_real_time': 'reading an hour of MCAP, times real time',
+    'search.speedup': 'a search, times faster than around SciPy and NumPy',
+    'report.bytes': 'report of an hour, bytes',
+    'report.ready_ms': 'report of an hour, until it is drawn [ms]',
+    'families.better': 'families with better latency and fewer false alarms',
+    'real.least_auc_moving': 'real recordings left out, AUC against motion, worst seed',
+}
+
+
+def tuning_table(figures_by_part: dict[str, Any]) -> str:
+    """Return the figures of :func:`benchmarks.tune.measure.measure_tuning` as text."""
+    lines = ['What                                                      measured    wanted']
+    for claim, entry in figures_by_part['wanted'].items():
+        value = '-' if entry['value'] is None else f'{entry["value"]:.4g}'
+        met = verdict_in_words(entry)
+        lines.append(f'{MEANINGS[claim]:<56}  {value:>8}  {entry["bound"]:>8}  {met}'.rstrip())
+    if 'families' in figures_by_part:
+        lines += [
+            '',
+            'Held-out seeds, given -> tuned: latency of all and of those detected [ms], '
+            'false alarms a minute, recall',
+        ]
+        for name, one in figures_by_part['families']['by_name'].items():
+            both = ' -> '.join(_in_short(one[which]) for which in ('given', 'tuned'))
+            lines.append(f'  {name:<32} {both}' + (f' ({one["kept"]})' if one['kept'] else ''))
+    if 'real' in figures_by_part:
+        real = figures_by_part['real']
+        lines += ['', f'Real recordings, {real["recordings"]}, each left out of its search:']
+        rows = {'as given': real['given'], **{f'seed {k}': v for k, v in real['seeds'].items()}}
+        for name, one in rows.items():
+            lines.append(
+                f'  {name:<9} AUC against motion {one["auc_moving"]:.3f} '
+                f'(by thresholds {one["auc_moving_by_threshold"]:.3f})'
+            )
+    return '\n'.join(lines)
+
+
+def _in_short(figures: dict[str, Any]) -> str:
+    shown = [
+        '-' if figures[name] is None else f'{figures[name]:.1f}'
+        for name in ('latency_median_all_ms', 'latency_median_ms', 'false_alarms_per_minute')
+    ]
+    return f'{", ".join(shown)}, {figures["recall"]:.2f}'

@@ -1,0 +1,30 @@
+"""The subcommand ``chain``."""
+
+import json
+
+from benchmarks.__main__ import main
+from benchmarks.chain.precision_table import chain_precision_table
+
+
+def test_the_command_prints_and_draws_the_precision_alone(
+    chain_precision, monkeypatch, tmp_path, capsys
+):
+    monkeypatch.setattr(
+        'benchmarks.chain.command.measure_chain_precision', lambda quick: chain_precision
+    )
+    picture = tmp_path / 'new' / 'picture.png'
+    words = ['chain', '--quick', '--part', 'precision']
+    assert main([*words, '--json', '--plot', str(picture)]) == 0
+    parsed = json.loads(capsys.readouterr().out)
+    assert set(parsed) == {'machine', 'quick', 'precision'}
+    assert parsed['precision'] == json.loads(json.dumps(chain_precision))
+    assert picture.read_bytes().startswith(b'\x89PNG')
+    assert main(words) == 0
+    assert chain_precision_table(chain_precision) in capsys.readouterr().out
+
+
+def test_a_picture_of_what_is_not_measured_is_an_error(capsys):
+    assert main(['chain', '--part', 'speed', '--plot']) == 1
+    error = capsys.readouterr().err
+    assert error.startswith('benchmarks: --plot')
+    assert error.count('\n') == 1

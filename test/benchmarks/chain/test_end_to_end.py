@@ -1,0 +1,85 @@
+"""The detector node against a bare relay: its figures, and that nothing outlives it."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from benchmarks.chain.speed_table import chain_speed_table
+from support.benchmarks import PATIENCE_S, run, start
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+pytestmark = pytest.mark.nodes
+
+END_PATIENCE_S = 60.0
+
+#: How often it is looked whether processes have appeared.
+LOOK_AGAIN_S = 0.1
+
+
+def test_end_to_end():
+    code, output, errors = run('chain', '--quick', '--part', 'speed', '--json')
+    assert code == 0, errors
+    result = json.loads(output)
+    part = result['end_to_end']
+    assert set(part) == {
+        'rate_hz', 'samples', 'changes', 'detector', 'relay', 'latency_ratio', 'cpu_ratio',
+    }  # fmt: skip
+    assert part['samples'] == 4 * 380
+    # The tone toggles slip four times a period.
+    assert part['changes'] == pytest.approx(4 * 12 * 4, rel=0.1)
+    for name in ('detector', 'relay'):
+        node = part[name]
+        assert set(node) == {'median_ms', 'p99_ms', 'cpu_percent', 'lost'}
+        assert 0 < node['median_ms'] <= node['p99_ms']
+        assert node['cpu_percent'] > 0
+        assert node['lost'] < part['changes'] / 2
+    assert part['latency_ratio'] == pytest.approx(
+        part['detector']['median_ms'] / part['relay']['median_ms']
+    )
+    assert result['end_to_end_left_out'] == ''
+    assert result['wanted']['end_to_end.cpu_ratio']['value'] == part['cpu_ratio']
+    text = chain_speed_table(result)
+    assert 'left out' not in text
+    for label in ('ratio of the medians', 'ratio of processor times'):
+        assert any(label in line and '<= 1.5' in line for line in text.splitlines())
+
+
+def processes_marked(mark):
+    """Return the processes that have inherited the environment of a run."""
+    found = []
+    for folder in Path('/proc').iterdir():
+        with contextlib.suppress(OSError):  # Another user's, or gone meanwhile.
+            words = (folder / 'cmdline').read_bytes()
+            if b'slip_detector.nodes' in words and mark in (folder / 'environ').read_bytes():
+                found.append(words)
+    return found
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_leaves_no_process(number, monkeypatch):
+    mark = f'SLIP_BENCHMARK_TEST={os.getpid()}-{number}'
+    monkeypatch.setenv(*mark.split('='))
+    process = start('chain', '--quick', '--part', 'speed')
+    try:
+        deadline_s = time.monotonic() + PATIENCE_S
+        while len(processes_marked(mark.encode())) < 3:  # Meter, detector and relay.
+            assert time.monotonic() < deadline_s
+            # A process that appears gives no sign to wait for, one that ends does.
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(LOOK_AGAIN_S)
+        process.send_signal(number)
+        output, errors = process.communicate(timeout=END_PATIENCE_S)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[number]
+    assert 'Traceback' not in errors
+    assert output == ''
+    assert processes_marked(mark.encode()) == []

@@ -1,0 +1,32 @@
+"""The figures of the speed as text."""
+
+from benchmarks.chain.speed_table import chain_speed_table
+from benchmarks.measurement import heading
+
+
+def test_the_table_names_each_figure_with_its_bound(chain_speed):
+    text = heading(chain_speed) + '\n' + chain_speed_table(chain_speed)
+    for label, bound in (
+        ('SciPy and NumPy', ''),
+        ('one bare sosfilt', ''),
+        ('speed-up', '>= 10'),
+        ('speed-up', '>= 8'),
+        ('kept', '< 1'),
+        ('temporary arrays', '< 1'),
+        ('worst ratio', '<= 1.5'),
+        ('latency_ratio', '<= 1.5'),
+        ('cpu_ratio', '<= 1.5'),
+        ('equal decisions', ''),
+        ('left out: --without-ros was given', ''),
+    ):
+        assert any(label in line and bound in line for line in text.splitlines()), label
+    for fact in ('cores', 'Python', 'NumPy', 'SciPy', 'Numba'):
+        assert fact in text
+    assert max(len(line) for line in text.splitlines()) <= 120
+
+
+def test_the_table_says_honestly_what_is_not_met(chain_speed):
+    claims = {name: entry | {'met': False} for name, entry in chain_speed['wanted'].items()}
+    assert chain_speed_table(chain_speed | {'wanted': claims}).count('NOT met') == 5
+    claims = {name: entry | {'met': True} for name, entry in chain_speed['wanted'].items()}
+    assert 'NOT met' not in chain_speed_table(chain_speed | {'wanted': claims})

@@ -1,0 +1,44 @@
+"""Measurements that several tests look at: they take seconds."""
+
+import pytest
+
+from benchmarks.chain.precision import measure_chain_precision
+from benchmarks.chain.speed import measure_chain_speed
+from benchmarks.measurement import machine
+from benchmarks.scenes.costs import scene_costs
+from benchmarks.scenes.precision import scene_precision
+from slip_detector.scenes import find_scene
+from support.benchmark_scenes import SHORT_OBJECT, SHORT_PLATE, SIZES, written
+
+
+@pytest.fixture(scope='session')
+def chain_speed():
+    return {'machine': machine(), 'quick': True} | measure_chain_speed(quick=True, with_ros=False)
+
+
+@pytest.fixture(scope='session')
+def chain_precision():
+    return measure_chain_precision(quick=True)
+
+
+@pytest.fixture(scope='session')
+def plate_precision(tmp_path_factory):
+    path = written(tmp_path_factory.mktemp('scenes') / 'plate.yaml', SHORT_PLATE)
+    return scene_precision(path, SIZES)
+
+
+@pytest.fixture(scope='session')
+def object_precision(tmp_path_factory):
+    path = written(tmp_path_factory.mktemp('scenes') / 'object.yaml', SHORT_OBJECT)
+    return scene_precision(path, SIZES)
+
+
+@pytest.fixture(scope='session')
+def scenes_figures(plate_precision, object_precision):
+    taps = find_scene('taps')
+    return {
+        'precision': [plate_precision, object_precision, scene_precision(taps, SIZES)],
+        'costs': [scene_costs(taps, SIZES)],
+        'pace': {'rows': 32, 'slowest_share': 0.1, 'mean_share': 0.05},
+        'wanted': {'front.ratio': {'value': 0.5, 'bound': '<= 1', 'met': True}},
+    }

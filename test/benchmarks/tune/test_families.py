@@ -1,0 +1,26 @@
+"""Families of scenes on which the tuner is measured."""
+
+import numpy as np
+
+from benchmarks.tune import families
+from slip_detector.evaluation.scores import SLIP
+
+
+def test_the_families_are_what_their_names_say():
+    by_name = families.families()
+    assert list(by_name) == [
+        'plates', 'plates, tremor and hum', 'taps and rolling between slips',
+    ]  # fmt: skip
+    periods = [
+        [scene['texture']['spatial_period_m'] for scene in family] for family in by_name.values()
+    ]
+    assert periods == [[400e-6, 440e-6, 480e-6]] * 3
+    assert all('tremor' in scene and 'hum' in scene for scene in list(by_name.values())[1])
+    (track,) = families.play(list(by_name.values())[2][:1], [0])
+    between = np.flatnonzero(track.kind == SLIP)
+    for tap_s in (*families.TAPS_S, families.ROLLING_S):
+        assert not between[0] <= tap_s * 380.0 <= between[-1]
+
+
+def test_what_is_reported_is_not_what_is_tuned_on():
+    assert not set(families.TUNED_ON) & set(families.REPORTED_ON)

@@ -1,0 +1,21 @@
+"""The times of measure_reading are those of the whole recording."""
+
+import pytest
+
+from benchmarks.tune.reading_speed import measure_reading, write_hour
+from slip_detector.recordings import open_recording
+
+
+@pytest.mark.parametrize('ending', ['.mcap', '.npz'])
+def test_the_whole_recording_is_written_and_read(tmp_path, ending):
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    path = tmp_path / f'a{ending}'
+    write_hour(path, seconds=30.0)
+    recording = open_recording(path)
+    pieces = list(recording.pieces(380.0))
+    assert sum(len(piece.volts) for piece in pieces) == 11400
+    assert recording.counts.stretches == 1
+    assert sum(int(piece.truth.sum()) for piece in pieces) == 3800
+    figures = measure_reading(path)
+    assert figures['recorded_s'] == 30.0
+    assert figures['times_real_time'] == pytest.approx(30.0 / figures['read_s'])
