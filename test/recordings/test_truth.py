@@ -1,10 +1,11 @@
 """Truth: what labels, states and positions say of each row."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.recordings.truth import PlatformMotion, states_at
+from slip_detector.recordings.truth import PlatformMotion, as_truth, states_at
 
 
 @given(st.lists(st.booleans(), max_size=8), st.data())
@@ -38,3 +39,17 @@ def test_motion_lies_between_positions_that_differ_in_any_cut(positions, data):
     for k in np.flatnonzero(moved):
         wanted |= (at >= 10 * k) & (at <= 10 * (k + 1))
     np.testing.assert_array_equal(motion.at(at), wanted)
+
+
+@pytest.mark.parametrize('dtype', [bool, int, float, np.uint8])
+@pytest.mark.parametrize('shape', [(4,), (4, 1)])
+def test_labels_of_0_and_1_are_taken_whatever_their_type(dtype, shape, tmp_path):
+    label = np.array([0, 1, 1, 0]).astype(dtype).reshape(shape)
+    assert as_truth(label, 'slip', tmp_path).tolist() == [False, True, True, False]
+
+
+@pytest.mark.parametrize('wrong', [np.nan, 2.0, -1.0, 'True'])
+def test_a_label_that_is_neither_is_named(wrong, tmp_path):
+    label = np.array([0.0, wrong]) if isinstance(wrong, float) else np.array([wrong, wrong])
+    with pytest.raises(ValueError, match=rf"slip has '?{wrong}'?, allowed: 0 and 1"):
+        as_truth(label, 'slip', tmp_path / 'a.npz')

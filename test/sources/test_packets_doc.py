@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 
-
 from slip_detector.sources import packets
 from slip_detector.sources.packets import (
     CHECKSUM,

@@ -1,0 +1,104 @@
+"""Recordings in csv files: what comes in comes out, and what is wrong is said in one line."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from slip_detector.recordings import open_recording
+from support.recorded import complaint, read_recording, save_text
+
+FLOATS = st.floats(allow_nan=False, allow_infinity=False, width=64)
+
+
+@given(
+    hnp.arrays(np.float64, st.tuples(st.integers(2, 8), st.integers(1, 4)), elements=FLOATS),
+    st.floats(1.0, 1e4),
+    st.data(),
+)
+def test_csv_keeps_every_value_and_tells_the_rate(tmp_path_factory, volts, rate_hz, data):
+    n, c = volts.shape
+    slip = data.draw(st.lists(st.booleans(), min_size=n, max_size=n))
+    names = [f'taxel_{i}' for i in range(c)]
+    # The label may stand anywhere: a column is known by its name.
+    place = data.draw(st.integers(0, c))
+    head = ['time_s', *names[:place], 'slip', *names[place:]]
+    lines = [','.join(head)]
+    for k in range(n):
+        cells = [repr(float(v)) for v in volts[k]]
+        cells.insert(place, str(int(slip[k])))
+        lines.append(','.join([repr(k / rate_hz), *cells]))
+    path = save_text(tmp_path_factory.mktemp('csv') / 'a.csv', '\n'.join(lines) + '\n')
+    recording = read_recording(path)
+    assert recording.volts.tobytes() == volts.tobytes()
+    assert recording.channel_names == tuple(names)
+    assert recording.sample_rate_hz == pytest.approx(rate_hz, rel=1e-12)
+    np.testing.assert_array_equal(recording.truth, slip)
+
+
+def test_csv_without_label_has_no_truth(tmp_path):
+    assert read_recording(save_text(tmp_path / 'a.csv', 'time_s,a\n0,1\n1,2\n')).truth is None
+
+
+def test_the_rate_of_a_csv_is_that_of_the_whole_and_jitter_is_borne(tmp_path):
+    times = np.cumsum([0.0] + [0.009, 0.009, 0.012] * 40)  # Most steps are short.
+    lines = [f'{t:.6f},1' for t in times]
+    recording = read_recording(save_text(tmp_path / 'a.csv', '\n'.join(['time_s,a', *lines])))
+    assert recording.sample_rate_hz == pytest.approx(100.0)
+
+
+def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
+    path = save_text(tmp_path / 'a.csv', '\ufefftime_s,a\n0,1\n1,2\n')
+    assert read_recording(path).channel_names == ('a',)
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('', ': line 1 has no column time_s'),
+        ('t,a\n0,1\n', ': line 1 has no column time_s, there are: t, a'),
+        ('time_s,a\n0,1\n1,x\n', ": line 3: could not convert string to float: 'x'"),
+        ('time_s,a\n0,1\n1,\n', ': line 3: could not convert string to float'),
+        ('time_s,a\n0,1\n1,2,3\n', ': line 3 has 3 columns, allowed: 2'),
+        ('time_s,a,a\n0,1,1\n1,2,2\n', ': line 1 has a name twice'),
+        (
+            'time_s,a\n',
+            ': column time_s does not rise, allowed: two or more rows, each with its time',
+        ),
+        ('time_s,a\n0,1\n', ': column time_s does not rise'),
+        ('time_s,a\n1,1\n0,1\n', ': column time_s does not rise'),
+        ('time_s,a\n0,1\n0,1\n', ': column time_s does not rise'),
+        ('time_s,a\n0,1\nnan,1\n2,1\n', ': line 3: time_s is nan, allowed: below 9e+09 s'),
+        ('time_s,a\ninf,1\ninf,1\n', ': line 2: time_s is inf, allowed: below'),
+        ('time_s,a\n0,1\n1e300,1\n', ': line 3: time_s is 1e300, allowed: below'),
+        ('time_s\n0\n1\n', ': has no samples'),
+        ('time_s,slip\n0,1\n1,1\n', ': has no samples'),
+        ('time_s,a,slip\n0,1,0\n1,1,nan\n', ': slip has nan, allowed: 0 and 1'),
+    ],
+)
+def test_csv_that_is_wrong_is_named_with_its_line_or_column(tmp_path, text, said):
+    assert complaint(save_text(tmp_path / 'a.csv', text)).startswith(said)
+
+
+def test_binary_in_a_csv_is_said_to_be_broken(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_bytes(b'\xff\xfe\x00time_s')
+    assert complaint(path) == ': is broken or not csv'
+
+
+def test_a_csv_keeps_its_gaps_and_its_nanoseconds(tmp_path):
+    lines = ['1700000000.123456789,1', '1700000000.133456789,2', '1700000000.143456788,3']
+    (tmp_path / 'a.csv').write_text('\n'.join(['time_s,a', *lines, '1700000009,4']))
+    recording = open_recording(tmp_path / 'a.csv')
+    pieces = list(recording.pieces())
+    stamps_ns = np.concatenate([piece.stamps_ns for piece in pieces]) - 1_700_000_000_000_000_000
+    assert stamps_ns.tolist() == [123_456_789, 133_456_789, 143_456_788, 9_000_000_000]
+    assert recording.counts.stretches == 2
+
+
+def test_a_column_is_given_by_its_name(tmp_path):
+    recording = open_recording(save_text(tmp_path / 'a.csv', 'time_s,a,v\n0,1,5\n1,2,6\n'))
+    np.testing.assert_array_equal(recording.array('v'), [5, 6])
+    assert recording.array('nothing') is None
+    assert recording.array_names() == ['a', 'time_s', 'v']

@@ -1,0 +1,139 @@
+"""Recordings in npz files: what comes in comes out, and what is wrong is said in one line."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from slip_detector.recordings import npz_recording, open_recording
+from support.recorded import VOLTS, complaint, read_recording, save_npz
+
+
+def test_npz_gives_rows_rate_label_and_all_arrays(tmp_path):
+    recording = read_recording(save_npz(tmp_path / 'a.npz', marker=[7, 8, 9]))
+    np.testing.assert_array_equal(recording.volts, VOLTS)
+    assert recording.sample_rate_hz == 380.0
+    assert recording.channel_names == ('ch1', 'ch2')
+    np.testing.assert_array_equal(recording.truth, [False, True, True])
+    np.testing.assert_array_equal(recording.arrays['marker'], [7, 8, 9])
+
+
+@given(
+    hnp.arrays(
+        st.sampled_from([np.float32, np.float64, np.uint16, np.int32]),
+        hnp.array_shapes(min_dims=2, max_dims=2, max_side=6),
+    ),
+    st.floats(1.0, 1e6),
+)
+def test_npz_of_any_number_type_keeps_every_value(tmp_path_factory, volts, rate_hz):
+    path = tmp_path_factory.mktemp('npz') / 'a.npz'
+    recording = read_recording(save_npz(path, volts=volts, sample_rate_hz=rate_hz, slip=None))
+    assert recording.volts.dtype == np.float64
+    np.testing.assert_array_equal(recording.volts, volts)
+    assert recording.sample_rate_hz == rate_hz
+    assert recording.truth is None
+
+
+def test_a_rate_in_an_array_of_one_is_a_rate(tmp_path):
+    path = save_npz(tmp_path / 'a.npz', sample_rate_hz=np.array([60.0]))
+    assert read_recording(path).sample_rate_hz == 60.0
+
+
+@pytest.mark.parametrize(
+    ('arrays', 'said'),
+    [
+        ({'volts': None}, ': has no array volts, there are: sample_rate_hz, slip'),
+        ({'sample_rate_hz': None}, ': has no array sample_rate_hz, there are: slip, volts'),
+        ({'volts': [1.0, 2.0]}, ': volts has the shape (2,) and type float64, allowed: numbers'),
+        ({'volts': [['a']]}, ': volts has the shape (1, 1) and type <U1, allowed: numbers'),
+        ({'volts': np.empty((0, 2))}, ': has no samples'),
+        ({'volts': np.empty((3, 0))}, ': has no samples'),
+        ({'sample_rate_hz': 0.0}, ': sample_rate_hz is 0.0, allowed: a rate in Hz'),
+        ({'sample_rate_hz': np.inf}, ': sample_rate_hz is inf, allowed: a rate in Hz'),
+        ({'sample_rate_hz': np.nan}, ': sample_rate_hz is nan, allowed: a rate in Hz'),
+        ({'sample_rate_hz': [60, 60]}, ': sample_rate_hz is [60 60], allowed: a rate in Hz'),
+        ({'slip': [0, 1]}, ': slip has 2 rows, allowed: 3, as volts'),
+        ({'slip': [0, np.nan, 1]}, ': slip has nan, allowed: 0 and 1'),
+        ({'slip': [0, 2, 1]}, ': slip has 2, allowed: 0 and 1'),
+        ({'slip': ['False'] * 3}, ": slip has 'False', allowed: 0 and 1"),
+        ({'volts': np.array([[None]])}, ': is broken or not npz (Object arrays'),
+    ],
+)
+def test_npz_that_lacks_something_is_named_with_what_it_lacks(tmp_path, arrays, said):
+    assert complaint(save_npz(tmp_path / 'a.npz', **arrays)).startswith(said)
+
+
+def test_files_that_only_look_like_npz_are_refused(tmp_path):
+    single = tmp_path / 'single.npz'
+    with open(single, 'wb') as file:
+        np.save(file, VOLTS)
+    assert complaint(single) == ': is broken or not npz'
+    foreign = tmp_path / 'foreign.npz'
+    with zipfile.ZipFile(foreign, 'w') as archive:
+        archive.writestr('volts.npy', b'hello')
+        archive.writestr('sample_rate_hz.npy', b'60')
+    assert complaint(foreign) == ': is broken or not npz (volts is no array)'
+    empty = tmp_path / 'empty.npz'
+    empty.touch()
+    assert complaint(empty) == ': is broken or not npz'
+
+
+@pytest.mark.parametrize('save', [np.savez, np.savez_compressed])
+def test_an_npz_that_is_damaged_anywhere_is_refused_or_read_but_never_crashes(tmp_path, save):
+    buffer = io.BytesIO()
+    volts = np.random.default_rng(0).normal(size=(6, 2))
+    save(buffer, volts=volts, sample_rate_hz=60.0)
+    content = buffer.getvalue()
+    damaged = [content[:n] for n in range(0, len(content), 7)]
+    for i in range(len(content)):
+        damaged.append(content[:i] + bytes([content[i] ^ (1 + 37 * i % 255)]) + content[i + 1 :])
+    path = tmp_path / 'a.npz'
+    judged = 0
+    for broken in damaged:
+        path.write_bytes(broken)
+        try:
+            read = read_recording(path).volts
+        except ValueError as error:
+            judged += str(error).startswith(f'{path}: ') and '\n' not in str(error)
+        else:
+            # The checksums of npz guard the content: what is read is what was written.
+            np.testing.assert_array_equal(read, volts)
+            judged += 1
+    assert judged == len(damaged)
+
+
+def test_other_arrays_of_a_file_are_given_by_name(tmp_path):
+    path = save_npz(tmp_path / 'a.npz', slip=None, velocity=np.arange(5), names=['a', 'b'])
+    recording = open_recording(path)
+    np.testing.assert_array_equal(recording.array('velocity'), np.arange(5))
+    assert recording.array('names').tolist() == ['a', 'b']
+    assert recording.array('nothing') is None
+    assert recording.array_names() == ['names', 'sample_rate_hz', 'velocity', 'volts']
+
+
+def test_a_damaged_array_is_named_when_it_is_asked_for(tmp_path):
+    path = save_npz(tmp_path / 'a.npz', objects=np.array([None], dtype=object))
+    with zipfile.ZipFile(path, 'a') as archive:
+        archive.writestr('short.npy', b"\x93NUMPY\x01\x00\x10\x00{'descr': '<f8',")
+    recording = open_recording(path)
+    for name in ('objects', 'short'):
+        with pytest.raises(
+            ValueError, match=rf'a\.npz: is broken or not npz \({name}: '
+        ) as caught:
+            recording.array(name)
+        assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('order', ['C', 'F'])
+def test_rows_are_read_in_either_order_of_the_array(tmp_path, order):
+    volts = np.asarray(np.random.default_rng(0).normal(size=(20, 3)), order=order)
+    path = save_npz(tmp_path / 'a.npz', volts=volts, slip=None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(npz_recording, 'PIECE_ROWS', 7)
+        pieces = list(open_recording(path).read())
+    assert [len(piece.volts) for piece in pieces] == [7, 7, 6]
+    np.testing.assert_array_equal(np.concatenate([piece.volts for piece in pieces]), volts)

@@ -1,0 +1,52 @@
+"""Types of topics: as the bag defines them, or those of ROS itself."""
+
+import pytest
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+
+from slip_detector.recordings.topics import JOINT_STATE, Topic, typestore_of
+
+PILLAR = 'tactile_msgs/msg/Pillar'
+
+
+def fields(store, msgtype):
+    return [name for name, _ in store.fielddefs[msgtype][1]]
+
+
+def test_a_type_is_read_from_its_definition():
+    rule = '=' * 80
+    text = f'Pillar[] pillars\n{rule}\nMSG: {PILLAR}\nfloat32 fz\n'
+    array = 'tactile_msgs/msg/Array'
+    store = typestore_of(Topic('/a', array, 'ros2msg', text))
+    assert fields(store, array) == ['pillars']
+    assert fields(store, PILLAR) == ['fz']
+
+
+@pytest.mark.parametrize('parts', [1, 2])
+def test_a_type_is_read_from_idl_in_one_part_or_several(parts):
+    inner = 'module tactile_msgs { module msg { struct Pillar { float fz; }; }; };'
+    outer = (
+        'module tactile_msgs { module msg { struct Pair { tactile_msgs::msg::Pillar a; }; }; };'
+    )
+    if parts == 1:
+        store = typestore_of(Topic('/a', PILLAR, 'ros2idl', inner))
+        assert fields(store, PILLAR) == ['fz']
+        return
+    rule = '=' * 80
+    text = f'{rule}\nIDL: tactile_msgs/msg/Pair\n{outer}\n{rule}\nIDL: {PILLAR}\n{inner}\n'
+    store = typestore_of(Topic('/a', 'tactile_msgs/msg/Pair', 'ros2idl', text))
+    assert fields(store, 'tactile_msgs/msg/Pair') == ['a']
+    assert fields(store, PILLAR) == ['fz']
+
+
+def test_without_a_definition_a_type_of_ros_is_known_and_another_is_named():
+    assert 'position' in fields(typestore_of(Topic('/a', JOINT_STATE, '', '')), JOINT_STATE)
+    with pytest.raises(ValueError, match=f'does not define the type {PILLAR} of /a'):
+        typestore_of(Topic('/a', PILLAR, '', ''))
+
+
+@pytest.mark.parametrize('encoding', ['ros2msg', 'ros2idl'])
+def test_a_broken_definition_is_said_in_one_line(encoding):
+    with pytest.raises(ValueError, match=f'the definition of {PILLAR} cannot be read') as caught:
+        typestore_of(Topic('/a', PILLAR, encoding, 'float32 [[ fz\n}'))
+    assert '\n' not in str(caught.value)

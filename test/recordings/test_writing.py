@@ -1,0 +1,84 @@
+"""Writing: what is written is read back to the bit, and nothing is overwritten."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
+
+from slip_detector.recordings import RecordedRows, open_recording, write_recording
+from support.bags import ENDINGS, NAMES, check_same, gathered, rows
+
+
+@pytest.mark.parametrize('ending', ENDINGS)
+@given(data=st.data())
+def test_what_is_written_is_read_back_to_the_bit(tmp_path_factory, ending, data):
+    n, channels = data.draw(st.integers(2, 40)), data.draw(st.integers(1, 5))
+    finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
+    volts = data.draw(hnp.arrays(np.float64, (n, channels), elements=finite))
+    truth = data.draw(st.none() | hnp.arrays(np.bool_, n))
+    start_ns = data.draw(st.integers(0, 2**60))
+    steps_ns = data.draw(st.lists(st.integers(9_000_000, 11_000_000), min_size=n, max_size=n))
+    stamps_ns = start_ns + np.cumsum(np.array(steps_ns, dtype=np.int64))
+    written = RecordedRows(volts, stamps_ns, truth)
+    cut = data.draw(st.integers(0, n))
+    pieces = [written.take(slice(cut)), written.take(slice(cut, None))]
+    path = tmp_path_factory.mktemp('written') / f'trial{ending}'
+    names = [f'taxel_{i}' for i in range(channels)]
+    write_recording(path, [piece for piece in pieces if len(piece.volts)], 100.0, names)
+    recording = open_recording(path)
+    check_same(gathered(recording), written)
+    assert recording.has_truth == (truth is not None)
+    assert recording.sample_rate_hz == pytest.approx(100.0, rel=0.12)
+    assert list(recording.channel_names) == (
+        names if recording.named else [f'ch{i + 1}' for i in range(channels)]
+    )
+    assert recording.counts.rows == n
+
+
+@pytest.mark.parametrize('ending', ['.mcap', '.db3', '', '.npz'])
+def test_what_is_no_number_is_written_read_and_counted(tmp_path, ending):
+    written = rows(50)
+    written.volts[7, 1], written.volts[9, 0] = np.nan, -np.inf
+    write_recording(tmp_path / f'a{ending}', [written], 380.0, NAMES)
+    recording = open_recording(tmp_path / f'a{ending}')
+    check_same(gathered(recording), written)
+    assert recording.counts.bad_samples == 2
+
+
+@pytest.mark.parametrize('ending', ['', '.mcap', '.db3'])
+def test_a_bag_says_with_which_quality_its_topics_were_offered(tmp_path, ending):
+    path = tmp_path / f'trial{ending}'
+    write_recording(path, [rows()], 380.0, NAMES)
+    with AnyReader([path]) as reader:
+        offered = {one.topic: one.ext.offered_qos_profiles for one in reader.connections}
+    (sample,), (state,) = offered['/voltages'], offered['/slip_truth']
+    assert sample.reliability is QosReliability.BEST_EFFORT
+    assert state.reliability is QosReliability.RELIABLE
+    assert state.durability is QosDurability.TRANSIENT_LOCAL
+    assert state.depth == 1
+
+
+def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
+    path = tmp_path / 'a.mcap'
+    write_recording(path, [rows(10)], 380.0, NAMES)
+    with pytest.raises(ValueError, match=r'a\.mcap: is there already, allowed: a new path'):
+        write_recording(path, [rows(20)], 380.0, NAMES)
+
+    def failing():
+        yield rows(10)
+        raise ValueError('the source failed')
+
+    for ending in ENDINGS:
+        with pytest.raises(ValueError, match='the source failed'):
+            write_recording(tmp_path / f'b{ending}', failing(), 380.0, NAMES)
+    assert [file.name for file in tmp_path.iterdir()] == ['a.mcap']
+    with pytest.raises(
+        ValueError, match=r'a\.bag: is \.bag, allowed: \.npz, \.csv, \.mcap, \.db3'
+    ):
+        write_recording(tmp_path / 'a.bag', [rows(10)], 380.0, NAMES)

@@ -1,0 +1,39 @@
+"""Bags that tests cut off or damage."""
+
+import numpy as np
+from rosbags.rosbag2 import CompressionFormat, CompressionMode
+
+from slip_detector.recordings import open_recording
+from support.bags import Bag, gathered, rows
+
+MESSAGES = 4000
+
+
+def write_bag(path, plugin, mode=CompressionMode.NONE, n=MESSAGES):
+    written = rows(n, channels=3)
+    bag = Bag(path, plugin)
+    bag.writer.set_compression(mode, CompressionFormat.ZSTD)
+    with bag:
+        for k, (stamp_ns, row) in enumerate(zip(written.stamps_ns, written.volts, strict=True)):
+            if k == 0 or written.truth[k] != written.truth[k - 1]:
+                slip = bag.make('std_msgs/msg/Bool', data=bool(written.truth[k]))
+                bag.write('/slip_truth', slip, stamp_ns)
+            bag.write('/voltages', bag.joints(stamp_ns, row), stamp_ns)
+    (file,) = [file for file in path.iterdir() if file.name != 'metadata.yaml']
+    return written, file
+
+
+def read_of(path):
+    """Return what can be read, and the one line on the rest."""
+    recording = open_recording(path)
+    read = gathered(recording)
+    assert '\n' not in recording.counts.lost
+    return read, recording.counts.lost
+
+
+def check_is_beginning(read, written):
+    n = len(read.volts)
+    assert read.volts.tobytes() == written.volts[:n].tobytes()
+    np.testing.assert_array_equal(read.stamps_ns, written.stamps_ns[:n])
+    if read.truth is not None:
+        np.testing.assert_array_equal(read.truth, written.truth[:n])
