@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from slip_detector.commands.tune import Settings
-from slip_detector.evaluation.replay import LabelledRows, Replay
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.sets import read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.objective import Candidate, Objective

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tune.families import search_candidate
-from slip_detector.commands.tune import load, settings_of
-from slip_detector.evaluation.scores import MOTION, ScoreTally
+from slip_detector.commands.tune import load_tracks, settings_of
+from slip_detector.evaluation.labelled_rows import MOTION
+from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.sweep import Statistics
+from slip_detector.tuning.sweep import VoteStatistics
 from slip_detector.tuning.tracks import Track
 
 #: Of each search; there is one for each recording and seed.
@@ -53,7 +54,7 @@ def measure_real_recordings(
         When the recordings or the parameters cannot be read; names them.
     """
     settings = settings_of(str(config))
-    tracks = load([str(folder)], settings).tracks
+    tracks = load_tracks([str(folder)], settings)[0]
     by_seed = {}
     for seed in seeds:
         chains = []
@@ -76,19 +77,19 @@ def _pooled_auc(tracks: Sequence[Track], chains: Sequence[ChainConfig]) -> dict[
     """Return the area of slip against motion of tracks, each with its chain."""
     by_motion, by_threshold = ScoreTally(), ScoreTally()
     for track, chain in zip(tracks, chains, strict=True):
-        one_pass = Statistics(chain, [chain.vote])
-        amplitudes = [one_pass.of(other)[chain.vote] ** (1.0 / chain.exponent) for other in tracks]
+        one_pass = VoteStatistics(chain, [chain.vote])
+        amplitudes = [one_pass.of(other)[0] ** (1.0 / chain.exponent) for other in tracks]
         moving = np.concatenate(
             [
-                amplitude[other.kind == MOTION]
+                amplitude[other.kinds == MOTION]
                 for amplitude, other in zip(amplitudes, tracks, strict=True)
                 if other is not track
             ]
         )
         own = next(a for a, other in zip(amplitudes, tracks, strict=True) if other is track)
         low, middle, high = np.quantile(moving, [0.25, 0.5, 0.75])
-        by_motion.add((own / middle) ** (1.0 / np.log(high / low)), track.kind)
-        by_threshold.add(own / chain.threshold ** (1.0 / chain.exponent), track.kind)
+        by_motion.add((own / middle) ** (1.0 / np.log(high / low)), track.kinds)
+        by_threshold.add(own / chain.threshold ** (1.0 / chain.exponent), track.kinds)
     return {
         'auc_moving': by_motion.take().auc([MOTION]) or 0.0,
         'auc_moving_by_threshold': by_threshold.take().auc([MOTION]) or 0.0,

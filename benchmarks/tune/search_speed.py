@@ -22,13 +22,14 @@ from scipy import signal
 
 from benchmarks.timing import garbage_collection_off
 from slip_detector.chain.filters import design
-from slip_detector.evaluation.replay import LabelledRows
+from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows
+from slip_detector.evaluation.matching import alarm_windows, tolerance_rows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.objective import Objective
 from slip_detector.tuning.space import SearchSpace, Vote
-from slip_detector.tuning.sweep import ThresholdSweep, windows
+from slip_detector.tuning.sweep import ThresholdSweep
 from slip_detector.tuning.tracks import Track, track_of
 
 Floats = NDArray[np.float64]
@@ -64,38 +65,45 @@ class NumpyObjective(Objective):
     It has no check of the samples, as such scripts have none.
     """
 
-    def statistic(
+    def statistics(
         self, chain: ChainConfig, votes: Sequence[Vote]
-    ) -> Sequence[Mapping[Vote, Floats]]:
-        """Return what is held against the threshold by track and vote, shapes (n,)."""
-        return [_statistic(_level(chain, track.volts), chain, votes) for track in self._tracks]
+    ) -> Mapping[Vote, Sequence[Floats]]:
+        """Return what is held against the threshold by vote and track, shapes (n,)."""
+        tracks = [_statistics(_level(chain, track.volts), chain, votes) for track in self._tracks]
+        return {vote: [one[vote] for one in tracks] for vote in votes}
 
-    def swept(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
+    def sweep(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
         """Return what becomes of the tracks at each threshold."""
         false = np.zeros(limits.size, np.int64)
-        counts = np.zeros((3, limits.size + 1), np.int64)
         latencies_ms = []
         for part, track in zip(statistic, self._tracks, strict=True):
-            rate_hz, config = track.sample_rate_hz, self._evaluation
-            early, tail = (round(s * rate_hz) for s in (config.early_s, config.tail_s))
+            rate_hz = track.sample_rate_hz
+            tolerance = tolerance_rows(self._evaluation, rate_hz)
             above = np.searchsorted(limits, part)
             before = np.concatenate([[0], above[:-1]])
-            for kind in range(3):
-                counts[kind] += np.bincount(above[track.kind == kind], minlength=limits.size + 1)
             outside = above > before
-            for start, low, high in zip(
-                [slip.start for slip in track.slips], *windows(track, early, tail), strict=True
+            for slip, low, high in zip(
+                track.slips, *alarm_windows(track.slips, *tolerance), strict=True
             ):
                 outside[low:high] = False
                 rise = above[low:high, None] > np.arange(limits.size)
                 rise &= before[low:high, None] <= np.arange(limits.size)
-                rows = np.where(rise.any(axis=0), rise.argmax(axis=0) + low - start, np.nan)
+                rows = np.where(rise.any(axis=0), rise.argmax(axis=0) + low - slip.start, np.nan)
                 latencies_ms.append(rows * (1e3 / rate_hz))
             risen = np.bincount(before[outside], minlength=limits.size + 1)
             risen -= np.bincount(above[outside], minlength=limits.size + 1)
             false += np.cumsum(risen)[:-1]
         quiet_s = sum(track.quiet_s for track in self._tracks)
-        return ThresholdSweep(limits, np.array(latencies_ms), false, quiet_s, counts)
+        return ThresholdSweep(np.array(latencies_ms), false, quiet_s)
+
+    def auc(self, statistic: Sequence[Floats], threshold: float) -> float | None:
+        """Return the area under the ROC curve of rows with slip against all others."""
+        score = np.concatenate(statistic)
+        slip = np.concatenate([track.kinds == SLIP for track in self._tracks])
+        pairs = int(slip.sum()) * int((~slip).sum())
+        others = np.sort(score[~slip])
+        below = sum(np.searchsorted(others, score[slip], side) for side in ('left', 'right'))
+        return float(np.sum(below)) / 2 / pairs if pairs else None
 
 
 def _level(config: ChainConfig, volts: Floats) -> Floats:
@@ -116,7 +124,7 @@ def _windowed_mean(values: Floats, window: int) -> Floats:
     return np.asarray(np.maximum((sums[window:] - sums[:-window]) / window, 0.0))
 
 
-def _statistic(level: Floats, config: ChainConfig, votes: Sequence[Vote]) -> dict[Vote, Floats]:
+def _statistics(level: Floats, config: ChainConfig, votes: Sequence[Vote]) -> dict[Vote, Floats]:
     """Return the largest statistic of the groups by vote, shapes (n,)."""
     best = {vote: np.zeros(len(level)) for vote in votes}
     for members in config.groups.values():

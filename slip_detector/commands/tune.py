@@ -6,7 +6,6 @@ is handed back is judged on the recordings that the search has not seen.
 """
 
 import datetime
-import hashlib
 import importlib.util
 import shlex
 import sys
@@ -20,7 +19,7 @@ from slip_detector.commands.command_line import print_text
 from slip_detector.commands.evaluate import recording_sets
 from slip_detector.commands.recording_options import with_recording_options
 from slip_detector.commands.tune_options import NAME, arguments_of
-from slip_detector.evaluation.evaluator import Evaluator
+from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_writable, with_parameters, write_file
@@ -68,26 +67,12 @@ def settings_of(file: str | None) -> Settings:
     )
 
 
-class Loaded(NamedTuple):
-    """Recordings in memory.
-
-    Attributes
-    ----------
-    tracks : list of Track
-    notes : list of str
-        A line for each that is not as it should be: what is missing, bad or lost.
-    """
-
-    tracks: list[Track]
-    notes: list[str]
-
-
-def load(
+def load_tracks(
     paths: Sequence[str],
     settings: Settings,
     labelled: bool = True,
     but: Sequence[str] = (),
-) -> Loaded:
+) -> tuple[list[Track], list[str]]:
     """Read recordings, or folders of them, into the memory.
 
     Parameters
@@ -101,12 +86,18 @@ def load(
     but
         Recordings, or folders of them, that are left out where they are among those.
 
+    Returns
+    -------
+    tracks : list of Track
+    notes : list of str
+        A line for each recording that is not as it should be: what is missing, bad or lost.
+
     Raises
     ------
     ValueError
         When one cannot be read or does not suit the chain; names it.
     """
-    evaluator = Evaluator(settings.chain, settings.recording, settings.evaluation)
+    loader = RecordingLoader(settings.chain, settings.recording, settings.evaluation)
     sets = recording_sets(paths)
     left_out = {file.resolve() for files in recording_sets(but).values() for file in files}
     tracks, notes = [], []
@@ -114,12 +105,12 @@ def load(
         for file in files:
             if file.resolve() in left_out:
                 continue
-            opened = evaluator.open(file, labelled)
+            opened = loader.open(file, labelled)
             shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
             tracks.append(track_of(shown, opened.rows, opened.sample_rate_hz))
             met = _met(opened.recording.counts)
             notes += [f'{shown}: {met}'] if met else []
-    return Loaded(tracks, notes)
+    return tracks, notes
 
 
 def _met(counts: RecordingCounts) -> str:
@@ -132,18 +123,6 @@ def _met(counts: RecordingCounts) -> str:
     }
     parts = [f'{number} {what}' for what, number in many.items() if number > 0]
     return ', '.join(parts + ([counts.lost] if counts.lost else []))
-
-
-def study_name(problem: Problem) -> str:
-    """Return a name that another question does not have."""
-    asked = (
-        fingerprint(problem.tracks),
-        problem.given.to_parameters(),
-        problem.figures,
-        problem.evaluation.to_parameters(),
-        problem.config.to_parameters(),
-    )
-    return f'{NAME}-{hashlib.sha256(repr(asked).encode()).hexdigest()[:16]}'
 
 
 class Progress:
@@ -204,7 +183,7 @@ def tune(
     ValueError
         When the storage fails; names it.
     """
-    name = study_name(problem)
+    name = problem.study_name()
     study = problem.study(where, name, seed)
     progress = Progress(problem, study, trials)
     try:
@@ -247,7 +226,7 @@ def _run_quiet(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     """Set the threshold from a recording without slip."""
     settings = _settings(options)
     check_writable(options.out)
-    tracks, notes = load([options.quiet], settings, labelled=False)
+    tracks, notes = load_tracks([options.quiet], settings, labelled=False)
     if len(tracks) != 1:
         raise ValueError(f'{options.quiet}: has {len(tracks)} recordings, allowed: one')
     found = quiet_threshold(
@@ -269,10 +248,10 @@ def _run(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     for path in (options.out, options.report):
         if path is not None:
             check_writable(path)
-    tracks, notes = load(options.recordings, settings, but=options.held_out)
+    tracks, notes = load_tracks(options.recordings, settings, but=options.held_out)
     if options.held_out:
         training = tracks
-        held, more_notes = load(options.held_out, settings)
+        held, more_notes = load_tracks(options.held_out, settings)
         notes += more_notes
         for part, what in ((training, 'to tune on'), (held, 'held out')):
             if not any(track.slips for track in part):

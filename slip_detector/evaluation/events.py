@@ -1,16 +1,10 @@
-"""Slips and alarms as events: each true slip is matched to at most one alarm.
-
-An alarm is the time from a rise of the global decision to its fall; a true slip is an interval of
-the label. Time is counted in rows here, from the first row of the recording, those that are
-missing in a gap counted as well, so that nothing depends on rounding.
-"""
+"""True slips and alarms as they were matched, and the figures that a robot needs of them."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 #: What a signal passes on its way to the global decision, in order; the parts of a latency.
 STAGES = ('filter', 'envelope', 'decision', 'vote')
@@ -20,106 +14,6 @@ ALREADY_ON = 'already_on'
 
 #: Kinds of alarms.
 TRUE, REPEAT, FALSE = 'true', 'repeat', 'false'
-
-
-class RowInterval(NamedTuple):
-    """Rows from ``start`` to before ``end``."""
-
-    start: int
-    end: int
-
-
-class OnIntervals:
-    """Collects the intervals in which a signal is ON, over any cut of its rows into pieces.
-
-    Attributes
-    ----------
-    edges : list of int
-        Rows at which it rises and falls, in turns.
-    """
-
-    def __init__(self) -> None:
-        self.edges: list[int] = []
-
-    @property
-    def on(self) -> bool:
-        """Whether the signal was ON in the last row."""
-        return len(self.edges) % 2 == 1
-
-    def add(self, on: NDArray[np.bool_], first_row: int) -> None:
-        """Take the next rows.
-
-        Parameters
-        ----------
-        on
-            The signal, shape (n,).
-        first_row
-            When the first of them is.
-        """
-        if not on.size:
-            return
-        turns = (np.flatnonzero(on[1:] != on[:-1]) + (first_row + 1)).tolist()
-        if bool(on[0]) != self.on:
-            turns.insert(0, first_row)
-        self.edges += turns
-
-    def close(self, end_row: int) -> None:
-        """End the interval that is open, if one is: the rows end before this one."""
-        if self.on:
-            self.edges.append(end_row)
-
-    def closed(self) -> list[RowInterval]:
-        """Return the intervals that have ended, the oldest first."""
-        return [
-            RowInterval(*pair) for pair in zip(self.edges[::2], self.edges[1::2], strict=False)
-        ]
-
-
-def match(
-    slips: Sequence[RowInterval], rises: Sequence[int], early_rows: int, tail_rows: int
-) -> tuple[list[int | None], list[int | None]]:
-    """Match each true slip to at most one alarm and each alarm to at most one slip.
-
-    An alarm can belong to a slip when it rises from ``early_rows`` before the slip's start, but
-    not within the slip before it, to ``tail_rows`` after its end, but not within the next slip. In
-    the order of time each alarm is given to the first slip that it can belong to and that has
-    none yet; no other matching has more pairs.
-
-    Parameters
-    ----------
-    slips
-        Rising, without overlap.
-    rises
-        Rows at which the alarms rise, rising.
-    early_rows, tail_rows
-        At least 0.
-
-    Returns
-    -------
-    alarm_of : list of int or None
-        By slip: its alarm.
-    slip_of : list of int or None
-        By alarm: the slip that it belongs to, be it as its alarm or as a repetition; None for a
-        false alarm.
-    """
-    alarm_of: list[int | None] = [None] * len(slips)
-    slip_of: list[int | None] = []
-    windows = []
-    for i, (start, end) in enumerate(slips):
-        low, high = start - early_rows, end + tail_rows
-        low = max(low, slips[i - 1].end) if i else low
-        windows.append((low, min(high, slips[i + 1].start) if i + 1 < len(slips) else high))
-    at = 0
-    for alarm, rise in enumerate(rises):
-        while at < len(windows) and windows[at][1] <= rise:
-            at += 1
-        # The tail of one slip can meet the early part of the next, no further one.
-        able = [i for i, (low, _) in enumerate(windows[at : at + 2], at) if low <= rise]
-        free = [i for i in able if alarm_of[i] is None]
-        if free:
-            alarm_of[free[0]] = alarm
-        slip_of.append(free[0] if free else able[0] if able else None)
-    return alarm_of, slip_of
 
 
 @dataclasses.dataclass(frozen=True)

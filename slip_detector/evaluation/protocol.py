@@ -24,9 +24,10 @@ left out.
     (Eq. 10) of the time from the last sample at which the plate still stood (Eq. 9) to the
     channel's first ON before the plate stands again; ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1)
     over the trials; ``detected``, the trials whose global decision is ON while the plate moves, of
-    ``trials``; ``false_positive_percent``, the share of the time at which the plate stands, of all
-    trials together, that the global decision is ON; ``channels_without_on``, how many channels of
-    all trials have no such ON and hence no part in the means. null where a figure is not defined.
+    ``trials``, and ``success_percent``, their share; ``false_positive_percent``, the share of the
+    time at which the plate stands, of all trials together, that the global decision is ON;
+    ``channels_without_on``, how many channels of all trials have no such ON and hence no part in
+    the means. null where a figure is not defined.
 ``all``
     The same figures over the trials of all plates.
 ``windows``
@@ -132,8 +133,8 @@ def claims(result: Mapping[str, Any]) -> dict[str, float | None]:
     means = [plates[plate]['mean_delay_ms'] for plate in SCENES]
     windows, bands = result['windows'], result['bands']
     longest = windows[f'{WINDOWS_S[-1] * 1e3:.0f}']['all']['false_positive_percent']
-    values = {
-        'detected_percent': 100.0 * whole['detected'] / whole['trials'],
+    values: dict[str, float | None] = {
+        'detected_percent': whole['success_percent'],
         'least_rise_ms': _defined(min, map(_less, means[1:], means[:-1])),
         'worst_false_positive_percent': _defined(
             max, (plates[plate]['false_positive_percent'] for plate in SCENES)

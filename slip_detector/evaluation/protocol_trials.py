@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples, Source
-from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.scores import false_positive_percent, first_on_delay_s, mean_delay
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.paper_figures import paper_figures, trial_delays_ms
+from slip_detector.evaluation.replay import Replay, ReplayOutcome
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings import RATE_TOLERANCE
 from slip_detector.scenes import find_scene, load_scene
@@ -131,26 +132,8 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
         raise ValueError(f'{path}: {error}') from None
 
 
-class Outcome(NamedTuple):
-    """What a chain made of a trial.
-
-    Attributes
-    ----------
-    delays_s : tuple of float or None
-        By enabled channel: from the start of the plate to the first ON while it moves.
-    on : ndarray of bool, shape (n,)
-        The global decision.
-    moving : ndarray of bool, shape (n,)
-        Whether the plate moves.
-    """
-
-    delays_s: tuple[float | None, ...]
-    on: Bools
-    moving: Bools
-
-
-def outcome(trial: PlateTrial, chain: SlipChain) -> Outcome:
-    """Run a trial through a chain from its first row.
+def replay_trial(trial: PlateTrial, replay: Replay) -> ReplayOutcome:
+    """Run a trial through a chain from its first row; the motion of the plate is its one slip.
 
     An ON that comes when the plate stands again is none of the motion: such a channel has no
     delay.
@@ -160,7 +143,7 @@ def outcome(trial: PlateTrial, chain: SlipChain) -> Outcome:
     ValueError
         When the trial does not suit the chain.
     """
-    config = chain.config
+    config = replay.chain.config
     rate, wanted = trial.sample_rate_hz, config.sample_rate_hz
     if abs(rate - wanted) > RATE_TOLERANCE * wanted:
         raise ValueError(
@@ -172,43 +155,29 @@ def outcome(trial: PlateTrial, chain: SlipChain) -> Outcome:
             f'the trial has {trial.volts.shape[1]} channels, allowed: {config.channels}, the '
             'parameter channels'
         )
-    chain.reset()
-    result = chain.update(trial.volts, envelope=False, level=False)
-    moving, time_s = trial.moving, trial.time_s
-    delays_s = tuple(
-        first_on_delay_s(result.channels[:, c] & moving, time_s, trial.motion_s[0])
-        for c in range(config.channels)
-        if c + 1 not in config.disabled_channels
-    )
-    return Outcome(delays_s, result.slip, moving)
+    return replay.run([LabelledRows(trial.volts, trial.moving)], rate)
 
 
-def figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Return the figures of merit of trials; the keys are in the module's docstring.
+def plate_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
+    """Return the paper's figures of trials; the keys are in the docstring of the protocol.
 
     Parameters
     ----------
     outcomes
-        At least one.
+        At least one, of one slip each.
     """
-    delays_ms = [_in_ms(mean_delay(one.delays_s)[0]) for one in outcomes]
-    mean_ms, sd_ms = mean_delay(delays_ms)
+    slips = [slip for one in outcomes for slip in one.slips]
     return {
-        'mean_delay_ms': mean_ms,
-        'sd_delay_ms': sd_ms,
-        'trial_delays_ms': delays_ms,
-        'detected': sum(bool((one.on & one.moving).any()) for one in outcomes),
-        'trials': len(outcomes),
-        'false_positive_percent': false_positive_percent(
-            np.concatenate([one.on for one in outcomes]),
-            np.concatenate([one.moving for one in outcomes]),
+        **paper_figures(
+            slips,
+            sum(one.on_rows for one in outcomes),
+            sum(one.rows - one.slip_rows for one in outcomes),
         ),
-        'channels_without_on': sum(one.delays_s.count(None) for one in outcomes),
+        'trial_delays_ms': trial_delays_ms(slips),
+        'detected': sum(slip.on_while for slip in slips),
+        'trials': len(slips),
+        'channels_without_on': sum(slip.channel_delays_s.count(None) for slip in slips),
     }
-
-
-def _in_ms(seconds: float | None) -> float | None:
-    return None if seconds is None else seconds * 1e3
 
 
 def evaluate_plates(
@@ -234,16 +203,16 @@ def evaluate_plates(
     ValueError
         When the chain cannot be built or a trial does not suit it; names the plate.
     """
-    chain = SlipChain(config)
-    outcomes: dict[str, list[Outcome]] = {}
+    replay = Replay(config, scores=False, stages=False)
+    outcomes: dict[str, list[ReplayOutcome]] = {}
     for plate, trials in plates.items():
         try:
-            outcomes[plate] = [outcome(trial, chain) for trial in trials]
+            outcomes[plate] = [replay_trial(trial, replay) for trial in trials]
         except ValueError as error:
             raise ValueError(f'plate {plate}: {error}') from None
     return {
-        'plates': {plate: figures(mine) for plate, mine in outcomes.items()},
-        'all': figures([one for mine in outcomes.values() for one in mine]),
+        'plates': {plate: plate_figures(mine) for plate, mine in outcomes.items()},
+        'all': plate_figures([one for mine in outcomes.values() for one in mine]),
     }
 
 

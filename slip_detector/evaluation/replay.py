@@ -6,34 +6,32 @@ What is kept does not grow with the rows, only with the slips and alarms.
 import dataclasses
 import itertools
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.result import SlipResult
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.chain.stamps import missing_rows
 from slip_detector.evaluation.events import (
     ALREADY_ON,
     FALSE,
     REPEAT,
     TRUE,
     Alarm,
-    OnIntervals,
     TrueSlip,
     event_figures,
-    match,
 )
-from slip_detector.evaluation.scores import (
+from slip_detector.evaluation.labelled_rows import (
     MOTION,
-    REST,
-    SLIP,
-    DecisionStatistic,
-    ScoreCounts,
-    ScoreTally,
-    mean_delay,
+    Kinds,
+    LabelledRows,
+    Stamps,
+    rows_in_gap,
 )
+from slip_detector.evaluation.matching import OnIntervals, match, tolerance_rows
+from slip_detector.evaluation.paper_figures import mean_and_sd, paper_figures
+from slip_detector.evaluation.scores import ScoreCounts, ScoreTally
 from slip_detector.evaluation.stages import StageWatch
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -47,29 +45,6 @@ BLOCK_VALUES = 131072
 #: The block that begins with a slip is as short: mostly its alarm is in it, and then the rows
 #: after it go without the envelope.
 WATCHED_ROWS = 64
-
-
-class LabelledRows(NamedTuple):
-    """A piece of a recording: n rows of c channels.
-
-    Attributes
-    ----------
-    volts : ndarray, shape (n, c)
-    truth : ndarray of bool, shape (n,)
-        Label: whether there is slip.
-    stamps_ns : ndarray of int, shape (n,), or None
-        Only asked how long the gap before a new stretch is.
-    new_stretch : bool
-        Too many rows are missing before these: the chain starts anew.
-    moving : ndarray of bool, shape (n,), or None
-        Whether the robot moves, where that is known.
-    """
-
-    volts: Floats
-    truth: Bools
-    stamps_ns: NDArray[np.int64] | None = None
-    new_stretch: bool = False
-    moving: Bools | None = None
 
 
 class Observer(Protocol):
@@ -92,7 +67,7 @@ class ReplayOutcome:
     moving_rows : int or None
         None where nobody says what moves.
     on_rows : int
-        LabelledRows without slip in which the global decision is ON.
+        Rows without slip in which the global decision is ON.
     sample_rate_hz : float
         Of the recording.
     slips : tuple of TrueSlip
@@ -129,19 +104,14 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     dict
         Plain numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows``,
         ``duration_s``; areas under the ROC curve of the decision statistic, of rows with slip
-        against all others, ``auc_all``, and against those of motion, ``auc_moving``; the paper's
-        figures, each slip being a trial: ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1) over the
-        slips of the mean delay of the channels (Eq. 10), ``success_percent``: the share of the
-        slips while which the global decision is ON, ``false_positive_percent``: the share of the
-        rows without slip in which it is; and those of
+        against all others, ``auc_all``, and against those of motion, ``auc_moving``; those of
+        :func:`slip_detector.evaluation.paper_figures.paper_figures` and those of
         :func:`slip_detector.evaluation.events.event_figures`.
     """
     slips = [slip for one in outcomes for slip in one.slips]
     rows, slip_rows = sum(one.rows for one in outcomes), sum(one.slip_rows for one in outcomes)
     moving = [one.moving_rows for one in outcomes if one.moving_rows is not None]
     scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
-    mean_s, sd_s = mean_delay(slip.delay_s for slip in slips)
-    on_rows = sum(one.on_rows for one in outcomes)
     return {
         'rows': rows,
         'slip_rows': slip_rows,
@@ -149,14 +119,7 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
         'duration_s': sum(one.duration_s for one in outcomes),
         'auc_all': scores.auc(),
         'auc_moving': scores.auc([MOTION]) if moving else None,
-        'mean_delay_ms': None if mean_s is None else mean_s * 1e3,
-        'sd_delay_ms': None if sd_s is None else sd_s * 1e3,
-        'success_percent': 100.0 * sum(slip.on_while for slip in slips) / len(slips)
-        if slips
-        else None,
-        'false_positive_percent': 100.0 * on_rows / (rows - slip_rows)
-        if rows > slip_rows
-        else None,
+        **paper_figures(slips, sum(one.on_rows for one in outcomes), rows - slip_rows),
         **event_figures(
             slips,
             [alarm for one in outcomes for alarm in one.alarms],
@@ -194,7 +157,6 @@ class Replay:
     ) -> None:
         self.config = config or EvaluationConfig()
         self.chain = SlipChain(chain_config)
-        self.statistic = DecisionStatistic(chain_config)
         self.tally = ScoreTally() if scores else None
         self.watch = StageWatch(chain_config) if stages else None
 
@@ -254,17 +216,15 @@ class _Run:
         self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
         self._chain, self._tally, self._watch = replay.chain, replay.tally, replay.watch
         config, chain_config = replay.config, self._chain.config
-        self._early, self._tail, self._late_after = (
-            round(seconds * rate_hz)
-            for seconds in (config.early_s, config.tail_s, config.late_after_s)
-        )
+        self._early, self._tail = tolerance_rows(config, rate_hz)
+        self._late_after = round(config.late_after_s * rate_hz)
         disabled = {channel - 1 for channel in chain_config.disabled_channels}
         self._enabled = [c for c in range(chain_config.channels) if c not in disabled]
         self._block_rows = max(BLOCK_VALUES // chain_config.channels, 1)
         self._row = 0  # of time: those missing in gaps are counted
         self._rows = self._slip_rows = self._moving_rows = self._on_rows = 0
         self._moves = False
-        self._last_ns: int | None = None
+        self._last_stamps_ns: Stamps | None = None
         self._labels, self._alarms = OnIntervals(), OnIntervals()
         self._slips: list[_Slip] = []
 
@@ -277,24 +237,25 @@ class _Run:
             return
         if piece.new_stretch and self._rows:
             self._begin_stretch(piece.stamps_ns)
+        kinds = piece.kinds
+        if piece.moving is not None:
+            self._moves = True
+            self._moving_rows += int(np.count_nonzero(piece.moving))
         # A block ends before each slip: the chain is then as it was when the slip began.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         cuts = {*range(0, n, self._block_rows), *starts.tolist(), n}
         if self._watch:
             cuts.update(row for row in (starts + WATCHED_ROWS).tolist() if row < n)
         for a, b in itertools.pairwise(sorted(cuts)):
-            moving = None if piece.moving is None else piece.moving[a:b]
-            self._block(volts[a:b], truth[a:b], moving)
-        if piece.stamps_ns is not None:
-            self._last_ns = int(piece.stamps_ns[-1])
+            self._block(volts[a:b], truth[a:b], kinds[a:b])
+        self._last_stamps_ns = piece.stamps_ns
 
-    def _begin_stretch(self, stamps_ns: NDArray[np.int64] | None) -> None:
+    def _begin_stretch(self, stamps_ns: Stamps | None) -> None:
         self._end_stretch()
-        if stamps_ns is not None and self._last_ns is not None:
-            missing = missing_rows(self._last_ns, int(stamps_ns[0]), self._rate_hz)
-            self._row += missing
-            if self._observer and missing:
-                self._observer.gap(missing / self._rate_hz)
+        missing = rows_in_gap(self._last_stamps_ns, stamps_ns, self._rate_hz)
+        self._row += missing
+        if self._observer and missing:
+            self._observer.gap(missing / self._rate_hz)
         self._chain.reset()
 
     def _end_stretch(self) -> None:
@@ -302,13 +263,14 @@ class _Run:
         self._alarms.close(self._row)
         self._end_watch()
 
-    def _block(self, volts: Floats, truth: Bools, moving: Bools | None) -> None:
+    def _block(self, volts: Floats, truth: Bools, kinds: Kinds) -> None:
         """Take rows of which the first ones, or none, have slip, and that of one slip."""
         if truth[0] and not self._labels.on:
             self._begin_slip()
         watching = self._watch is not None and self._watch.watching
-        level = self._tally is not None or self._observer is not None
-        result = self._chain.update(volts, envelope=watching, level=level)
+        votes = (self._chain.config.vote,) if self._tally else ()
+        level = self._observer is not None
+        result = self._chain.update(volts, envelope=watching, level=level, votes=votes)
         on = np.ascontiguousarray(result.slip)
         self._labels.add(truth, self._row)
         self._alarms.add(on, self._row)
@@ -320,15 +282,8 @@ class _Run:
         self._rows += len(on)
         self._slip_rows += n_slip
         self._on_rows += int(np.count_nonzero(on[n_slip:]))
-        if moving is not None:
-            self._moves = True
-            self._moving_rows += int(np.count_nonzero(moving))
         if self._tally:
-            kinds = np.full(len(on), REST)
-            if moving is not None:
-                kinds[moving] = MOTION
-            kinds[:n_slip] = SLIP
-            self._tally.add(self._replay.statistic(result), kinds)
+            self._tally.add(result.vote_statistic[:, 0], kinds)
         if self._observer:
             self._observer.add(volts, result, truth)
         self._row += len(on)
@@ -404,7 +359,6 @@ class _Run:
         delays_s = tuple(
             None if row < 0 else (row - slip.start) / rate_hz for row in slip.first_on.tolist()
         )
-        known = [delay for delay in delays_s if delay is not None]
         own = slip.stages if latency is not None and latency >= 0 else None
         return TrueSlip(
             start_s=slip.start / rate_hz,
@@ -417,5 +371,5 @@ class _Run:
             on_at_start=slip.on_at_start,
             on_while=slip.on_while,
             channel_delays_s=delays_s,
-            delay_s=sum(known) / len(known) if known else None,
+            delay_s=mean_and_sd(delays_s)[0],
         )

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Source
-from slip_detector.evaluation.scores import false_positive_percent, first_on_delay_s, mean_delay
+from slip_detector.evaluation.paper_figures import first_on_delay_s, mean_and_sd, percent
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -162,7 +162,7 @@ def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
 
     slip = state_at(witness.changes['slip'], times_s)
     channels = {name: delay_ms(f'slip/channel/{name}') for name in config.names}
-    mean, sd = mean_delay(list(channels.values()))
+    mean, sd = mean_and_sd(channels.values())
     return {
         'motion': moves,
         'channel_delay_ms': channels,
@@ -170,7 +170,9 @@ def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
         'sd_delay_ms': sd,
         'group_delay_ms': {name: delay_ms(f'slip/group/{name}') for name in config.groups},
         'global_delay_ms': delay_ms('slip'),
-        'false_positive_percent': false_positive_percent(slip, truth),
+        'false_positive_percent': percent(
+            int(np.count_nonzero(slip & ~truth)), int(np.count_nonzero(~truth))
+        ),
         'latency_ms': {
             'median': float(np.median(witness.latencies_s)) * 1e3,
             'p99': float(np.percentile(witness.latencies_s, 99)) * 1e3,

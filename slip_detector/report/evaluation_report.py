@@ -3,11 +3,8 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from slip_detector.evaluation.evaluator import (
-    EvaluatedRecording,
-    LabelledRecording,
-    recording_figures,
-)
+from slip_detector.evaluation.evaluator import EvaluatedRecording, recording_figures
+from slip_detector.evaluation.loading import LabelledRecording
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import MOST_CELLS, Overview, events_of
 from slip_detector.report.page import write, write_pictures

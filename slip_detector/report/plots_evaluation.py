@@ -13,8 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from slip_detector.evaluation.events import STAGES
+from slip_detector.evaluation.labelled_rows import MOTION
 from slip_detector.evaluation.replay import ReplayOutcome, figures_of_merit
-from slip_detector.evaluation.scores import MOTION, ScoreCounts
+from slip_detector.evaluation.scores import ScoreCounts
 
 
 def draw_evaluation(path: Path, outcomes: Sequence[ReplayOutcome]) -> None:

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from slip_detector.chain.filters import design
+from slip_detector.chain.result import SlipResult
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.protocol_trials import (
     PAPER_DELAY_MS,
     PAPER_FALSE_POSITIVE_PERCENT,
     PlateTrial,
     band_name,
-    outcome,
 )
 from slip_detector.parameters.detector import ChainConfig
 
@@ -97,12 +97,11 @@ def draw(
 
     chain = SlipChain(config)
     decisions = {
-        plate: np.array([outcome(trial, chain).on for trial in trials])
+        plate: np.array([_decisions(trial, chain).slip for trial in trials])
         for plate, trials in plates.items()
     }
     first_plate, (trial, *_) = next(iter(plates.items()))
-    chain.reset()
-    decided = chain.update(trial.volts, envelope=False, level=False)
+    decided = _decisions(trial, chain)
     channel = next(c for c in range(1, config.channels + 1) if c not in config.disabled_channels)
     of_trial = f'plate of {first_plate} µm, trial with the seed {result["seeds"][0]}'
     paths = {number: folder / f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)}
@@ -147,6 +146,12 @@ def draw(
     except OSError as error:
         raise ValueError(f'{folder}: cannot be written to ({error.strerror})') from None
     return list(paths.values())
+
+
+def _decisions(trial: PlateTrial, chain: SlipChain) -> SlipResult:
+    """Run a trial through a chain from its first row."""
+    chain.reset()
+    return chain.update(trial.volts, envelope=False, level=False)
 
 
 def _by_plate(variants: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:

@@ -89,7 +89,6 @@ def _delays(result: Mapping[str, Any]) -> list[list[str]]:
         ]
         for k, seed in enumerate(result['seeds'])
     ]
-    success_percent = [100.0 * column['detected'] / column['trials'] for column in columns]
     paper_false_percent = number_text(paper['false_positive_percent'], '.2f')
     return [
         ['', *(f'{plate} um' for plate in plates), 'all'],
@@ -99,7 +98,7 @@ def _delays(result: Mapping[str, Any]) -> list[list[str]]:
         row('sd', 'sd_delay_ms'),
         paper_row('sd, paper', 'sd_delay_ms'),
         ['detected', *map(_detected, columns)],
-        ['success [%]', *(f'{share:.1f}' for share in success_percent)],
+        row('success [%]', 'success_percent', '.1f'),
         row('false positives [%]', 'false_positive_percent'),
         ['false positives, paper [%]', *([''] * len(plates)), paper_false_percent],
         row('channels without ON', 'channels_without_on', 'd'),

@@ -3,17 +3,19 @@
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from slip_detector.evaluation.labelled_rows import MOTION, REST
+from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.space import Vote, rounded, thresholds, votes_of
-from slip_detector.tuning.sweep import Statistics, ThresholdSweep, sweep_thresholds
+from slip_detector.tuning.space import Vote, thresholds, votes_of
+from slip_detector.tuning.sweep import ThresholdSweep, VoteStatistics, sweep_thresholds
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
@@ -46,7 +48,7 @@ class CandidateFigures(NamedTuple):
     false_alarms_per_minute : float
         Of the time without slip.
     auc : float or None
-        Of the decision statistic; see :meth:`slip_detector.tuning.sweep.Swept.auc`.
+        Of the decision statistic; see :meth:`Objective.auc`.
     latency_ms : float or None
         Median latency of the slips that are not missed.
     """
@@ -86,7 +88,7 @@ class Candidate(NamedTuple):
     chain : ChainConfig
     cost_ms : float
     error_ms : float
-        What so few slips and false alarms leave open of it; see :meth:`Objective.error_ms`.
+        What so few slips and false alarms leave open of it; by Student's t.
     figures : CandidateFigures
     """
 
@@ -120,7 +122,8 @@ class Objective:
     ) -> None:
         self._tracks, self._evaluation, self._config = tracks, evaluation, config
         self._given = given
-        self._rooms: dict[int, Any] = {}
+        self._tally = ScoreTally()
+        self._rooms: list[Floats | None] = [None] * len(tracks)
 
     def best(self, chain: ChainConfig) -> list[Candidate]:
         """Return a chain with the best threshold for each vote, the cheapest vote first.
@@ -132,27 +135,16 @@ class Objective:
         ValueError
             When the chain cannot be built.
         """
-        votes = votes_of(chain)
-        statistic = self.statistic(chain, votes)
-        found = []
-        for vote in votes:
-            parts = [part[vote] for part in statistic]
-            limits = thresholds(parts, self._tracks, chain.exponent)
-            if not limits.size:
-                continue
-            swept = self.swept(parts, limits)
-            costs = _with_neighbours(self.costs_ms(swept))
-            at = int(np.argmin(costs))
-            threshold = rounded(float(limits[at]))
-            found.append(
-                Candidate(
-                    dataclasses.replace(chain, threshold=threshold, vote=vote),
-                    float(costs[at]),
-                    self.error_ms(swept, at),
-                    self.figures(swept, at),
-                )
-            )
-        return sorted(found, key=lambda one: one.cost_ms)
+        candidates = []
+        for vote, statistic in self.statistics(chain, votes_of(chain)).items():
+            limits = thresholds(statistic, self._tracks, chain.exponent)
+            if limits.size:
+                sweep = self.sweep(statistic, limits)
+                costs_ms = _with_neighbours(self._event_costs_ms(sweep))
+                at = int(np.argmin(costs_ms))
+                best = dataclasses.replace(chain, threshold=float(limits[at]), vote=vote)
+                candidates.append(self._candidate(best, statistic, sweep, at, float(costs_ms[at])))
+        return sorted(candidates, key=lambda one: one.cost_ms)
 
     def as_it_is(self, chain: ChainConfig) -> Candidate:
         """Return what a chain costs with its own threshold and vote.
@@ -162,77 +154,92 @@ class Objective:
         ValueError
             When the chain cannot be built.
         """
-        parts = [part[chain.vote] for part in self.statistic(chain, [chain.vote])]
-        near = thresholds(parts, self._tracks, chain.exponent)
-        limits = np.union1d(near, [chain.threshold])
-        swept = self.swept(parts, limits)
-        at = int(np.searchsorted(limits, chain.threshold))
-        cost_ms = float(self.costs_ms(swept)[at])
-        return Candidate(chain, cost_ms, self.error_ms(swept, at), self.figures(swept, at))
+        statistic = self.statistics(chain, [chain.vote])[chain.vote]
+        sweep = self.sweep(statistic, np.array([chain.threshold]))
+        cost_ms = float(self._event_costs_ms(sweep)[0])
+        return self._candidate(chain, statistic, sweep, 0, cost_ms)
 
-    def statistic(
+    def statistics(
         self, chain: ChainConfig, votes: Sequence[Vote]
-    ) -> Sequence[Mapping[Vote, Floats]]:
-        """Return what is held against the threshold by track and vote, shapes (n,).
+    ) -> Mapping[Vote, Sequence[Floats]]:
+        """Return what is held against the threshold by vote and track, shapes (n,).
 
         The next call may overwrite it.
         """
-        one_pass = Statistics(chain, votes)
-        found = []
-        for i, track in enumerate(self._tracks):
-            found.append(one_pass.of(track, self._rooms.get(i)))
-            self._rooms[i] = found[-1]['all'].base
-        return found
+        one_pass = VoteStatistics(chain, votes)
+        tracks = [
+            one_pass.of(track, room) for track, room in zip(self._tracks, self._rooms, strict=True)
+        ]
+        self._rooms = [*tracks]
+        return {vote: [one[v] for one in tracks] for v, vote in enumerate(votes)}
 
-    def swept(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
-        """Return what becomes of the tracks at each threshold; see :func:`sweep.sweep`."""
+    def sweep(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
+        """Return what becomes of the tracks at each threshold; see :func:`sweep_thresholds`."""
         return sweep_thresholds(statistic, self._tracks, limits, self._evaluation)
 
-    def costs_ms(self, swept: ThresholdSweep) -> Floats:
-        """Return the cost at each of T thresholds, shape (T,)."""
+    def auc(self, statistic: Sequence[Floats], threshold: float) -> float | None:
+        """Return the area under the ROC curve of rows with slip against rows of motion without.
+
+        Where no row is known to be one of motion, it is against all rows without slip.
+        """
+        for part, track in zip(statistic, self._tracks, strict=True):
+            # Divided as in the chain: the same scores as in an evaluation, to the bit.
+            self._tally.add(part / threshold, track.kinds)
+        scores = self._tally.take()
+        return scores.auc([MOTION] if scores.counts[MOTION].any() else (REST, MOTION))
+
+    def _candidate(
+        self,
+        chain: ChainConfig,
+        statistic: Sequence[Floats],
+        sweep: ThresholdSweep,
+        at: int,
+        event_cost_ms: float,
+    ) -> Candidate:
+        """Add up what a chain costs at one of the thresholds of a sweep, the chain's own."""
+        auc = self.auc(statistic, chain.threshold)
+        cost_ms = event_cost_ms + self._config.auc_costs_ms * (1.0 - (auc or 0.0))
+        latencies_ms = sweep.latencies_ms[:, at]
+        known = latencies_ms[~np.isnan(latencies_ms)]
+        figures = CandidateFigures(
+            median_ms=float(np.median(np.where(np.isnan(latencies_ms), np.inf, latencies_ms))),
+            missed=float(sweep.missed[at]),
+            false_alarms_per_minute=float(sweep.false_alarms_per_minute[at]),
+            auc=auc,
+            latency_ms=float(np.median(known)) if known.size else None,
+        )
+        return Candidate(chain, cost_ms, self._error_ms(sweep, at), figures)
+
+    def _event_costs_ms(self, sweep: ThresholdSweep) -> Floats:
+        """Return what slips and alarms cost at each of T thresholds, shape (T,)."""
         config, given = self._config, self._given
-        late_ms = self._late_ms(swept)
+        late_ms = self._late_ms(sweep)
         false_costs = config.false_alarm_costs_ms
-        costs = late_ms.mean(axis=0) + false_costs * swept.false_alarms_per_minute
-        costs += config.auc_costs_ms * (1.0 - (swept.auc() or 0.0))
+        costs = late_ms.mean(axis=0) + false_costs * sweep.false_alarms_per_minute
         if given is not None:
             median = min(given.median_ms, config.missed_costs_ms)
             worse = np.maximum(np.median(late_ms, axis=0) - median, 0.0)
-            worse += config.missed_costs_ms * np.maximum(swept.missed - given.missed, 0.0)
+            worse += config.missed_costs_ms * np.maximum(sweep.missed - given.missed, 0.0)
             worse += false_costs * np.maximum(
-                swept.false_alarms_per_minute - given.false_alarms_per_minute, 0.0
+                sweep.false_alarms_per_minute - given.false_alarms_per_minute, 0.0
             )
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)
 
-    def error_ms(self, swept: ThresholdSweep, at: int) -> float:
+    def _error_ms(self, sweep: ThresholdSweep, at: int) -> float:
         """Return by how much more a chain may cost and still be as good, at ``CONFIDENCE``.
 
         It is the error of the mean latency by Student's t: of one slip alone nothing is known.
         """
-        late_ms = self._late_ms(swept)[:, at]
+        late_ms = self._late_ms(sweep)[:, at]
         if late_ms.size < 2:
             return math.inf
         t = float(stats.t.ppf(0.5 + CONFIDENCE / 2, late_ms.size - 1))
         return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
 
-    def _late_ms(self, swept: ThresholdSweep) -> Floats:
+    def _late_ms(self, sweep: ThresholdSweep) -> Floats:
         """Return the latencies with what a missed slip counts for; shape (slips, T)."""
-        missed_ms = self._config.missed_costs_ms
-        return np.fmin(swept.latencies_ms, missed_ms)
-
-    @staticmethod
-    def figures(swept: ThresholdSweep, at: int) -> CandidateFigures:
-        """Return the figures at one of the thresholds."""
-        latencies_ms = swept.latencies_ms[:, at]
-        found = latencies_ms[~np.isnan(latencies_ms)]
-        return CandidateFigures(
-            median_ms=float(np.median(np.where(np.isnan(latencies_ms), np.inf, latencies_ms))),
-            missed=float(swept.missed[at]),
-            false_alarms_per_minute=float(swept.false_alarms_per_minute[at]),
-            auc=swept.auc(),
-            latency_ms=float(np.median(found)) if found.size else None,
-        )
+        return np.fmin(sweep.latencies_ms, self._config.missed_costs_ms)
 
 
 def _with_neighbours(costs: Floats) -> Floats:

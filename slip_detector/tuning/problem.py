@@ -1,6 +1,7 @@
 """What a search is asked, and what its study answers."""
 
 import dataclasses
+import hashlib
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.objective import Candidate, CandidateFigures
 from slip_detector.tuning.space import SearchSpace
-from slip_detector.tuning.tracks import Track
+from slip_detector.tuning.tracks import Track, fingerprint
 
 if TYPE_CHECKING:
     from slip_detector.tuning.study import Study
@@ -44,6 +45,17 @@ class Problem:
     figures: CandidateFigures | None
     evaluation: EvaluationConfig
     config: TuneConfig
+
+    def study_name(self) -> str:
+        """Return a name for the study that no other problem has."""
+        asked = (
+            fingerprint(self.tracks),
+            self.given.to_parameters(),
+            self.figures,
+            self.evaluation.to_parameters(),
+            self.config.to_parameters(),
+        )
+        return f'{self.config.NODE}-{hashlib.sha256(repr(asked).encode()).hexdigest()[:16]}'
 
     def study(self, where: str | None, name: str, seed: int) -> 'Study':
         """Open the study of this problem; see :class:`slip_detector.tuning.study.Study`."""

@@ -16,7 +16,7 @@ from scipy import stats
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.space import thresholds
-from slip_detector.tuning.sweep import Statistics, sweep_thresholds
+from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
@@ -113,17 +113,17 @@ def quiet_threshold(
             f'{per_hour:g} an hour (one that is {FURTHEST:g} times lower than 1 in this time is a '
             'guess)'
         )
-    statistic = Statistics(chain, [chain.vote]).of(track)[chain.vote]
+    statistic = VoteStatistics(chain, [chain.vote]).of(track)[0]
     limits = thresholds([statistic], [track], chain.exponent)
     if not limits.size:
         raise ValueError(
             f'{track.name}: the chain gives 0 throughout, allowed: a sensor that runs'
         )
-    swept = sweep_thresholds([statistic], [track], limits, EvaluationConfig())
+    sweep = sweep_thresholds([statistic], [track], limits, EvaluationConfig())
     peaks = _peaks(statistic, track, chain)
     # Alarms per block that has one: a cluster.
     loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])
-    cluster = np.where(loud > 0, swept.false_alarms / np.maximum(loud, 1), 1.0)
+    cluster = np.where(loud > 0, sweep.false_alarms / np.maximum(loud, 1), 1.0)
     cluster = np.maximum(cluster, 1.0)
     upper = stats.chi2.ppf(CONFIDENCE, 2 * (loud + 1)) / 2 / hours * cluster
     # From here on upwards the bound holds: at low thresholds all is one alarm without end.
@@ -131,7 +131,7 @@ def quiet_threshold(
     first = int(holds[-1]) + 1 if holds.size else 0
     if first < limits.size:
         low = stats.chi2.ppf(1 - CONFIDENCE, 2 * loud[first]) / 2 / hours if loud[first] else 0.0
-        threshold, alarms = float(limits[first]), int(swept.false_alarms[first])
+        threshold, alarms = float(limits[first]), int(sweep.false_alarms[first])
         bounds = (float(low * cluster[first]), float(upper[first]))
         return _quiet(chain, threshold, hours, alarms, bounds, extrapolated=False)
     amplitude = peaks ** (1.0 / chain.exponent)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.evaluation.scores import SLIP
+from slip_detector.evaluation.labelled_rows import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.tracks import Track
 
@@ -185,7 +185,8 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
 def thresholds(statistic: Sequence[Floats], tracks: Sequence[Track], exponent: int) -> Floats:
     """Return the thresholds of a vote that are worth a look, rising, evenly spaced in amplitude.
 
-    They reach from the level that half of the rows without slip have to where nothing is ON.
+    They reach from the level that half of the rows without slip have to where nothing is ON, and
+    are rounded: a chain is handed back with the very threshold that was tried.
 
     Parameters
     ----------
@@ -199,20 +200,21 @@ def thresholds(statistic: Sequence[Floats], tracks: Sequence[Track], exponent: i
     Returns
     -------
     ndarray
-        At least one; empty where the statistic is 0 throughout.
+        Empty where the statistic is 0 throughout, or infinite anywhere.
     """
     top = max((float(part.max()) for part in statistic if part.size), default=0.0)
     if not 0.0 < top < math.inf:
         return np.zeros(0)
     quiet = [
-        part[::STRIDE][track.kind[::STRIDE] != SLIP]
+        part[::STRIDE][track.kinds[::STRIDE] != SLIP]
         for part, track in zip(statistic, tracks, strict=True)
     ]
     rest = float(np.median(np.concatenate(quiet))) if any(part.size for part in quiet) else 0.0
     ratio = STEP**exponent
     low = max(rest, top * RANGE**-exponent, 1e-30)
     steps = math.ceil(math.log(top / low) / math.log(ratio)) if low < top else 0
-    return np.asarray(top * ratio ** np.arange(-steps, 1.0))
+    below = [rounded(top * ratio**step) for step in range(-steps, 0)]
+    return np.array([*below, _rounded_up(top)])
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:
@@ -222,3 +224,9 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 def rounded(value: float) -> float:
     """Round to four significant digits: more would only make the file hard to read."""
     return float(f'{value:.4g}')
+
+
+def _rounded_up(value: float) -> float:
+    """Round to four significant digits, to what is not less."""
+    near = rounded(value)
+    return near if near >= value else rounded(near * 1.001)

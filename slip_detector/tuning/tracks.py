@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.stamps import missing_rows
-from slip_detector.evaluation.events import OnIntervals, RowInterval
-from slip_detector.evaluation.replay import LabelledRows
-from slip_detector.evaluation.scores import MOTION, REST, SLIP
+from slip_detector.evaluation.labelled_rows import MOTION, SLIP, LabelledRows, rows_in_gap
+from slip_detector.evaluation.matching import OnIntervals, RowInterval
 
 Floats = NDArray[np.float64]
 
@@ -45,11 +43,11 @@ class Track(NamedTuple):
     ----------
     name : str
     volts : ndarray, shape (n, c)
-    kind : ndarray of int8, shape (n,)
+    kinds : ndarray of int8, shape (n,)
         ``REST``, ``MOTION`` or ``SLIP`` of each row; see :mod:`slip_detector.evaluation.scores`.
     has_motion : bool
         Whether it says which rows are rows of motion.
-    cuts : tuple of TrackPiece
+    pieces : tuple of TrackPiece
     slips : tuple of RowInterval
         True slips, in rows counted as ``first_row``.
     sample_rate_hz : float
@@ -58,9 +56,9 @@ class Track(NamedTuple):
 
     name: str
     volts: Floats
-    kind: NDArray[np.int8]
+    kinds: NDArray[np.int8]
     has_motion: bool
-    cuts: tuple[TrackPiece, ...]
+    pieces: tuple[TrackPiece, ...]
     slips: tuple[RowInterval, ...]
     sample_rate_hz: float
 
@@ -72,13 +70,13 @@ class Track(NamedTuple):
     @property
     def quiet_s(self) -> float:
         """Time of its rows without slip."""
-        return float(np.count_nonzero(self.kind != SLIP)) / self.sample_rate_hz
+        return float(np.count_nonzero(self.kinds != SLIP)) / self.sample_rate_hz
 
     def rows(self) -> Iterator[LabelledRows]:
         """Yield its pieces, for a replay."""
         period_ns = 1e9 / self.sample_rate_hz
-        for begin, end, first_row, new_stretch in self.cuts:
-            kind = self.kind[begin:end]
+        for begin, end, first_row, new_stretch in self.pieces:
+            kind = self.kinds[begin:end]
             stamps_ns = np.round((first_row + np.arange(end - begin)) * period_ns)
             yield LabelledRows(
                 self.volts[begin:end],
@@ -93,14 +91,14 @@ class Track(NamedTuple):
         rows = [
             LabelledRows(
                 self.volts[max(begin, first) : min(end, last)],
-                self.kind[max(begin, first) : min(end, last)] == SLIP,
+                self.kinds[max(begin, first) : min(end, last)] == SLIP,
                 None,
                 new_stretch,
-                self.kind[max(begin, first) : min(end, last)] == MOTION
+                self.kinds[max(begin, first) : min(end, last)] == MOTION
                 if self.has_motion
                 else None,
             )
-            for begin, end, _, new_stretch in self.cuts
+            for begin, end, _, new_stretch in self.pieces
             if begin < last and end > first
         ]
         return track_of(name, rows, self.sample_rate_hz)
@@ -123,9 +121,9 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
     ValueError
         When it has no rows; names it.
     """
-    labels, kinds, volts, cuts = OnIntervals(), [], [], []
+    labels, kinds, volts, track_pieces = OnIntervals(), [], [], []
     place = row = 0
-    last_ns: int | None = None
+    last_stamps_ns = None
     has_motion = False
     for piece in pieces:
         n = len(piece.volts)
@@ -133,18 +131,14 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
             continue
         if piece.new_stretch and place:
             labels.close(row)
-            if piece.stamps_ns is not None and last_ns is not None:
-                row += missing_rows(last_ns, int(piece.stamps_ns[0]), sample_rate_hz)
-        kind = np.where(piece.truth, SLIP, REST).astype(np.int8)
-        if piece.moving is not None:
-            has_motion = True
-            kind[piece.moving & ~piece.truth] = MOTION
+            row += rows_in_gap(last_stamps_ns, piece.stamps_ns, sample_rate_hz)
+        has_motion |= piece.moving is not None
         labels.add(piece.truth, row)
         volts.append(np.asarray(piece.volts, np.float64))
-        kinds.append(kind)
-        cuts.append(TrackPiece(place, place + n, row, piece.new_stretch or not place))
+        kinds.append(piece.kinds)
+        track_pieces.append(TrackPiece(place, place + n, row, piece.new_stretch or not place))
         place, row = place + n, row + n
-        last_ns = None if piece.stamps_ns is None else int(piece.stamps_ns[-1])
+        last_stamps_ns = piece.stamps_ns
     if not place:
         raise ValueError(f'{name}: has no samples')
     labels.close(row)
@@ -153,7 +147,7 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
         np.ascontiguousarray(np.concatenate(volts)),
         np.concatenate(kinds),
         has_motion,
-        tuple(cuts),
+        tuple(track_pieces),
         tuple(labels.closed()),
         sample_rate_hz,
     )
@@ -163,9 +157,9 @@ def fingerprint(tracks: Sequence[Track]) -> str:
     """Return a number of what the tracks hold, whatever their files are called."""
     digest = hashlib.sha256()
     for track in tracks:
-        digest.update(repr((track.volts.shape, track.cuts, track.sample_rate_hz)).encode())
+        digest.update(repr((track.volts.shape, track.pieces, track.sample_rate_hz)).encode())
         digest.update(track.volts.data)
-        digest.update(track.kind.data)
+        digest.update(track.kinds.data)
     return digest.hexdigest()[:16]
 
 
@@ -218,7 +212,7 @@ def _every_so_many(tracks: Sequence[Track], share: float) -> tuple[list[Track], 
 
 def _cut_in_two(track: Track, share: float) -> tuple[list[Track], list[Track]]:
     """Cut a recording between two slips; the later part is held out."""
-    slipping = np.flatnonzero(np.diff(np.concatenate([[0], track.kind == SLIP, [0]]).astype(int)))
+    slipping = np.flatnonzero(np.diff(np.concatenate([[0], track.kinds == SLIP, [0]]).astype(int)))
     starts, ends = slipping[::2], slipping[1::2]
     if len(starts) < 2:
         raise ValueError(

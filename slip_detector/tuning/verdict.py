@@ -60,11 +60,11 @@ def pooled_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     ``latency_median_all_ms``: the
     median over all slips, a missed one being later than any; None where that is a missed one.
     """
-    latencies_s = [
-        np.inf if slip.latency_s is None else slip.latency_s
+    latencies_ms = [
+        np.inf if slip.latency_s is None else slip.latency_s * 1e3
         for one in outcomes
         for slip in one.slips
     ]
-    median_s = float(np.median(latencies_s)) if latencies_s else np.inf
-    median_ms = median_s * 1e3 if np.isfinite(median_s) else None
-    return {**figures_of_merit(outcomes), 'latency_median_all_ms': median_ms}
+    median_ms = float(np.median(latencies_ms)) if latencies_ms else np.inf
+    all_ms = median_ms if np.isfinite(median_ms) else None
+    return {**figures_of_merit(outcomes), 'latency_median_all_ms': all_ms}

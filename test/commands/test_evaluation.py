@@ -17,8 +17,9 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands import evaluate as evaluation
 from slip_detector.commands.evaluate import main, recording_sets
 from slip_detector.evaluation.events import Alarm
-from slip_detector.evaluation.replay import LabelledRows, Replay, figures_of_merit
-from slip_detector.evaluation.scores import REST, SLIP, DecisionStatistic, ScoreTally
+from slip_detector.evaluation.labelled_rows import REST, SLIP, LabelledRows
+from slip_detector.evaluation.replay import Replay, figures_of_merit
+from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
@@ -92,8 +93,8 @@ def roc_auc(score, label):
 
 def expected_scores(path):
     with np.load(path) as file:
-        config = ChainConfig()
-        return DecisionStatistic(config)(SlipChain(config).update(file['volts'])), file['slip']
+        result = SlipChain().update(file['volts'], votes=('all',))
+        return result.vote_statistic[:, 0], file['slip']
 
 
 def test_json_has_the_figures_of_each_recording_and_of_all_rows_together(capsys, tmp_path):
@@ -237,7 +238,7 @@ def bag(path, n=600, truth=True):
     pytest.importorskip('rosbags', reason='needs rosbags')
     source = write(path.parents[1] / 'source' / 'a.npz')
     with np.load(source) as file:
-        rows = recordings.Rows(
+        rows = recordings.RecordedRows(
             file['volts'][:n],
             np.rint(np.arange(n) * 1e9 / RATE_HZ).astype(np.int64),
             file['slip'][:n] if truth else None,

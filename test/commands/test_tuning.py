@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.commands.tune import main
-from slip_detector.evaluation.replay import LabelledRows
+from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
@@ -413,5 +413,5 @@ def test_a_track_of_a_recording_with_a_gap_keeps_its_time():
         LabelledRows(volts[1000:], truth[1000:], stamps[1000:], new_stretch=True),
     ]
     whole = track_of('a', pieces, 380.0)
-    assert whole.cuts[1].first_row == 1000 + 760
+    assert whole.pieces[1].first_row == 1000 + 760
     assert whole.slips[-1].start == np.flatnonzero(np.diff(truth.astype(int)) == 1)[-1] + 1 + 760

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slip_detector.evaluation.replay import LabelledRows
+from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig

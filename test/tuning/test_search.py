@@ -123,8 +123,8 @@ def test_the_best_threshold_is_found_for_each_vote():
 
 
 def test_a_chain_that_never_moves_has_no_threshold():
-    flat = track(1)._replace(volts=np.full((100, 4), 4.3), kind=np.zeros(100, np.int8))
-    flat = flat._replace(cuts=(flat.cuts[0]._replace(end=100),))
+    flat = track(1)._replace(volts=np.full((100, 4), 4.3), kinds=np.zeros(100, np.int8))
+    flat = flat._replace(pieces=(flat.pieces[0]._replace(end=100),))
     assert Objective([flat], EvaluationConfig(), TuneConfig()).best(CHAIN) == []
 
 

@@ -3,97 +3,70 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.replay import LabelledRows, Replay
+from slip_detector.chain.slip_chain import COMPILED, SlipChain
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.space import thresholds, votes_of
-from slip_detector.tuning.sweep import Statistics, sweep_thresholds
+from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
 from slip_detector.tuning.tracks import track_of
-
-CHANNELS = 7
-CONFIG = ChainConfig(
-    channels=CHANNELS,
-    groups={'left': (1, 2, 3), 'right': (4, 5, 6, 7)},
-    stopbands_hz=(),
-    flat_after_s=0.0,
-    gain=1.0,
-)
+from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 
 
-def rows(seed, n, gap_at=None, bad_share=0.0, moving=False):
-    """Noise that swells in the labelled intervals and, less, elsewhere."""
-    random = np.random.default_rng(seed)
-    truth = np.zeros(n, bool)
-    for start in random.integers(0, n, 4):
-        truth[start : start + random.integers(1, n // 4)] = True
-    swell = np.interp(np.arange(n), np.linspace(0, n, 12), random.uniform(0.1, 2.0, 12))
-    volts = (swell + truth)[:, None] * random.standard_normal((n, CHANNELS))
-    volts[random.random(volts.shape) < bad_share] = np.nan
-    stamps = np.round(np.arange(n) * 1e9 / 380.0).astype(np.int64)
-    motion = random.random(n) < 0.5 if moving else None
-    if gap_at is None:
-        return [LabelledRows(volts, truth, stamps, False, motion)]
-    stamps[gap_at:] += 700_000_000
-    first, second = slice(0, gap_at), slice(gap_at, n)
-    return [
-        LabelledRows(
-            volts[part], truth[part], stamps[part], part is second, motion and motion[part]
-        )
-        for part in (first, second)
-    ]
+@settings(max_examples=25 if COMPILED else 3, deadline=None)
+@given(chains(), recordings())
+def test_a_chain_is_on_where_the_statistic_of_its_vote_is_above_its_threshold(config, pieces):
+    track = track_of('a', pieces, RATE_HZ)
+    statistic = VoteStatistics(config, ['all', config.vote]).of(track)[1]
+    chain, on = SlipChain(config), []
+    for piece in pieces:
+        if piece.new_stretch:
+            chain.reset()
+        on += chain.update(piece.volts).slip.tolist()
+    assert (statistic > config.threshold).tolist() == on
 
 
-@settings(max_examples=25)
-@given(
-    seed=st.integers(0, 10_000),
-    exponent=st.integers(1, 4),
-    common_mode=st.sampled_from(['none', 'median']),
-    bad_share=st.sampled_from([0.0, 0.02]),
-    gap_at=st.sampled_from([None, 300]),
-    early_s=st.sampled_from([0.0, 0.05]),
-    disabled=st.sampled_from([(), (2,), (4, 5)]),
-)
+@settings(max_examples=25 if COMPILED else 3, deadline=None)
+@given(chains(), st.lists(recordings(), min_size=1, max_size=2), EVALUATIONS, st.randoms())
 def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
-    seed, exponent, common_mode, bad_share, gap_at, early_s, disabled
+    config, several, evaluation, random
 ):
-    config = dataclasses.replace(
-        CONFIG, exponent=exponent, common_mode=common_mode, disabled_channels=disabled
-    )
-    evaluation = EvaluationConfig(early_s=early_s, tail_s=0.08)
-    recordings = [rows(seed, 900, gap_at, bad_share), rows(seed + 1, 600, None, bad_share)]
-    tracks = [track_of('a', pieces, 380.0) for pieces in recordings]
+    tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
+    if not sum(track.quiet_s for track in tracks):
+        return
     votes = votes_of(config)
-    one_pass = Statistics(config, votes)
-    statistic = [one_pass.of(track) for track in tracks]
-    random = np.random.default_rng(seed)
-    for vote in votes:
-        limits = thresholds([part[vote] for part in statistic], tracks, exponent)
-        assert (np.diff(limits) > 0).all()
-        swept = sweep_thresholds([part[vote] for part in statistic], tracks, limits, evaluation)
-        for k in random.integers(0, len(limits), 3).tolist():
-            if vote == 'mean':  # equal up to the last bits only
-                near = [np.abs(part[vote] / limits[k] - 1).min() < 1e-12 for part in statistic]
-                if any(near):
-                    continue
+    one_pass = VoteStatistics(config, votes)
+    statistics = [one_pass.of(track) for track in tracks]
+    for v, vote in enumerate(votes):
+        mine = [statistic[v] for statistic in statistics]
+        limits = thresholds(mine, tracks, config.exponent)
+        if not limits.size:
+            continue
+        sweep = sweep_thresholds(mine, tracks, limits, evaluation)
+        for k in {0, limits.size - 1, random.randrange(limits.size)}:
             chain = dataclasses.replace(config, vote=vote, threshold=float(limits[k]))
             replay = Replay(chain, evaluation, scores=False, stages=False)
-            outcomes = [replay.run(pieces, 380.0) for pieces in recordings]
-            latencies = [
+            outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
+            latencies_ms = [
                 np.nan if slip.latency_s is None else slip.latency_s * 1e3
                 for one in outcomes
                 for slip in one.slips
             ]
-            np.testing.assert_allclose(swept.latencies_ms[:, k], latencies, rtol=1e-12)
-            false = sum(alarm.kind == 'false' for one in outcomes for alarm in one.alarms)
-            assert swept.false_alarms[k] == false
-            assert swept.quiet_s == pytest.approx(sum(one.quiet_s for one in outcomes))
+            np.testing.assert_array_equal(sweep.latencies_ms[:, k], latencies_ms)
+            false_alarms = sum(alarm.kind == 'false' for one in outcomes for alarm in one.alarms)
+            assert sweep.false_alarms[k] == false_alarms
+            assert sweep.quiet_s == sum(one.quiet_s for one in outcomes)
 
 
-def test_the_track_replays_as_the_recording_does():
-    pieces = rows(3, 900, gap_at=400, bad_share=0.02)
-    replay = Replay(dataclasses.replace(CONFIG, threshold=0.3, vote='mean'), scores=False)
-    assert replay.run(track_of('a', pieces, 380.0).rows(), 380.0) == replay.run(pieces, 380.0)
+def test_a_room_is_used_again_and_changes_nothing():
+    config = ChainConfig(channels=2, stopbands_hz=())
+    volts = np.random.default_rng(0).standard_normal((5000, 2))
+    track = track_of('a', [LabelledRows(volts, np.zeros(5000, bool))], 380.0)
+    one_pass = VoteStatistics(config, ['all', 1])
+    first = one_pass.of(track)
+    kept = first.copy()
+    assert one_pass.of(track, first) is first
+    np.testing.assert_array_equal(first, kept)

@@ -1,0 +1,79 @@
+"""Rows of a recording with what is known of each: whether there is slip, whether it moves."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.stamps import missing_rows
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Kinds = NDArray[np.int8]
+Stamps = NDArray[np.int64]
+
+#: Kinds of rows: the robot rests (or nobody says whether it moves), it moves, there is slip.
+REST, MOTION, SLIP = range(3)
+
+
+class LabelledRows(NamedTuple):
+    """A piece of a recording: n rows of c channels.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, c)
+    truth : ndarray of bool, shape (n,)
+        Label: whether there is slip.
+    stamps_ns : ndarray of int, shape (n,), or None
+        Only asked how long the gap before a new stretch is.
+    new_stretch : bool
+        Too many rows are missing before these: the chain starts anew.
+    moving : ndarray of bool, shape (n,), or None
+        Whether the robot moves, where that is known.
+    """
+
+    volts: Floats
+    truth: Bools
+    stamps_ns: Stamps | None = None
+    new_stretch: bool = False
+    moving: Bools | None = None
+
+    @property
+    def kinds(self) -> Kinds:
+        """Which of :data:`REST`, :data:`MOTION` and :data:`SLIP` each row is; shape (n,).
+
+        A row of slip is one whether the robot moves or not.
+
+        Examples
+        --------
+        >>> truth, moving = np.array([False, False, True]), np.array([False, True, True])
+        >>> LabelledRows(np.zeros((3, 1)), truth, moving=moving).kinds
+        array([0, 1, 2], dtype=int8)
+        """
+        kinds = np.full(len(self.truth), REST, np.int8)
+        if self.moving is not None:
+            kinds[self.moving] = MOTION
+        kinds[self.truth] = SLIP
+        return kinds
+
+
+def rows_in_gap(
+    last_stamps_ns: Stamps | None, stamps_ns: Stamps | None, sample_rate_hz: float
+) -> int:
+    """Return how many rows are missing in the gap between two stretches; 0 where none knows.
+
+    Parameters
+    ----------
+    last_stamps_ns, stamps_ns : ndarray of int, or None
+        Stamps of the last rows before the gap and of the first ones after it.
+    sample_rate_hz
+        Of the recording.
+
+    Examples
+    --------
+    >>> rows_in_gap(np.array([0, 10_000_000]), np.array([50_000_000]), sample_rate_hz=100.0)
+    3
+    """
+    if last_stamps_ns is None or stamps_ns is None:
+        return 0
+    return missing_rows(int(last_stamps_ns[-1]), int(stamps_ns[0]), sample_rate_hz)

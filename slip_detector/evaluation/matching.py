@@ -1,0 +1,220 @@
+"""Each true slip is matched to at most one alarm, at one threshold or at many at once.
+
+An alarm is the time from a rise of the global decision to its fall; a true slip is an interval of
+the label. Time is counted in rows here, from the first row of the recording, those that are
+missing in a gap counted as well, so that nothing depends on rounding.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.compiled import compiled
+from slip_detector.parameters.evaluation import EvaluationConfig
+
+Ints = NDArray[np.int64]
+
+#: In place of the number of an alarm or of a slip.
+NONE = -1
+
+
+class RowInterval(NamedTuple):
+    """Rows from ``start`` to before ``end``."""
+
+    start: int
+    end: int
+
+
+class OnIntervals:
+    """Collects the intervals in which a signal is ON, over any cut of its rows into pieces.
+
+    Attributes
+    ----------
+    edges : list of int
+        Rows at which it rises and falls, in turns.
+
+    Examples
+    --------
+    >>> signal = OnIntervals()
+    >>> signal.add(np.array([False, True]), first_row=0)
+    >>> signal.add(np.array([True, False, True]), first_row=2)
+    >>> signal.close(end_row=5)
+    >>> signal.closed()
+    [RowInterval(start=1, end=3), RowInterval(start=4, end=5)]
+    """
+
+    def __init__(self) -> None:
+        self.edges: list[int] = []
+
+    @property
+    def on(self) -> bool:
+        """Whether the signal was ON in the last row."""
+        return len(self.edges) % 2 == 1
+
+    def add(self, on: NDArray[np.bool_], first_row: int) -> None:
+        """Take the next rows.
+
+        Parameters
+        ----------
+        on
+            The signal, shape (n,).
+        first_row
+            When the first of them is.
+        """
+        if not on.size:
+            return
+        turns = (np.flatnonzero(on[1:] != on[:-1]) + (first_row + 1)).tolist()
+        if bool(on[0]) != self.on:
+            turns.insert(0, first_row)
+        self.edges += turns
+
+    def close(self, end_row: int) -> None:
+        """End the interval that is open, if one is: the rows end before this one."""
+        if self.on:
+            self.edges.append(end_row)
+
+    def closed(self) -> list[RowInterval]:
+        """Return the intervals that have ended, the oldest first."""
+        pairs = zip(self.edges[::2], self.edges[1::2], strict=False)
+        return [RowInterval(*pair) for pair in pairs]
+
+
+def tolerance_rows(config: EvaluationConfig, sample_rate_hz: float) -> tuple[int, int]:
+    """Return how many rows an alarm may rise before a slip, and after its end.
+
+    Examples
+    --------
+    >>> tolerance_rows(EvaluationConfig(early_s=0.01, tail_s=0.1), sample_rate_hz=380.0)
+    (4, 38)
+    """
+    return round(config.early_s * sample_rate_hz), round(config.tail_s * sample_rate_hz)
+
+
+def alarm_windows(
+    slips: Sequence[RowInterval], early_rows: int, tail_rows: int
+) -> tuple[Ints, Ints]:
+    """Return from which row to before which an alarm can belong to each slip.
+
+    From ``early_rows`` before the slip's start, but not within the slip before it, to
+    ``tail_rows`` after its end, but not within the next slip.
+
+    Parameters
+    ----------
+    slips
+        Rising, without overlap.
+    early_rows, tail_rows
+        At least 0.
+
+    Returns
+    -------
+    lows, highs : ndarray of int, shape (slips,)
+
+    Examples
+    --------
+    >>> alarm_windows([RowInterval(10, 20), RowInterval(25, 30)], early_rows=8, tail_rows=9)
+    (array([ 2, 20]), array([25, 39]))
+    """
+    bounds = np.array(slips, np.int64).reshape(-1, 2)
+    lows, highs = bounds[:, 0] - early_rows, bounds[:, 1] + tail_rows
+    lows[1:] = np.maximum(lows[1:], bounds[:-1, 1])
+    highs[:-1] = np.minimum(highs[:-1], bounds[1:, 0])
+    return lows, highs
+
+
+@compiled
+def slip_not_over(row, slip, highs):
+    """Return the first slip, from ``slip`` on, whose window has not ended before a row."""
+    while slip < highs.size and highs[slip] <= row:
+        slip += 1
+    return slip
+
+
+@compiled
+def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
+    """Give an alarm to the first slip that it can belong to and that has none yet.
+
+    The tail of one slip can meet the early part of the next, no further one: so it can belong to
+    ``slip``, the first whose window has not ended, or to the one after that.
+
+    Parameters
+    ----------
+    alarm : int
+        Its number, at least 0.
+    row : int
+        Where it rises.
+    slip : int
+        See :func:`slip_not_over`.
+    lows : ndarray of int, shape (slips,)
+        See :func:`alarm_windows`.
+    alarm_of : ndarray of int, shape (slips, thresholds)
+        The number of each slip's alarm at each threshold, ``NONE`` before there is one.
+    threshold : int
+        The threshold, by its place, at which the alarm rises.
+
+    Returns
+    -------
+    int
+        The slip that it belongs to, be it as its alarm or as a repetition; ``NONE`` for a false
+        alarm.
+    """
+    belongs = NONE
+    for s in range(slip, min(slip + 2, lows.size)):
+        if lows[s] <= row:
+            if alarm_of[s, threshold] == NONE:
+                alarm_of[s, threshold] = alarm
+                return s
+            if belongs == NONE:
+                belongs = s
+    return belongs
+
+
+@compiled
+def _match(rises, lows, highs, alarm_of, slip_of):
+    slip = 0
+    for alarm in range(rises.size):
+        slip = slip_not_over(rises[alarm], slip, highs)
+        slip_of[alarm] = give_alarm(alarm, rises[alarm], slip, lows, alarm_of, 0)
+
+
+def match(
+    slips: Sequence[RowInterval], rises: Sequence[int], early_rows: int, tail_rows: int
+) -> tuple[list[int | None], list[int | None]]:
+    """Match each true slip to at most one alarm and each alarm to at most one slip.
+
+    An alarm can belong to a slip when it rises within the slip's window, see
+    :func:`alarm_windows`. In the order of time each alarm is given to the first slip that it can
+    belong to and that has none yet; no other matching has more pairs.
+
+    Parameters
+    ----------
+    slips
+        Rising, without overlap.
+    rises
+        Rows at which the alarms rise, rising.
+    early_rows, tail_rows
+        At least 0.
+
+    Returns
+    -------
+    alarm_of : list of int or None
+        By slip: its alarm.
+    slip_of : list of int or None
+        By alarm: the slip that it belongs to, be it as its alarm or as a repetition; None for a
+        false alarm.
+
+    Examples
+    --------
+    >>> match([RowInterval(10, 20), RowInterval(50, 60)], [12, 17, 40], early_rows=0, tail_rows=5)
+    ([0, None], [0, 0, None])
+    """
+    lows, highs = alarm_windows(slips, early_rows, tail_rows)
+    alarm_of = np.full((len(slips), 1), NONE, np.int64)
+    slip_of = np.full(len(rises), NONE, np.int64)
+    _match(np.array(rises, np.int64), lows, highs, alarm_of, slip_of)
+    return _or_none(alarm_of[:, 0]), _or_none(slip_of)
+
+
+def _or_none(numbers: Ints) -> list[int | None]:
+    return [None if number == NONE else number for number in numbers.tolist()]

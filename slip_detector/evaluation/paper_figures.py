@@ -1,0 +1,104 @@
+"""The paper's figures of merit: delays, success rate and false positives (Section 3, Eq. 10)."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slip_detector.evaluation.events import TrueSlip
+
+
+def first_on_delay_s(on: ArrayLike, time_s: ArrayLike, start_s: float) -> float | None:
+    """Return the time from the start of slip to the first ON at or after it.
+
+    Parameters
+    ----------
+    on : array_like of bool, shape (n,)
+        Decisions on one channel, group or all.
+    time_s : array_like, shape (n,)
+        Time of each row, rising.
+    start_s : float
+        When slip begins.
+
+    Returns
+    -------
+    float or None
+        Seconds; None where there is no such ON.
+
+    Examples
+    --------
+    >>> first_on_delay_s([True, False, True], time_s=[0.0, 1.0, 2.0], start_s=0.5)
+    1.5
+    """
+    times = np.asarray(time_s, dtype=np.float64)
+    after = np.flatnonzero(np.asarray(on, dtype=bool) & (times >= start_s))
+    return float(times[after[0]]) - start_s if after.size else None
+
+
+def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | None]:
+    """Return mean and standard deviation of delays, as of the channels in the paper's Eq. 10.
+
+    Parameters
+    ----------
+    delays
+        In any unit; None for a channel or a trial without.
+
+    Returns
+    -------
+    mean, sd : float or None
+        Over those that are known; the mean of none and the standard deviation (of the sample:
+        n - 1) of fewer than two are not defined: None.
+
+    Examples
+    --------
+    >>> mean_and_sd([1.0, None, 3.0])
+    (2.0, 1.4142135623730951)
+    """
+    known = [delay for delay in delays if delay is not None]
+    mean = float(np.mean(known)) if known else None
+    return mean, float(np.std(known, ddof=1)) if len(known) > 1 else None
+
+
+def percent(part: int, whole: int) -> float | None:
+    """Return a share in percent; None where the whole is nothing.
+
+    Examples
+    --------
+    >>> percent(1, 4), percent(0, 0)
+    (25.0, None)
+    """
+    return 100.0 * part / whole if whole else None
+
+
+def paper_figures(slips: Sequence[TrueSlip], on_rows: int, rest_rows: int) -> dict[str, Any]:
+    """Return the figures that the paper reports of trials, each slip being one.
+
+    Parameters
+    ----------
+    slips
+        Of one recording or of several; see :func:`trial_delays_ms` for the delay of each.
+    on_rows
+        Rows without slip in which the global decision is ON, of all recordings together.
+    rest_rows
+        Rows without slip.
+
+    Returns
+    -------
+    dict
+        ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1) over the slips; ``success_percent``: the
+        share of the slips while which the global decision is ON; ``false_positive_percent``: the
+        share of the rows without slip in which it is. None where one is not defined.
+    """
+    mean_ms, sd_ms = mean_and_sd(trial_delays_ms(slips))
+    return {
+        'mean_delay_ms': mean_ms,
+        'sd_delay_ms': sd_ms,
+        'success_percent': percent(sum(slip.on_while for slip in slips), len(slips)),
+        'false_positive_percent': percent(on_rows, rest_rows),
+    }
+
+
+def trial_delays_ms(slips: Sequence[TrueSlip]) -> list[float | None]:
+    """Return each slip's delay, the mean of those of its channels (Eq. 10); None without one."""
+    return [None if slip.delay_s is None else slip.delay_s * 1e3 for slip in slips]

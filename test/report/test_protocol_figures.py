@@ -1,0 +1,24 @@
+"""What is drawn of the paper's protocol is what the chain made of it."""
+
+import numpy as np
+import pytest
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report.protocol_figures import stages
+
+
+@pytest.mark.parametrize(
+    'changes', [{}, {'exponent': 2, 'rectify': 'half', 'common_mode': 'median'}]
+)
+def test_the_stages_that_are_drawn_are_those_of_the_chain(changes):
+    config = ChainConfig(**changes)
+    (trial,) = simulate_trials(SCENES['400'], [0])
+    raw, _, power, envelope, level = stages(trial, config, 5).values()
+    result = SlipChain(config).update(trial.volts)
+    np.testing.assert_array_equal(raw, trial.volts[:, 4])
+    np.testing.assert_array_equal(level, result.level[:, 4])
+    window = np.full(15, 1 / 15)  # 40 ms
+    rms = np.sqrt(np.convolve(power**2, window)[: len(power)])
+    np.testing.assert_allclose(rms, envelope, rtol=1e-6, atol=1e-9 * envelope.max())
