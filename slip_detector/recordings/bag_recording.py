@@ -24,7 +24,7 @@ Stamps = NDArray[np.int64]
 
 T = TypeVar('T')
 
-#: Topic that is read where none is named.
+#: Topic that is read if none is named.
 TOPIC = 'voltages'
 
 #: Messages that are decoded first: they tell the rate, and how many samples a message has.
@@ -32,7 +32,22 @@ FIRST_MESSAGES = 1024
 
 
 class BagRecording(Recording):
-    """A bag: the folder of one, or one of its files."""
+    """A bag: the folder of one, or one of its files.
+
+    Parameters
+    ----------
+    path
+        Of the folder or the file.
+    config
+        Topics of the rows and of the truth, and the field that has the channels.
+    labels
+        That a person wrote, if any: then no topic is asked for the truth.
+
+    Raises
+    ------
+    ValueError
+        When there is no such topic or field, or no sample; names the bag and what it has.
+    """
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config.recording_resample)
@@ -131,9 +146,9 @@ class BagRecording(Recording):
         return np.asarray(np.repeat(ends_ns, samples) - back_ns)
 
     def _truth(self) -> 'Callable[[Stamps, Stamps], Bools] | None':
-        """Return what tells the truth of rows from their stamps and how late they were received.
+        """Return a function of the stamps of rows and their delays until receipt: their truth.
 
-        A Bool has no stamp: it holds for the rows that were received from then on. Positions have
+        A Bool has no stamp: it holds for the rows that were received after it. Positions have
         stamps, as the rows have.
         """
         if self._labels is not None:
@@ -159,7 +174,7 @@ class BagRecording(Recording):
         return None
 
     def _naming(self, act: Callable[[], T]) -> T:
-        """Name the bag where something in it is wrong."""
+        """Call a function; an error that it raises gets the path of the bag in front."""
         try:
             return act()
         except ValueError as error:
@@ -183,14 +198,14 @@ class BagRecording(Recording):
         )
 
     def _beside(self, config: RecordingConfig, parameter: str, msgtype: str) -> 'Topic | None':
-        """Find a topic that labels the rows, best in the namespace of their own."""
+        """Find a topic that labels the rows, in their namespace before any other."""
         name = getattr(config, parameter)
         alike = [topic for topic in self._storage.topics if topic.msgtype == msgtype]
         full = f'{self._topic.name.rpartition("/")[0]}/{name}'
         found = [topic for topic in alike if topic.name == full]
         found = found or [topic for topic in alike if _is_named(topic.name, name)]
         if len(found) == 1:
-            # A topic that nobody published on says nothing.
+            # A topic without messages says nothing.
             return found[0] if self._storage.counts.get(found[0].name, 1) else None
         if name == getattr(RecordingConfig, parameter):
             return None
@@ -201,7 +216,7 @@ class BagRecording(Recording):
         )
 
     def _usual_field(self, topic: Topic) -> str:
-        """Return the field that has the channels, where that needs no telling."""
+        """Return the field that has the channels in messages of a usual type."""
         if topic.msgtype == JOINT_STATE:
             return 'position'
         if topic.msgtype.endswith('MultiArray'):
@@ -214,5 +229,5 @@ class BagRecording(Recording):
 
 
 def _is_named(topic: str, name: str) -> bool:
-    """Tell whether a topic has a name, in any namespace unless the name begins with /."""
+    """Return whether a topic has a name, in any namespace unless the name begins with /."""
     return topic == name or (not name.startswith('/') and f'/{topic}'.endswith(f'/{name}'))

@@ -57,9 +57,9 @@ class BagStorage:
     Attributes
     ----------
     topics : list of Topic
-        In the order of their names.
+        Sorted by their names.
     counts : dict
-        Messages by the name of the topic, where the bag says so.
+        How many messages each topic has, by its name, where the bag says so.
     lost : list of str
         What could not be read, after a reading.
 
@@ -81,7 +81,7 @@ class BagStorage:
                 topics = [_topic(connection) for connection in reader.connections]
                 counts = [(one.topic, one.msgcount) for one in reader.connections]
                 self._whole = True
-        except Exception:  # A cut file fails in many ways.
+        except Exception:  # rosbags raises many kinds of error for a cut file.
             self._whole = False
             counts = _counts(_metadata(path))
             with self._readers() as readers:
@@ -102,8 +102,8 @@ class BagStorage:
                     yield message
                 if last_ns >= 0:
                     return
-                # rosbags leaves out topics that metadata.yaml describes otherwise than the files.
-            except Exception as error:  # A damaged place shows when it is reached.
+                # rosbags leaves out a topic of which metadata.yaml says other than the files.
+            except Exception as error:  # Damage raises an error when it is reached.
                 why = ' '.join(str(error).split())
                 self.lost.append(f'{self._path.name} is damaged ({why})')
         per_message = str(_metadata(self._path).get('compression_mode')).lower() == 'message'
@@ -124,7 +124,7 @@ class BagStorage:
 
     @contextlib.contextmanager
     def _readers(self) -> 'Iterator[list[DamagedMcap | DamagedDatabase]]':
-        """Open what is there of the files one by one."""
+        """Open each file of the bag as far as it can be read."""
         with tempfile.TemporaryDirectory() as folder:
             files = [_readable(file, Path(folder)) for file in _files(self._path)]
             if not files:
@@ -142,7 +142,7 @@ def _topic(connection: Any) -> Topic:
 
 
 def _metadata(path: Path) -> dict[str, Any]:
-    """Read what the recorder wrote about a bag; nothing where it did not get so far."""
+    """Read the metadata of a bag; empty where the recorder wrote none, or they are damaged."""
     try:
         document = yaml.safe_load((path / METADATA).read_text(encoding='utf-8'))
         return dict(document['rosbag2_bagfile_information'])
@@ -151,7 +151,7 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _decompressed(raw: bytes) -> bytes:
-    """Decompress a message; one that is damaged is empty, and left out when it is decoded."""
+    """Decompress a message; a damaged one becomes empty, and the decoder leaves it out."""
     try:
         return bytes(zstd().decompress(raw))
     except Exception:
@@ -159,7 +159,7 @@ def _decompressed(raw: bytes) -> bytes:
 
 
 def _counts(metadata: dict[str, Any]) -> list[tuple[str, int]]:
-    """Return the topics and how many messages each has, as far as that is known."""
+    """Return how many messages each topic has; nothing where the metadata do not say."""
     try:
         return [
             (str(topic['topic_metadata']['name']), int(topic['message_count']))
@@ -181,8 +181,8 @@ def _files(path: Path) -> list[Path]:
 def _readable(file: Path, folder: Path) -> Path:
     """Return the file itself, or a copy in the folder that can be read.
 
-    What was compressed as a whole is decompressed as far as that goes. A database is cut to whole
-    pages, as SQLite fills up one that is cut with zeros and takes them for content.
+    A file that was compressed as a whole is decompressed up to where it is damaged. A database is
+    cut to whole pages, as SQLite fills a cut page with zeros and takes them for content.
     """
     if file.suffix == _COMPRESSED:
         unpacked = folder / file.stem

@@ -1,4 +1,4 @@
-"""What all recordings have in common: pieces of rows, judged by their stamps as the node does."""
+"""What all recordings have in common: pieces of rows, treated by their stamps as the node does."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ PIECE_ROWS = 8192
 
 @dataclasses.dataclass
 class RecordingCounts:
-    """What was met on the way through a recording; complete when its pieces have been read.
+    """What was counted while a recording was read; complete when its pieces have been read.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class RecordingCounts:
     stretches : int
         Runs of rows between long gaps; at least one.
     bad_samples : int
-        Values that are no number or infinite.
+        Values that are not a number or infinite.
     dropped : int
         Rows left out: a stamp not after the last one, other channels than the first message.
     lost : str
@@ -57,9 +57,9 @@ class RecordingCounts:
 
 
 class Recording:
-    """A recording that is read in pieces, however long it is.
+    """A recording that is read in pieces, however long it is; see :func:`open_recording`.
 
-    Each kind of file is a class of its own that gives the rows.
+    Each kind of file has a class of its own that gives the rows.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Recording:
     named : bool
         Whether the recording itself names its channels; else they are ch1, ch2, ...
     has_truth : bool
-        Whether it says where there is slip.
+        Whether it is known where there is slip.
     counts : RecordingCounts
         Of the last reading.
     """
@@ -100,7 +100,7 @@ class Recording:
         return None
 
     def array_names(self) -> list[str]:
-        """Return what :meth:`array` knows."""
+        """Return the names that :meth:`array` knows."""
         return []
 
     def rows(self) -> Iterator[RecordedRows]:
@@ -163,6 +163,22 @@ class Recording:
         ValueError
             When the file is broken, or its rate is not that of the chain and it is not to be
             resampled; names the file.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import numpy as np
+        >>> from slip_detector.recordings import open_recording
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / 'trial.npz'
+        ...     when = np.array([0, 1, 2, 4, 5, 90, 91])  # a short gap and a long one
+        ...     stamps_ns = when * 10_000_000
+        ...     np.savez(path, volts=np.ones((7, 2)), sample_rate_hz=100.0, stamps_ns=stamps_ns)
+        ...     recording = open_recording(path)
+        ...     pieces = list(recording.pieces(max_gap_s=0.1))
+        >>> [len(piece.volts) for piece in pieces], recording.counts.bridged_rows
+        ([6, 2], 1)
         """
         rate_hz, wanted_hz = self.sample_rate_hz, chain_rate_hz or self.sample_rate_hz
         apart = abs(rate_hz - wanted_hz) > RATE_TOLERANCE * wanted_hz

@@ -1,4 +1,4 @@
-"""Another rate for rows that come in pieces."""
+"""Resampling of rows that come in pieces."""
 
 from collections.abc import Iterator
 
@@ -12,24 +12,36 @@ Floats = NDArray[np.float64]
 #: Zero crossings of the sinc on either side of a row.
 LOBES = 16
 
-#: The filter's edge as a share of half of the lower rate: what is between is lost, what is above
-#: is 70 dB down.
+#: The filter's edge as a share of half of the lower rate. From there on it falls; above half of the
+#: lower rate it is 70 dB down.
 EDGE = 0.8
 
 
 class Resampler:
-    """Interpolates rows with a windowed sinc, which also keeps out what the new rate cannot hold.
+    """Interpolates rows with a windowed sinc, which also removes what the new rate cannot hold.
 
     Within a stretch rows are taken to be evenly spaced, as the chain takes them. The weights of
     each row add up to one: a baseline stays what it is, to the bit. Before the first row and after
-    the last one of a stretch the input is taken to be constant. A bad value (not a number,
-    infinite) is held out by the last good one of its channel, and the rows nearest to it are bad
-    in its place. The result does not depend on how the rows are cut into pieces.
+    the last one of a stretch the input is taken to be constant. In place of a bad value (not a
+    number, infinite) the last good one of its channel is interpolated, and the rows nearest to it
+    are bad. The result does not depend on how the rows are cut into pieces.
 
     Parameters
     ----------
     from_hz, to_hz
         Rates of the rows that come in and go out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.recordings import Piece
+    >>> from slip_detector.recordings.resample import Resampler
+    >>> stamps_ns, which = np.arange(100) * 5_000_000, np.arange(100)
+    >>> piece = Piece(np.full((100, 2), 4.3), stamps_ns, None, True, which)  # 0.5 s at 200 Hz
+    >>> resampled = list(Resampler(200.0, 380.0).pieces(iter([piece])))
+    >>> volts = np.concatenate([piece.volts for piece in resampled])
+    >>> volts.shape, np.unique(volts)
+    ((189, 2), array([4.3]))
     """
 
     def __init__(self, from_hz: float, to_hz: float) -> None:
@@ -39,7 +51,7 @@ class Resampler:
         self._half = int(np.ceil(LOBES / self._edge))
 
     def pieces(self, pieces: 'Iterator[Piece]') -> 'Iterator[Piece]':
-        """Yield the pieces at the new rate; each as soon as the rows it needs have come."""
+        """Yield the pieces at the new rate, each as soon as the rows that it needs have come."""
         stretch: _Stretch | None = None
         for piece in pieces:
             if piece.new_stretch or stretch is None:
@@ -53,7 +65,7 @@ class Resampler:
             yield from self._some(stretch, end=True)
 
     def _some(self, stretch: '_Stretch', end: bool) -> 'Iterator[Piece]':
-        """Yield the rows that can be told."""
+        """Yield the rows for which all rows that they need have come."""
         half, step = self._half, self._step
         if end:
             stretch.hold_last(half)
@@ -76,10 +88,11 @@ class Resampler:
         yield piece
 
     def _interpolated(self, stretch: '_Stretch', base: NDArray[np.int64], rest: Floats) -> Floats:
-        """Return the weighted sums about the places, (m, c).
+        """Return the weighted sums around the places, (m, c).
 
-        Summed tap by tap: the same order, hence the same bits, for any number of rows. Summed as
-        what they differ from the row before: a channel that repeats one value does so still.
+        They are summed tap by tap: in the same order, hence to the same bits, for any number of
+        rows. What is summed are the differences from the row before the place: so a channel that
+        repeats one value still does.
         """
         total = np.zeros(len(base))
         before = stretch.good_at(base)
@@ -126,7 +139,7 @@ class _Stretch:
         self.known += len(piece.volts)
 
     def hold_last(self, n: int) -> None:
-        """Go on as if the last row stayed."""
+        """Append the last row n times."""
         self._good = np.concatenate([self._good, np.repeat(self._good[-1:], n, axis=0)])
 
     def good_at(self, places: NDArray[np.int64]) -> Floats:
@@ -134,7 +147,7 @@ class _Stretch:
         return np.asarray(self._good[places - self._first + self._half])
 
     def bad_at(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Tell which values of the rows at the places are bad."""
+        """Return which values of the rows at the places are bad."""
         return np.asarray(self._bad[np.minimum(places, self.known - 1) - self._first])
 
     def piece(
@@ -153,7 +166,7 @@ class _Stretch:
         )
 
     def forget(self, place: int) -> None:
-        """Let go of what rows from the place on do not need."""
+        """Drop what rows from the place on do not need."""
         n = min(place, self.known) - self._first
         if n <= 0:
             return
@@ -169,9 +182,9 @@ class _Stretch:
 
 
 def _held(volts: Floats, bad: NDArray[np.bool_], last: 'Floats | None') -> Floats:
-    """Put the last good value of its channel in the place of each bad one.
+    """Return the volts with the last good value of its channel in place of each bad one.
 
-    Before the first good one it is that of ``last``; else the first good one of the piece, or 0.
+    Before the first good one it is that of ``last``; without it the first good one, or 0.
     """
     if not bad.any():
         return volts

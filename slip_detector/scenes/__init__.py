@@ -1,4 +1,4 @@
-"""The simulated fingertip: one file for each part, put together by a scene file."""
+"""The simulated fingertip: one file for each part; a scene file puts them together."""
 
 from slip_detector.scenes.scene import Scene
 from slip_detector.scenes.scene_files import find_scene, load_scene

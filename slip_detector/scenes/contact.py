@@ -21,7 +21,14 @@ class HertzNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Contact(ParameterSet):
-    """Hertz contact of a round fingertip with a plate."""
+    """Hertz contact of a round fingertip with a plate.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.contact import Contact
+    >>> round(Contact().largest_load_n(force_n=1.0), 4)  # newtons on a taxel in the middle
+    0.0228
+    """
 
     radius_at_1n_m: float = parameter(
         5.4e-3,
@@ -42,7 +49,7 @@ class Contact(ParameterSet):
         return HertzNumbers(self.radius_at_1n_m**2, self.taxel_area_m2)
 
     def largest_load_n(self, force_n: float) -> float:
-        """Return the load of a taxel in the middle of the contact: no taxel has more."""
+        """Return the load of a taxel in the middle of the contact: the largest there is."""
         out = np.zeros(1)
         spread_load(force_n, 0.0, 0.0, np.zeros((1, 2)), self.numbers(), 0.0, out)
         return float(out[0])
@@ -52,9 +59,23 @@ class Contact(ParameterSet):
 def spread_load(force_n, centre_x_m, centre_y_m, positions_m, hertz, rest_patches, loads_n):
     """Write the normal load of each taxel to ``loads_n``.
 
-    Hertz: p(r) = 3 F / (2 pi a^2) sqrt(1 - r^2 / a^2), a^3 proportional to F. Where ``loads_n``
-    has one place more than there are taxels, it gets the load of a patch of the skin between the
-    taxels, which carries as ``rest_patches`` such patches what the taxels do not.
+    Hertz: p(r) = 3 F / (2 pi a^2) sqrt(1 - r^2 / a^2), a^3 proportional to F.
+
+    Parameters
+    ----------
+    force_n : float
+        Normal force.
+    centre_x_m, centre_y_m : float
+        Where the fingertip touches.
+    positions_m : ndarray, shape (channels, 2)
+        Of the taxels.
+    hertz : HertzNumbers
+        Of the contact.
+    rest_patches : float
+        Number of patches of the skin between the taxels.
+    loads_n : ndarray, shape (channels,) or (channels + 1,)
+        Is filled. Its place beyond the taxels gets the load of a patch of the skin between them:
+        all such patches together carry what the taxels do not.
     """
     n = positions_m.shape[0]
     if not force_n > 0.0:

@@ -1,4 +1,4 @@
-"""From loads to volts: what the electronics of the 16 channels make of what the taxels feel."""
+"""From loads to volts: the electronics of the 16 channels."""
 
 import dataclasses
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class Electronics(ParameterSet):
-    """One fingertip; its channels differ as those of a real one, drawn from its own seed."""
+    """The electronics of one fingertip; its seed draws how its channels differ."""
 
     fingertip_seed: int = parameter(
         1, 'Seed of the differences between channels: one seed is one fingertip.', low=0
@@ -102,6 +102,15 @@ class Frontend:
     baseline_v, normal_v_n, shear_v_n : ndarray, shape (16,)
         Voltage without contact and sensitivities of each channel, drawn from the fingertip's
         own seed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.scenes.electronics import Electronics, Frontend
+    >>> frontend = Frontend(Electronics(adc_bits=8), np.random.default_rng(0))
+    >>> volts = frontend.sample(np.full((3, 16), 4.3), sample_period_s=1 / 380)
+    >>> np.unique(volts.round(4))  # 8 bits of 5 V
+    array([4.2941])
     """
 
     def __init__(self, electronics: Electronics, noise: np.random.Generator) -> None:
@@ -156,6 +165,6 @@ class Frontend:
         if electronics.adc_bits:
             top_code = 2**electronics.adc_bits - 1
             share = np.rint((volts - low_v) / (high_v - low_v) * top_code) / top_code
-            # This form gives both rails exactly; where they nearly meet, rounding needs the clip.
+            # This form gives both rails exactly; rails that nearly meet need the clip.
             volts = np.clip(low_v * (1.0 - share) + high_v * share, low_v, high_v)
         return np.asarray(volts, dtype=np.float64)

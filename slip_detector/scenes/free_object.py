@@ -18,7 +18,14 @@ class ObjectNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class FreeObject(ParameterSet):
-    """What is between the two fingertips; both are alike, one of them is sensed."""
+    """What is between two fingertips; both are alike, and one of them has the sensor.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2, FreeObject
+    >>> round(FreeObject(mass_kg=0.2).mass_kg * STANDARD_GRAVITY_M_S2, 3)  # its weight in newtons
+    1.961
+    """
 
     mass_kg: float = parameter(0.2, 'Mass.', unit='kg', low=1e-3, high=10.0)
     length_m: float = parameter(

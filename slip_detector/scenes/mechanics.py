@@ -1,10 +1,10 @@
 """The mechanics of the simulated fingertip, stepped as fast as a live driver needs it.
 
 The stepper is the two-stage singly diagonally implicit Runge-Kutta method of second order that is
-L-stable (Alexander 1977): stiff bristles cost it no step, and as the patches meet only through
-the surface that moves over them, each stage of each patch is one equation for one velocity. An
-object in the grip adds one equation for its own velocity. Only what a scene names has numbers in
-the :class:`Plan`; arrays without length are parts left out.
+L-stable (Alexander 1977): stiff bristles do not shorten its steps. As the patches act on each
+other only through the surface that moves over them, each stage of each patch is one equation for
+one velocity. An object in the grip adds one equation for its own velocity. A part that a scene
+does not name has empty arrays in the :class:`Plan`.
 """
 
 from typing import NamedTuple
@@ -31,26 +31,26 @@ Floats = NDArray[np.float64]
 STAGES = (1.0 - np.sqrt(0.5), 1.0)
 DIAGONAL = STAGES[0]
 
-#: How much of the rate that the first stage found goes into the second.
+#: The share of the first stage's rate in the second stage.
 CARRY = (1.0 - DIAGONAL) / DIAGONAL
 
 #: Newton's method on the object ends when a step changes its velocity by less than this share.
 OBJECT_TOLERANCE = 1e-9
 
-#: A patch that the surface passes more slowly than this is not sliding but creeping.
+#: A patch that the surface passes more slowly than this creeps and does not slide.
 SLIDING_M_S = 1e-4
 
 FINGERS = 2.0  # that hold an object
 
-# Columns of a patch's state, and of what a stage finds for it.
+# Columns of a patch's state, and of what a stage finds for a patch.
 DISPLACEMENT, VELOCITY, DEFLECTION, PASSING = range(4)
 FOUND_PASSING, FOUND_FORCE, FOUND_SLOPE, FOUND_DEFLECTION = range(4)
 
 # The object's state.
 POSITION, SPEED, LOST = range(3)
 
-# The ledger: work done on the friction, what its bristles store, and the least that the first
-# has ever been above the second.
+# The ledger: work done on the friction, energy that its bristles store, and the least that the
+# difference of the two has ever been.
 WORK, STORED, LEAST = range(3)
 
 
@@ -66,7 +66,7 @@ class Plan(NamedTuple):
         What is left of the low-pass filter's state after a step; negative without one.
     positions_m : ndarray, shape (channels, 2)
     patches : ndarray, shape (patches,)
-        How many patches of skin each stands for; none without friction.
+        The number of patches of skin that each stands for; empty without friction.
     normal_v_n, shear_v_n : ndarray, shape (channels,)
         Sensitivities.
     hertz, skin, friction, ridges, rough, body
@@ -94,14 +94,15 @@ class State(NamedTuple):
     Attributes
     ----------
     patches : ndarray, shape (patches, 4)
-        Displacement and velocity of the skin, deflection of the bristles, and the velocity with
-        which the surface passes; none without friction.
+        Displacement and velocity of the skin, deflection of the bristles, and velocity of the
+        surface against the skin; empty without friction.
     body : ndarray, shape (3,)
         Position and velocity of the object, and whether it is lost.
     smoothed_v : ndarray, shape (channels,)
         State of the low-pass filter.
     before : ndarray, shape (channels, 3)
-        Load, displacement of the skin and way of the surface over it at the end of the last step.
+        Load, displacement of the skin and travel of the surface over it at the end of the last
+        step.
     """
 
     patches: Floats
@@ -114,7 +115,7 @@ class State(NamedTuple):
 def _find_stage(v, step, loads, base, patches, found, plan):
     """Advance all patches by one implicit step under a surface of velocity v.
 
-    Returns the force of the patches on the surface, each counted as often as it stands for.
+    Returns the sum of the forces of all patches on the surface, and its slope in v.
     """
     total, slope = 0.0, 0.0
     for p in range(loads.size):
@@ -172,7 +173,7 @@ def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, plan
 
 @compiled
 def _take_stage(v, step, base, patches, found, plan):
-    """Make what a stage found the patches' state."""
+    """Set the patches' state to what a stage found."""
     for p in range(patches.shape[0]):
         speed = v - found[p, FOUND_PASSING]
         patches[p, DISPLACEMENT] = base[p, DISPLACEMENT] + step * speed
@@ -183,7 +184,7 @@ def _take_stage(v, step, base, patches, found, plan):
 
 @compiled
 def _book(weight_s, found, plan, ledger):
-    """Book the work of a stage on the friction."""
+    """Add the work of a stage on the friction to the ledger."""
     for p in range(plan.patches.size):
         ledger[WORK] += (
             weight_s * plan.patches[p] * found[p, FOUND_FORCE] * found[p, FOUND_PASSING]
@@ -192,7 +193,7 @@ def _book(weight_s, found, plan, ledger):
 
 @compiled
 def _step(i, drive, state, plan, loads, base, found, ledger):
-    """Take one step of skin and object; loads are those at its end afterwards."""
+    """Take one step of skin and object; afterwards ``loads`` are those at its end."""
     patches, body = state.patches, state.body
     diagonal_s = DIAGONAL * plan.step_s
     with_object = plan.body.mass_kg > 0.0
@@ -256,7 +257,7 @@ def _sense(c, load, displacement, way, before, plan):
 
 @compiled
 def _sense_all(state, loads, position, plan, smooth, out):
-    """Read all channels at the end of a step, into the filter and from it where there is one."""
+    """Read all channels at the end of a step, through the low-pass where there is one."""
     with_skin = state.patches.shape[0] > 0
     for c in range(plan.positions_m.shape[0]):
         displacement = state.patches[c, DISPLACEMENT] if with_skin else 0.0
@@ -298,7 +299,7 @@ def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
     plan : Plan
         What does not change.
     begin : bool
-        Whether the first sample is the scene's first.
+        Whether the first sample is the first of the scene.
     clean_v : ndarray, shape (n, channels)
         Filled with the volts of the channels, less baselines and noise.
     position_m : ndarray, shape (n,)
@@ -306,8 +307,8 @@ def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
     sliding : ndarray, shape (n,)
         Filled with the share of the load that slides; 0 without friction.
     ledger : ndarray, shape (3,) or (0,)
-        Work done on the friction, energy stored in it, and the least difference of the two that
-        there ever was; without length it is not kept.
+        Work done on the friction, energy stored in it, and the least difference of the two so
+        far; it is not kept if the array is empty.
     """
     n_patches = plan.patches.size
     loads = np.zeros(max(n_patches, plan.positions_m.shape[0]))

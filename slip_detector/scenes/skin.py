@@ -16,7 +16,14 @@ class SkinNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Skin(ParameterSet):
-    """Skin over one taxel, between the finger and what touches it."""
+    """Skin over one taxel, between the finger and what touches it.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.skin import Skin
+    >>> Skin(mass_kg=1e-6).numbers()
+    SkinNumbers(stiffness_n_m=800.0, damping_n_s_m=0.3, mass_kg=1e-06)
+    """
 
     shear_stiffness_n_m: float = parameter(
         800.0, 'Shear stiffness.', unit='N/m', low=1e-3, high=1e9

@@ -11,27 +11,9 @@ from slip_detector.recordings import (
     open_recording,
 )
 from slip_detector.recordings.recording import RecordingCounts
-from support.recorded import read_recording
+from support.recorded import RATE_HZ, read_recording, save_rows, stretches_of
 
-RATE_HZ = 100.0
 PERIOD_NS = 10_000_000
-
-
-def save(path, volts, stamps_ns=None, rate_hz=RATE_HZ, **arrays):
-    if stamps_ns is not None:
-        arrays['stamps_ns'] = stamps_ns
-    np.savez(path, volts=volts, sample_rate_hz=rate_hz, **arrays)
-    return path
-
-
-def joined(pieces):
-    """Return the stretches: volts, stamps, truth and source rows of each."""
-    stretches = []
-    for piece in pieces:
-        if piece.new_stretch:
-            stretches.append([])
-        stretches[-1].append(piece)
-    return [[np.concatenate([p[i] for p in parts]) for i in (0, 1, 2, 4)] for parts in stretches]
 
 
 def as_the_node_does(volts, stamps_ns, truth, max_gap_s):
@@ -73,11 +55,11 @@ def test_any_stamps_are_treated_as_the_node_treats_them(
     n = len(stamps_ns)
     volts = np.random.default_rng(0).normal(size=(n, 2))
     truth = np.arange(n) % 3 == 0
-    path = save(tmp_path_factory.mktemp('any') / 'a.npz', volts, stamps_ns, slip=truth)
+    path = save_rows(tmp_path_factory.mktemp('any') / 'a.npz', volts, stamps_ns, slip=truth)
     recording = open_recording(path)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(npz_recording, 'PIECE_ROWS', piece_rows)
-        stretches = joined(recording.pieces(RATE_HZ, max_gap_s))
+        stretches = stretches_of(recording.pieces(RATE_HZ, max_gap_s))
     wanted, counts = as_the_node_does(volts, stamps_ns, truth, max_gap_s)
     assert recording.counts == counts
     assert len(stretches) == len(wanted)
@@ -89,7 +71,7 @@ def test_any_stamps_are_treated_as_the_node_treats_them(
 @given(st.integers(1, 40), st.integers(1, 50))
 def test_the_size_of_the_pieces_makes_no_difference(tmp_path_factory, n, piece_rows):
     volts = np.asfortranarray(np.random.default_rng(1).normal(size=(n, 3)))  # both orders are read
-    path = save(tmp_path_factory.mktemp('cut') / 'a.npz', volts, slip=np.arange(n) % 2)
+    path = save_rows(tmp_path_factory.mktemp('cut') / 'a.npz', volts, slip=np.arange(n) % 2)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(npz_recording, 'PIECE_ROWS', piece_rows)
         pieces = list(open_recording(path).pieces())
@@ -100,7 +82,7 @@ def test_the_size_of_the_pieces_makes_no_difference(tmp_path_factory, n, piece_r
 
 
 def test_a_second_reading_counts_from_zero(tmp_path):
-    recording = open_recording(save(tmp_path / 'a.npz', np.full((30, 2), np.nan)))
+    recording = open_recording(save_rows(tmp_path / 'a.npz', np.full((30, 2), np.nan)))
     for _ in range(2):
         assert sum(len(piece.volts) for piece in recording.pieces()) == 30
         assert recording.counts == RecordingCounts(rows=30, stretches=1, bad_samples=60)
@@ -110,7 +92,7 @@ def test_a_second_reading_counts_from_zero(tmp_path):
 def test_a_rate_more_than_two_percent_off_is_an_error_with_both_and_the_option(
     tmp_path, rate_hz, allowed
 ):
-    path = save(tmp_path / 'a.npz', np.ones((30, 2)), rate_hz=rate_hz)
+    path = save_rows(tmp_path / 'a.npz', np.ones((30, 2)), rate_hz=rate_hz)
     if allowed:
         assert sum(len(piece.volts) for piece in open_recording(path).pieces(RATE_HZ)) == 30
         return

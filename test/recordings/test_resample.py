@@ -12,26 +12,9 @@ from slip_detector.recordings import (
 )
 from slip_detector.recordings.resample import Resampler
 from slip_detector.recordings.rows import Piece
+from support.recorded import save_rows
 
-RATE_HZ = 100.0
 PERIOD_NS = 10_000_000
-
-
-def save(path, volts, stamps_ns=None, rate_hz=RATE_HZ, **arrays):
-    if stamps_ns is not None:
-        arrays['stamps_ns'] = stamps_ns
-    np.savez(path, volts=volts, sample_rate_hz=rate_hz, **arrays)
-    return path
-
-
-def joined(pieces):
-    """Return the stretches: volts, stamps, truth and source rows of each."""
-    stretches = []
-    for piece in pieces:
-        if piece.new_stretch:
-            stretches.append([])
-        stretches[-1].append(piece)
-    return [[np.concatenate([p[i] for p in parts]) for i in (0, 1, 2, 4)] for parts in stretches]
 
 
 def resampled(path, rate_hz, piece_rows=8192):
@@ -49,7 +32,9 @@ def test_resampling_keeps_what_both_rates_hold_and_the_times(tmp_path, from_hz):
     tone_hz = 0.2 * min(from_hz, to_hz)
     time_s = np.arange(n) / from_hz
     volts = 4.3 + np.sin(2 * np.pi * np.outer(time_s, [tone_hz, tone_hz / 3]) + [0.3, 0])
-    path = save(tmp_path / 'a.npz', volts, rate_hz=from_hz, slip=(time_s >= 1.0) & (time_s < 2.0))
+    path = save_rows(
+        tmp_path / 'a.npz', volts, rate_hz=from_hz, slip=(time_s >= 1.0) & (time_s < 2.0)
+    )
     read, stamps_ns, truth = resampled(path, to_hz)
     at_s = np.arange(len(read)) / to_hz
     assert abs(len(read) - (n - 1) / from_hz * to_hz) <= 1
@@ -64,7 +49,7 @@ def test_resampling_keeps_what_both_rates_hold_and_the_times(tmp_path, from_hz):
 def test_what_the_new_rate_cannot_hold_is_taken_out(tmp_path):
     time_s = np.arange(6000) / 1000.0
     volts = 4.3 + np.sin(2 * np.pi * np.outer(time_s, [250.0, 190.0]))
-    read, *_ = resampled(save(tmp_path / 'a.npz', volts, rate_hz=1000.0), 380.0)
+    read, *_ = resampled(save_rows(tmp_path / 'a.npz', volts, rate_hz=1000.0), 380.0)
     # 250 Hz would fold to 130 Hz, where the chain listens.
     assert np.abs(read[100:-100] - 4.3).max() < 1e-3
 
@@ -93,7 +78,7 @@ def test_the_passband_is_flat_and_the_stopband_far_down(from_hz, to_hz):
 def test_resampling_does_not_depend_on_the_pieces(tmp_path_factory, n, piece_rows, from_hz, bad):
     volts = np.random.default_rng(2).normal(size=(n, 2))
     volts[[k for k in bad if k < n], 1] = np.nan
-    path = save(
+    path = save_rows(
         tmp_path_factory.mktemp('cut') / 'a.npz', volts, rate_hz=from_hz, slip=volts[:, 0] > 0
     )
     for mine, whole in zip(
@@ -105,7 +90,7 @@ def test_resampling_does_not_depend_on_the_pieces(tmp_path_factory, n, piece_row
 def test_a_baseline_stays_to_the_bit_and_a_bad_value_stays_where_it_was(tmp_path):
     volts = np.full((2000, 2), 4.3)
     volts[1000, 1] = np.inf
-    read, *_ = resampled(save(tmp_path / 'a.npz', volts, rate_hz=1000.0), 380.0)
+    read, *_ = resampled(save_rows(tmp_path / 'a.npz', volts, rate_hz=1000.0), 380.0)
     bad = ~np.isfinite(read)
     assert not bad[:, 0].any()
     assert np.flatnonzero(bad[:, 1]).tolist() in ([], [380])
@@ -115,7 +100,7 @@ def test_a_baseline_stays_to_the_bit_and_a_bad_value_stays_where_it_was(tmp_path
 def test_each_stretch_is_resampled_on_its_own(tmp_path):
     stamps_ns = np.concatenate([np.arange(500), 5000 + np.arange(500)]) * 1_000_000
     volts = np.repeat([[1.0], [9.0]], 500, axis=0)
-    path = save(tmp_path / 'a.npz', volts, stamps_ns, rate_hz=1000.0)
+    path = save_rows(tmp_path / 'a.npz', volts, stamps_ns, rate_hz=1000.0)
     recording = open_recording(path, RecordingConfig(recording_resample=True))
     pieces = list(recording.pieces(380.0))
     starts = [piece for piece in pieces if piece.new_stretch]

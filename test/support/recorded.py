@@ -1,4 +1,4 @@
-"""Whole recordings, for tests that look at all rows at once."""
+"""Whole recordings, and small ones, for tests that look at all rows at once."""
 
 import re
 from typing import NamedTuple
@@ -9,7 +9,7 @@ import pytest
 from slip_detector.recordings import open_recording
 
 
-class Whole(NamedTuple):
+class WholeRecording(NamedTuple):
     volts: np.ndarray
     sample_rate_hz: float
     channel_names: tuple
@@ -22,7 +22,7 @@ def read_recording(path, config=None):
     recording = open_recording(path, config)
     rows = list(recording.rows())
     truth = [part.truth for part in rows if part.truth is not None]
-    return Whole(
+    return WholeRecording(
         np.concatenate([part.volts for part in rows]),
         recording.sample_rate_hz,
         recording.channel_names,
@@ -30,6 +30,9 @@ def read_recording(path, config=None):
         {name: recording.array(name) for name in recording.array_names()},
     )
 
+
+#: Of the rows that :func:`save_rows` writes.
+RATE_HZ = 100.0
 
 VOLTS = np.array([[4.3, 4.31], [4.25, 4.3], [4.2, 4.29]])
 
@@ -52,3 +55,20 @@ def complaint(path, config=None):
         read_recording(path, config)
     assert '\n' not in str(caught.value)
     return str(caught.value).removeprefix(str(path))
+
+
+def save_rows(path, volts, stamps_ns=None, rate_hz=RATE_HZ, **arrays):
+    if stamps_ns is not None:
+        arrays['stamps_ns'] = stamps_ns
+    np.savez(path, volts=volts, sample_rate_hz=rate_hz, **arrays)
+    return path
+
+
+def stretches_of(pieces):
+    """Return the stretches of pieces: volts, stamps, truth and source rows of each."""
+    stretches = []
+    for piece in pieces:
+        if piece.new_stretch:
+            stretches.append([])
+        stretches[-1].append(piece)
+    return [[np.concatenate([p[i] for p in parts]) for i in (0, 1, 2, 4)] for parts in stretches]
