@@ -12,8 +12,8 @@ Floats = NDArray[np.float64]
 #: Zero crossings of the sinc on either side of a row.
 LOBES = 16
 
-#: The filter's edge as a share of half of the lower rate. From there on it falls; above half of the
-#: lower rate it is 70 dB down.
+#: The filter's edge as a share of half of the lower rate. From there on it falls; above half of
+#: the lower rate it is 70 dB down.
 EDGE = 0.8
 
 
