@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.recordings import PIECE_ROWS, RecordedRows, open_recording, write_recording
+from slip_detector.chain.samples import Samples
+from slip_detector.recordings import PIECE_ROWS, open_recording, write_recording
 
 CHANNELS = 16
 RATE_HZ = 380.0
@@ -27,13 +28,13 @@ def write_hour(path: 'str | Path', seconds: float = 3600.0) -> None:
     write_recording(path, _pieces(round(seconds * RATE_HZ)), RATE_HZ, names)
 
 
-def _pieces(n: int) -> Iterator[RecordedRows]:
+def _pieces(n: int) -> Iterator[Samples]:
     random = np.random.default_rng(0)
     for first in range(0, n, PIECE_ROWS):
         k = np.arange(first, min(first + PIECE_ROWS, n))
         volts = 4.3 + 1e-3 * random.standard_normal((len(k), CHANNELS))
         slip = k // round(10 * RATE_HZ) % 2 == 1
-        yield RecordedRows(volts, np.rint(k * 1e9 / RATE_HZ).astype(np.int64), slip)
+        yield Samples(volts, np.rint(k * 1e9 / RATE_HZ).astype(np.int64), slip)
 
 
 def measure_reading(path: 'str | Path') -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""Samples on their way from a source to the chain."""
+"""Samples on their way from a source, live or recorded, to the chain."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,25 +12,51 @@ class Samples(NamedTuple):
     Attributes
     ----------
     volts : ndarray, shape (n, c)
+    stamps_ns : ndarray of int, shape (n,)
+        When each was taken.
     truth : ndarray of bool, shape (n,), or None
-        Whether there is slip, where the source knows.
+        Whether there is slip, where it is known.
     position_m : ndarray, shape (n,), or None
-        Position of the platform or the object, where there is one.
-    time_s : ndarray, shape (n,), or None
-        When each was taken, from the first on; None: one each period of the sample rate.
+        Position of the platform or the object, where it is known. Recordings are written with
+        it, and read back with the truth that it tells.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> samples = Samples(np.zeros((3, 16)), np.array([0, 10, 20]))
+    >>> samples.take(slice(1, None)).stamps_ns.tolist()
+    [10, 20]
+    >>> samples.take(slice(2)).then(samples.take(slice(2, None))).stamps_ns.tolist()
+    [0, 10, 20]
     """
 
     volts: NDArray[np.float64]
+    stamps_ns: NDArray[np.int64]
     truth: NDArray[np.bool_] | None = None
     position_m: NDArray[np.float64] | None = None
-    time_s: NDArray[np.float64] | None = None
 
+    def take(self, which: 'NDArray[np.intp] | slice') -> 'Samples':
+        """Return some of the samples, by their places."""
+        return Samples(
+            self.volts[which],
+            self.stamps_ns[which],
+            None if self.truth is None else self.truth[which],
+            None if self.position_m is None else self.position_m[which],
+        )
 
-class Source(Protocol):
-    """What the driver plays."""
+    def then(self, more: 'Samples') -> 'Samples':
+        """Return these samples and those of ``more``.
 
-    sample_rate_hz: float
-    channel_names: tuple[str, ...]
-
-    def read(self, n: int) -> Samples:
-        """Return the next ``n`` samples; fewer than asked for at the end."""
+        Truth and position are known of the whole where they are known of both parts.
+        """
+        truth, position_m = None, None
+        if self.truth is not None and more.truth is not None:
+            truth = np.concatenate([self.truth, more.truth])
+        if self.position_m is not None and more.position_m is not None:
+            position_m = np.concatenate([self.position_m, more.position_m])
+        return Samples(
+            np.concatenate([self.volts, more.volts]),
+            np.concatenate([self.stamps_ns, more.stamps_ns]),
+            truth,
+            position_m,
+        )

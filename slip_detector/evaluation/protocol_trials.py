@@ -7,13 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples, Source
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.paper_figures import paper_figures, trial_delays_ms
 from slip_detector.evaluation.replay import Replay, ReplayOutcome
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings import RATE_TOLERANCE
-from slip_detector.scenes import find_scene, load_scene
+from slip_detector.scenes import Scene, find_scene, load_scene
 
 Bools = NDArray[np.bool_]
 
@@ -73,40 +72,44 @@ class PlateTrial(NamedTuple):
         return self.start / self.sample_rate_hz, self.end / self.sample_rate_hz
 
 
-def plate_trial(samples: Samples, sample_rate_hz: float) -> PlateTrial:
+def plate_trial(volts: Floats, position_m: Floats, sample_rate_hz: float) -> PlateTrial:
     """Make a trial of all its samples.
+
+    Parameters
+    ----------
+    volts : ndarray, shape (n, c)
+        Of the channels.
+    position_m : ndarray, shape (n,)
+        Of the platform.
+    sample_rate_hz
+        Of both.
 
     Raises
     ------
     ValueError
-        When the position of the platform is not known or never changes.
+        When the position of the platform never changes.
     """
-    if samples.position_m is None:
-        raise ValueError('the platform has no position, allowed: a source that gives it')
-    moved = np.flatnonzero(np.diff(samples.position_m))
+    moved = np.flatnonzero(np.diff(position_m))
     if not moved.size:
         raise ValueError('the platform does not move, allowed: a trial in which it does')
     start, end = int(moved[0]), int(moved[-1]) + 1
-    return PlateTrial(samples.volts, samples.position_m, sample_rate_hz, start, end)
+    return PlateTrial(volts, position_m, sample_rate_hz, start, end)
 
 
-def read_trial(source: Source) -> PlateTrial:
-    """Read a source to its end.
+def read_trial(scene: Scene) -> PlateTrial:
+    """Play a scene to its end.
 
     Raises
     ------
     ValueError
         As :func:`plate_trial`.
     """
-    parts = [source.read(ROWS_PER_READ)]
+    parts = [scene.read(ROWS_PER_READ)]
     while len(parts[-1].volts) == ROWS_PER_READ:
-        parts.append(source.read(ROWS_PER_READ))
-    positions = [part.position_m for part in parts if part.position_m is not None]
-    whole = Samples(
-        np.concatenate([part.volts for part in parts]),
-        position_m=np.concatenate(positions) if len(positions) == len(parts) else None,
-    )
-    return plate_trial(whole, source.sample_rate_hz)
+        parts.append(scene.read(ROWS_PER_READ))
+    volts = np.concatenate([part.volts for part in parts])
+    position_m = np.concatenate([part.position_m for part in parts])
+    return plate_trial(volts, position_m, scene.sample_rate_hz)
 
 
 def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
@@ -125,9 +128,9 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
         When there is no such scene, it cannot be read, or its plate does not move; names it.
     """
     path = find_scene(scene)
-    sources = [load_scene(path, np.random.default_rng(seed)) for seed in seeds]
+    scenes = [load_scene(path, np.random.default_rng(seed)) for seed in seeds]
     try:
-        return [read_trial(source) for source in sources]
+        return [read_trial(each) for each in scenes]
     except ValueError as error:
         raise ValueError(f'{path}: {error}') from None
 
@@ -188,8 +191,8 @@ def evaluate_plates(
     Parameters
     ----------
     plates
-        The trials by plate, at least one on each; see :func:`simulate_trials` and, for other
-        sources than the scenes that come with the package, :func:`read_trial`.
+        The trials by plate, at least one on each; see :func:`simulate_trials` and, for scenes
+        that do not come with the package, :func:`read_trial`.
     config
         The chain's.
 

@@ -124,9 +124,6 @@ def play_trial(
         volts, sliding, position_m, time_s = scene.read(1)
         if not len(volts):
             break
-        assert sliding is not None
-        assert position_m is not None
-        assert time_s is not None
         now_s = float(time_s[0])
         result = chain.update(volts, envelope=False, level=False)
         slip = bool(result.slip[0])

@@ -17,14 +17,14 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from slip_detector.chain.samples import Source
+from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.paper_figures import first_on_delay_s, mean_and_sd, percent
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.recordings import RecordedRows, write_recording
-from slip_detector.sources.source import open_source
+from slip_detector.recordings import write_recording
+from slip_detector.sources import Source, open_source
 
 #: The demonstration must not mix with the topics of a robot that runs beside it.
 NAMESPACE = 'slip_demo'
@@ -203,15 +203,9 @@ def state_at(changes: list[tuple[float, bool]], times_s: Any) -> Any:
 def record(path: str, source: Source, start_ns: int) -> None:
     """Write what a source plays, with its labels, as if the first sample were taken at start."""
 
-    def pieces() -> Iterator[RecordedRows]:
-        played = 0
-        while n := len((samples := source.read(RECORD_ROWS)).volts):
-            time_s = samples.time_s
-            if time_s is None:
-                time_s = np.arange(played, played + n) / source.sample_rate_hz
-            stamps_ns = start_ns + np.rint(time_s * 1e9).astype(np.int64)
-            played += n
-            yield RecordedRows(samples.volts, stamps_ns, samples.truth, samples.position_m)
+    def pieces() -> Iterator[Samples]:
+        while len((samples := source.read(RECORD_ROWS)).volts):
+            yield samples._replace(stamps_ns=start_ns + samples.stamps_ns)
 
     write_recording(path, pieces(), source.sample_rate_hz, source.channel_names)
 

@@ -4,7 +4,7 @@ import math
 import threading
 import time
 from collections.abc import Iterator
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,14 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
-from slip_detector.chain.samples import Samples, Source
+from slip_detector.chain.samples import Samples
 from slip_detector.nodes.listening import Listening
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.turns import Turns
 from slip_detector.nodes.voltages import Voltages
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.sources.source import open_source
+from slip_detector.sources import Source, open_source
 
 #: Samples read from the source at a time.
 READ_ROWS = 32
@@ -58,28 +58,26 @@ class Driver(Node):
     def __init__(self, turns: Turns, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_driver', cli_args=cli_args)
         self.config = config = declare(self, DriverConfig)
-        live = config.source in ('serial', 'udp')
-        source = None if live else open_source(config)
+        source = open_source(config, now_ns=lambda: self.get_clock().now().nanoseconds)
         self._voltages = Voltages(self, config.samples_per_message)
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
-        self._in_grip = 'object' in getattr(source, 'parts', {})
-        self._position_names = ['object' if self._in_grip else 'platform']
+        self._has_object = source.has_object
+        self._position_names = ['object' if source.has_object else 'platform']
         self._grip_n: float | None = None
-        if self._in_grip:
+        if source.has_object:
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         self._last_truth: bool | None = None
         self._logged_s: dict[str, float] = {}  # by subject
         self._turns = turns
-        if source is not None:
-            what = config.recording if config.source == 'recording' else f'scene {config.scene}'
+        if source.is_live:
+            turns.add_waiting(partial(self._listen_when_wanted, source))
+        else:
             self.get_logger().info(
-                f'playing {what}: {len(source.channel_names)} channels at '
+                f'playing {source.name}: {len(source.channel_names)} channels at '
                 f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
             )
             turns.add(self._play_when_wanted(source))
-        else:
-            turns.add_waiting(self._listen_when_wanted)
 
     def destroy_node(self) -> None:
         """Stop playing, then take the node down."""
@@ -97,11 +95,12 @@ class Driver(Node):
         yield from self._wait_for_subscribers()
         yield from self._play(source)
 
-    def _listen_when_wanted(self, stop: threading.Event) -> None:
+    def _listen_when_wanted(self, source: Source, stop: threading.Event) -> None:
         for due_s in self._wait_for_subscribers():
             if stop.wait(max(0.0, due_s - time.monotonic())):
                 return
-        Listening(self, self.config, self._send, self._voltages.flush).run(stop)
+        frame_id = self.config.frame_id
+        Listening(self, source, frame_id, self._send, self._voltages.flush).run(stop)
 
     def _wait_for_subscribers(self) -> Iterator[float]:
         """Wait for those who must miss nothing."""
@@ -109,7 +108,7 @@ class Driver(Node):
             self.get_logger().info(f'waiting for {self.config.wait_for_subscribers} subscribers')
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
             yield time.monotonic() + POLL_S
-        if self._in_grip and self.config.wait_for_grip:
+        if self._has_object and self.config.wait_for_grip:
             self.get_logger().info('waiting for a grip force')
             while self._grip_n is None:
                 yield time.monotonic() + POLL_S
@@ -117,7 +116,7 @@ class Driver(Node):
     def _play(self, source: Source) -> Iterator[float]:
         """Play the source, again and again if asked to; yields when the next sample is due."""
         # Opening a file and loading compiled code takes its time: before the clock runs.
-        ahead = None if self._in_grip else source.read(READ_ROWS)
+        ahead = None if source.has_object else source.read(READ_ROWS)
         # Drivers of one rate have their samples due at the same moments: all who handle them wake
         # up once for all fingers.
         now_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
@@ -127,33 +126,28 @@ class Driver(Node):
         first_stamp_ns = now_ns + round((start_s - now_s) * 1e9)
         played = 0
         repetition = 0
-        begin_s = end_s = 0.0
+        begin_ns = end_ns = 0
         gripped_n: float | None = None
         while True:
-            if self._in_grip:
-                yield from self._wait(start_s + end_s / self.config.rate)
-                if self._grip_n != gripped_n:
+            if source.has_object:
+                yield from self._wait(start_s + end_ns * 1e-9 / self.config.rate)
+                if self._grip_n is not None and self._grip_n != gripped_n:
                     gripped_n = self._grip_n
                     self._hold(source, gripped_n)
-            samples = ahead or source.read(1 if self._in_grip else READ_ROWS)
+            samples = ahead or source.read(1 if source.has_object else READ_ROWS)
             ahead = None
             n = len(samples.volts)
-            taken_s: NDArray[np.float64]
             if n:
-                period_s = 1.0 / source.sample_rate_hz
-                if samples.time_s is None:
-                    taken_s = np.asarray(np.arange(played, played + n) * period_s)
-                else:
-                    taken_s = begin_s + samples.time_s
-                yield from self._publish(source, samples, taken_s, start_s, first_stamp_ns)
+                taken_ns = (begin_ns + samples.stamps_ns).tolist()
+                yield from self._publish(source, samples, taken_ns, start_s, first_stamp_ns)
                 played += n
-                end_s = float(taken_s[-1]) + period_s
+                end_ns = taken_ns[-1] + round(1e9 / source.sample_rate_hz)
             elif not self.config.loop:
                 self._voltages.flush()
                 break
             else:
                 repetition += 1
-                begin_s = end_s
+                begin_ns = end_ns
                 source = open_source(self.config, repetition)
                 gripped_n = None
         self.get_logger().info(f'played all {played} samples')
@@ -162,14 +156,14 @@ class Driver(Node):
         self,
         source: Source,
         samples: Samples,
-        taken_s: NDArray[np.float64],
+        taken_ns: list[int],
         start_s: float,
         first_stamp_ns: int,
     ) -> Iterator[float]:
         """Publish each sample when it is due."""
         names = list(source.channel_names)
         for i, volts in enumerate(samples.volts):
-            due_s = start_s + float(taken_s[i]) / self.config.rate
+            due_s = start_s + taken_ns[i] * 1e-9 / self.config.rate
             # Of a batch only the last sample waits: waking up costs more than all else.
             if self._voltages.completed_by_next:
                 yield from self._wait(due_s)
@@ -177,7 +171,7 @@ class Driver(Node):
             if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
                 self._last_truth = bool(samples.truth[i])
                 self._truth.publish(Bool(data=self._last_truth))
-            header = self._send(first_stamp_ns + round(float(taken_s[i]) * 1e9), names, volts)
+            header = self._send(first_stamp_ns + taken_ns[i], names, volts)
             if samples.position_m is not None:
                 position = [float(samples.position_m[i])]
                 self._position.publish(
@@ -197,7 +191,7 @@ class Driver(Node):
         if late_s > LATE_S:
             self._say('pace', f'{late_s * 1e3:.0f} ms late: the pace cannot be kept')
 
-    def _hold(self, source: Any, force_n: float | None) -> None:
+    def _hold(self, source: Source, force_n: float) -> None:
         try:
             source.hold_force(force_n)
         except ValueError as error:

@@ -11,13 +11,11 @@ from rclpy.node import Node
 
 from slip_detector.nodes.diagnostics import Diagnostics
 from slip_detector.nodes.health import Level, Status
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.sources.live import LiveSource
-from slip_detector.sources.source import open_live_source
+from slip_detector.sources import Source
 
 #: How often it is said how the sensor is, on ``/diagnostics`` and, when something was dropped or
 #: lost, on the log.
-SAY_S = 1.0
+REPORT_S = 1.0
 
 #: Counts of what is as it should be.
 GOOD = ('packets', 'samples')
@@ -29,9 +27,11 @@ class Listening:
     Parameters
     ----------
     node
-        Whose clock and log it is.
-    config
-        The driver's parameters.
+        Whose log and diagnostics it is.
+    source
+        A live one, not started yet.
+    frame_id
+        Of the sensor, in the diagnostics.
     send
         Takes the stamp of a sample in nanoseconds, the names of its channels and its volts.
     flush
@@ -41,14 +41,16 @@ class Listening:
     def __init__(
         self,
         node: Node,
-        config: DriverConfig,
+        source: Source,
+        frame_id: str,
         send: Callable[[int, list[str], NDArray[np.float64]], object],
         flush: Callable[[], None],
     ) -> None:
-        self._node, self._config, self._send, self._flush = node, config, send, flush
-        self._said_state = ''
-        self._said_counts: Counter[str] = Counter()
-        self._said_s = time.monotonic()
+        self._node, self._source, self._frame_id = node, source, frame_id
+        self._send, self._flush = send, flush
+        self._logged_state = ''
+        self._reported_counts: Counter[str] = Counter()
+        self._reported_s = time.monotonic()
 
     def run(self, stop: threading.Event) -> None:
         """Listen until told to stop.
@@ -58,36 +60,35 @@ class Listening:
         ValueError
             When a parameter does not allow it.
         """
-        names = [f'ch{i + 1}' for i in range(self._config.channels)]
-        clock = self._node.get_clock()
-        source = open_live_source(self._config, lambda: clock.now().nanoseconds)
+        source, names = self._source, list(self._source.channel_names)
+        source.start()
         diagnostics = Diagnostics(self._node)
         try:
             while not stop.is_set():
-                self._say_state(source)
-                if time.monotonic() - self._said_s >= SAY_S:
-                    self._said_s = time.monotonic()
-                    diagnostics.publish([self._summed_up(source)], self._config.frame_id)
-                for stamps_ns, volts in source.read():
-                    for stamp_ns, row in zip(stamps_ns, volts, strict=True):
-                        self._send(stamp_ns, names, row)
+                self._log_state(source)
+                if time.monotonic() - self._reported_s >= REPORT_S:
+                    self._reported_s = time.monotonic()
+                    diagnostics.publish([self._status(source)], self._frame_id)
+                samples = source.read(1)
+                for stamp_ns, row in zip(samples.stamps_ns.tolist(), samples.volts, strict=True):
+                    self._send(stamp_ns, names, row)
         finally:
             source.close()
 
-    def _say_state(self, source: LiveSource) -> None:
+    def _log_state(self, source: Source) -> None:
         """Say on the log when the sensor comes or goes."""
-        if source.state != self._said_state:
-            self._said_state = source.state
+        if source.state != self._logged_state:
+            self._logged_state = source.state
             if source.connected:
                 self._node.get_logger().info(source.state)
             else:
                 self._flush()
                 self._node.get_logger().warning(source.state)
 
-    def _summed_up(self, source: LiveSource) -> Status:
+    def _status(self, source: Source) -> Status:
         """Sum up what came since the last time; say on the log what was dropped or lost."""
-        since = source.counts - self._said_counts
-        self._said_counts = source.counts.copy()
+        since = source.counts - self._reported_counts
+        self._reported_counts = source.counts.copy()
         status = sensor_status(source.state, source.connected, since)
         status.values = {kind: str(n) for kind, n in sorted(source.counts.items()) if n}
         if any(kind not in GOOD for kind in since):

@@ -1,5 +1,6 @@
 """Recordings: rows of volts with their stamps and labels, in bags, npz and csv files."""
 
+from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.reading import ENDINGS, is_recording, open_recording
 from slip_detector.recordings.recording import (
     PIECE_ROWS,
@@ -7,7 +8,6 @@ from slip_detector.recordings.recording import (
     Recording,
     RecordingCounts,
 )
-from slip_detector.recordings.rows import Piece, RecordedRows
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [
@@ -15,7 +15,6 @@ __all__ = [
     'PIECE_ROWS',
     'RATE_TOLERANCE',
     'Piece',
-    'RecordedRows',
     'Recording',
     'RecordingCounts',
     'is_recording',

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import GAP_PERIODS
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.bag_storage import BagStorage
@@ -15,7 +16,6 @@ from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.message_decoder import MessageDecoder, MessageRows
 from slip_detector.recordings.rate import rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
-from slip_detector.recordings.rows import RecordedRows
 from slip_detector.recordings.topics import BOOL, JOINT_STATE, Topic, typestore_of
 from slip_detector.recordings.truth import PlatformMotion, states_at
 
@@ -77,7 +77,7 @@ class BagRecording(Recording):
         self._samples = int(np.median(decoded.samples))
         self.sample_rate_hz = message_hz * self._samples
 
-    def read(self) -> Iterator[RecordedRows]:
+    def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
         truth_at = self._truth()
         decoder = self._decoder(self._topic, self._field)
@@ -95,7 +95,7 @@ class BagRecording(Recording):
                 truth = truth_at(stamps_ns, np.repeat(late_ns, decoded.samples))
             first_ns = int(stamps_ns[0]) if first_ns is None else first_ns
             last_ns = int(stamps_ns[-1])
-            yield RecordedRows(decoded.volts, stamps_ns, truth)
+            yield Samples(decoded.volts, stamps_ns, truth)
         if self._storage.lost:
             end_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
             all_of_them = self._storage.counts.get(self._topic.name, 0)

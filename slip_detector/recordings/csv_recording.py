@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.rate import rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
-from slip_detector.recordings.rows import RecordedRows
 from slip_detector.recordings.truth import as_truth
 
 TIME = 'time_s'
@@ -73,7 +73,7 @@ class CsvRecording(Recording):
             )
         self.sample_rate_hz = rate_hz
 
-    def read(self) -> Iterator[RecordedRows]:
+    def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
         columns = [self._names.index(name) for name in self.channel_names]
         for lines in self._lines():
@@ -81,7 +81,7 @@ class CsvRecording(Recording):
             if self.labelled:
                 label = lines.cells[:, self._names.index(self._truth_key)]
                 truth = as_truth(label, self._truth_key, self.path)
-            yield RecordedRows(lines.cells[:, columns], lines.stamps_ns, truth)
+            yield Samples(lines.cells[:, columns], lines.stamps_ns, truth)
 
     def array(self, name: str) -> 'NDArray[np.float64] | None':
         """Return a column of the file by its name; None where there is none."""

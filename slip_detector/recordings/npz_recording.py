@@ -16,10 +16,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
-from slip_detector.recordings.rows import RecordedRows
 from slip_detector.recordings.truth import as_truth
 
 #: Name of the array of stamps that recordings written here have.
@@ -95,7 +95,7 @@ class NpzRecording(Recording):
         """Open the arrays that have something for each row."""
         return {key: _RowArray(archive, key) for key in self._keys if key in self._names}
 
-    def read(self) -> Iterator[RecordedRows]:
+    def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
         volts_key, stamps_key, truth_key = self._keys
         with _archive(self.path) as archive:
@@ -111,7 +111,7 @@ class NpzRecording(Recording):
                     stamps_ns = np.rint(k * (1e9 / self.sample_rate_hz)).astype(np.int64)
                 label = part.get(truth_key)
                 truth = None if label is None else as_truth(label, truth_key, self.path)
-                yield RecordedRows(part[volts_key].astype(np.float64), stamps_ns, truth)
+                yield Samples(part[volts_key].astype(np.float64), stamps_ns, truth)
 
     def array(self, name: str) -> 'NDArray[Any] | None':
         """Return an array of the file by its name; None where there is none."""

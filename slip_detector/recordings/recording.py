@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.recordings.labels import Labels
+from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.resample import Resampler
-from slip_detector.recordings.rows import Piece, RecordedRows
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -91,7 +92,7 @@ class Recording:
         """Whether it is known where there is slip."""
         return self._labels is not None or self.labelled
 
-    def read(self) -> Iterator[RecordedRows]:
+    def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
         raise NotImplementedError
 
@@ -103,12 +104,12 @@ class Recording:
         """Return the names that :meth:`array` knows."""
         return []
 
-    def rows(self) -> Iterator[RecordedRows]:
+    def rows(self) -> Iterator[Samples]:
         """Yield all rows as they were recorded, with the labels that a person wrote, if any.
 
         Yields
         ------
-        RecordedRows
+        Samples
             At least one row each.
 
         Raises
@@ -216,9 +217,9 @@ class Recording:
         self.counts.gaps += mended.gaps
         self.counts.bridged_rows += mended.bridged
         self.counts.dropped += mended.dropped
-        rows, which, places = RecordedRows(*piece[:3]), piece.rows, mended.places
+        rows, which, places = Samples(*piece[:3]), piece.rows, mended.places
         if last is not None:  # Its last row may be what bridges the first gap.
-            rows = RecordedRows(*last[:3]).take(slice(-1, None)).then(rows)
+            rows = Samples(*last[:3]).take(slice(-1, None)).then(rows)
             which = np.concatenate([last.rows[-1:], which])
             places = places + 1
         parts = []
@@ -230,5 +231,5 @@ class Recording:
         return parts
 
 
-def _piece(rows: RecordedRows, new_stretch: bool, which: Stamps) -> Piece:
+def _piece(rows: Samples, new_stretch: bool, which: Stamps) -> Piece:
     return Piece(rows.volts, rows.stamps_ns, rows.truth, new_stretch, which)

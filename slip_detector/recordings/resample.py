@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.recordings.rows import Piece
+from slip_detector.recordings.piece import Piece
 
 Floats = NDArray[np.float64]
 

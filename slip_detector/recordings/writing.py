@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from slip_detector.chain.samples import Samples
 from slip_detector.recordings.bag_storage import load_rosbags
 from slip_detector.recordings.message_encoder import JointStateEncoder
-from slip_detector.recordings.rows import RecordedRows
 from slip_detector.recordings.topics import BOOL, JOINT_STATE
 
 #: Version of the metadata that ROS 2 Jazzy and later read.
@@ -24,7 +24,7 @@ _PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
 
 def write_recording(
     path: 'str | Path',
-    pieces: Iterable[RecordedRows],
+    pieces: Iterable[Samples],
     sample_rate_hz: float,
     channel_names: Sequence[str],
     frame_id: str = 'fingertip',
@@ -56,8 +56,9 @@ def write_recording(
     >>> import tempfile
     >>> from pathlib import Path
     >>> import numpy as np
-    >>> from slip_detector.recordings import RecordedRows, open_recording, write_recording
-    >>> rows = RecordedRows(np.full((100, 2), 4.3), np.arange(100) * 10_000_000)
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.recordings import open_recording, write_recording
+    >>> rows = Samples(np.full((100, 2), 4.3), np.arange(100) * 10_000_000)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / 'trial.csv'
     ...     write_recording(path, [rows], sample_rate_hz=100.0, channel_names=['a', 'b'])
@@ -90,7 +91,7 @@ def write_recording(
         raise ValueError(f'{path}: cannot be written ({error.strerror or error})') from None
 
 
-def _write_csv(path: Path, pieces: Iterable[RecordedRows], names: Sequence[str]) -> None:
+def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> None:
     first = True
     with open(path, 'w', newline='', encoding='utf-8') as file:
         lines = csv.writer(file)
@@ -109,7 +110,7 @@ def _write_csv(path: Path, pieces: Iterable[RecordedRows], names: Sequence[str])
                 lines.writerow([f'{sign}{seconds}.{rest:09d}', *map(repr, row), *slip])
 
 
-def _write_npz(path: Path, pieces: Iterable[RecordedRows], sample_rate_hz: float) -> None:
+def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> None:
     columns = {
         key: [column for column in parts if column is not None]
         for key, parts in zip(_NPZ_KEYS, zip(*pieces, strict=True), strict=True)
@@ -118,9 +119,7 @@ def _write_npz(path: Path, pieces: Iterable[RecordedRows], sample_rate_hz: float
     np.savez(path, sample_rate_hz=sample_rate_hz, **arrays)
 
 
-def _write_bag(
-    path: Path, pieces: Iterable[RecordedRows], names: Sequence[str], frame_id: str
-) -> None:
+def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], frame_id: str) -> None:
     """Write the folder of a bag, or only the file of its messages."""
     rosbag2 = load_rosbags()
     plugin = rosbag2.StoragePlugin[_PLUGINS.get(path.suffix, 'MCAP')]
@@ -132,7 +131,7 @@ def _write_bag(
 
 
 def _write_messages(
-    writer: Any, pieces: Iterable[RecordedRows], names: Sequence[str], frame_id: str
+    writer: Any, pieces: Iterable[Samples], names: Sequence[str], frame_id: str
 ) -> None:
     """Write the topics as the driver publishes them, received at their stamps."""
     from rosbags.typesys import Stores, get_typestore

@@ -1,12 +1,11 @@
 """A scene: the parts that are named, put together and played row by row."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import PAPER_CHANNELS
 from slip_detector.scenes.clock import Clock
 from slip_detector.scenes.compatibility import check_grip, check_parts
@@ -23,6 +22,26 @@ from slip_detector.scenes.plan import build_plan
 from slip_detector.scenes.steps import read_steps
 
 Floats = NDArray[np.float64]
+
+
+class SceneSamples(NamedTuple):
+    """Consecutive samples of a scene, oldest first.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, 16)
+    truth : ndarray of bool, shape (n,)
+        Whether there is slip.
+    position_m : ndarray, shape (n,)
+        Position of the platform, or of the object where the scene has one.
+    time_s : ndarray, shape (n,)
+        When each was taken, from the beginning of the scene.
+    """
+
+    volts: Floats
+    truth: NDArray[np.bool_]
+    position_m: Floats
+    time_s: Floats
 
 
 class Scene:
@@ -211,14 +230,14 @@ class Scene:
         time_s = np.arange(first, self._next) / self.true_rate_hz
         return time_s, clean_v, position_m, sliding
 
-    def read(self, n: int) -> Samples:
+    def read(self, n: int) -> SceneSamples:
         """Return the next ``n`` samples.
 
         Any cut of a scene into reads gives the same bits.
 
         Returns
         -------
-        Samples
+        SceneSamples
             Fewer than ``n`` where the part ``drops`` loses some and before the end; none only at
             the end.
         """
@@ -232,11 +251,11 @@ class Scene:
                 # The platform's own position, without the tremor of the hand.
                 position_m = plate_at(time_s, time_s, self.drive_numbers.plate)[1]
             kept = self._link.kept(len(time_s)) if self._link else slice(None)
-            samples = Samples(volts[kept], truth[kept], position_m[kept], time_s[kept])
+            samples = SceneSamples(volts[kept], truth[kept], position_m[kept], time_s[kept])
             if len(samples.volts):
                 return samples
         nothing = np.zeros(0)
-        return Samples(np.zeros((0, PAPER_CHANNELS)), nothing > 0.0, nothing, nothing)
+        return SceneSamples(np.zeros((0, PAPER_CHANNELS)), nothing > 0.0, nothing, nothing)
 
     def _truth(self, time_s: Floats, sliding: Floats) -> NDArray[np.bool_]:
         """Return whether there is slip."""

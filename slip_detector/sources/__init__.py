@@ -1,1 +1,55 @@
 """Where samples come from: scenes, recordings, serial ports and UDP, behind one interface."""
+
+import time
+from collections.abc import Callable
+
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources.source import Source
+
+__all__ = ['Source', 'open_source']
+
+
+def open_source(
+    config: DriverConfig, repetition: int = 0, now_ns: Callable[[], int] = time.time_ns
+) -> Source:
+    """Open the source that the driver's parameters name.
+
+    Parameters
+    ----------
+    config
+        The driver's parameters.
+    repetition
+        How often it was played before: a scene gets other noise each time.
+    now_ns
+        The clock of the stamps of a sensor, in nanoseconds.
+
+    Raises
+    ------
+    ValueError
+        When a parameter does not allow it, or a scene or recording cannot be opened; names it.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters.driver import DriverConfig
+    >>> source = open_source(DriverConfig(source='scene', scene='flat_plate', seed=1))
+    >>> source.is_live, source.has_object, source.sample_rate_hz
+    (False, False, 380.0)
+    >>> source.read(5).volts.shape
+    (5, 16)
+    """
+    # Who plays a recording need not load the simulation, nor pyserial.
+    if config.source == 'recording':
+        from slip_detector.sources.recording import RecordingSource
+
+        return RecordingSource(config)
+    if config.source == 'serial':
+        from slip_detector.sources.serial_port import SerialSource
+
+        return SerialSource(config, now_ns)
+    if config.source == 'udp':
+        from slip_detector.sources.udp import UdpSource
+
+        return UdpSource(config, now_ns)
+    from slip_detector.sources.scene import SceneSource
+
+    return SceneSource(config, repetition)

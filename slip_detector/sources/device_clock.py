@@ -1,25 +1,36 @@
 """When a sensor's samples were taken, on the receiver's clock."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-#: The smallest delay is looked for in this much of the sender's time, and in as much before it.
+import numpy as np
+
+from slip_detector.chain.samples import Samples
+from slip_detector.sources.byte_stream import DecodedSamples
+
+#: The smallest delay is that of the present window, this long by the sender's clock, and the last.
 WINDOW_NS = 2_000_000_000
 
-#: To follow the estimate, stamps run at most this much faster or slower than the sender's clock:
-#: far less than would make a sample look missing.
+#: To follow the estimate, stamps run at most this share faster or slower than the sender's clock:
+#: far less than makes a sample look missing.
 SLEW = 0.1
 
-#: Being wrong by more is not drift: one of the two clocks was set.
+#: An error of the mapping larger than this is not drift: one of the two clocks was set.
 STEP_NS = 250_000_000
 
 
 class DeviceClock:
     """Maps the times of a sender's clock to the receiver's.
 
-    Bytes wait on their way, now longer, now shorter, but never arrive before they were sent. So
-    the sample with the smallest delay says best how the clocks differ; the smallest of the last
-    seconds follows their drift. What is left is the shortest way there is, some tenths of a
-    millisecond on most lines.
+    The delay of the bytes varies but is never negative, so the sample with the smallest delay
+    tells best by how much the clocks differ; the smallest delay of the last seconds follows their
+    drift. The error that remains is the shortest delay, some tenths of a millisecond on most
+    lines.
+
+    Examples
+    --------
+    >>> clock = DeviceClock()
+    >>> clock.stamps_ns([0, 1_000_000], arrival_ns=50_000_000)
+    [49000000, 50000000]
     """
 
     def __init__(self) -> None:
@@ -29,7 +40,7 @@ class DeviceClock:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the mapping: the sender's times have nothing to do with those before."""
+        """Forget the mapping: the sender's times have no relation to the times before."""
         self._mapped = False
 
     def stamps_ns(self, times_ns: Sequence[int], arrival_ns: int) -> list[int]:
@@ -57,8 +68,32 @@ class DeviceClock:
         self._offset_ns += round(slope * (newest_ns - start_ns))
         return self.rising([at + offset_ns + round(slope * (at - start_ns)) for at in times_ns])
 
+    def stamp(self, decoded: Iterable[DecodedSamples], channels: int, arrival_ns: int) -> Samples:
+        """Stamp samples with the sender's times, or with their arrival where it gives none.
+
+        Parameters
+        ----------
+        decoded
+            In order, perhaps none.
+        channels
+            Of each sample.
+        arrival_ns
+            When they arrived by the receiver's clock.
+        """
+        stamps_ns: list[int] = []
+        volts = [np.empty((0, channels))]
+        for samples in decoded:
+            if samples.times_ns is None:
+                stamps_ns += self.rising([arrival_ns] * len(samples.volts))
+            else:
+                if samples.clock_restarted:
+                    self.restart()
+                stamps_ns += self.stamps_ns(samples.times_ns, arrival_ns)
+            volts.append(samples.volts)
+        return Samples(np.concatenate(volts), np.array(stamps_ns, dtype=np.int64))
+
     def rising(self, stamps_ns: list[int]) -> list[int]:
-        """Push stamps that do not rise to just after the one before, if it is close."""
+        """Move each stamp that is at or shortly before the last one to just after it."""
         last_ns = self._last_ns
         for i, at_ns in enumerate(stamps_ns):
             if last_ns is not None and last_ns - STEP_NS <= at_ns <= last_ns:

@@ -7,23 +7,30 @@ from collections.abc import Callable
 
 import serial
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources.device_clock import DeviceClock
-from slip_detector.sources.live import WAIT_S, LiveSamples, stamped
-from slip_detector.sources.packets import LineDecoder, PacketDecoder
+from slip_detector.sources.packets import PacketDecoder
+from slip_detector.sources.source import WAIT_S, Source
+from slip_detector.sources.text_lines import LineDecoder
 
-#: A port that is gone is looked for after the first time, then after twice that, up to the last.
+#: A lost port is tried again after the first time, then after twice that, up to the last.
 RETRY_FIRST_S, RETRY_LAST_S = 0.1, 2.0
 
-#: What pyserial raises when a port is gone or, ValueError, does not have the rate; it may be gone
-#: in the middle of setting the rate as well.
-GONE = (OSError, termios.error, ValueError)
+#: What pyserial raises when a port is gone, perhaps while its rate is set, or (ValueError) does
+#: not have the rate.
+PORT_ERRORS = (OSError, termios.error, ValueError)
 
 
-class SerialSource:
-    """Packets or lines of text from a serial port, which may come and go.
+class SerialSource(Source):
+    """Packets or lines of text from a serial port, which may be unplugged and plugged in.
 
-    Implements :class:`slip_detector.sources.live.LiveSource`.
+    Parameters
+    ----------
+    config
+        The driver's parameters.
+    now_ns
+        The clock of the stamps, in nanoseconds.
 
     Raises
     ------
@@ -31,11 +38,14 @@ class SerialSource:
         When no port is named.
     """
 
+    is_live = True
+
     def __init__(self, config: DriverConfig, now_ns: Callable[[], int]) -> None:
         if not config.serial_port:
             raise ValueError("parameter serial_port is '', allowed: a port, as source is serial")
         self._config, self._now_ns = config, now_ns
         self._decoder: PacketDecoder | LineDecoder
+        rate_hz = 0.0
         if config.serial_format == 'packet':
             self._decoder = PacketDecoder(
                 config.channels,
@@ -44,47 +54,49 @@ class SerialSource:
                 config.packet_offset_v,
             )
         else:
-            self._decoder = LineDecoder(config.channels, config.text_rate_hz)
+            rate_hz = config.text_rate_hz
+            self._decoder = LineDecoder(config.channels, rate_hz)
+        names = tuple(f'ch{i + 1}' for i in range(config.channels))
+        super().__init__(config.serial_port, names, rate_hz)
         self.counts = self._decoder.counts
         self._clock = DeviceClock()
         self._port: serial.Serial | None = None
         self._retry_at_s = 0.0
         self._retry_s = RETRY_FIRST_S
-        self.connected = False
-        self.state = ''
+
+    def start(self) -> None:
+        """Open the port; where it cannot be opened, reading tries again."""
         self._open()
 
-    def read(self) -> list[LiveSamples]:
-        """Wait at most ``WAIT_S`` for samples; look for the port when it is gone."""
-        if self._port is None:
-            wait_s = self._retry_at_s - time.monotonic()
-            if wait_s > 0.0:
-                time.sleep(min(wait_s, WAIT_S))
-            else:
-                self._open()
-            return []
-        try:
-            data = self._port.read(max(1, self._port.in_waiting))
-        except GONE as error:
-            self._lose(error)
-            return []
+    def read(self, n: int) -> Samples:
+        """Return what came, after waiting at most ``WAIT_S``; try to open a lost port."""
+        data = b''
+        if self._port is not None:
+            try:
+                data = self._port.read(max(1, self._port.in_waiting))
+            except PORT_ERRORS as error:
+                self._lose(error)
+        elif (wait_s := self._retry_at_s - time.monotonic()) > 0.0:
+            time.sleep(min(wait_s, WAIT_S))
+        else:
+            self._open()
         if data:
             self._retry_s = RETRY_FIRST_S
-        return stamped(self._decoder.feed(data), self._clock, self._now_ns())
+        return self._clock.stamp(self._decoder.feed(data), self._config.channels, self._now_ns())
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         if self._port is not None:
             self._port.close()
 
     def _open(self) -> None:
         config = self._config
         try:
-            # Of two readers of one port each would get some of the bytes.
+            # Exclusive, as each of two readers would get a part of the bytes.
             self._port = serial.Serial(
                 config.serial_port, config.serial_baud, timeout=WAIT_S, exclusive=True
             )
-        except GONE as error:
+        except PORT_ERRORS as error:
             self._lose(error)
         else:
             self.connected = True
@@ -94,7 +106,7 @@ class SerialSource:
         if self._port is not None:
             self._port.close()
             self._port = None
-        # What was under way is lost, and the sensor may have been another one since.
+        # The rest of the last packet is lost, and another sensor may be plugged in next.
         self._decoder.restart()
         self._retry_at_s = time.monotonic() + self._retry_s
         self._retry_s = min(2 * self._retry_s, RETRY_LAST_S)

@@ -1,93 +1,89 @@
-"""Where samples come from: one small interface, and what opens each kind of source."""
+"""The interface of all sources."""
 
-from collections.abc import Callable
+from collections import Counter
 
-import numpy as np
+from slip_detector.chain.samples import Samples
 
-from slip_detector.chain.samples import Samples, Source
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.recordings import RecordedRows, Recording, open_recording
-from slip_detector.sources.live import LiveSource
+#: The longest time that reading a live source waits for something to come.
+WAIT_S = 0.1
 
 
-class RecordingSource:
-    """A recording as a :class:`Source`: its rows as they were recorded, each at its time.
+class Source:
+    """Where samples come from.
 
-    Parameters
+    A scene and a recording give as many samples as are asked for, stamped from 0 on, and come to
+    an end. A live source gives what its sensor sends, stamped by the receiver's clock; the
+    attributes from ``connected`` on say how it goes.
+
+    Attributes
     ----------
-    recording
-        Is read in pieces, however long it is.
+    name : str
+        What it is, for people.
+    channel_names : tuple of str
+    sample_rate_hz : float
+        0 where it is not known.
+    is_live : bool
+        Whether a sensor sends the samples when it likes.
+    has_object : bool
+        Whether :meth:`hold_force` has an effect: the fingertip holds an object.
+    connected : bool
+        Whether the sensor can be listened to.
+    state : str
+        What is listened to, or why it cannot be.
+    counts : Counter of str
+        What came and what was dropped, as the decoders count it.
     """
 
-    def __init__(self, recording: Recording) -> None:
-        self.sample_rate_hz = recording.sample_rate_hz
-        self.channel_names = recording.channel_names
-        self._pieces = recording.rows()
-        self._rows = RecordedRows(
-            np.empty((0, len(self.channel_names))), np.empty(0, np.int64), None
-        )
-        self._first_ns: int | None = None
+    is_live = False
+
+    def __init__(self, name: str, channel_names: tuple[str, ...], sample_rate_hz: float) -> None:
+        self.name = name
+        self.channel_names = channel_names
+        self.sample_rate_hz = sample_rate_hz
+        self.has_object = False
+        self.connected = not self.is_live
+        self.state = ''
+        self.counts: Counter[str] = Counter()
+
+    def start(self) -> None:
+        """Begin to listen, if this is live: what the sensor sent before is not given.
+
+        Raises
+        ------
+        ValueError
+            When a parameter does not allow it. A serial port that is not there is waited for.
+        """
 
     def read(self, n: int) -> Samples:
-        """Return the next ``n`` samples; fewer than asked for at the end."""
-        rows = self._rows
-        while len(rows.volts) < n and (more := next(self._pieces, None)) is not None:
-            rows = rows.then(more) if len(rows.volts) else more
-            if self._first_ns is None:
-                self._first_ns = int(rows.stamps_ns[0])
-        self._rows = rows.take(slice(n, None))
-        now = rows.take(slice(n))
-        after_s = np.asarray((now.stamps_ns - (self._first_ns or 0)) * 1e-9)
-        return Samples(now.volts, now.truth, time_s=after_s)
+        """Return the next samples.
 
+        Parameters
+        ----------
+        n
+            How many; a live source does not look at it.
 
-def open_source(config: DriverConfig, repetition: int = 0) -> Source:
-    """Open what the driver's parameters name, from its beginning.
+        Returns
+        -------
+        Samples
+            At most ``n``, and none only at the end. Of a live source: what came, after waiting
+            at most ``WAIT_S`` for it, perhaps none.
 
-    Parameters
-    ----------
-    config
-        The driver's parameters.
-    repetition
-        How often it was played before: a scene gets other noise each time.
+        Raises
+        ------
+        ValueError
+            When a recording turns out to be broken; names it.
+        """
+        raise NotImplementedError
 
-    Raises
-    ------
-    ValueError
-        When it cannot be opened; names it.
-    """
-    if config.source in ('serial', 'udp'):
-        raise ValueError(f'parameter source is {config.source!r}, allowed here: scene, recording')
-    if config.source == 'recording':
-        if not config.recording:
-            raise ValueError("parameter recording is '', allowed: a path, as source is recording")
-        return RecordingSource(open_recording(config.recording, config))
-    # A driver that plays a recording need not load the simulation.
-    from slip_detector.scenes import find_scene, load_scene
+    def hold_force(self, force_n: float) -> None:
+        """Hold the object with another grip force from the next sample on.
 
-    return load_scene(find_scene(config.scene), np.random.default_rng(config.seed + repetition))
+        Raises
+        ------
+        ValueError
+            When the force is out of range, or there is no object.
+        """
+        raise ValueError(f'{self.name} has no object to hold')
 
-
-def open_live_source(config: DriverConfig, now_ns: Callable[[], int]) -> LiveSource:
-    """Begin to listen to the sensor that the driver's parameters name.
-
-    Parameters
-    ----------
-    config
-        The driver's parameters.
-    now_ns
-        The clock of the stamps.
-
-    Raises
-    ------
-    ValueError
-        When a parameter does not allow it. A serial port that is not there is waited for.
-    """
-    # pyserial is loaded by those who use it.
-    if config.source == 'serial':
-        from slip_detector.sources.serial_port import SerialSource
-
-        return SerialSource(config, now_ns)
-    from slip_detector.sources.udp import UdpSource
-
-    return UdpSource(config, now_ns)
+    def close(self) -> None:
+        """Release what is read or listened to."""

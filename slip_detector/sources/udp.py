@@ -7,37 +7,50 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources.byte_stream import DecodedSamples
 from slip_detector.sources.device_clock import DeviceClock
-from slip_detector.sources.live import WAIT_S, LiveSamples, stamped
 from slip_detector.sources.packets import LONGEST_BYTES, PacketDecoder
+from slip_detector.sources.source import WAIT_S, Source
 
-#: What the kernel is asked to keep while the driver is busy; it may grant less.
+#: Size of the receive buffer that the kernel is asked for; it may grant less.
 BUFFER_BYTES = 1 << 20
 
-#: The sender that is listened to keeps its place for so long after its last packet.
+#: A second sender is heard when the first one has sent no packet for this long.
 SENDER_SILENT_S = 0.25
 
 
-class UdpSource:
+class UdpSource(Source):
     """Packets from one sender at a time, of those allowed to send.
 
-    Implements :class:`slip_detector.sources.live.LiveSource`; ``counts`` also has
-    ``unlisted_sender``, datagrams of senders not listed, and ``other_sender``, those of a listed one (or of another
-    port of it) that came while one was listened to: two sensors must not be taken for one.
+    ``counts`` also has ``unlisted_sender``, datagrams of senders that are not listed, and
+    ``other_sender``, those of a listed sender that came while another (or another port of it) was
+    heard: samples of two sensors must not be mixed.
+
+    Parameters
+    ----------
+    config
+        The driver's parameters.
+    now_ns
+        The clock of the stamps, in nanoseconds.
 
     Raises
     ------
     ValueError
-        When an address is none, or cannot be listened on.
+        When a parameter is not an address.
     """
+
+    is_live = True
 
     def __init__(self, config: DriverConfig, now_ns: Callable[[], int]) -> None:
         self._senders = frozenset(_address('udp_senders', text) for text in config.udp_senders)
         if not self._senders:
             raise ValueError('parameter udp_senders is empty, allowed: at least one address')
-        address = _address('udp_bind_address', config.udp_bind_address)
-        self._now_ns = now_ns
+        self._address = _address('udp_bind_address', config.udp_bind_address)
+        self._udp_port, self._now_ns = config.udp_port, now_ns
+        names = tuple(f'ch{i + 1}' for i in range(config.channels))
+        super().__init__(f'{self._address} port {config.udp_port}', names, 0.0)
         self._decoder = PacketDecoder(
             config.channels, config.packet_values, config.packet_scale_v, config.packet_offset_v
         )
@@ -45,48 +58,67 @@ class UdpSource:
         self._clock = DeviceClock()
         self._sender: Any = None
         self._heard_s = 0.0
-        family = socket.AF_INET if address.version == 4 else socket.AF_INET6
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
-        self._socket.settimeout(WAIT_S)
-        try:
-            self._socket.bind((str(address), config.udp_port))
-        except OSError as error:
-            self._socket.close()
-            raise ValueError(
-                f'parameter udp_port is {config.udp_port}: cannot be listened on at {address} '
-                f'({os.strerror(error.errno or 0)}), allowed: a free port of this machine'
-            ) from None
-        self.connected = True
-        self.state = f'listening on {address} port {config.udp_port}'
+        self._arrival_ns = 0
+        self._socket: socket.socket | None = None
 
-    def read(self) -> list[LiveSamples]:
-        """Wait at most ``WAIT_S`` for the samples of a datagram."""
+    def start(self) -> None:
+        """Begin to listen.
+
+        Raises
+        ------
+        ValueError
+            When the address and port cannot be listened on.
+        """
+        family = socket.AF_INET if self._address.version == 4 else socket.AF_INET6
+        listener = socket.socket(family, socket.SOCK_DGRAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+        listener.settimeout(WAIT_S)
+        try:
+            listener.bind((str(self._address), self._udp_port))
+        except OSError as error:
+            listener.close()
+            raise ValueError(
+                f'parameter udp_port is {self._udp_port}: cannot be listened on at '
+                f'{self._address} ({os.strerror(error.errno or 0)}), allowed: a free port of this '
+                'machine'
+            ) from None
+        self._socket = listener
+        self.connected = True
+        self.state = f'listening on {self.name}'
+
+    def read(self, n: int) -> Samples:
+        """Return the samples of the next datagram; wait at most ``WAIT_S`` for it."""
+        decoded = self._decoded()
+        arrived = [] if decoded is None else [decoded]
+        return self._clock.stamp(arrived, len(self.channel_names), self._arrival_ns)
+
+    def _decoded(self) -> DecodedSamples | None:
+        assert self._socket is not None, 'reading begins after start()'
         try:
             # A byte more than allowed tells a datagram that is too long.
             packet, sender = self._socket.recvfrom(LONGEST_BYTES + 1)
         except TimeoutError:
-            return []
-        arrival_ns = self._now_ns()
+            return None
+        self._arrival_ns = self._now_ns()
         if ipaddress.ip_address(sender[0]) not in self._senders:
             self.counts['unlisted_sender'] += 1
-            return []
+            return None
         now_s = time.monotonic()
         if sender != self._sender and not self._decoder.fault(packet):
             if self._sender is not None and now_s - self._heard_s < SENDER_SILENT_S:
                 self.counts['other_sender'] += 1
-                return []
+                return None
             self._sender = sender
             self._decoder.restart()
-        received = self._decoder.decode(packet)
-        if received is None:
-            return []
-        self._heard_s = now_s
-        return stamped([received], self._clock, arrival_ns)
+        decoded = self._decoder.decode(packet)
+        if decoded is not None:
+            self._heard_s = now_s
+        return decoded
 
     def close(self) -> None:
-        """Let go of the port."""
-        self._socket.close()
+        """Close the socket."""
+        if self._socket is not None:
+            self._socket.close()
 
 
 def _address(name: str, text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:

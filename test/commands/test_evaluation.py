@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from slip_detector import recordings
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands import evaluate as evaluation
 from slip_detector.commands.evaluate import main, recording_sets
@@ -238,7 +238,7 @@ def bag(path, n=600, truth=True):
     pytest.importorskip('rosbags', reason='needs rosbags')
     source = write(path.parents[1] / 'source' / 'a.npz')
     with np.load(source) as file:
-        rows = recordings.RecordedRows(
+        rows = Samples(
             file['volts'][:n],
             np.rint(np.arange(n) * 1e9 / RATE_HZ).astype(np.int64),
             file['slip'][:n] if truth else None,

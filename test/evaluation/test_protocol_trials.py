@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from slip_detector.chain.samples import Samples
 from slip_detector.evaluation import protocol_trials
 from slip_detector.evaluation.protocol_trials import (
     SCENES,
@@ -24,7 +23,7 @@ from slip_detector.evaluation.protocol_trials import (
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.sets import read_yaml
-from slip_detector.scenes import find_scene
+from slip_detector.scenes import SceneSamples, find_scene
 
 RATE_HZ = 100.0
 
@@ -67,7 +66,7 @@ def delays_s(outcome):
 def moving_trial(rows=20, channels=2, start=5, end=12):
     """Make a trial whose plate moves from row ``start`` to row ``end``."""
     position_m = np.clip(np.arange(rows) - start, 0, end - start) * 1e-3
-    return plate_trial(Samples(np.zeros((rows, channels)), position_m=position_m), RATE_HZ)
+    return plate_trial(np.zeros((rows, channels)), position_m, RATE_HZ)
 
 
 def on_from(rows, *firsts):
@@ -85,27 +84,23 @@ def plates():
 
 
 def test_a_trial_runs_from_the_last_row_at_which_the_plate_stood_to_the_first_at_which_it_stands():
-    trial = plate_trial(
-        Samples(np.zeros((7, 1)), position_m=np.array([0, 0, 0, 1, 2, 2, 2.0])), RATE_HZ
-    )
+    trial = plate_trial(np.zeros((7, 1)), np.array([0, 0, 0, 1, 2, 2, 2.0]), RATE_HZ)
     assert (trial.start, trial.end) == (2, 4)
     assert trial.motion_s == (0.02, 0.04)
     assert trial.moving.tolist() == [False, False, True, True, True, False, False]
     # A pause between two motions is part of the slip, as the paper has one slip in a trial.
     positions_m = np.array([0, 1, 1, 1, 2, 2.0])
-    again = plate_trial(Samples(np.zeros((6, 1)), position_m=positions_m), RATE_HZ)
+    again = plate_trial(np.zeros((6, 1)), positions_m, RATE_HZ)
     assert (again.start, again.end) == (0, 4)
 
 
-def test_a_trial_without_a_platform_or_without_motion_is_refused():
-    with pytest.raises(ValueError, match='the platform has no position, allowed: a source that'):
-        plate_trial(Samples(np.zeros((3, 2))), RATE_HZ)
+def test_a_trial_without_motion_is_refused():
     with pytest.raises(ValueError, match='the platform does not move, allowed: a trial in which'):
-        plate_trial(Samples(np.zeros((3, 2)), position_m=np.ones(3)), RATE_HZ)
+        plate_trial(np.zeros((3, 2)), np.ones(3), RATE_HZ)
 
 
 @pytest.mark.parametrize('rows', [9, 10, 11, 20])
-def test_a_source_is_read_to_its_end_whatever_its_length(monkeypatch, rows):
+def test_a_scene_is_played_to_its_end_whatever_its_length(monkeypatch, rows):
     monkeypatch.setattr(protocol_trials, 'ROWS_PER_READ', 10)
 
     class Counting:
@@ -114,7 +109,8 @@ def test_a_source_is_read_to_its_end_whatever_its_length(monkeypatch, rows):
         def read(self, n):
             index = np.arange(self.at, min(self.at + n, rows), dtype=float)
             self.at += len(index)
-            return Samples(index[:, np.newaxis], position_m=np.maximum(index - 3.0, 0.0))
+            position_m = np.maximum(index - 3.0, 0.0)
+            return SceneSamples(index[:, np.newaxis], index > 3.0, position_m, index / RATE_HZ)
 
     trial = read_trial(Counting())
     assert trial.volts.ravel().tolist() == list(range(rows))

@@ -4,14 +4,14 @@ import runpy
 import shutil
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.sources.packets import PacketDecoder, cobs_decode
-from slip_detector.sources.source import open_live_source
+from slip_detector.sources import open_source
+from slip_detector.sources.cobs import cobs_decode
+from slip_detector.sources.packets import PacketDecoder
 from support.pages import ROOT
 from support.sensors import free_udp_port
 
@@ -96,7 +96,8 @@ def test_c_stuffs_long_packets_as_it_should(tmp_path):
 def source():
     """A driver's source that listens to a free UDP port."""
     config = DriverConfig(source='udp', udp_port=free_udp_port())
-    source = open_live_source(config, time.time_ns)
+    source = open_source(config)
+    source.start()
     yield source, config
     source.close()
 
@@ -106,7 +107,7 @@ def test_python_sends_what_the_driver_takes(source):
     names = runpy.run_path(str(EXAMPLE_PYTHON))
     batches = INTEGERS[:60].reshape(20, 3, 16)
     names['send'](batches.tolist(), 1_000_000, ('127.0.0.1', config.udp_port))
-    volts = np.concatenate([s.volts for _ in batches for s in source.read()])
+    volts = np.concatenate([source.read(1).volts for _ in batches])
     np.testing.assert_array_equal(volts, config.packet_scale_v * INTEGERS[:60])
     assert +source.counts == {'packets': 20, 'samples': 60}
 
@@ -118,9 +119,9 @@ def test_python_as_a_program_sends_volts_that_vibrate_with_the_right_times(sourc
         try:
             stamps_ns, rows = [], []
             while len(rows) < 900:
-                for sample in source.read():
-                    stamps_ns.extend(sample.stamps_ns)
-                    rows.extend(sample.volts)
+                samples = source.read(1)
+                stamps_ns.extend(samples.stamps_ns)
+                rows.extend(samples.volts)
                 assert program.poll() is None
         finally:
             program.terminate()

@@ -10,7 +10,7 @@ import pytest
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import open_recording
-from slip_detector.sources.source import open_source
+from slip_detector.sources import open_source
 from support.harness import DEADLINE_S
 
 pytest.importorskip('rclpy', reason='needs rclpy')

@@ -12,7 +12,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos, time_message
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.sources.source import open_source
+from slip_detector.sources import open_source
 from support.harness import patient_qos
 
 PERIOD_NS = round(1e9 / 380)

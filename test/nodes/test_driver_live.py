@@ -13,7 +13,8 @@ from std_msgs.msg import Bool, Float32MultiArray
 from slip_detector.nodes.health import Level
 from slip_detector.nodes.listening import sensor_status
 from slip_detector.nodes.messages import stamp_ns, state_qos
-from slip_detector.sources.packets import LineDecoder, PacketDecoder, encode
+from slip_detector.sources.packets import PacketDecoder, encode
+from slip_detector.sources.text_lines import LineDecoder
 from support.harness import ended_quietly, patient_qos
 from support.sensors import (
     SCALE_V,

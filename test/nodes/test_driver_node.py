@@ -8,12 +8,13 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.recordings import RecordedRows, write_recording
-from slip_detector.sources.source import open_source
+from slip_detector.recordings import write_recording
+from slip_detector.sources import open_source
 from support.harness import ROOT, ended_quietly, patient_qos, patient_state_qos
 from support.recorded import read_recording
 
@@ -116,7 +117,7 @@ def test_a_bag_is_played_as_it_was_recorded_with_its_labels_and_gaps(bench, tmp_
     k = np.arange(120)
     k = k[(k < 40) | (k > 47)]  # a gap that the detector is to see
     stamps_ns = 1_700_000_000_000_000_000 + k * 2_000_000
-    wanted = RecordedRows(4.3 + 1e-3 * np.sin(k[:, np.newaxis] * [1, 2, 3]), stamps_ns, k >= 80)
+    wanted = Samples(4.3 + 1e-3 * np.sin(k[:, np.newaxis] * [1, 2, 3]), stamps_ns, k >= 80)
     write_recording(tmp_path / f'mine{ending}', [wanted], 500.0, ['left', 'right', 'tip'])
     parameters = {'source': 'recording', 'recording': tmp_path / f'mine{ending}'}
     played = Played(bench, parameters, len(k))
@@ -132,7 +133,7 @@ def test_a_bag_is_played_as_it_was_recorded_with_its_labels_and_gaps(bench, tmp_
 def test_any_topic_of_a_bag_and_labels_by_hand_are_played(bench, tmp_path):
     pytest.importorskip('rosbags', reason='needs rosbags')
     k = np.arange(100)
-    wanted = RecordedRows(np.ones((100, 2)) * k[:, np.newaxis], k * 2_000_000, None, k * 1e-3)
+    wanted = Samples(np.ones((100, 2)) * k[:, np.newaxis], k * 2_000_000, None, k * 1e-3)
     write_recording(tmp_path / 'mine.mcap', [wanted], 500.0, ['a', 'b'])
     (tmp_path / 'mine.labels.yaml').write_text('slip_s: [[0.1, 0.15]]')
     parameters = {
@@ -168,9 +169,7 @@ def test_a_scene_with_losses_and_a_wrong_clock_is_stamped_when_its_samples_were_
     assert played.process.wait() == 0
     np.testing.assert_array_equal(played.rows(), wanted.volts)
     stamps = played.stamps_ns()
-    np.testing.assert_array_equal(
-        stamps - stamps[0], np.round(wanted.time_s * 1e9) - np.round(wanted.time_s[0] * 1e9)
-    )
+    np.testing.assert_array_equal(stamps - stamps[0], wanted.stamps_ns - wanted.stamps_ns[0])
     assert f'played all {count} samples' in played.process.log()
 
 
@@ -179,11 +178,11 @@ def test_a_looped_scene_goes_on_where_its_clock_was(bench, lossy_scene):
     trials = [open_source(config, repetition).read(10_000) for repetition in range(3)]
     assert len({trial.volts.tobytes() for trial in trials}) == 3
     # Each begins a period, as the sensor says it, after the last sample of the one before.
-    times_s, begin_s = [], 0.0
+    stamps_ns, begin_ns = [], 0
     for trial in trials:
-        times_s.append(begin_s + trial.time_s)
-        begin_s = times_s[-1][-1] + 1.0 / 380.0
-    taken_ns = np.round(np.concatenate(times_s) * 1e9)
+        stamps_ns.append(begin_ns + trial.stamps_ns)
+        begin_ns = stamps_ns[-1][-1] + round(1e9 / 380.0)
+    taken_ns = np.concatenate(stamps_ns)
     volts = np.concatenate([trial.volts for trial in trials])
     parameters = {'scene': lossy_scene, 'seed': 3, 'loop': 'true', 'rate': 2.0}
     played = Played(bench, parameters, len(volts))

@@ -324,7 +324,7 @@ RECORD = """
 import resource, sys, time
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.nodes.demo import record
-from slip_detector.sources.source import open_source
+from slip_detector.sources import open_source
 source = open_source(DriverConfig())
 resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536))
 try:

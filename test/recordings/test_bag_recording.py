@@ -7,8 +7,9 @@ import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.recordings import RecordedRows, bag_recording, open_recording, write_recording
+from slip_detector.recordings import bag_recording, open_recording, write_recording
 from support.bags import NAMES, PLUGINS, START_NS, Bag, check_same, gathered, rows, stamps
 from support.recorded import read_recording
 
@@ -37,7 +38,7 @@ def test_any_message_type_is_read_by_topic_and_field(tmp_path, plugin):
     path = tmp_path / 'a'
     config = RecordingConfig(recording_topic='/hub/sensor_0', recording_field='pillars[].fz')
     recording = open_recording(path, config)
-    check_same(gathered(recording), RecordedRows(volts.astype(np.float64), stamps(300), None))
+    check_same(gathered(recording), Samples(volts.astype(np.float64), stamps(300), None))
     assert recording.channel_names == ('ch1', 'ch2', 'ch3', 'ch4')
     one = RecordingConfig(recording_topic='sensor_0', recording_field='pillars[2].fz')
     np.testing.assert_array_equal(read_recording(path, one).volts, volts[:, 2:3])
@@ -59,9 +60,7 @@ def test_a_type_that_is_defined_in_idl_is_read(tmp_path):
     config = RecordingConfig(recording_topic='/biotac', recording_field='pac')
     volts = np.arange(20.0)[:, np.newaxis] + np.arange(3.0)
     # Without a header the time of receipt is the stamp.
-    check_same(
-        gathered(open_recording(tmp_path / 'a', config)), RecordedRows(volts, stamps(20), None)
-    )
+    check_same(gathered(open_recording(tmp_path / 'a', config)), Samples(volts, stamps(20), None))
 
 
 def test_messages_of_other_layouts_are_read_one_by_one_to_the_same_bits(tmp_path):

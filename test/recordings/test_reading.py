@@ -5,9 +5,9 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import (
-    RecordedRows,
     is_recording,
     open_recording,
     write_recording,
@@ -61,7 +61,7 @@ def test_memory_does_not_grow_with_the_length(tmp_path, ending):
     def peak(n):
         path = tmp_path / f'{n}{ending}'
         volts = 4.3 + 1e-3 * np.random.default_rng(0).standard_normal((n, 4))
-        rows = RecordedRows(volts, np.arange(n) * 2_500_000, np.arange(n) % 200 < 100)
+        rows = Samples(volts, np.arange(n) * 2_500_000, np.arange(n) % 200 < 100)
         write_recording(path, [rows], 400.0, 'abcd')
         del volts, rows
         tracemalloc.start()

@@ -10,8 +10,8 @@ from slip_detector.recordings import (
     npz_recording,
     open_recording,
 )
+from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.resample import Resampler
-from slip_detector.recordings.rows import Piece
 from support.recorded import save_rows
 
 PERIOD_NS = 10_000_000

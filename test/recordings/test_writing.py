@@ -11,7 +11,8 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 
-from slip_detector.recordings import RecordedRows, open_recording, write_recording
+from slip_detector.chain.samples import Samples
+from slip_detector.recordings import open_recording, write_recording
 from support.bags import ENDINGS, NAMES, check_same, gathered, rows
 
 
@@ -25,7 +26,7 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path_factory, ending, data)
     start_ns = data.draw(st.integers(0, 2**60))
     steps_ns = data.draw(st.lists(st.integers(9_000_000, 11_000_000), min_size=n, max_size=n))
     stamps_ns = start_ns + np.cumsum(np.array(steps_ns, dtype=np.int64))
-    written = RecordedRows(volts, stamps_ns, truth)
+    written = Samples(volts, stamps_ns, truth)
     cut = data.draw(st.integers(0, n))
     pieces = [written.take(slice(cut)), written.take(slice(cut, None))]
     path = tmp_path_factory.mktemp('written') / f'trial{ending}'

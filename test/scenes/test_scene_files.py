@@ -192,3 +192,14 @@ def test_the_default_chain_finds_the_slip_of_the_default_plate(seed):
     delay_s = t[np.argmax(result.slip & (t >= slip_s[0]))] - slip_s[0]
     assert 0.0 < delay_s < 0.08
     assert not result.slip[(t < 1.0) | (t > slip_s[-1] + 0.2) & (t < 6.6)].any()
+
+
+def test_a_scene_is_found_by_name_or_taken_by_path():
+    assert find_scene('plate_400um') == shared_folder() / 'config' / 'scenes' / 'plate_400um.yaml'
+    assert find_scene('plate_400um').is_file()
+    assert str(find_scene('elsewhere/my.yaml')) == 'elsewhere/my.yaml'
+
+
+def test_an_unknown_scene_lists_those_there_are():
+    with pytest.raises(ValueError, match=r"no scene 'plate'.*plate_400um.*path to a \.yaml"):
+        find_scene('plate')

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.sources.byte_stream import DecodedSamples
 from slip_detector.sources.device_clock import SLEW, STEP_NS, WINDOW_NS, DeviceClock
-from slip_detector.sources.live import stamped
-from slip_detector.sources.packets import Received
 
 PERIOD_NS = 1_000_000
 
@@ -103,19 +102,31 @@ def test_times_that_overlap_still_rise():
     assert np.all(np.diff(first + second) > 0)
 
 
+def stamps_of(clock, decoded, arrival_ns):
+    return clock.stamp(decoded, 2, arrival_ns).stamps_ns.tolist()
+
+
 def test_samples_without_times_are_stamped_when_they_arrive():
     clock = DeviceClock()
-    row = np.zeros((1, 2))
-    received = [Received(row, None, False)] * 3
-    assert [s.stamps_ns for s in stamped(received, clock, 700)] == [[700], [701], [702]]
-    assert [s.stamps_ns for s in stamped(received[:1], clock, 900)] == [[900]]
+    decoded = [DecodedSamples(np.zeros((1, 2)), None, False)] * 3
+    assert stamps_of(clock, decoded, 700) == [700, 701, 702]
+    assert stamps_of(clock, decoded[:1], 900) == [900]
 
 
-def test_samples_of_a_new_clock_are_mapped_anew():
+def test_samples_of_a_restarted_clock_have_a_mapping_of_their_own():
     clock = DeviceClock()
     row = np.zeros((1, 2))
-    received = [Received(row, [0], True), Received(row, [100], False)]
-    assert [s.stamps_ns for s in stamped(received, clock, 10**9)] == [[10**9], [10**9 + 90]]
-    received = [Received(row, [200], True)]
+    decoded = [DecodedSamples(row, [0], True), DecodedSamples(row, [100], False)]
+    assert stamps_of(clock, decoded, 10**9) == [10**9, 10**9 + 90]
     at_ns = 10**9 + STEP_NS // 2
-    assert [s.stamps_ns for s in stamped(received, clock, at_ns)] == [[at_ns]]
+    assert stamps_of(clock, [DecodedSamples(row, [200], True)], at_ns) == [at_ns]
+
+
+def test_the_samples_of_several_packets_are_joined_and_none_are_none():
+    clock = DeviceClock()
+    volts = np.arange(6.0).reshape(3, 2)
+    decoded = [DecodedSamples(volts[:1], [0], True), DecodedSamples(volts[1:], [5, 10], False)]
+    samples = clock.stamp(decoded, 2, 10**9)
+    np.testing.assert_array_equal(samples.volts, volts)
+    assert samples.stamps_ns.dtype == np.int64
+    assert clock.stamp([], 2, 10**9).volts.shape == (0, 2)

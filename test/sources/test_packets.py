@@ -1,4 +1,4 @@
-"""Packets and lines: what was sent comes out, and nothing else does."""
+"""Packets: the samples that were sent are decoded, and no others."""
 
 import random
 import zlib
@@ -9,16 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.sources.cobs import cobs_decode, cobs_encode
 from slip_detector.sources.packets import (
     CHECKSUM,
     HEADER,
     KINDS,
     LONGEST_BYTES,
     RESTART_US,
-    LineDecoder,
     PacketDecoder,
-    cobs_decode,
-    cobs_encode,
     encode,
 )
 
@@ -26,10 +24,6 @@ from slip_detector.sources.packets import (
 HALF_AN_HOUR_BYTES = 115200 // 10 * 1800
 
 PERIOD_US = 1000
-
-MIXED_TEXT = st.lists(
-    st.sampled_from([b'1', b'.5', b',', b'\n', b'\r\n', b'-', b'e9', b' ', b'nan', b'\0', b'\xff'])
-).map(b''.join)
 
 
 def decoder(channels=3, values='int16', scale_v=1e-3, offset_v=0.0):
@@ -66,48 +60,6 @@ def integers(received, channels=3):
 def sent_by(*some):
     """Return what a decoder of its own makes of packets, one by one."""
     return integers([decoder().decode(packet) for packet in some])
-
-
-# COBS.
-
-
-@pytest.mark.parametrize(
-    ('plain', 'stuffed'),
-    [
-        (b'', b'\x01'),
-        (b'\0', b'\x01\x01'),
-        (b'\0\0', b'\x01\x01\x01'),
-        (b'\0\x11\0', b'\x01\x02\x11\x01'),
-        (b'\x11\x22\0\x33', b'\x03\x11\x22\x02\x33'),
-        (b'\x11\x22\x33\x44', b'\x05\x11\x22\x33\x44'),
-        (b'\x11\0\0\0', b'\x02\x11\x01\x01\x01'),
-        (bytes(range(1, 255)), b'\xff' + bytes(range(1, 255))),
-        (bytes(range(255)), b'\x01\xff' + bytes(range(1, 255))),
-        (bytes(range(1, 256)), b'\xff' + bytes(range(1, 255)) + b'\x02\xff'),
-        (bytes(range(2, 256)) + b'\0', b'\xff' + bytes(range(2, 256)) + b'\x01\x01'),
-        (bytes(range(3, 256)) + b'\0\x01', b'\xfe' + bytes(range(3, 256)) + b'\x02\x01'),
-    ],
-)
-def test_bytes_are_stuffed_as_published(plain, stuffed):
-    assert cobs_encode(plain) == stuffed
-    assert cobs_decode(stuffed) == plain
-
-
-@given(st.lists(st.tuples(st.binary(max_size=3), st.integers(0, 600))))
-def test_stuffed_bytes_have_no_zero_and_come_back(parts):
-    plain = b''.join(some + b'\x07' * more for some, more in parts)
-    stuffed = cobs_encode(plain)
-    assert 0 not in stuffed
-    assert len(stuffed) <= len(plain) + len(plain) // 254 + 1
-    assert cobs_decode(stuffed) == plain
-
-
-def test_codes_past_the_end_are_no_cobs():
-    assert cobs_decode(b'\x05\x11\x22') is None
-    assert cobs_decode(b'\x00') is None
-
-
-# Packets.
 
 
 @given(st.data())
@@ -410,98 +362,6 @@ def test_a_packet_amid_noise_is_found():
 def test_what_has_no_room_is_not_sent(numbers, values, words):
     with pytest.raises(ValueError, match=words):
         encode(numbers, values, 0, 0)
-
-
-# Lines of text.
-
-
-def test_lines_are_read_as_people_write_them():
-    receiver = LineDecoder(3, 0.0)
-    text = b'rest of a line\n1,2,3\r\n -1.5e-3 ,\t+.5, 4.\n\n\r\n0,0,1E2\n'
-    received = receiver.feed(text)
-    assert rows(received).tolist() == [[1, 2, 3], [-1.5e-3, 0.5, 4], [0, 0, 100]]
-    assert all(r.times_ns is None for r in received)
-    assert receiver.counts == {'samples': 3, 'partial': 1, 'garbage_bytes': 14}
-
-
-@pytest.mark.parametrize(
-    ('line', 'reason'),
-    [
-        (b'1,2', 'channels'),
-        (b'1,2,3,4', 'channels'),
-        (b'1,2,3,', 'numbers'),
-        (b',1,2', 'numbers'),
-        (b'1;2;3', 'numbers'),
-        (b'1,2,3 4', 'numbers'),
-        (b'1,2,1_0', 'numbers'),
-        (b'1,2,nan', 'numbers'),
-        (b'1,2,inf', 'numbers'),
-        (b'1,2,1e999', 'numbers'),
-        (b'1,2,0x3', 'numbers'),
-        (b'1,2,3\0', 'numbers'),
-        (b'1,2,\xb2', 'numbers'),
-        (b'1,2,3\r1,2,3', 'numbers'),
-        (b'volts 1,2,3', 'numbers'),
-        (b'1.0,2.0,3.1.0,2.0,3.0', 'numbers'),
-        (b'1,2,' + b'3' * 200, 'overlong'),
-    ],
-)
-def test_a_line_that_is_no_sample_is_dropped_and_counted(line, reason):
-    receiver = LineDecoder(3, 0.0)
-    received = receiver.feed(b'\n' + line + b'\n7,8,9\n')
-    assert rows(received).tolist() == [[7, 8, 9]]
-    assert receiver.counts[reason] == 1
-    assert receiver.counts['garbage_bytes'] == len(line)
-
-
-def test_a_long_line_that_is_nearly_right_is_refused_at_once():
-    receiver = LineDecoder(16, 0.0)
-    # A pattern that can match a number in several ways would try them all: 25 ** 16.
-    assert receiver.feed(b'\n' + b','.join([b'1' * 25] * 16) + b'x\n') == []
-    assert receiver.feed(b' ' * 400 + b'x\n') == []
-    assert receiver.counts['numbers'] == 2
-
-
-@given(MIXED_TEXT, st.lists(st.integers(0, 30)))
-def test_any_cut_of_the_text_gives_the_same_samples_and_counts(text, cuts):
-    text += b'\n1,2,3\n' + b'9' * 150 + b'\n4,5,6\n'
-    whole, piecewise = LineDecoder(3, 100.0), LineDecoder(3, 100.0)
-    wanted = whole.feed(text)
-    received, at = [], 0
-    for cut in [*cuts, len(text)]:
-        received += piecewise.feed(text[at : at + cut])
-        at += cut
-    np.testing.assert_array_equal(rows(received), rows(wanted))
-    assert [r.times_ns for r in received] == [r.times_ns for r in wanted]
-    assert piecewise.counts == whole.counts
-
-
-def test_lines_at_a_rate_have_times_and_begin_anew_after_an_interruption():
-    receiver = LineDecoder(1, 400.0)
-    received = receiver.feed(b'\n1\n2\n3')
-    receiver.restart()
-    received += receiver.feed(b'4\n5\n6\n')
-    assert rows(received, 1)[:, 0].tolist() == [1, 2, 5, 6]
-    assert [r.clock_restarted for r in received] == [True, False, True, False]
-    assert np.diff([r.times_ns[0] for r in received])[[0, 2]].tolist() == [2_500_000] * 2
-
-
-def test_after_an_interruption_of_an_endless_line_one_line_is_dropped():
-    receiver = LineDecoder(1, 0.0)
-    receiver.feed(b'\n' + b'9' * 100)
-    receiver.restart()
-    assert rows(receiver.feed(b'4\n5\n'), 1).tolist() == [[5]]
-
-
-def test_half_an_hour_of_noise_holds_no_line():
-    rng = random.Random(3)
-    receiver = LineDecoder(16, 0.0)
-    received = []
-    size = 1 << 16
-    for _ in range(0, HALF_AN_HOUR_BYTES, size):
-        received += receiver.feed(rng.randbytes(size))
-    assert received == []
-    assert receiver.counts['garbage_bytes'] > 0.99 * HALF_AN_HOUR_BYTES
 
 
 def test_counts_are_of_one_decoder():

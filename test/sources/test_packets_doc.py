@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from slip_detector.sources import packets
+from slip_detector.sources import packets, text_lines
 from slip_detector.sources.packets import (
     CHECKSUM,
     HEADER,
@@ -31,5 +31,5 @@ def test_the_tables_say_what_the_code_does():
 
 def test_every_count_is_explained():
     explained = set(re.findall(r'`(\w+)`', TEXT))
-    for doc in (packets.PacketDecoder.__doc__, packets.LineDecoder.__doc__):
+    for doc in (packets.PacketDecoder.__doc__, text_lines.LineDecoder.__doc__):
         assert set(re.findall(r'``(\w+)``', doc.partition('counts :')[2])) <= explained

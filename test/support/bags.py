@@ -4,7 +4,7 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from slip_detector.recordings import RecordedRows
+from slip_detector.chain.samples import Samples
 
 NAMES = ('left', 'right', 'tip')
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -21,13 +21,13 @@ def rows(n=600, channels=3, seed=0, truth=True):
     rng = np.random.default_rng(seed)
     volts = 4.3 + 1e-3 * rng.standard_normal((n, channels))
     slip = (np.arange(n) // 100) % 2 == 1
-    return RecordedRows(volts, stamps(n), slip if truth else None)
+    return Samples(volts, stamps(n), slip if truth else None)
 
 
 def gathered(recording):
     pieces = list(recording.pieces())
     truth = [piece.truth for piece in pieces if piece.truth is not None]
-    return RecordedRows(
+    return Samples(
         np.concatenate([piece.volts for piece in pieces]),
         np.concatenate([piece.stamps_ns for piece in pieces]),
         np.concatenate(truth) if truth else None,

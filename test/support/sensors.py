@@ -11,7 +11,8 @@ import time
 
 import numpy as np
 
-from slip_detector.sources.packets import cobs_encode, encode
+from slip_detector.sources.cobs import cobs_encode
+from slip_detector.sources.packets import encode
 
 #: What a value is worth where a test does not say otherwise (the driver's default).
 SCALE_V = 1e-3

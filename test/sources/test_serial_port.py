@@ -7,10 +7,11 @@ import time
 import numpy as np
 import pytest
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources import open_source
 from slip_detector.sources import serial_port as serial_source
 from slip_detector.sources.serial_port import RETRY_LAST_S, SerialSource
-from slip_detector.sources.source import open_live_source
 from support.sensors import SCALE_V, Port, make_packets, on_the_line
 
 DEADLINE_S = 60.0
@@ -27,22 +28,23 @@ def port(tmp_path):
 
 def source_at(path, **parameters):
     config = DriverConfig(source='serial', serial_port=str(path), channels=4, **parameters)
-    return open_live_source(config, time.time_ns)
+    source = open_source(config)
+    source.start()
+    return source
 
 
 def read_until(source, condition, what):
-    """Read until the condition holds; returns all samples."""
-    samples = []
+    """Read until the condition holds, given all samples so far; returns them."""
+    samples = Samples(np.empty((0, 4)), np.empty(0, np.int64))
     deadline = time.monotonic() + DEADLINE_S
     while not condition(samples):
         assert time.monotonic() < deadline, f'waited in vain for {what}: {source.state}'
-        samples += source.read()
+        samples = samples.then(source.read(1))
     return samples
 
 
 def read_rows(source, n):
-    samples = read_until(source, lambda some: sum(len(s.volts) for s in some) >= n, f'{n} rows')
-    return np.concatenate([s.volts for s in samples])
+    return read_until(source, lambda samples: len(samples.volts) >= n, f'{n} rows').volts
 
 
 @pytest.mark.parametrize('samples', [1, 7])
@@ -68,10 +70,10 @@ def test_lines_of_text_arrive_after_the_first(port):
     port.send(b'3,4\n')
     for row in INTEGERS[:5]:
         port.send((','.join(map(str, row)) + '\r\n').encode())
-    samples = read_until(source, lambda some: len(some) >= 5, 'five lines')
-    np.testing.assert_array_equal(np.concatenate([s.volts for s in samples]), INTEGERS[:5])
+    samples = read_until(source, lambda some: len(some.volts) >= 5, 'five lines')
+    np.testing.assert_array_equal(samples.volts, INTEGERS[:5])
     # All at once here; the sensor took them one each period.
-    steps = np.diff([stamp for s in samples for stamp in s.stamps_ns])
+    steps = np.diff(samples.stamps_ns)
     assert np.all(np.abs(steps - 2_000_000) <= 200_002)
     source.close()
 
@@ -80,7 +82,7 @@ def test_without_a_rate_lines_are_stamped_when_they_arrive(port):
     source = source_at(port.path, serial_format='text')
     before_ns = time.time_ns()
     port.send(b'\n1,2,3,4\n')
-    (samples,) = read_until(source, lambda some: some, 'a line')
+    samples = read_until(source, lambda some: len(some.volts), 'a line')
     assert before_ns <= samples.stamps_ns[0] <= time.time_ns()
     source.close()
 
@@ -111,7 +113,7 @@ def test_a_port_that_is_not_there_yet_is_waited_for(tmp_path):
     source = source_at(path)
     assert not source.connected
     assert 'No such file or directory' in source.state
-    assert source.read() == []
+    assert not len(source.read(1).volts)
     port = Port(path)
     read_until(source, lambda _: source.connected, 'the port')
     source.close()
@@ -155,7 +157,7 @@ def test_a_port_that_stays_away_is_looked_for_ever_more_rarely(tmp_path, monkeyp
     monkeypatch.setattr(serial_source.serial, 'Serial', there_once)
     source = source_at(tmp_path / 'nothing')
     while len(tried_s) < 12:
-        source.read()
+        source.read(1)
     steps_s = [later - earlier for earlier, later in itertools.pairwise(tried_s)]
     assert steps_s[:5] == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6])
     assert steps_s[5:8] == pytest.approx([RETRY_LAST_S] * 3)
@@ -175,7 +177,7 @@ def test_a_port_that_another_driver_reads_is_left_to_it(port):
 
 def test_an_idle_port_gives_nothing_and_stays(port):
     source = source_at(port.path)
-    assert source.read() == []
+    assert not len(source.read(1).volts)
     assert source.connected
     source.close()
 

@@ -1,15 +1,14 @@
 """The UDP source at a real socket."""
 
 import socket
-import time
 
 import numpy as np
 import pytest
 
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources import open_source
 from slip_detector.sources import udp as udp_source
 from slip_detector.sources.packets import LONGEST_BYTES
-from slip_detector.sources.source import open_live_source
 from slip_detector.sources.udp import SENDER_SILENT_S
 from support.sensors import SCALE_V, Sender, free_udp_port, make_packets
 
@@ -23,7 +22,8 @@ class Heard:
     def __init__(self, **parameters):
         port = free_udp_port()
         config = DriverConfig(source='udp', udp_port=port, channels=4, **parameters)
-        self.source = open_live_source(config, time.time_ns)
+        self.source = open_source(config)
+        self.source.start()
         self.port = port
         self._senders = []
 
@@ -36,7 +36,7 @@ class Heard:
         rows = [np.empty((0, 4))]
         for packet in packets:
             sender.send(packet)
-            rows += [samples.volts for samples in self.source.read()]
+            rows.append(self.source.read(1).volts)
         return np.concatenate(rows)
 
     def close(self):
@@ -120,12 +120,13 @@ def test_addresses_of_version_6_serve_as_well():
         source='udp', udp_port=port, channels=4, udp_bind_address='::1', udp_senders=('0:0::1',)
     )
     try:
-        source = open_live_source(config, time.time_ns)
+        source = open_source(config)
+        source.start()
     except ValueError as error:
         pytest.skip(f'no IPv6: {error}')
     with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as sender:
         sender.sendto(PACKETS[0], ('::1', port))
-        (samples,) = source.read()
+        samples = source.read(1)
     np.testing.assert_array_equal(samples.volts, SCALE_V * INTEGERS[:1])
     source.close()
 
@@ -144,9 +145,9 @@ def test_addresses_of_version_6_serve_as_well():
 )
 def test_wrong_addresses_are_named(parameters, message):
     with pytest.raises(ValueError, match=message):
-        open_live_source(DriverConfig(source='udp', **parameters), time.time_ns)
+        open_source(DriverConfig(source='udp', **parameters)).start()
 
 
 def test_a_port_in_use_is_named(heard):
     with pytest.raises(ValueError, match=r'udp_port is .*Address already in use.*a free port'):
-        open_live_source(DriverConfig(source='udp', udp_port=heard.port), time.time_ns)
+        open_source(DriverConfig(source='udp', udp_port=heard.port)).start()

@@ -1,0 +1,47 @@
+"""A recording as a source."""
+
+from slip_detector.chain.samples import Samples
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.recordings import open_recording
+from slip_detector.sources.source import Source
+
+
+class RecordingSource(Source):
+    """A recording, its samples as they were recorded, at their own spacing.
+
+    It is read in pieces, however long it is.
+
+    Parameters
+    ----------
+    config
+        The driver's parameters; they name the recording and what to read of it.
+
+    Raises
+    ------
+    ValueError
+        When no recording is named, or it cannot be opened; names it.
+    """
+
+    def __init__(self, config: DriverConfig) -> None:
+        if not config.recording:
+            raise ValueError("parameter recording is '', allowed: a path, as source is recording")
+        recording = open_recording(config.recording, config)
+        super().__init__(config.recording, recording.channel_names, recording.sample_rate_hz)
+        self._pieces = recording.rows()
+        self._next: Samples | None = None
+        self._first_ns = 0
+
+    def read(self, n: int) -> Samples:
+        """Return the next ``n`` samples; fewer only at the end."""
+        samples = self._next
+        while samples is None or len(samples.volts) < n:
+            piece = next(self._pieces, None)
+            if piece is None:
+                break
+            if samples is None:
+                self._first_ns = int(piece.stamps_ns[0])
+            samples = piece if samples is None else samples.then(piece)
+        assert samples is not None  # A recording has at least one row, or reading it fails.
+        self._next = samples.take(slice(n, None))
+        now = samples.take(slice(n))
+        return now._replace(stamps_ns=now.stamps_ns - self._first_ns)

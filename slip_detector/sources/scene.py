@@ -1,0 +1,53 @@
+"""A simulated scene as a source."""
+
+import numpy as np
+
+from slip_detector.chain.samples import Samples
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.scenes import find_scene, load_scene
+from slip_detector.sources.source import Source
+
+
+class SceneSource(Source):
+    """A scene, each of its samples at the time at which the scene's own clock takes it.
+
+    Parameters
+    ----------
+    config
+        The driver's parameters; they name the scene and the seed of its noise.
+    repetition
+        How often it was played before; the noise is that of the seed so much higher.
+
+    Raises
+    ------
+    ValueError
+        When there is no such scene, or its file is wrong; names it.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters.driver import DriverConfig
+    >>> source = SceneSource(DriverConfig(scene='grasp'))
+    >>> source.name, source.has_object
+    ('scene grasp', True)
+    >>> source.hold_force(3.0)
+    >>> source.read(2).stamps_ns.tolist()
+    [0, 2631579]
+    """
+
+    def __init__(self, config: DriverConfig, repetition: int = 0) -> None:
+        trial = np.random.default_rng(config.seed + repetition)
+        self._scene = scene = load_scene(find_scene(config.scene), trial)
+        super().__init__(f'scene {config.scene}', scene.channel_names, scene.sample_rate_hz)
+        self.has_object = 'object' in scene.parts
+
+    def read(self, n: int) -> Samples:
+        """Return the next ``n`` samples, fewer where some are lost, none only at the end."""
+        samples = self._scene.read(n)
+        stamps_ns = np.rint(samples.time_s * 1e9).astype(np.int64)
+        return Samples(samples.volts, stamps_ns, samples.truth, samples.position_m)
+
+    def hold_force(self, force_n: float) -> None:
+        """Hold the object with another grip force from the next sample on."""
+        if not self.has_object:
+            super().hold_force(force_n)
+        self._scene.hold_force(force_n)

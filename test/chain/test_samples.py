@@ -1,0 +1,40 @@
+"""Samples: what is taken apart and put together again is the same."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.chain.samples import Samples
+
+
+def some(n, truth):
+    rng = np.random.default_rng(n)
+    slip = rng.random(n) < 0.5
+    position_m = np.cumsum(slip) * 1e-3
+    known = (slip, position_m) if truth else ()
+    return Samples(rng.normal(size=(n, 2)), np.arange(n) * 10, *known)
+
+
+@given(st.integers(0, 30), st.integers(0, 30), st.booleans())
+def test_parts_of_samples_joined_are_the_samples(n, cut, truth):
+    samples = some(n, truth)
+    again = samples.take(slice(cut)).then(samples.take(slice(cut, None)))
+    for field, of_again in zip(samples, again, strict=True):
+        np.testing.assert_array_equal(field, of_again)
+
+
+@given(st.lists(st.integers(0, 9), max_size=20))
+def test_samples_are_taken_by_their_numbers(which):
+    samples = some(10, truth=True)
+    taken = samples.take(np.array(which, dtype=np.intp))
+    np.testing.assert_array_equal(taken.volts, samples.volts[which])
+    np.testing.assert_array_equal(taken.stamps_ns, samples.stamps_ns[which])
+    np.testing.assert_array_equal(taken.truth, samples.truth[which])
+    np.testing.assert_array_equal(taken.position_m, samples.position_m[which])
+
+
+def test_truth_and_position_that_one_part_lacks_are_not_known_of_both():
+    for first, second in ((True, False), (False, True)):
+        both = some(3, first).then(some(2, second))
+        assert both.truth is None
+        assert both.position_m is None
