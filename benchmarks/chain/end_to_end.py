@@ -90,7 +90,7 @@ def measure_end_to_end(seconds: float) -> dict[str, Any]:
     slip = chain.update(rows).slip
     changes = np.flatnonzero(np.diff(slip, prepend=False))
 
-    namespace = f'/slip_benchmark_{os.getpid()}'
+    namespace = f'/slip_end_to_end_{os.getpid()}'
     parameters = [word for name in PARAMETERS for word in ('-p', f'{name}:={PARAMETERS[name]}')]
     commands = {
         'detector': ['slip_detector.nodes.run', 'slip_detector', *_ros(namespace, 'detector')],

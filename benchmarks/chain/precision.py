@@ -53,7 +53,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.bounds import Bound, verdicts
 from benchmarks.chain import reference
 from benchmarks.chain.errors import (
     BASELINE_V,
@@ -75,18 +74,20 @@ from benchmarks.chain.rivals import (
     run,
 )
 from benchmarks.timing import least_times_s
+from benchmarks.verdicts import verdicts
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design, largest_pole_radius
+from slip_detector.evaluation.bounds import Bound
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
 
 #: What is wanted of the chain.
 WANTED = {
-    'rates.error': Bound('<=', 1e-8),
-    'edges.error': Bound('<=', 1e-7),
-    'long_run.error': Bound('<=', 1e-12),
-    'extremes.error': Bound('<=', 1e-6),
+    'rates.error': Bound(high=1e-8),
+    'edges.error': Bound(high=1e-7),
+    'long_run.error': Bound(high=1e-12),
+    'extremes.error': Bound(high=1e-6),
 }
 
 #: An error of this much has no right digit.

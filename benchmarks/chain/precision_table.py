@@ -3,7 +3,7 @@
 import textwrap
 from typing import Any
 
-from benchmarks.bounds import claim_in_words
+from benchmarks.verdicts import claim_in_words
 
 TABLE_COLUMNS = 99
 

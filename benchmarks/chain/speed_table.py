@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks.bounds import claim_in_words
 from benchmarks.chain.speed import CHANNEL_COUNTS, WANTED
+from benchmarks.verdicts import claim_in_words
 
 
 def chain_speed_table(figures: dict[str, Any]) -> str:

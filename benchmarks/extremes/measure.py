@@ -35,7 +35,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.bounds import Bound, verdicts
 from benchmarks.extremes.cases import CYCLE_S, Case, cases, description_of, sliding_cycles
 from benchmarks.scenes.build import build_scene
 from benchmarks.scenes.integrators import (
@@ -46,6 +45,8 @@ from benchmarks.scenes.integrators import (
     solve,
 )
 from benchmarks.scenes.ode import Ode
+from benchmarks.verdicts import verdicts
+from slip_detector.evaluation.bounds import Bound
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 from slip_detector.scenes.mechanics import LEAST, WORK
@@ -53,12 +54,12 @@ from slip_detector.scenes.mechanics import LEAST, WORK
 Floats = NDArray[np.float64]
 
 WANTED = {
-    'extremes.not_finite_or_bounded': Bound('<=', 0.0),
-    'extremes.energy_created': Bound('<=', 1e-9),
-    'extremes.voltage_error': Bound('<=', 1e-2),
-    'hour.drift': Bound('<=', 1e-6),
-    'hour.work_growth': Bound('<=', 1e-6),
-    'hour.energy_created': Bound('<=', 1e-9),
+    'extremes.not_finite_or_bounded': Bound(high=0.0),
+    'extremes.energy_created': Bound(high=1e-9),
+    'extremes.voltage_error': Bound(high=1e-2),
+    'hour.drift': Bound(high=1e-6),
+    'hour.work_growth': Bound(high=1e-6),
+    'hour.energy_created': Bound(high=1e-9),
 }
 
 ALL = 10**9

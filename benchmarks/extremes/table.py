@@ -3,7 +3,7 @@
 import textwrap
 from typing import Any
 
-from benchmarks.bounds import verdict_in_words
+from benchmarks.verdicts import verdict_in_words
 
 #: Widest line.
 COLUMNS = 99

@@ -41,18 +41,19 @@ bristles limit their steps everywhere.
 from collections.abc import Sequence
 from typing import Any
 
-from benchmarks.bounds import Bound, verdicts
 from benchmarks.scenes.costs import read_pace, scene_costs
 from benchmarks.scenes.precision import scene_precision
 from benchmarks.scenes.sizes import FULL, QUICK
+from benchmarks.verdicts import verdicts
+from slip_detector.evaluation.bounds import Bound
 from slip_detector.parameters.files import shared_folder
 from slip_detector.scenes import find_scene
 
 WANTED = {
-    'front.ratio': Bound('<=', 1.0),
-    'plate.speed': Bound('>=', 50.0),
-    'pace.slowest_share': Bound('<', 1.0),
-    'costs.largest_share': Bound('<', 1.0),
+    'front.ratio': Bound(high=1.0),
+    'plate.speed': Bound(low=50.0),
+    'pace.slowest_share': Bound(high=1.0, strict=True),
+    'costs.largest_share': Bound(high=1.0, strict=True),
 }
 
 #: The scene for which speed and pace are wanted.

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from benchmarks.bounds import verdict_in_words
 from benchmarks.scenes.measure import PLATE
+from benchmarks.verdicts import verdict_in_words
 
 #: Widest line.
 COLUMNS = 99

@@ -14,15 +14,16 @@
 
 from typing import Any
 
-from benchmarks.bounds import Bound, verdicts
 from benchmarks.processes import figures_of_process, why_not_ros
+from benchmarks.verdicts import verdicts
+from slip_detector.evaluation.bounds import Bound
 
 #: What is wanted of each figure.
 WANTED = {
-    'lost_total': Bound('<=', 0),
-    'latency_p99_growth': Bound('<=', 1.25),
-    'memory_growth_percent': Bound('<=', 2.0),
-    'cpu_percent_total': Bound('<=', 100.0),
+    'lost_total': Bound(high=0),
+    'latency_p99_growth': Bound(high=1.25),
+    'memory_growth_percent': Bound(high=2.0),
+    'cpu_percent_total': Bound(high=100.0),
 }
 
 #: How long the nodes run, warm-up included.

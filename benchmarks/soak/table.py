@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from benchmarks.bounds import claim_in_words
+from benchmarks.verdicts import claim_in_words
 
 
 def soak_table(figures: dict[str, Any]) -> str:

@@ -27,8 +27,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.bounds import Bound, verdicts
 from benchmarks.timing import least_times_s
+from benchmarks.verdicts import verdicts
+from slip_detector.evaluation.bounds import Bound
 from slip_detector.evaluation.evaluator import Evaluator
 from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
 from slip_detector.evaluation.replay import figures_of_merit
@@ -36,7 +37,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
 
-WANTED = {'ratio': Bound('<=', 4.0)}
+WANTED = {'ratio': Bound(high=4.0)}
 
 ROUNDS = 5
 

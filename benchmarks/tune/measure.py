@@ -27,25 +27,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.bounds import Bound, verdicts
 from benchmarks.tune.evaluation_speed import measure_evaluation
 from benchmarks.tune.families import measure_families
 from benchmarks.tune.reading_speed import measure_reading, write_hour
 from benchmarks.tune.real_recordings import TRIALS, measure_real_recordings
 from benchmarks.tune.report_size import measure_report
 from benchmarks.tune.search_speed import measure_search
+from benchmarks.verdicts import verdicts
+from slip_detector.evaluation.bounds import Bound
 
 #: All that can be measured; ``real`` needs recordings.
 PARTS = ('evaluate', 'read', 'search', 'report', 'families', 'real')
 
 WANTED = {
-    'evaluate.ratio': Bound('<=', 4.0),
-    'read.times_real_time': Bound('>=', 200.0),
-    'search.speedup': Bound('>=', 8.0),
-    'report.bytes': Bound('<', 10e6),
-    'report.ready_ms': Bound('<=', 3000.0),
-    'families.better': Bound('>=', 3.0),
-    'real.least_auc_moving': Bound('>=', 0.90),
+    'evaluate.ratio': Bound(high=4.0),
+    'read.times_real_time': Bound(low=200.0),
+    'search.speedup': Bound(low=8.0),
+    'report.bytes': Bound(high=10e6, strict=True),
+    'report.ready_ms': Bound(high=3000.0),
+    'families.better': Bound(low=3.0),
+    'real.least_auc_moving': Bound(low=0.90),
 }
 
 #: Searches on the real recordings, each with the next seed.

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from benchmarks.bounds import verdict_in_words
+from benchmarks.verdicts import verdict_in_words
 
 MEANINGS = {
     'evaluate.ratio': 'evaluating an hour from npz, against copy and threshold',

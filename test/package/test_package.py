@@ -22,6 +22,7 @@ SOURCES = sorted((ROOT / 'slip_detector').rglob('*.py'))
 LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 
 ROSDEP_KEYS = {
+    'llvmlite': 'python3-numba',  # comes with it
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[2] / 'slip_detector'
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE, BENCHMARKS = ROOT / 'slip_detector', ROOT / 'benchmarks'
 
 #: From the ground up: a room imports from those before it, never from those after it.
 ROOMS = (
@@ -22,16 +23,22 @@ ROOMS = (
     'commands',
     'nodes',
 )
-MODULES = {
-    '.'.join(path.relative_to(PACKAGE.parent).with_suffix('').parts).removesuffix(
-        '.__init__'
-    ): path
-    for path in PACKAGE.rglob('*.py')
-}
+
+
+def modules_in(folder):
+    """Return the files of a folder by the names under which they are imported."""
+    return {
+        '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__'): path
+        for path in folder.rglob('*.py')
+    }
+
+
+def tree_of(path):
+    return ast.parse(path.read_text(encoding='utf-8'))
 
 
 def imports_of(tree, modules):
-    """Return the modules of the package that a file imports, wherever in it the import stands.
+    """Return those of the modules that a file imports, wherever in it the import stands.
 
     Imports for annotations only (``if TYPE_CHECKING``) count too: who reads the file follows them.
     """
@@ -49,11 +56,10 @@ def imports_of(tree, modules):
     return found
 
 
-def imports():
-    return {
-        name: imports_of(ast.parse(path.read_text(encoding='utf-8')), MODULES) - {name}
-        for name, path in MODULES.items()
-    }
+def imports(folder):
+    """Return what each module of a folder imports of that folder."""
+    modules = modules_in(folder)
+    return {name: imports_of(tree_of(path), modules) - {name} for name, path in modules.items()}
 
 
 def room_of(module):
@@ -65,14 +71,17 @@ def test_the_rooms_are_these_and_each_says_what_it_is_for():
     assert {folder.name for folder in folders} == set(ROOMS)
     assert [path.name for path in PACKAGE.glob('*.py')] == ['__init__.py']
     for folder in folders:
-        says = ast.get_docstring(ast.parse((folder / '__init__.py').read_text(encoding='utf-8')))
+        says = ast.get_docstring(tree_of(folder / '__init__.py'))
         assert says, folder
         assert says.split('\n')[0].endswith('.'), folder
 
 
-def test_no_file_imports_in_a_circle():
+@pytest.mark.parametrize('folder', [PACKAGE, BENCHMARKS], ids=lambda folder: folder.name)
+def test_no_file_imports_in_a_circle(folder):
+    graph = imports(folder)
+    assert len(graph) > 30
     try:
-        TopologicalSorter(imports()).prepare()
+        TopologicalSorter(graph).prepare()
     except CycleError as error:
         pytest.fail(f'a circle: {" -> ".join(error.args[1])}')
 
@@ -81,11 +90,38 @@ def test_nothing_is_imported_against_the_arrows():
     order = {room: i for i, room in enumerate(ROOMS)}
     against = [
         f'{module} imports {other}'
-        for module, others in imports().items()
+        for module, others in imports(PACKAGE).items()
         for other in others
         if room_of(module) and room_of(other) and order[room_of(other)] > order[room_of(module)]
     ]
     assert not against
+
+
+def test_the_package_imports_neither_benchmarks_nor_tests():
+    beside = {path.name for path in ROOT.iterdir() if path.is_dir()} - {PACKAGE.name, 'launch'}
+    beside |= {path.name for path in (ROOT / 'test').iterdir()}
+    assert {'benchmarks', 'test', 'support'} <= beside
+    for path in modules_in(PACKAGE).values():
+        for node in ast.walk(tree_of(path)):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                names = [node.module or '']
+            assert not {name.split('.')[0] for name in names} & beside, path
+
+
+def test_every_module_of_the_benchmarks_has_a_test_of_its_name():
+    without = {'__init__', 'sizes'}  # a docstring, and numbers that others use
+    lacking = {
+        path.relative_to(BENCHMARKS)
+        for path in BENCHMARKS.rglob('*.py')
+        if path.stem not in without
+        and not (
+            ROOT / 'test' / path.relative_to(ROOT).parent / f'test_{path.stem.strip("_")}.py'
+        ).is_file()
+    }
+    assert not lacking
 
 
 def test_a_circle_and_an_import_inside_a_function_are_seen():

@@ -1,36 +1,9 @@
-"""What is wanted of the figures, and whether they are so."""
+"""Whether the figures are as wanted."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-
-class Bound(NamedTuple):
-    """What is wanted of a figure.
-
-    Attributes
-    ----------
-    relation : str
-        ``>=``, ``<=`` or ``<``.
-    value : float
-        What the figure is compared with.
-
-    Examples
-    --------
-    >>> Bound('<=', 4.0).met(3.5), str(Bound('<=', 4.0))
-    (True, '<= 4')
-    """
-
-    relation: str
-    value: float
-
-    def met(self, figure: float) -> bool:
-        """Return whether a figure is as wanted."""
-        if self.relation == '>=':
-            return figure >= self.value
-        return figure <= self.value if self.relation == '<=' else figure < self.value
-
-    def __str__(self) -> str:
-        return f'{self.relation} {self.value:g}'
+from slip_detector.evaluation.bounds import Bound
 
 
 def verdicts(
@@ -55,7 +28,7 @@ def verdicts(
 
     Examples
     --------
-    >>> verdicts({'speedup': Bound('>=', 10.0)}, {'speedup': 12.5})
+    >>> verdicts({'speedup': Bound(low=10.0)}, {'speedup': 12.5})
     {'speedup': {'value': 12.5, 'bound': '>= 10', 'met': True}}
     """
     return {
