@@ -105,7 +105,7 @@ def measure_end_to_end(seconds: float) -> dict[str, Any]:
             pids = {name: process.pid for name, process in processes.items()}
             meter = Meter(namespace, rows, slip, config.names, rate_hz, pids)
             try:
-                _send_and_receive(meter, processes, len(rows) / rate_hz, len(changes))
+                send_and_receive(meter, processes, len(rows) / rate_hz, len(changes))
             finally:
                 meter.destroy_node()
         return _figures(meter, changes, slip[changes], warm_up, rate_hz)
@@ -135,7 +135,7 @@ def _ros(namespace: str, name: str) -> list[str]:
     return ['--ros-args', '--log-level', 'warn', '-r', f'__ns:={namespace}/{name}']
 
 
-def _send_and_receive(
+def send_and_receive(
     meter: Meter, processes: 'dict[str, subprocess.Popen[bytes]]', tone_s: float, changes: int
 ) -> None:
     """Let the meter send the tone, and take what comes back.

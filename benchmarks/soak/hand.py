@@ -22,7 +22,6 @@ from rclpy.signals import SignalHandlerOptions
 from benchmarks.processes import (
     memory_kib,
     nodes_running,
-    print_figures,
     processor_time_s,
     raise_if_ended,
 )
@@ -121,10 +120,10 @@ def _watched(
     spin(lambda: time.monotonic() > end_s, end_s + START_TIMEOUT_S, 'the end')
     for name, process in processes.items():
         used_s[name] = processor_time_s(process.pid) - used_s[name]
-    return _figures(watch, used_s, warm_s, end_s)
+    return figures_of_watch(watch, used_s, warm_s, end_s)
 
 
-def _figures(
+def figures_of_watch(
     watch: Watch, used_s: dict[str, float], warm_s: float, end_s: float
 ) -> dict[str, Any]:
     """Compute the figures of the time after the warm-up."""

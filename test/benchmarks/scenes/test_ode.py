@@ -6,32 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.build import build_scene
-from benchmarks.scenes.equations import DIFFERENCE
 from benchmarks.scenes.integrators import METHODS, solve
 from benchmarks.scenes.ode import Ode
-from support.benchmark_scenes import PLATE, SCENES, STEPS
-
-
-@pytest.mark.parametrize('name', SCENES)
-def test_the_jacobian_is_that_of_the_rates(name):
-    ode = Ode(build_scene(SCENES[name]))
-    solution = solve(ode, 'LSODA', 1e-6)
-    t = 0.25
-    y = solution.states[round(t * 380)]
-    ode.side_s = t
-    jacobian = ode.jacobian(t, y)
-    base = ode.rates(t, y)
-    for j in range(ode.size):
-        changed = y.copy()
-        changed[j] += DIFFERENCE * ode.scales[j]
-        column = (ode.rates(t, changed) - base) / (DIFFERENCE * ode.scales[j])
-        scale = np.abs(column).max() + 1e-12 * np.abs(jacobian).max()
-        np.testing.assert_allclose(jacobian[:, j] / scale, column / scale, atol=1e-3)
-    if not ode.with_object:
-        bands = ode.bands()
-        rows, columns = np.nonzero(jacobian)
-        assert np.max(rows - columns) <= bands['lband']
-        assert np.max(columns - rows) <= bands['uband']
+from support.benchmark_scenes import PLATE, START_S, STEPS
 
 
 @pytest.mark.parametrize('method', METHODS)
@@ -58,3 +35,21 @@ def test_what_no_equation_says_is_refused(method, description, said):
         solve(Ode(build_scene(description)), method, 1e-3)
     assert 'allowed: ' in str(caught.value)
     assert '\n' not in str(caught.value)
+
+
+def test_the_drive_is_smooth_between_its_corners_and_contact_is_one():
+    scene = build_scene(PLATE)
+    corners_s = Ode(scene).corners_s()
+    assert np.all(np.diff(corners_s) > 0.0)
+    # The force rises from 0.03 s on and ends to fall at 0.37 s, but for its ringing.
+    made_s, lost_s = (time_s for time_s in corners_s if min(abs(scene.corners_s() - time_s)) > 0.0)
+    assert made_s == pytest.approx(0.03, abs=1e-6)
+    assert lost_s == pytest.approx(0.37, abs=5e-3)
+    touches = scene.force_n(np.array([made_s, made_s + 1e-6, lost_s - 1e-6, lost_s])) > 0.0
+    assert touches.tolist() == [True, True, True, False]
+
+
+def test_the_motion_begins_with_the_step_that_moves():
+    assert Ode(build_scene(PLATE)).moving_s() == pytest.approx(START_S)
+    still = [step | {'velocity_m_s': 0.0} for step in STEPS]
+    assert Ode(build_scene(PLATE, steps=still)).moving_s() == np.inf

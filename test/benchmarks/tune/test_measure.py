@@ -1,17 +1,7 @@
 """What is measured of the tuner."""
 
-from benchmarks.__main__ import main
 from benchmarks.tune.measure import measure_tuning
 from benchmarks.tune.table import tuning_table
-
-
-def test_unknown_parts_and_real_without_recordings_are_refused(capsys):
-    assert main(['tune', '--part', 'nix']) == 1
-    assert main(['tune', '--part', 'real']) == 1
-    assert capsys.readouterr().err == (
-        "benchmarks: --part is 'nix', allowed: evaluate, read, search, report, families, "
-        'real\nbenchmarks: real recordings need --recordings and --config\n'
-    )
 
 
 def test_quick_figures_are_shown_and_not_judged():

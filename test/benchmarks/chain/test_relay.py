@@ -1,0 +1,27 @@
+"""The relay: a change for each change, and nothing else."""
+
+from array import array
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from sensor_msgs.msg import JointState
+
+from benchmarks.chain.relay import Relay
+
+pytestmark = pytest.mark.nodes
+
+
+def test_only_changes_of_the_state_are_published():
+    said = []
+
+    class Publisher:
+        def publish(self, message):
+            said.append(message.data)
+
+    relay = object.__new__(Relay)
+    relay._on, relay._slip = False, Publisher()
+    for effort in (0.0, 1.0, 1.0, 0.0, 0.0, 1.0):
+        relay._on_voltages(JointState(effort=array('d', [effort])))
+    assert said == [True, False, True]

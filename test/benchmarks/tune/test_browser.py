@@ -1,0 +1,27 @@
+"""The browser that opens pages."""
+
+import os
+
+import pytest
+
+from benchmarks.tune import browser
+
+MISSING = browser.why_no_browser()
+
+
+def test_a_system_without_a_browser_is_told_which_would_do(monkeypatch):
+    monkeypatch.setattr(browser.importlib.util, 'find_spec', lambda name: object())
+    monkeypatch.setattr(browser.shutil, 'which', lambda name: None)
+    assert browser.why_no_browser() == f'needs a browser: one of {", ".join(browser.BROWSERS)}'
+
+
+def test_a_python_without_playwright_is_told_so(monkeypatch):
+    monkeypatch.setattr(browser.importlib.util, 'find_spec', lambda name: None)
+    assert browser.why_no_browser() == 'needs the Python package playwright'
+
+
+@pytest.mark.skipif(bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING)
+def test_the_time_until_a_page_is_drawn_is_what_the_page_says(tmp_path):
+    page = tmp_path / 'page.html'
+    page.write_text('<html data-ready-ms="12.5"><body>drawn</body></html>')
+    assert browser.ready_ms(page) == 12.5

@@ -1,0 +1,33 @@
+"""The figures of the tuner as text."""
+
+from benchmarks.tune.measure import WANTED
+from benchmarks.tune.table import MEANINGS, tuning_table
+from benchmarks.verdicts import verdicts
+
+
+def test_each_claim_has_a_line_with_its_meaning_and_verdict():
+    values = dict.fromkeys(WANTED) | {'read.times_real_time': 301.0, 'search.speedup': 7.0}
+    lines = tuning_table({'wanted': verdicts(WANTED, values)}).splitlines()
+    assert len(lines) == 1 + len(WANTED)
+    verdict_of = {line[:56].rstrip(): line[56:].split() for line in lines}
+    assert verdict_of[MEANINGS['read.times_real_time']] == ['301', '>=', '200', 'met']
+    assert verdict_of[MEANINGS['search.speedup']] == ['7', '>=', '8', 'NOT', 'met']
+    assert verdict_of[MEANINGS['families.better']] == ['-', '>=', '3', 'not', 'measured']
+
+
+def test_families_and_real_recordings_have_lines_of_their_own():
+    one = {
+        'latency_median_all_ms': 40.0, 'latency_median_ms': None, 'false_alarms_per_minute': 1.25,
+        'recall': 0.5,
+    }  # fmt: skip
+    area = {'auc_moving': 0.91, 'auc_moving_by_threshold': 0.85}
+    text = tuning_table(
+        {
+            'wanted': {},
+            'families': {'by_name': {'plates': {'given': one, 'tuned': one, 'kept': 'no better'}}},
+            'real': {'recordings': 3, 'given': area, 'seeds': {'0': area}},
+        }
+    )
+    assert 'plates' in text
+    assert '40.0, -, 1.2, 0.50 -> 40.0, -, 1.2, 0.50 (no better)' in text
+    assert text.count('AUC against motion 0.910 (by thresholds 0.850)') == 2
