@@ -3,6 +3,7 @@
 #   make demo               install into .venv, run driver and detector, show the figures
 #   make grasp              a grasp controller on simulated objects: a table over thirty of them
 #   make check              what a change is checked with: lint, types, all tests without nodes
+#   make benchmark          how fast and how exact it is: the quick form of each measurement
 #   make test               all checks
 #   make test ROS=kilted    the same on the wheels of another distribution, in .venv-kilted
 #
@@ -33,7 +34,7 @@ PYTEST := -m pytest --numprocesses auto --dist worksteal
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo grasp check test clean
+.PHONY: demo grasp benchmark check test clean
 .DELETE_ON_ERROR:
 
 demo: out/demo.json
@@ -49,6 +50,12 @@ grasp: out/grasp.json
 out/grasp.json: $(VENV)/installed $(PACKAGE)
 	mkdir -p out
 	$(BIN)/slip_grasp --out out > out/grasp.txt
+
+benchmark: $(VENV)/installed
+	@for command in chain scenes extremes tune soak; do \
+		echo "python -m benchmarks $$command --quick" && \
+		$(BIN)/python -m benchmarks $$command --quick || exit 1; \
+	done
 
 check: $(VENV)/installed
 	@$(MAKE) --no-print-directory --jobs 3 $(addprefix $(CHECKS)/,lint types core)

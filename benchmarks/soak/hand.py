@@ -22,6 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from benchmarks.processes import (
     memory_kib,
     nodes_running,
+    print_figures,
     processor_time_s,
     raise_if_ended,
 )
