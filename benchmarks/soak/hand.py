@@ -26,7 +26,7 @@ from benchmarks.processes import (
     processor_time_s,
     raise_if_ended,
 )
-from slip_detector.nodes.health import AGE_KEYS, VALUES
+from slip_detector.nodes.health import AGE_KEYS, COUNT_KEYS
 
 START_TIMEOUT_S = 120.0
 SPIN_S = 0.2
@@ -129,7 +129,7 @@ def figures_of_watch(
 ) -> dict[str, Any]:
     """Compute the figures of the time after the warm-up."""
     span_s = end_s - warm_s
-    lost: dict[str, int] = dict.fromkeys(VALUES.values(), 0)
+    lost: dict[str, int] = dict.fromkeys(COUNT_KEYS.values(), 0)
     samples = 0
     p99_ms: list[tuple[float, float]] = []
     median_ms: list[float] = []

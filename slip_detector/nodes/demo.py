@@ -1,4 +1,4 @@
-"""The demonstration: driver and detector as two processes, and what a grasp controller sees."""
+"""``slip_demo``: driver and detector as two processes, and what a grasp controller receives."""
 
 import argparse
 import json
@@ -32,18 +32,19 @@ NAMESPACE = 'slip_demo'
 DISCOVERY_TIMEOUT_S = 60.0
 SCENE_TIMEOUT_S = 120.0
 DRAIN_S = 0.5
+SPIN_S = 0.05
 
 #: Samples that are written at a time.
 RECORD_ROWS = 4096
 
 
-class Witness(Node):
-    """Subscribes to all topics and notes what arrives, and when."""
+class SlipRecorder(Node):
+    """Subscribes to all topics of driver and detector and keeps what arrives, and when."""
 
     def __init__(self, config: DetectorConfig) -> None:
-        super().__init__('witness', namespace=NAMESPACE)
-        self.ears = SingleThreadedExecutor()
-        self.ears.add_node(self)
+        super().__init__('recorder', namespace=NAMESPACE)
+        self._own_executor = SingleThreadedExecutor()
+        self._own_executor.add_node(self)
         self.stamps_s: list[float] = []
         self.rows: list[Any] = []
         self.position_stamps_s: list[float] = []
@@ -62,7 +63,11 @@ class Witness(Node):
         for topic in self.topics:
             self.create_subscription(Bool, topic, self._noter(topic), state_qos(depth=1000))
 
-    def hears_all(self) -> bool:
+    def receive(self) -> None:
+        """Take a message; none may come."""
+        self._own_executor.spin_once(timeout_sec=SPIN_S)
+
+    def receives_all(self) -> bool:
         """Return whether each decision has been received: the detector is up and connected."""
         return all(self.changes[topic] for topic in self.topics)
 
@@ -87,11 +92,13 @@ class Witness(Node):
         return note
 
 
-def play(arguments: argparse.Namespace, parameter_file: Path) -> tuple[Witness, DetectorConfig]:
-    """Run both nodes on a scene until it ends, with a witness beside them."""
+def play(
+    arguments: argparse.Namespace, parameter_file: Path
+) -> tuple[SlipRecorder, DetectorConfig]:
+    """Run both nodes on a scene until it ends, and record what they publish."""
     config = DetectorConfig.from_yaml(parameter_file)
     rclpy.init()
-    witness = Witness(config)
+    recorder = SlipRecorder(config)
     ros = ['--ros-args', '-r', f'__ns:=/{NAMESPACE}']
     detector_words = ['--params-file', str(parameter_file)]
     driver_words = ['-p', 'wait_for_subscribers:=2', '-p', f'seed:={arguments.seed}']
@@ -102,17 +109,17 @@ def play(arguments: argparse.Namespace, parameter_file: Path) -> tuple[Witness, 
             command = [sys.executable, '-m', 'slip_detector.nodes.run', name]
             processes.append(subprocess.Popen([*command, *ros, *words]))
             deadline_s = time.monotonic() + DISCOVERY_TIMEOUT_S
-            while name == 'slip_detector' and not witness.hears_all():
-                _spin(witness, processes, deadline_s, 'the detector to be heard')
+            while name == 'slip_detector' and not recorder.receives_all():
+                _spin(recorder, processes, deadline_s, 'the detector to be heard')
         deadline_s = time.monotonic() + SCENE_TIMEOUT_S
         driver = processes[1]
         while driver.poll() is None:
-            _spin(witness, processes[:1], deadline_s, 'the scene to end')
+            _spin(recorder, processes[:1], deadline_s, 'the scene to end')
         if driver.returncode:
             raise RuntimeError(f'slip_driver ended with the exit code {driver.returncode}')
         deadline_s = time.monotonic() + DRAIN_S
         while time.monotonic() < deadline_s:
-            witness.ears.spin_once(timeout_sec=0.05)
+            recorder.receive()
     finally:
         for process in processes:
             if process.poll() is None:
@@ -123,11 +130,14 @@ def play(arguments: argparse.Namespace, parameter_file: Path) -> tuple[Witness, 
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-    return witness, config
+    return recorder, config
 
 
 def _spin(
-    witness: Witness, processes: list['subprocess.Popen[bytes]'], deadline_s: float, what: str
+    recorder: SlipRecorder,
+    processes: list['subprocess.Popen[bytes]'],
+    deadline_s: float,
+    what: str,
 ) -> None:
     """Take what came; raise if a process has died or the deadline has passed."""
     for process in processes:
@@ -135,18 +145,18 @@ def _spin(
             raise RuntimeError(f'a node ended with the exit code {process.returncode}')
     if time.monotonic() > deadline_s:
         raise RuntimeError(f'waited in vain for {what}')
-    witness.ears.spin_once(timeout_sec=0.05)
+    recorder.receive()
 
 
-def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
-    """Compute the paper's figures of merit from what the witness received.
+def demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, Any]:
+    """Compute the paper's figures of merit from what was received.
 
     Delays are from the stamp of the last sample at which the plate still stood (Eq. 9) to the
     receipt of the first ON after it, as a grasp controller has them; None where there is none,
     and where nothing moves.
     """
-    times_s = np.array(witness.stamps_s)
-    span_s = motion(witness)
+    times_s = np.array(recorder.stamps_s)
+    span_s = motion_span_s(recorder)
     truth, moves = np.zeros(len(times_s), dtype=bool), None
     if span_s:
         moves = {'start_s': span_s[0] - times_s[0], 'end_s': span_s[1] - times_s[0]}
@@ -155,12 +165,12 @@ def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
     def delay_ms(topic: str) -> float | None:
         if not span_s:
             return None
-        changes = witness.changes[topic]
+        changes = recorder.changes[topic]
         times = np.array([at_s for at_s, _ in changes])
         delay_s = first_on_delay_s(np.array([on for _, on in changes]), times, span_s[0])
         return None if delay_s is None else delay_s * 1e3
 
-    slip = state_at(witness.changes['slip'], times_s)
+    slip = state_at(recorder.changes['slip'], times_s)
     channels = {name: delay_ms(f'slip/channel/{name}') for name in config.names}
     mean, sd = mean_and_sd(channels.values())
     return {
@@ -174,23 +184,23 @@ def figures(witness: Witness, config: DetectorConfig) -> dict[str, Any]:
             int(np.count_nonzero(slip & ~truth)), int(np.count_nonzero(~truth))
         ),
         'latency_ms': {
-            'median': float(np.median(witness.latencies_s)) * 1e3,
-            'p99': float(np.percentile(witness.latencies_s, 99)) * 1e3,
+            'median': float(np.median(recorder.latencies_s)) * 1e3,
+            'p99': float(np.percentile(recorder.latencies_s, 99)) * 1e3,
         },
     }
 
 
-def motion(witness: Witness) -> tuple[float, float] | None:
+def motion_span_s(recorder: SlipRecorder) -> tuple[float, float] | None:
     """Return when the plate started and when it stopped, by its position (Eq. 9).
 
     It is None where nothing moves.
     """
-    if not witness.latencies_s:
+    if not recorder.latencies_s:
         raise RuntimeError('no decision was received')
-    moved = np.flatnonzero(np.diff(witness.positions_m))
+    moved = np.flatnonzero(np.diff(recorder.positions_m))
     if not moved.size:
         return None
-    stamps_s = witness.position_stamps_s
+    stamps_s = recorder.position_stamps_s
     return stamps_s[moved[0]], stamps_s[moved[-1] + 1]
 
 
@@ -200,7 +210,7 @@ def state_at(changes: list[tuple[float, bool]], times_s: Any) -> Any:
     return np.array([on for _, on in changes])[np.maximum(last, 0)] & (last >= 0)
 
 
-def record(path: str, source: Source, start_ns: int) -> None:
+def record_trial(path: str, source: Source, start_ns: int) -> None:
     """Write what a source plays, with its labels, as if the first sample were taken at start."""
 
     def pieces() -> Iterator[Samples]:
@@ -237,7 +247,7 @@ def _delay_lines(result: dict[str, Any]) -> list[str]:
     return lines
 
 
-def table(result: dict[str, Any]) -> str:
+def demo_table(result: dict[str, Any]) -> str:
     """Lay the figures out as text."""
     lines = ['Delay from the start of the plate to the receipt of the first ON']
     if result['motion'] is None:
@@ -273,14 +283,14 @@ def main() -> None:
         # What is wrong is to be said before anything is started.
         source = open_source(DriverConfig(scene=arguments.scene, seed=arguments.seed))
         if arguments.record:
-            record(arguments.record, source, time.time_ns())
+            record_trial(arguments.record, source, time.time_ns())
         arguments.out.mkdir(parents=True, exist_ok=True)
         parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
-        witness, config = play(arguments, parameter_file)
-        result = figures(witness, config)
+        recorder, config = play(arguments, parameter_file)
+        result = demo_figures(recorder, config)
         (arguments.out / 'demo.json').write_text(json.dumps(rounded(result), indent=2) + '\n')
-        _draw(witness, config, arguments.out / 'demo.png')
-        print(table(result))
+        _draw(recorder, config, arguments.out / 'demo.png')
+        print(demo_table(result))
         written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]
         print(f'Written: {", ".join([*written, *filter(None, [arguments.record])])}')
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -291,24 +301,27 @@ def main() -> None:
     except Exception:
         if rclpy.ok():
             raise
-        sys.exit(130)  # A signal took the context away in the midst of a call.
+        sys.exit(130)  # A signal has shut the context down during a call.
     finally:
         rclpy.try_shutdown()
 
 
-def _draw(witness: Witness, config: DetectorConfig, path: Path) -> None:
+def _draw(recorder: SlipRecorder, config: DetectorConfig, path: Path) -> None:
     """Draw what was received, as the paper's Figs. 5 and 6."""
     from slip_detector.report.plots import draw_trial
 
-    times_s = np.array(witness.stamps_s)
-    span_s = motion(witness)
+    times_s, changes = np.array(recorder.stamps_s), recorder.changes
+    span_s = motion_span_s(recorder)
     draw_trial(
         path,
         times_s - times_s[0],
-        np.array(witness.rows),
+        np.array(recorder.rows),
         config,
-        {name: state_at(witness.changes[f'slip/group/{name}'], times_s) for name in config.groups},
-        state_at(witness.changes['slip'], times_s),
+        {
+            name: state_at(recorder.changes[f'slip/group/{name}'], times_s)
+            for name in config.groups
+        },
+        state_at(changes['slip'], times_s),
         (span_s[0] - times_s[0], span_s[1] - times_s[0]) if span_s else None,
     )
 

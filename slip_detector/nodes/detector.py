@@ -77,7 +77,7 @@ class Detector(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to listen."""
+        """Subscribe to the input."""
         self._chain.reset()
         self._forget_input()
         self._diagnostics = Diagnostics(self)
@@ -86,7 +86,7 @@ class Detector(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Say that nothing is known any more, and be quiet."""
+        """Publish that slip is not valid, and nothing after it."""
         self._stop_timers()
         self.destroy_subscription(self._subscription)
         self._subscription = None
@@ -101,7 +101,7 @@ class Detector(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Leave nothing, from whatever state."""
+        """Take down what there is, from any state."""
         if self._subscription is not None:
             self.on_deactivate(state)
         if self._outputs is not None:
@@ -109,7 +109,7 @@ class Detector(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """After a failed transition, begin anew unconfigured."""
+        """Return to the unconfigured state after a failed transition."""
         return self.on_shutdown(state)
 
     @property
@@ -125,7 +125,7 @@ class Detector(LifecycleNode):
         )
 
     def _forget_input(self) -> None:
-        """Expect samples of which nothing is known yet."""
+        """Forget names, frame and stamps of the samples that came before."""
         config = self.config
         self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
         self._names: list[str] | None = list(config.channel_names) or None
@@ -137,8 +137,8 @@ class Detector(LifecycleNode):
     def _time_is_replayed(self) -> bool:
         return bool(self.get_parameter('use_sim_time').value)
 
-    # Timers. A clock that is set back, or that nobody publishes, must not stop the heart. Only
-    # where time is replayed does the timeout follow it.
+    # Timers. A clock that is set back, or that is not published, must not stop the heartbeat. Only
+    # the timeout follows the clock, where time is replayed.
 
     def _start_timers(self) -> None:
         config = self._running
@@ -221,7 +221,7 @@ class Detector(LifecycleNode):
             self._rearrange(before)
 
     def _rearrange(self, before: DetectorConfig) -> None:
-        """Make all that depends on parameters fit those that run now."""
+        """Adapt all that depends on parameters to those that the chain runs on now."""
         config = self._running
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
         self._health.config = config
@@ -302,12 +302,12 @@ class Detector(LifecycleNode):
         return False
 
     def _mend(self, rows: NDArray[np.float64], arrival: Arrival) -> NDArray[np.float64]:
-        """Bridge a short gap with the last row, start anew after a long one."""
+        """Bridge a short gap with the last row, restart the chain after a long one."""
         if arrival.missing and self._last_row is not None:
             missing = arrival.missing
             self._log('bridged', f'{missing} samples missing, bridged with the last one', missing)
             return arrival.bridge(self._last_row, rows)
-        self._log('reset', 'the input had a gap or its clock was set, the chain starts anew')
+        self._log('reset', 'the input had a gap or its clock was set, the chain restarts')
         self._chain.reset()
         self._health.restart()
         return rows

@@ -18,7 +18,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.nodes.listening import Listening
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
-from slip_detector.nodes.turns import Turns
+from slip_detector.nodes.scheduler import Scheduler
 from slip_detector.nodes.voltages import Voltages
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import Source, open_source
@@ -29,7 +29,7 @@ READ_ROWS = 32
 #: Being late is said when it exceeds this, once a second.
 LATE_S = 0.05
 
-#: How often the driver looks for those it waits for.
+#: How often the driver looks whether the subscribers that it waits for are there.
 POLL_S = 0.02
 
 #: How often it looks whether all has been played.
@@ -37,25 +37,25 @@ LOOK_S = 0.1
 
 
 class Driver(Node):
-    """Publishes each sample when it is due, whatever became of the samples before.
+    """Publishes each sample when it is due, however late the samples before it were.
 
-    Sample k is due at start + k / rate; where the source knows better when it was taken (its
-    clock may be wrong, and samples may be lost), at that time.
+    Sample k is due at start + k / rate; where the source gives the times of its samples (its
+    clock may be wrong, and samples may be lost), at these times.
 
     A scene with an object takes its grip from ``grip_force``. It is computed sample by sample,
-    each when it is due, so that what the fingertip feels is the doing of all commands until then.
+    each when it is due, so that all commands until then have their effect on it.
 
     The samples of a sensor (serial, udp) are published as they come.
 
     Parameters
     ----------
-    turns
-        Of all drivers of the process, started when all are there.
+    scheduler
+        Of all drivers of the process; started when all have been made.
     cli_args
         Arguments of ROS for this node, which go before those of the process.
     """
 
-    def __init__(self, turns: Turns, cli_args: list[str] | None = None) -> None:
+    def __init__(self, scheduler: Scheduler, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_driver', cli_args=cli_args)
         self.config = config = declare(self, DriverConfig)
         source = open_source(config, now_ns=lambda: self.get_clock().now().nanoseconds)
@@ -69,19 +69,19 @@ class Driver(Node):
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         self._last_truth: bool | None = None
         self._logged_s: dict[str, float] = {}  # by subject
-        self._turns = turns
+        self._scheduler = scheduler
         if source.is_live:
-            turns.add_waiting(partial(self._listen_when_wanted, source))
+            scheduler.add_thread(partial(self._listen_when_wanted, source))
         else:
             self.get_logger().info(
                 f'playing {source.name}: {len(source.channel_names)} channels at '
                 f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
             )
-            turns.add(self._play_when_wanted(source))
+            scheduler.add_task(self._play_when_wanted(source))
 
     def destroy_node(self) -> None:
         """Stop playing, then take the node down."""
-        self._turns.stop()
+        self._scheduler.stop()
         super().destroy_node()
 
     def _on_grip_force(self, message: JointState) -> None:
@@ -91,7 +91,7 @@ class Driver(Node):
             self._say('grip', f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
 
     def _play_when_wanted(self, source: Source) -> Iterator[float]:
-        """Play in turns; yields when the next is due."""
+        """Play once all are there that are waited for; yields when to be resumed."""
         yield from self._wait_for_subscribers()
         yield from self._play(source)
 
@@ -103,7 +103,7 @@ class Driver(Node):
         Listening(self, source, frame_id, self._send, self._voltages.flush).run(stop)
 
     def _wait_for_subscribers(self) -> Iterator[float]:
-        """Wait for those who must miss nothing."""
+        """Wait for the subscribers and the grip that were asked for; yields when to be resumed."""
         if self.config.wait_for_subscribers:
             self.get_logger().info(f'waiting for {self.config.wait_for_subscribers} subscribers')
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
@@ -114,11 +114,11 @@ class Driver(Node):
                 yield time.monotonic() + POLL_S
 
     def _play(self, source: Source) -> Iterator[float]:
-        """Play the source, again and again if asked to; yields when the next sample is due."""
+        """Play the source, again and again if asked to; yields when to be resumed."""
         # Opening a file and loading compiled code takes its time: before the clock runs.
         ahead = None if source.has_object else source.read(READ_ROWS)
-        # Drivers of one rate have their samples due at the same moments: all who handle them wake
-        # up once for all fingers.
+        # The samples of all drivers of one rate are due at the same moments: the detectors wake up
+        # once for all fingers.
         now_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
         period_s = self.config.samples_per_message / (source.sample_rate_hz * self.config.rate)
         start_s = math.ceil(now_s / period_s) * period_s
@@ -160,7 +160,7 @@ class Driver(Node):
         start_s: float,
         first_stamp_ns: int,
     ) -> Iterator[float]:
-        """Publish each sample when it is due."""
+        """Publish each sample when it is due; yields when to be resumed."""
         names = list(source.channel_names)
         for i, volts in enumerate(samples.volts):
             due_s = start_s + taken_ns[i] * 1e-9 / self.config.rate
@@ -185,7 +185,7 @@ class Driver(Node):
         return header
 
     def _wait(self, due_s: float) -> Iterator[float]:
-        """Wait until something is due."""
+        """Yield when a sample is due; warn when the driver is resumed much later."""
         yield due_s
         late_s = time.monotonic() - due_s
         if late_s > LATE_S:
@@ -206,16 +206,22 @@ class Driver(Node):
 
 
 def drivers(arguments_of_each: list[list[str] | None]) -> list[Driver]:
-    """Make the drivers of a process and have them play."""
-    turns = Turns()
-    made = [Driver(turns, arguments) for arguments in arguments_of_each]
+    """Make the drivers of a process and start them.
+
+    Parameters
+    ----------
+    arguments_of_each
+        Arguments of ROS for each node.
+    """
+    scheduler = Scheduler()
+    made = [Driver(scheduler, arguments) for arguments in arguments_of_each]
 
     def look_for_end() -> None:
         """End the spinning, in the thread that spins, when all has been played."""
-        if turns.ended:
+        if scheduler.ended:
             raise ExternalShutdownException
 
     # Also wakes the executor, should a signal's own wake-up get lost.
     made[0].create_timer(LOOK_S, look_for_end, clock=Clock(clock_type=ClockType.STEADY_TIME))
-    turns.start()
+    scheduler.start()
     return made

@@ -45,7 +45,7 @@ from slip_detector.grasp.comparison import (
 )
 from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, play_trials
 from slip_detector.grasp.objects import object_scene
-from slip_detector.nodes.grasp_witness import Heard, Witness, play_live
+from slip_detector.nodes.grasp_trial import GraspRecorder, LiveGraspTrial, play_grasp
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig
@@ -57,7 +57,7 @@ SHOWN = 2
 
 def through_nodes(
     seeds: Sequence[int], config: Path, folder: Path, trials: Sequence[GraspTrial], limit_n: float
-) -> tuple[dict[str, Any], dict[int, Heard]]:
+) -> tuple[dict[str, Any], dict[int, LiveGraspTrial]]:
     """Play some seeds through the nodes.
 
     Parameters
@@ -81,14 +81,14 @@ def through_nodes(
         By seed, what was heard.
     """
     rclpy.init()
-    witness = Witness()
+    recorder = GraspRecorder()
     nodes: dict[str, Any] = {}
-    heard: dict[int, Heard] = {}
+    heard: dict[int, LiveGraspTrial] = {}
     latencies_s: list[float] = []
     for seed, trial in zip(seeds, trials, strict=True):
         scene = folder / f'grasp_{seed}.yaml'
         scene.write_text(yaml.safe_dump(object_scene(seed), sort_keys=False), encoding='utf-8')
-        live = heard[seed] = play_live(witness, seed, config, scene)
+        live = heard[seed] = play_grasp(recorder, seed, config, scene)
         latencies_s += live.latencies_s()
         last_m = float(live.position[-1, 1])
         nodes[str(seed)] = {
@@ -164,7 +164,7 @@ def main() -> None:
     except Exception:
         if rclpy.ok():
             raise
-        sys.exit(130)  # A signal took the context away in the midst of a call.
+        sys.exit(130)  # A signal has shut the context down during a call.
     finally:
         rclpy.try_shutdown()
 

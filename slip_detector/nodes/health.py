@@ -112,7 +112,7 @@ class Health:
         self._longest_s = max(self._longest_s, spent_s)
 
     def restart(self) -> None:
-        """Measure the rate anew: the samples' times have leapt."""
+        """Measure the rate from the next sample on: the stamps have jumped."""
         self._stamp_before_ns = self._stamp_ns = None
         self._rows_between = 0
 
@@ -183,7 +183,7 @@ class Health:
             AGE_KEYS[1]: _milliseconds(self._ages_s, 99),
             'silent for [s]': '-' if math.isinf(silent_s) else f'{silent_s:.1f}',
             'samples': str(self.totals['rows']),
-            **{VALUES[kind]: str(self.totals[kind]) for kind in VALUES},
+            **{COUNT_KEYS[kind]: str(self.totals[kind]) for kind in COUNT_KEYS},
         }
         return status
 
@@ -247,7 +247,7 @@ class Health:
 #: What is said of events that were counted since the last summary.
 COMPLAINTS: Mapping[str, str] = {
     'bridged': '{} samples lost and bridged with the last one: check cable, network, load',
-    'reset': 'started anew {} times: a long gap, or the clock of the samples leapt',
+    'reset': 'restarted {} times: a long gap, or the clock of the samples was set',
     'backwards': '{} samples dropped: late, or stamped before the ones already seen',
     'channels': '{} samples dropped: not as many channels as configured',
     'names': '{} samples dropped: other channel names than before or configured',
@@ -255,9 +255,9 @@ COMPLAINTS: Mapping[str, str] = {
 }
 
 #: Names of the counts in the values.
-VALUES: Mapping[str, str] = {
+COUNT_KEYS: Mapping[str, str] = {
     'bridged': 'lost and bridged',
-    'reset': 'started anew',
+    'reset': 'restarts',
     'backwards': 'dropped, late',
     'channels': 'dropped, wrong number of channels',
     'names': 'dropped, wrong names',

@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from slip_detector.nodes.joint_states import Alike, Sample
+from slip_detector.nodes.joint_states import JointStateReader, Sample
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.recordings.field_paths import FieldReader
@@ -50,7 +50,7 @@ class Input:
         self._type = config.input_type
         # Most sensors send these, one for each sample.
         self._quick = self.message_class is JointState and config.input_field == 'position'
-        self._alike: Alike | None = None
+        self._reader: JointStateReader | None = None
 
     def read(self, raw: bytes, info: dict[str, int]) -> Sample:
         """Return the samples of a serialised message.
@@ -63,7 +63,7 @@ class Input:
         ValueError
             When the message cannot be read, or the field is not in it.
         """
-        sample = None if self._alike is None else self._alike.read(raw)
+        sample = None if self._reader is None else self._reader.read(raw)
         if sample is None:
             sample = self._read_whole(raw)
         if sample.stamp_ns:
@@ -78,7 +78,7 @@ class Input:
         rows = self._field(message)
         if self._quick:
             with contextlib.suppress(ValueError):
-                self._alike = Alike(raw, message)
+                self._reader = JointStateReader(raw, message)
         header = message.header if self._has_header else None
         return Sample(
             rows,

@@ -1,4 +1,4 @@
-"""Serialised messages of JointState that differ in their stamps and positions only."""
+"""Reads serialised JointState messages faster than rclpy does."""
 
 import struct
 from typing import Any, NamedTuple
@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-#: The first bytes of what was serialised with the least significant byte first.
+#: The first bytes of a message that was serialised with the least significant byte first.
 LITTLE_ENDIAN = b'\x00\x01'
 
-#: Four bytes say how it was serialised; places are counted from behind them, for alignment.
+#: So many bytes say how a message was serialised; alignment counts from behind them.
 ENCAPSULATION_BYTES = 4
 
 STAMP = struct.Struct('<iI')
@@ -27,7 +27,7 @@ class Sample(NamedTuple):
     names : list of str
         Of the channels, where the message says them.
     frame_id : str
-        Where they were taken, as far as it says.
+        Frame of the fingertip, where the message has one.
     """
 
     rows: NDArray[np.float64]
@@ -36,19 +36,19 @@ class Sample(NamedTuple):
     frame_id: str
 
 
-class Alike:
-    """Reads messages like one that was read before, without making objects of all they hold.
+class JointStateReader:
+    """Reads messages that differ from a first one in stamp and positions only.
 
     Where the positions stand depends only on the texts and lengths before them. A message that
-    has the same ones, byte by byte, has its positions in the same place; what pads them to
-    multiples of their sizes may be anything.
+    has the same ones, byte by byte, has its positions in the same place; the bytes of alignment
+    between them may have any value.
 
     Parameters
     ----------
     raw
-        The serialised message.
+        The first message, serialised.
     message
-        The same as rclpy has read it.
+        The same message as rclpy has read it.
 
     Raises
     ------
@@ -81,7 +81,7 @@ class Alike:
         self._wanted = self._fixed_bytes(raw)
 
     def read(self, raw: bytes) -> Sample | None:
-        """Return the sample of a message; None: it is not like the first one."""
+        """Return the sample of a message; None: it is it differs in other fields too."""
         if len(raw) < self._end or self._fixed_bytes(raw) != self._wanted:
             return None
         seconds, rest = STAMP.unpack_from(raw, ENCAPSULATION_BYTES)

@@ -12,12 +12,24 @@ from rclpy.qos import (
 
 
 def stamp_ns(stamp: Time) -> int:
-    """Return a stamp in nanoseconds."""
+    """Return a stamp in nanoseconds.
+
+    Examples
+    --------
+    >>> stamp_ns(Time(sec=2, nanosec=5))
+    2000000005
+    """
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def time_message(nanoseconds: int) -> Time:
-    """Return nanoseconds as a stamp."""
+    """Return nanoseconds as a stamp.
+
+    Examples
+    --------
+    >>> time_message(2_000_000_005)
+    builtin_interfaces.msg.Time(sec=2, nanosec=5)
+    """
     seconds, rest = divmod(nanoseconds, 1_000_000_000)
     return Time(sec=seconds, nanosec=rest)
 
@@ -33,7 +45,7 @@ def sensor_qos() -> QoSProfile:
 
 
 def event_qos() -> QoSProfile:
-    """Return the profile of events: each arrives, none is kept for those who come later."""
+    """Return the profile of events: each arrives, none is kept for late subscribers."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=10,
@@ -43,12 +55,12 @@ def event_qos() -> QoSProfile:
 
 
 def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
-    """Return the profile of states: who subscribes later gets the last one at once.
+    """Return the profile of states: a late subscriber gets the last one at once.
 
     Parameters
     ----------
     depth
-        How many a subscriber keeps that must not miss a change while it is busy.
+        How many messages are kept for a subscriber that is busy and must not miss a change.
     deadline_s
         Longest time from message to message that is promised, or asked for.
     """
@@ -61,12 +73,12 @@ def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
     )
 
 
-def beating_qos(deadline_s: float) -> QoSProfile:
+def heartbeat_qos(deadline_s: float) -> QoSProfile:
     """Return the profile of states that are repeated.
 
-    A subscriber that asks for the same, or for longer times, is told when they stop coming
-    (deadline) and when nobody is left who could send them (liveliness). Each message counts as
-    a sign of life, and nothing else does: a process that hangs is not alive.
+    A subscriber that asks for the same, or for longer times, is told when the messages stop
+    (deadline) and when no publisher is alive (liveliness). A publisher is alive while it
+    publishes: one that hangs is not.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the detector publishes: each decision when it changes, slip and its validity on and on."""
+"""What the detector publishes: decisions when they change, slip and slip_valid at a rate too."""
 
 from typing import Any
 
@@ -13,8 +13,8 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.result import SlipResult
 from slip_detector.nodes.messages import (
-    beating_qos,
     event_qos,
+    heartbeat_qos,
     sensor_qos,
     state_qos,
     time_message,
@@ -37,12 +37,12 @@ OF_THE_TOPICS = (
 
 
 class Outputs:
-    """The publishers of one configuration, and the decisions they said last."""
+    """The publishers of one configuration, and the decisions that were published last."""
 
     def __init__(self, node: Node, config: DetectorConfig) -> None:
         self._node, self._names = node, config.names
         self._publishers: list[Publisher] = []
-        beat = beating_qos(DEADLINE_BEATS / config.heartbeat_hz)
+        beat = heartbeat_qos(DEADLINE_BEATS / config.heartbeat_hz)
         self._slip = self._publisher(Bool, 'slip', beat)
         self._slip_valid = self._publisher(Bool, 'slip_valid', beat)
         self._onset = self._publisher(Header, 'slip_onset', event_qos())
@@ -51,7 +51,7 @@ class Outputs:
         channels = config.names if config.publish_channels else ()
         disabled = {channel - 1 for channel in config.disabled_channels}
         n_groups = len(config.groups)
-        # Column of the result's flags -> who hears of its changes.
+        # Column of the result's flags -> where its changes are published.
         self._listeners: dict[int, Publisher] = {0: self._slip}
         for g, name in enumerate(groups):
             self._listeners[1 + g] = self._publisher(Bool, f'slip/group/{name}', state_qos())
@@ -76,7 +76,7 @@ class Outputs:
 
     @property
     def slip(self) -> bool:
-        """What was said last."""
+        """The decision that was published last."""
         return bool(self._flags[0])
 
     @property
@@ -90,17 +90,25 @@ class Outputs:
         return bool(self._envelope.get_subscription_count())
 
     def withdraw(self) -> None:
-        """Say, to those who come later too, that nothing is known."""
+        """Publish all decisions as OFF and not valid, for late subscribers too."""
         self.announce(self._all_off, 0, '')
 
     def announce(self, flags: NDArray[np.bool_], at_ns: int, frame_id: str) -> None:
-        """Publish each decision on a sample that differs from the last."""
+        """Publish each decision on a sample that differs from the one before.
+
+        Parameters
+        ----------
+        flags : ndarray, shape (k,)
+            A row of :attr:`.SlipResult.flags`.
+        at_ns, frame_id
+            Stamp and frame of the sample.
+        """
         flags_bytes = flags.tobytes()
         if flags_bytes == self._flags_bytes:
             return
         before, self._flags, self._flags_bytes = self._flags, flags, flags_bytes
         valid = bool(flags[self._can_vote].any())
-        if valid < self._valid:  # First of all, lest an OFF be taken for one that counts.
+        if valid < self._valid:  # Before slip: an OFF that follows is not to be relied on.
             self._slip_valid.publish(self._messages[valid])
         for column in np.flatnonzero(flags != before).tolist():
             publisher = self._listeners.get(column)
@@ -130,10 +138,10 @@ class Outputs:
         self._slip_valid.publish(self._messages[self._valid])
 
     def _publisher(self, message_type: Any, topic: str, qos: QoSProfile) -> Publisher:
-        """Create a publisher that does not look for subscribers with another QoS.
+        """Create a publisher that has no callback for subscribers with an incompatible QoS.
 
-        rclpy would do so in each turn of the executor, which for 24 publishers costs more than
-        all else together; such a subscriber is warned on its own side as well.
+        rclpy would look for such events each time the executor waits, which for 24 publishers
+        costs more than all else together; such a subscriber is warned on its own side as well.
         """
         events = PublisherEventCallbacks(use_default_callbacks=False)
         publisher = self._node.create_publisher(message_type, topic, qos, event_callbacks=events)

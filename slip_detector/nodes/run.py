@@ -15,8 +15,8 @@ def run(executable: str) -> int:
 
     That is one node, or one in each of the namespaces ``--fingers`` names, in one process.
 
-    Heavy imports wait until the signals are in hand, else one that comes during start-up would
-    end in a traceback.
+    What takes long to import is imported after the signal handlers are set, else a signal during
+    start-up would end in a traceback.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def run(executable: str) -> int:
         elif rclpy.ok():
             code = 1
             raise
-        # A signal took the context away in the midst of a call: that is an end as any other.
+        # Else a signal has shut the context down during a call: a normal end.
     finally:
         # A second signal (ros2 launch sends two) must not break into the cleaning up.
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -10,7 +10,7 @@ from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from std_msgs.msg import Bool
 
-from slip_detector.nodes.messages import beating_qos
+from slip_detector.nodes.messages import heartbeat_qos
 from support.harness import Detected
 
 PERIOD_NS = round(1e9 / 380)
@@ -87,7 +87,7 @@ def test_a_subscriber_is_told_within_the_deadline_when_the_detector_is_killed_or
 
         return on_event
 
-    qos = beating_qos(0.2)
+    qos = heartbeat_qos(0.2)
     slip = []
     bench.node.create_subscription(
         Bool,

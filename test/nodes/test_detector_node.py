@@ -127,7 +127,7 @@ def test_a_short_gap_is_bridged_with_the_last_row(bench, rows):
     assert '10 samples missing, bridged with the last one' in detected.process.log()
 
 
-def test_a_long_gap_starts_the_chain_anew(bench, rows):
+def test_a_long_gap_restarts_the_chain(bench, rows):
     detected = Detected(bench)
     begin = detected.settle(rows[0], START_NS, PERIOD_NS)
     at_ns = detected.send_all(rows[:180], begin, PERIOD_NS)
@@ -135,7 +135,7 @@ def test_a_long_gap_starts_the_chain_anew(bench, rows):
     wanted = SlipChain().update(rows[180:]).level
     heard = [message.position for message in detected.envelope[-len(wanted) :]]
     np.testing.assert_allclose(heard, wanted, rtol=1e-9, atol=1e-9)
-    assert 'the chain starts anew (1 so far)' in detected.process.log()
+    assert 'the chain restarts (1 so far)' in detected.process.log()
 
 
 def test_messages_that_do_not_fit_are_dropped_and_the_chain_goes_on(bench, rows):
@@ -180,7 +180,7 @@ def test_a_clock_set_back_is_followed_after_max_gap_s(bench, rows):
         'decisions on the earlier stamps',
     )
     log = detected.process.log()
-    assert 'the chain starts anew (1 so far)' in log
+    assert 'the chain restarts (1 so far)' in log
 
 
 def test_slip_valid_falls_when_the_input_stops_and_rises_when_it_comes_again(bench, rows):

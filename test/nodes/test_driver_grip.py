@@ -128,7 +128,7 @@ def test_a_command_that_makes_no_sense_is_named_and_changes_nothing(
     assert driver.moved_m() < 1e-4
 
 
-def test_the_grip_stays_when_a_looped_scene_begins_anew(bench, tmp_path):
+def test_the_grip_stays_when_a_looped_scene_begins_again(bench, tmp_path):
     driver = Gripped(bench, tmp_path, SCENE.replace('60.0}}', '0.4}}'), loop='true')
     driver.connect()
     driver.hold(0.0)

@@ -220,7 +220,7 @@ def test_the_clock_of_the_samples_is_set(bench, leap_s):
     sensor.clock_s += leap_s
     known = len(sensor.slip)
     sensor.slips()
-    sensor.play(lambda: sensor.told('input', 'started anew 1 times'), 'the diagnostics')
+    sensor.play(lambda: sensor.told('input', 'restarted 1 times'), 'the diagnostics')
     sensor.goes_on()
     assert len(sensor.slip) > known
 
@@ -284,7 +284,7 @@ def test_a_flood_at_twenty_times_the_rate(bench):
         sensor.bench.executor.spin_once(timeout_sec=40 * flood_s)
     # It still keeps its time: the heart beats, the timeout comes.
     sensor.fell_in_time()
-    assert sensor.told('input', '380 configured') or sensor.told('input', 'started anew')
+    assert sensor.told('input', '380 configured') or sensor.told('input', 'restarted')
     sensor.clock_s = time.time() + 10.0
     sensor.goes_on()
 
@@ -323,12 +323,12 @@ def test_disk_full_where_the_log_goes(bench):
 RECORD = """
 import resource, sys, time
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.nodes.demo import record
+from slip_detector.nodes.demo import record_trial
 from slip_detector.sources import open_source
 source = open_source(DriverConfig())
 resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536))
 try:
-    record(sys.argv[1], source, time.time_ns())
+    record_trial(sys.argv[1], source, time.time_ns())
 except ValueError as error:
     print(error)
 """

@@ -159,7 +159,7 @@ def test_rows_that_take_too_much_of_the_time_are_said(spent_s, level):
     assert summed(health)[2].level == level
 
 
-def test_after_a_leap_of_the_stamps_the_rate_is_measured_anew():
+def test_after_a_leap_of_the_stamps_the_rate_is_measured_again():
     health = Health(CONFIG)
     fed(health, good(100))
     health.restart()

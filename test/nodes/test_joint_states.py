@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from slip_detector.nodes.inputs import Input
-from slip_detector.nodes.joint_states import Alike
+from slip_detector.nodes.joint_states import JointStateReader
 from slip_detector.nodes.messages import stamp_ns, time_message
 from slip_detector.parameters.detector import DetectorConfig
 
@@ -68,8 +68,8 @@ def test_a_message_that_differs_in_stamp_and_numbers_is_alike(first, data):
     n = len(first.position)
     second.position = data.draw(st.lists(numbers, min_size=n, max_size=n))
     second.header.stamp = time_message(data.draw(st.integers(1, 10**18)))
-    alike = Alike(serialize_message(first), first)
-    sample = alike.read(serialize_message(second))
+    reader = JointStateReader(serialize_message(first), first)
+    sample = reader.read(serialize_message(second))
     assert sample is not None
     assert_same(sample, second)
 
@@ -78,10 +78,10 @@ def test_what_pads_a_message_may_be_anything():
     message = a_message()
     raw = bytearray(serialize_message(message))
     place = raw.index(b'bc\0') + 3  # of one byte that brings the next length to a multiple of 4
-    alike = Alike(bytes(raw), message)
+    reader = JointStateReader(bytes(raw), message)
     raw[place] ^= 0xFF
     assert deserialize_message(bytes(raw), JointState).name == message.name
-    sample = alike.read(bytes(raw))
+    sample = reader.read(bytes(raw))
     assert sample is not None
     assert_same(sample, message)
 
@@ -99,8 +99,8 @@ def test_what_pads_a_message_may_be_anything():
 )
 def test_a_message_with_other_texts_or_lengths_is_not_alike(other):
     first = a_message()
-    alike = Alike(serialize_message(first), first)
-    assert alike.read(serialize_message(a_message(**other))) is None
+    reader = JointStateReader(serialize_message(first), first)
+    assert reader.read(serialize_message(a_message(**other))) is None
 
 
 def test_a_message_that_was_cut_off_or_is_something_else_is_refused_in_one_line():

@@ -1,6 +1,8 @@
 """Real nodes in real processes, and a node of the test's own that talks to them."""
 
 import contextlib
+import fcntl
+import functools
 import math
 import os
 import signal
@@ -10,6 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from support.domains import own_domain
@@ -22,7 +25,10 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
+from slip_detector.chain.slip_chain import SlipChain  # noqa: E402
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos, time_message  # noqa: E402
+from slip_detector.parameters.driver import DriverConfig  # noqa: E402
+from slip_detector.sources import open_source  # noqa: E402
 
 #: Discovery takes seconds now and then; nothing here is about speed.
 DEADLINE_S = 90.0
@@ -93,10 +99,22 @@ def patient_state_qos():
     return state_qos(depth=1000)
 
 
+@functools.cache
+def compile_nodes():
+    """Compile what the nodes run, once for all processes: it may take longer than a test waits."""
+    path = Path(tempfile.gettempdir()) / f'slip_detector_test_compiling_{os.getuid()}'
+    with path.open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        SlipChain().update(np.zeros((1, 16)))
+        for scene in ('plate_400um', 'grasp'):
+            open_source(DriverConfig(scene=scene)).read(1)
+
+
 class Bench:
     """A domain with a node of the test's own and any number of processes."""
 
     def __init__(self):
+        compile_nodes()
         self.domain, self._lock = own_domain()
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         self.context = rclpy.Context()

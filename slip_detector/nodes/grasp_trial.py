@@ -1,4 +1,4 @@
-"""One trial of a grasp through the real nodes, as three processes, and what is heard of it."""
+"""One grasp through the real nodes, as three processes, and what they publish of it."""
 
 import subprocess
 import sys
@@ -25,6 +25,7 @@ EXECUTABLES = ('slip_detector', 'grasp_controller', DRIVER)
 TRIAL_TIMEOUT_S = 120.0
 END_TIMEOUT_S = 10.0
 DRAIN_S = 0.3
+SPIN_S = 0.05
 
 #: A raise that comes later than this after an onset is the answer to something else.
 ANSWER_S = 0.05
@@ -32,8 +33,8 @@ ANSWER_S = 0.05
 Floats = NDArray[np.float64]
 
 
-class Heard(NamedTuple):
-    """What was received of one trial; times are stamps, from the first sample on.
+class LiveGraspTrial(NamedTuple):
+    """What was received of one grasp; times are stamps, from the first sample on.
 
     Attributes
     ----------
@@ -64,18 +65,22 @@ class Heard(NamedTuple):
         return [float(answer[0]) for answer in answers if answer.size and answer[0] < ANSWER_S]
 
 
-class Witness(Node):
-    """Subscribes to what tells how the grasp goes, and notes it."""
+class GraspRecorder(Node):
+    """Subscribes to the topics of driver, detector and controller and keeps what arrives."""
 
     def __init__(self) -> None:
-        super().__init__('witness', namespace=NAMESPACE)
-        self.ears = SingleThreadedExecutor()
-        self.ears.add_node(self)
+        super().__init__('recorder', namespace=NAMESPACE)
+        self._own_executor = SingleThreadedExecutor()
+        self._own_executor.add_node(self)
         self.forget()
         self.create_subscription(JointState, 'voltages', self._on_voltages, sensor_qos())
         self.create_subscription(JointState, 'platform_position', self._on_position, sensor_qos())
         self.create_subscription(JointState, 'grip_force', self._on_command, state_qos(depth=1000))
         self.create_subscription(Header, 'slip_onset', self._on_onset, event_qos())
+
+    def receive(self) -> None:
+        """Take a message; none may come."""
+        self._own_executor.spin_once(timeout_sec=SPIN_S)
 
     def forget(self) -> None:
         """Begin a new trial."""
@@ -84,7 +89,7 @@ class Witness(Node):
         self._commands: list[tuple[int, float]] = []
         self._onsets_ns: list[int] = []
 
-    def heard(self) -> Heard:
+    def trial(self) -> LiveGraspTrial:
         """Return what was received of the trial.
 
         Raises
@@ -100,7 +105,7 @@ class Witness(Node):
             for noted in (self._positions, self._commands)
         )
         onset_s = np.array([(at_ns - begin_ns) * 1e-9 for at_ns in self._onsets_ns])
-        return Heard(position, command, onset_s)
+        return LiveGraspTrial(position, command, onset_s)
 
     def _on_voltages(self, message: JointState) -> None:
         if self._begin_ns is None:
@@ -116,7 +121,7 @@ class Witness(Node):
         self._onsets_ns.append(stamp_ns(message.stamp))
 
 
-def play_live(witness: Witness, seed: int, config: Path, scene: Path) -> Heard:
+def play_grasp(recorder: GraspRecorder, seed: int, config: Path, scene: Path) -> LiveGraspTrial:
     """Play a scene through a driver, a detector and a controller, each a process of its own.
 
     Raises
@@ -128,7 +133,7 @@ def play_live(witness: Witness, seed: int, config: Path, scene: Path) -> Heard:
     words = {'scene': scene, 'seed': seed, 'wait_for_subscribers': 2, 'wait_for_grip': 'true'}
     of_driver = [word for name, value in words.items() for word in ('-p', f'{name}:={value}')]
     processes: dict[str, subprocess.Popen[bytes]] = {}
-    witness.forget()
+    recorder.forget()
     try:
         for name in EXECUTABLES:
             command = [sys.executable, '-m', 'slip_detector.nodes.run', name, *ros]
@@ -141,15 +146,15 @@ def play_live(witness: Witness, seed: int, config: Path, scene: Path) -> Heard:
             for name, process in processes.items():
                 if name != DRIVER and process.poll() is not None:
                     raise RuntimeError(f'{name} ended with the exit code {process.returncode}')
-            witness.ears.spin_once(timeout_sec=0.05)
+            recorder.receive()
         if processes[DRIVER].returncode:
             raise RuntimeError(f'{DRIVER} ended with the exit code {processes[DRIVER].returncode}')
         deadline_s = time.monotonic() + DRAIN_S
         while time.monotonic() < deadline_s:
-            witness.ears.spin_once(timeout_sec=0.05)
+            recorder.receive()
     finally:
         _end(processes.values())
-    return witness.heard()
+    return recorder.trial()
 
 
 def _end(processes: Iterable['subprocess.Popen[bytes]']) -> None:

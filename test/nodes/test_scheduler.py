@@ -5,15 +5,15 @@ import time
 
 import pytest
 
-from slip_detector.nodes.turns import Turns
+from slip_detector.nodes.scheduler import Scheduler
 
 DEADLINE_S = 60.0
 
 
-def ended(turns):
+def ended(scheduler):
     """Look until all have ended, with a deadline; raises what one has failed with."""
     deadline_s = time.monotonic() + DEADLINE_S
-    while not turns.ended:
+    while not scheduler.ended:
         assert time.monotonic() < deadline_s
         time.sleep(1e-3)
 
@@ -29,13 +29,13 @@ def test_each_has_its_turn_when_it_is_due_and_all_in_one_thread():
             taken.append((offset_s, name))
             threads.add(threading.get_ident())
 
-    turns = Turns()
-    turns.add(player('a', [0.00, 0.02, 0.04, 0.06]))
-    turns.add(player('b', [0.01, 0.03]))
-    turns.add(player('c', [0.01, 0.05]))
+    scheduler = Scheduler()
+    scheduler.add_task(player('a', [0.00, 0.02, 0.04, 0.06]))
+    scheduler.add_task(player('b', [0.01, 0.03]))
+    scheduler.add_task(player('c', [0.01, 0.05]))
     assert not taken
-    turns.start()
-    ended(turns)
+    scheduler.start()
+    ended(scheduler)
     assert [name for _, name in taken] == ['a', 'b', 'c', 'a', 'b', 'a', 'c', 'a']
     assert len(threads) == 1
 
@@ -49,11 +49,11 @@ def test_one_that_lags_behind_is_brought_forward_before_the_others():
             taken.append(name)
 
     now_s = time.monotonic()
-    turns = Turns()
-    turns.add(player('late', [now_s - 3, now_s - 2, now_s - 1]))
-    turns.add(player('later', [now_s - 0.5, now_s]))
-    turns.start()
-    ended(turns)
+    scheduler = Scheduler()
+    scheduler.add_task(player('late', [now_s - 3, now_s - 2, now_s - 1]))
+    scheduler.add_task(player('later', [now_s - 0.5, now_s]))
+    scheduler.start()
+    ended(scheduler)
     assert taken == ['late'] * 3 + ['later'] * 2
 
 
@@ -68,22 +68,22 @@ def test_to_stop_ends_all_who_wait():
         waiting.set()
         stop.wait()
 
-    turns = Turns()
-    turns.add(player())
-    turns.add_waiting(listen)
-    turns.start()
+    scheduler = Scheduler()
+    scheduler.add_task(player())
+    scheduler.add_thread(listen)
+    scheduler.start()
     assert waiting.wait(DEADLINE_S)
-    assert not turns.ended
-    turns.stop()
-    assert turns.ended
-    turns.stop()
+    assert not scheduler.ended
+    scheduler.stop()
+    assert scheduler.ended
+    scheduler.stop()
 
 
 def test_to_stop_what_was_never_started_is_nothing():
-    turns = Turns()
-    turns.add(iter([0.0]))
-    turns.add_waiting(lambda stop: None)
-    turns.stop()
+    scheduler = Scheduler()
+    scheduler.add_task(iter([0.0]))
+    scheduler.add_thread(lambda stop: None)
+    scheduler.stop()
 
 
 @pytest.mark.parametrize('waiting', [False, True])
@@ -91,11 +91,11 @@ def test_what_one_has_failed_with_is_raised_where_the_end_is_looked_for(waiting)
     def fail(*_):
         raise OSError('the disk is gone')
 
-    turns = Turns()
+    scheduler = Scheduler()
     if waiting:
-        turns.add_waiting(fail)
+        scheduler.add_thread(fail)
     else:
-        turns.add(map(fail, [0.0]))
-    turns.start()
+        scheduler.add_task(map(fail, [0.0]))
+    scheduler.start()
     with pytest.raises(OSError, match='the disk is gone'):
-        ended(turns)
+        ended(scheduler)

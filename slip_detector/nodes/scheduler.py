@@ -1,16 +1,16 @@
-"""What the drivers of a process do beside their callbacks."""
+"""The threads in which the drivers of a process send, beside the one that spins their nodes."""
 
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 
-#: Longest time that the executor keeps a sample waiting that is due; Python's own is 5 ms.
+#: Longest time for which the spinning thread keeps a due sample waiting; Python's own is 5 ms.
 SWITCH_S = 0.5e-3
 
 
-class Turns:
-    """A thread that gives each of several its turns, and threads for those who wait themselves.
+class Scheduler:
+    """Runs tasks in one thread, each when it is due, and functions in threads of their own.
 
     Samples of several drivers that are due at the same moment are sent one after the other by one
     thread: to wake a thread, and then another for its message, costs more than to send it.
@@ -18,28 +18,40 @@ class Turns:
 
     def __init__(self) -> None:
         self._stop = threading.Event()
-        self._turns: list[Iterator[float]] = []
+        self._tasks: list[Iterator[float]] = []
         self._threads: list[threading.Thread] = []
         self._failure: Exception | None = None
 
-    def add(self, turns: Iterator[float]) -> None:
-        """Have one take turns once this is started: each says when, monotonic, its next is due."""
-        self._turns.append(turns)
+    def add_task(self, task: Iterator[float]) -> None:
+        """Add a task for the common thread.
 
-    def add_waiting(self, run: Callable[[threading.Event], None]) -> None:
-        """Have one run in a thread of its own once this is started, until its event is set."""
+        Parameters
+        ----------
+        task
+            Yields the time at which it is to be resumed, as :func:`time.monotonic` has it.
+        """
+        self._tasks.append(task)
+
+    def add_thread(self, run: Callable[[threading.Event], None]) -> None:
+        """Add a function that gets a thread of its own.
+
+        Parameters
+        ----------
+        run
+            Takes an event and returns soon after it is set.
+        """
         self._threads.append(self._thread(lambda: run(self._stop)))
 
     def start(self) -> None:
         """Start all that was added."""
         sys.setswitchinterval(SWITCH_S)
-        if self._turns:
-            self._threads.append(self._thread(self._take_turns))
+        if self._tasks:
+            self._threads.append(self._thread(self._run_tasks))
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
-        """End all, and wait for it."""
+        """End all threads and wait for their ends."""
         self._stop.set()
         for thread in self._threads:
             if thread.is_alive():
@@ -47,12 +59,12 @@ class Turns:
 
     @property
     def ended(self) -> bool:
-        """Whether all have come to their ends.
+        """Whether all tasks and functions have ended.
 
         Raises
         ------
         Exception
-            What one of them has failed with.
+            The one that has ended a task or function.
         """
         if self._failure is not None:
             raise self._failure
@@ -67,14 +79,14 @@ class Turns:
 
         return threading.Thread(target=run, daemon=True)
 
-    def _take_turns(self) -> None:
-        due_s = dict.fromkeys(self._turns, time.monotonic())
+    def _run_tasks(self) -> None:
+        due_s = dict.fromkeys(self._tasks, time.monotonic())
         while due_s:
-            turns = min(due_s, key=due_s.__getitem__)
-            if self._stop.wait(max(0.0, due_s[turns] - time.monotonic())):
+            task = min(due_s, key=due_s.__getitem__)
+            if self._stop.wait(max(0.0, due_s[task] - time.monotonic())):
                 return
-            next_s = next(turns, None)
+            next_s = next(task, None)
             if next_s is None:
-                del due_s[turns]
+                del due_s[task]
             else:
-                due_s[turns] = next_s
+                due_s[task] = next_s
