@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument('command', choices=COMMANDS, metavar='COMMAND', help='see below')
     parser.add_argument(
-        'options', nargs=argparse.REMAINDER, help='of the command, which says them after --help'
+        'options', nargs=argparse.REMAINDER, help='see: python -m benchmarks COMMAND --help'
     )
     chosen = parser.parse_args(arguments)
     try:

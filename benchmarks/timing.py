@@ -49,7 +49,7 @@ def least_times_s(sides: Sequence[Callable[[], None]], rounds: int) -> list[floa
 
 @contextlib.contextmanager
 def garbage_collection_off() -> Iterator[None]:
-    """Collect garbage now and then not until the end, so that no measurement has it in it."""
+    """Keep the garbage collector off within a block: it would run in one side only."""
     was_on = gc.isenabled()
     gc.collect()
     gc.disable()

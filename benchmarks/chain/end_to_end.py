@@ -138,7 +138,7 @@ def _ros(namespace: str, name: str) -> list[str]:
 def send_and_receive(
     meter: Meter, processes: 'dict[str, subprocess.Popen[bytes]]', tone_s: float, changes: int
 ) -> None:
-    """Let the meter send the tone, and take what comes back.
+    """Let the meter send the tone, and receive the answers.
 
     Raises
     ------

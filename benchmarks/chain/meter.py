@@ -20,8 +20,8 @@ NODES = ('detector', 'relay')
 #: What all channels show at rest.
 BASELINE_V = 4.3
 
-#: Before both nodes have answered, the relay is told to say ON and OFF in turn, so many samples
-#: each.
+#: Before both nodes have answered, the relay is told to publish ON and OFF in turn, for so many
+#: samples each.
 CALL_SAMPLES = 20
 
 #: At rest between calling and the tone, for messages still on their way.
@@ -32,7 +32,7 @@ WARM_UP_S = 1.0
 
 
 class Meter(Node):
-    """Sends the samples and notes what comes back, and when.
+    """Sends the samples and notes the answers of both nodes, with their times.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Meter(Node):
     rows
         Volts of each sample of the tone.
     states
-        What the relay is to say on each.
+        What the relay is to publish on each.
     names
         Of the channels.
     rate_hz

@@ -1,17 +1,16 @@
 """How exact the chain is: its error against 50 digits, beside its run time and its rivals'.
 
 The reference is :mod:`benchmarks.chain.reference`. An error is the worst difference
-of the level (the windowed mean that is held against the threshold) over the rows, as a share of
+of the level (the windowed mean that is compared with the threshold) over the rows, as a share of
 the largest level. Samples are multiples of 2**-18 V about 4.25 V, so that float32 holds them
 exactly and errors are of the design and the arithmetic alone.
 
 The methods: ``chain`` is :class:`slip_detector.chain.slip_chain.SlipChain`; ``sections`` and
 ``polynomials`` are SciPy's ``sosfilt`` and ``lfilter`` on the same filters, in float64 and in
-float32 (coefficients, samples, windows), with windows summed as the chain sums them. ``running
-sums`` is
-``sections`` with windows as many write them: add the new term, take off the old one. A method is
-``unstable`` where a pole of its coefficients, as they are stored, is not inside the unit circle,
-and ``lost`` where its error exceeds a tenth.
+float32 (coefficients, samples, windows), with windows summed as the chain sums them.
+``running sums`` is ``sections`` with windows as they are often written: add the new term, subtract
+the old one. A method is ``unstable`` where a pole of its coefficients, as they are stored, is not
+inside the unit circle, and ``lost`` where its error exceeds a tenth.
 
 :func:`measure_chain_precision` gives one object (key ``precision`` of
 ``python -m benchmarks chain --json``):
@@ -113,7 +112,7 @@ RATES: dict[float, dict[str, Any]] = {
 EDGE_SHARES = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 0.99e-5)
 
 
-class Sizes(NamedTuple):
+class PrecisionSizes(NamedTuple):
     """How much is measured.
 
     Attributes
@@ -144,9 +143,11 @@ class Sizes(NamedTuple):
     rounds: int
 
 
-FULL = Sizes(tuple(RATES), EDGE_SHARES, 2000, 50_000, 0.4, (10**4, 10**6, 10**8), 16_384, 40)
+FULL = PrecisionSizes(
+    tuple(RATES), EDGE_SHARES, 2000, 50_000, 0.4, (10**4, 10**6, 10**8), 16_384, 40
+)
 
-QUICK = Sizes(
+QUICK = PrecisionSizes(
     (50.0, 380.0, 1e4), (1e-3, 1e-5, 0.99e-5), 600, 1500, 0.1, (10**4, 10**5), 4096, 2
 )  # fmt: skip
 
@@ -220,7 +221,7 @@ def measure_chain_precision(quick: bool = False) -> dict[str, Any]:
     return result
 
 
-def _rate(rate_hz: float, sizes: Sizes) -> dict[str, Any]:
+def _rate(rate_hz: float, sizes: PrecisionSizes) -> dict[str, Any]:
     config = ChainConfig(sample_rate_hz=rate_hz, channels=1, **RATES[rate_hz])
     entry = errors_of(config, max(sizes.fewest_rows, round(sizes.seconds * rate_hz)))
     for name, time_ns in times_ns(config, sizes).items():
@@ -249,7 +250,7 @@ def errors_of(config: ChainConfig, rows: int) -> dict[str, Any]:
     }
 
 
-def times_ns(config: ChainConfig, sizes: Sizes) -> dict[str, float]:
+def times_ns(config: ChainConfig, sizes: PrecisionSizes) -> dict[str, float]:
     """Measure the time of a row of 16 channels by method, in blocks that stay in the cache."""
     config = ChainConfig(
         sample_rate_hz=config.sample_rate_hz,
@@ -295,7 +296,7 @@ NETWORKS: dict[str, tuple[float, Callable[[float], dict[str, Any]]]] = {
 }
 
 
-def _edge(network: str, share: float, sizes: Sizes) -> dict[str, Any]:
+def _edge(network: str, share: float, sizes: PrecisionSizes) -> dict[str, Any]:
     """Measure with one lowest edge, or note why it is refused."""
     rate_hz, bands = NETWORKS[network]
     lead = {'network': network, 'lowest_edge_hz': share * rate_hz, 'edge_share': share}
@@ -311,7 +312,7 @@ def _edge(network: str, share: float, sizes: Sizes) -> dict[str, Any]:
     return lead | {'refused': ''} | errors_of(config, rows)
 
 
-def long_run(sizes: Sizes) -> dict[str, Any]:
+def long_run(sizes: PrecisionSizes) -> dict[str, Any]:
     """Run a periodic signal for very long and compare its last period with the steady state."""
     config = ChainConfig(channels=1)
     random = np.random.default_rng(0)

@@ -67,7 +67,7 @@ WANTED = {
 }
 
 
-class Sizes(NamedTuple):
+class SpeedSizes(NamedTuple):
     """How much is measured.
 
     Attributes
@@ -94,11 +94,11 @@ class Sizes(NamedTuple):
     end_to_end_s: float
 
 
-FULL = Sizes(200_000, 3_200_000, 500, 20, 60, 25.0)
-QUICK = Sizes(20_000, 320_000, 200, 3, 10, 4.0)
+FULL = SpeedSizes(200_000, 3_200_000, 500, 20, 60, 25.0)
+QUICK = SpeedSizes(20_000, 320_000, 200, 3, 10, 4.0)
 #: Without Numba the chain takes some 500 times as long.
-FULL_INTERPRETED = Sizes(10_000, 20_000, 100, 3, 10, 25.0)
-QUICK_INTERPRETED = Sizes(2_000, 10_000, 20, 2, 2, 4.0)
+FULL_INTERPRETED = SpeedSizes(10_000, 20_000, 100, 3, 10, 25.0)
+QUICK_INTERPRETED = SpeedSizes(2_000, 10_000, 20, 2, 2, 4.0)
 
 #: NumPy is fastest with about so many rows a call: all that a call touches stays in the
 #: second-level cache, and what a call costs by itself does not show.
@@ -158,7 +158,7 @@ def swelling_noise_v(rows: int, n_channels: int, seed: int = 0) -> Floats:
     return np.asarray(BASELINE_V + swell_v[:, None] * random.standard_normal((rows, n_channels)))
 
 
-def measure_blocks(sizes: Sizes) -> dict[str, Any]:
+def measure_blocks(sizes: SpeedSizes) -> dict[str, Any]:
     """Compare all stages on blocks of rows with :class:`NumpyChain`."""
     config = ChainConfig()
     rows = swelling_noise_v(sizes.rows, config.channels)
@@ -211,7 +211,7 @@ def measure_blocks(sizes: Sizes) -> dict[str, Any]:
     }
 
 
-def measure_one_row(sizes: Sizes) -> dict[str, Any]:
+def measure_one_row(sizes: SpeedSizes) -> dict[str, Any]:
     """Compare one row per call with one bare call of sosfilt on the same row."""
     config = ChainConfig()
     block = swelling_noise_v(sizes.calls, config.channels)
@@ -283,7 +283,7 @@ def memory_of_a_call(n_channels: int, calls: int) -> tuple[float, int]:
     return max(0, after - before) / calls, peak - arrays
 
 
-def measure_channels(sizes: Sizes) -> dict[str, Any]:
+def measure_channels(sizes: SpeedSizes) -> dict[str, Any]:
     """Measure the chain on 16 to 10,000 channels in groups of four."""
     passes = []
     for n in CHANNEL_COUNTS:

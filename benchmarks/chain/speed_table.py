@@ -36,7 +36,7 @@ def chain_speed_table(figures: dict[str, Any]) -> str:
         f'  SlipChain.update           {part["chain_us_per_call"]:10.2f} us a call',
         f'  one bare sosfilt           {part["sosfilt_us_per_call"]:10.2f} us a call',
         f'  speed-up                   {part["speedup"]:10.2f} times  {claim("one_row.speedup")}',
-        '  memory beyond the arrays of the figures:',
+        '  memory beyond the arrays of the result:',
         f'    kept                     {part["kept_bytes_per_call"]:10.2f} bytes a call  '
         f'{claim("one_row.kept_bytes_per_call")}',
         f'    temporary arrays         {part["temporary_bytes_per_channel"]:10.2f} bytes a channel'

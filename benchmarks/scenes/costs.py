@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.scenes.build import build_scene
-from benchmarks.scenes.sizes import Sizes
+from benchmarks.scenes.sizes import SceneSizes
 from benchmarks.timing import garbage_collection_off
 from slip_detector.parameters.sets import read_yaml
 from slip_detector.scenes.parts import PARTS
@@ -26,7 +26,7 @@ PIECE_ROWS = 95
 ALWAYS = ('motion', 'contact', 'skin', 'electronics')
 
 
-def scene_costs(path: Path, sizes: Sizes) -> dict[str, Any]:
+def scene_costs(path: Path, sizes: SceneSizes) -> dict[str, Any]:
     """Measure the run time of one scene, and of the same without each of its parts."""
     description = read_yaml(path)
     scene = build_scene(description)
@@ -69,7 +69,7 @@ def scene_costs(path: Path, sizes: Sizes) -> dict[str, Any]:
     }
 
 
-def read_pace(path: Path, sizes: Sizes) -> dict[str, Any]:
+def read_pace(path: Path, sizes: SceneSizes) -> dict[str, Any]:
     """Measure how long reads of a few rows take, as a share of the time that these last."""
     least: Floats | None = None
     for _ in range(sizes.rounds):

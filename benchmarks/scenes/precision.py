@@ -20,14 +20,14 @@ from benchmarks.scenes.integrators import (
     solve,
 )
 from benchmarks.scenes.ode import Ode
-from benchmarks.scenes.sizes import Sizes
+from benchmarks.scenes.sizes import SceneSizes
 from benchmarks.timing import garbage_collection_off
 from slip_detector.parameters.sets import read_yaml
 from slip_detector.scenes.motion import LoadNumbers
 
 Floats = NDArray[np.float64]
 
-#: Of the stretch: so much before the start of the motion and after it.
+#: What the stretch covers before and after the start of the motion.
 STRETCH_S = (0.02, 0.18)
 
 REFERENCES = (('BDF', 1e-10), ('LSODA', 1e-10), ('Radau', 1e-9))
@@ -39,7 +39,7 @@ REFERENCE_BUDGET_S = 120.0
 FAST_S = 0.7
 
 
-def scene_precision(path: Path, sizes: Sizes) -> dict[str, Any]:
+def scene_precision(path: Path, sizes: SceneSizes) -> dict[str, Any]:
     """Measure the errors and run times of all methods on one scene."""
     description = read_yaml(path)
     scene = build_scene(description)
@@ -114,9 +114,9 @@ class Errors:
     Parameters
     ----------
     reference
-        What the errors are taken against.
+        The solution that is taken as exact.
     ode
-        Whose it is.
+        The scene that it solves.
     """
 
     def __init__(self, reference: Solution, ode: Ode) -> None:
@@ -149,7 +149,11 @@ class Errors:
 
 
 def _live(
-    description: Mapping[str, Any], steps_per_sample: int, errors: Errors, ode: Ode, sizes: Sizes
+    description: Mapping[str, Any],
+    steps_per_sample: int,
+    errors: Errors,
+    ode: Ode,
+    sizes: SceneSizes,
 ) -> dict[str, Any]:
     """Run the live stepper."""
     rate_hz = ode.scene.true_rate_hz
@@ -180,7 +184,7 @@ def _rival(
     method: str,
     rtol: float,
     errors: Errors,
-    sizes: Sizes,
+    sizes: SceneSizes,
     stretch: tuple[int, int] | None,
 ) -> dict[str, Any]:
     """Run one of SciPy's methods; ``said`` is the line with which it refuses or gives up."""

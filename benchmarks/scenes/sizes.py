@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 
-class Sizes(NamedTuple):
+class SceneSizes(NamedTuple):
     """How much is measured.
 
     Attributes
@@ -29,7 +29,7 @@ class Sizes(NamedTuple):
     cost_rounds: int
 
 
-FULL = Sizes(
+FULL = SceneSizes(
     (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8),
     (1e-3, 1e-5),
     (1, 2, 3, 4, 6, 8, 16, 32, 64),
@@ -38,4 +38,4 @@ FULL = Sizes(
     10.0,
     25,
 )
-QUICK = Sizes((1e-3, 1e-6), (1e-3,), (1, 8), 1, 1.0, 1.0, 2)
+QUICK = SceneSizes((1e-3, 1e-6), (1e-3,), (1, 8), 1, 1.0, 1.0, 2)

@@ -30,7 +30,7 @@ WANTED = {
 SECONDS, QUICK_SECONDS = 660.0, 15.0
 
 #: For the start and the end of the processes on a busy machine.
-EXTRA_S = 300.0
+EXTRA_S = 420.0
 
 
 def measure_soak(seconds: float, fingers: int, samples_per_message: int) -> dict[str, Any]:

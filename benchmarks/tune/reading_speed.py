@@ -20,7 +20,7 @@ def write_hour(path: 'str | Path', seconds: float = 3600.0) -> None:
     Parameters
     ----------
     path
-        A new file; its ending says of which kind.
+        A new file; its ending is that of its format.
     seconds
         Length of the recording.
     """

@@ -68,7 +68,7 @@ class NumpyObjective(Objective):
     def statistics(
         self, chain: ChainConfig, votes: Sequence[Vote]
     ) -> Mapping[Vote, Sequence[Floats]]:
-        """Return what is held against the threshold by vote and track, shapes (n,)."""
+        """Return what is compared with the threshold, by track and vote; shapes (n,)."""
         tracks = [_statistics(_level(chain, track.volts), chain, votes) for track in self._tracks]
         return {vote: [one[vote] for one in tracks] for vote in votes}
 
