@@ -9,7 +9,7 @@ from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from slip_detector.report.plots import COLORS
+from slip_detector.report.pictures import COLORS
 
 #: Of sample rates, or of methods.
 MARKERS = ('o', 's', '^', 'D', 'v', 'P')

@@ -8,7 +8,7 @@ from benchmarks.chain.speed import measure_chain_speed
 from benchmarks.chain.speed_table import chain_speed_table
 from benchmarks.measurement import Measurement, heading, machine, shared_options
 from benchmarks.pictures import draw_chain_precision
-from slip_detector.report.plots import writable_picture
+from slip_detector.report.pictures import writable_picture
 
 
 def options() -> argparse.ArgumentParser:

@@ -6,7 +6,7 @@ from benchmarks.measurement import Measurement, heading, machine, shared_options
 from benchmarks.pictures import draw_scenes_precision
 from benchmarks.scenes.measure import measure_scenes
 from benchmarks.scenes.table import scenes_table
-from slip_detector.report.plots import writable_picture
+from slip_detector.report.pictures import writable_picture
 
 
 def options() -> argparse.ArgumentParser:

@@ -45,7 +45,7 @@ def measure_report(duration_s: float = 3600.0, seed: int = 0) -> dict[str, Any]:
     skipped = why_no_browser()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'report.html'
-        report.write(path, 'An hour', _variants(duration_s, seed))
+        report.write_page(path, 'An hour', _variants(duration_s, seed))
         times_ms = [] if skipped else [ready_ms(path) for _ in range(3)]
         return {
             'duration_s': duration_s,

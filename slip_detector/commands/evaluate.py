@@ -36,7 +36,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_writable, writable_folder
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import ENDINGS, is_recording
-from slip_detector.report.evaluation_tables import as_tables
+from slip_detector.report.evaluation_tables import evaluation_tables
 
 NAME = 'slip_evaluate'
 
@@ -121,9 +121,9 @@ def evaluate(
     sets = recording_sets(arguments)
     watch = None
     if with_overviews:
-        from slip_detector.report.evaluation_report import overviews_of
+        from slip_detector.report.evaluation_report import overview_factory
 
-        watch = overviews_of(evaluator.chain_config, sum(map(len, sets.values())))
+        watch = overview_factory(evaluator.chain_config, sum(map(len, sets.values())))
     return {
         name: {file.name: evaluator.evaluate(file, watch) for file in files}
         for name, files in sets.items()
@@ -268,7 +268,7 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
 
         written = write_evaluation_report(sets, config, page, options.plot)
         report['written'] = [str(path) for path in written]
-    return report, as_tables
+    return report, evaluation_tables
 
 
 def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
@@ -281,10 +281,10 @@ def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[
     trials = protocol.TRIALS if options.trials is None else options.trials
     draw = None
     if options.plot:
-        from slip_detector.report import protocol_figures
+        from slip_detector.report.protocol_pictures import draw_protocol
 
         folder = writable_folder(options.plot)
-        draw = partial(protocol_figures.draw, folder)
+        draw = partial(draw_protocol, folder)
     report = protocol.run_protocol(config, trials, options.seed or 0, draw)
     return report, protocol_table
 

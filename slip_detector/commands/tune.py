@@ -291,15 +291,15 @@ def _finish(
     notes: Sequence[str],
 ) -> list[str]:
     """Judge the best found and write the files."""
-    from slip_detector.report.tuning_report import replayed, write_tuning_report
+    from slip_detector.report.tuning_report import replay_tracks, write_tuning_report
     from slip_detector.report.tuning_table import tuning_table
 
     count = study.follow()
     verdict = judge(problem, held, problem.choice(study))
     tracks = [*held, *problem.tracks]
     shown = options.report is not None or options.plot is not None
-    given = replayed(problem.given, tracks, problem.evaluation, shown)
-    tuned = replayed(verdict.chain, tracks, problem.evaluation, shown)
+    given = replay_tracks(problem.given, tracks, problem.evaluation, shown)
+    tuned = replay_tracks(verdict.chain, tracks, problem.evaluation, shown)
     n = len(held)
     parts = {'held out': slice(0, n), 'tuned on': slice(n, None)}
     both = {

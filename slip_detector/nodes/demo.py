@@ -308,7 +308,7 @@ def main() -> None:
 
 def _draw(recorder: SlipRecorder, config: DetectorConfig, path: Path) -> None:
     """Draw what was received, as the paper's Figs. 5 and 6."""
-    from slip_detector.report.plots import draw_trial
+    from slip_detector.report.trial_pictures import draw_trial
 
     times_s, changes = np.array(recorder.stamps_s), recorder.changes
     span_s = motion_span_s(recorder)

@@ -142,7 +142,7 @@ def main() -> None:
             'wanted': check_wanted(parts[CONTROLLER]),
         }
         (arguments.out / 'grasp.json').write_text(json.dumps(result, indent=2) + '\n')
-        from slip_detector.report.plots_grasp import draw_grasp
+        from slip_detector.report.grasp_picture import draw_grasp
 
         drawn = min(SHOWN, seeds[-1])
         shown = heard.get(drawn)

@@ -6,16 +6,18 @@ from pathlib import Path
 from slip_detector.evaluation.evaluator import EvaluatedRecording, recording_figures
 from slip_detector.evaluation.loading import LabelledRecording
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report.evaluation_pictures import draw_evaluation
 from slip_detector.report.overview import MOST_CELLS, Overview, events_of
-from slip_detector.report.page import write, write_pictures
+from slip_detector.report.page import write_page, write_pictures
 from slip_detector.report.page_data import Variant
-from slip_detector.report.plots_evaluation import draw_evaluation
 
 #: An overview of each of many recordings has at least so many cells.
 LEAST_CELLS = 2**15
 
 
-def overviews_of(config: ChainConfig, recordings: int) -> Callable[[LabelledRecording], Overview]:
+def overview_factory(
+    config: ChainConfig, recordings: int
+) -> Callable[[LabelledRecording], Overview]:
     """Return what makes the overview of a recording.
 
     Parameters
@@ -80,7 +82,7 @@ def write_evaluation_report(
     written = []
     if page is not None:
         lost = [f'{title}: {one.counts.lost}' for title, one in titles.items() if one.counts.lost]
-        write(page, f'Slips and alarms: {", ".join(sets)}', variants, notes=lost)
+        write_page(page, f'Slips and alarms: {", ".join(sets)}', variants, notes=lost)
         written.append(page)
     if folder is not None:
         written += write_pictures(folder, variants)

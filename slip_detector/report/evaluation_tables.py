@@ -107,7 +107,7 @@ NOTHING_MET = '{}: no bad samples, no gaps, no rows dropped'
 LEGEND = f'{UNDEFINED}: not defined (no rows or events of the kind, or nobody says what moves)'
 
 
-def as_tables(report: Mapping[str, Any]) -> str:
+def evaluation_tables(report: Mapping[str, Any]) -> str:
     """Write a report of ``slip_evaluate`` as tables, each set as a whole in its last lines.
 
     Parameters
@@ -141,7 +141,10 @@ def _tables(
         [
             ((section.title or name).ljust(width), *section.columns.values()),
             *(
-                (row.ljust(width), *(cell(column, figures[column]) for column in section.columns))
+                (
+                    row.ljust(width),
+                    *(figure_text(column, figures[column]) for column in section.columns),
+                )
                 for row, figures in rows.items()
             ),
         ]
@@ -150,7 +153,7 @@ def _tables(
     ]
 
 
-def cell(name: str, value: float | None) -> str:
+def figure_text(name: str, value: float | None) -> str:
     """Write a figure with as many digits as it deserves; a dash where it is not defined."""
     if value is None:
         return UNDEFINED

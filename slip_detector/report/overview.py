@@ -16,7 +16,7 @@ from slip_detector.evaluation.replay import ReplayOutcome
 from slip_detector.parameters.detector import ChainConfig
 
 Bools = NDArray[np.bool_]
-Rows = NDArray[np.int64]
+RowNumbers = NDArray[np.int64]
 Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
@@ -109,9 +109,9 @@ class _Intervals:
 
     def __init__(self) -> None:
         self._on = False
-        self._changes: list[Rows] = []
+        self._changes: list[RowNumbers] = []
 
-    def add(self, on: Bools, first_row: int) -> Rows:
+    def add(self, on: Bools, first_row: int) -> RowNumbers:
         """Take the next rows; returns the rows at which it went ON."""
         before = np.concatenate([[self._on], on[:-1]])
         changes = np.flatnonzero(on != before)
@@ -125,7 +125,7 @@ class _Intervals:
             self._changes.append(np.array([row]))
             self._on = False
 
-    def pairs(self, rows: int) -> Rows:
+    def pairs(self, rows: int) -> RowNumbers:
         """Return start and stop of each interval, shape (m, 2); the stop is the row after."""
         last = [np.array([rows])] if self._on else []
         changes = [np.empty(0, np.int64), *self._changes, *last]
@@ -195,9 +195,9 @@ class Overview:
         self._slip, self._groups = _Intervals(), [_Intervals() for _ in config.groups]
         self._room = ROWS_PER_BIN * self._most_bins
         self._before, self._after = config.samples(BEFORE_S), config.samples(AFTER_S)
-        self._kept: list[tuple[Rows, Volts, Codes]] = []
+        self._kept: list[tuple[RowNumbers, Volts, Codes]] = []
         self._tail = self._no_rows()
-        self._starts: Rows = np.empty(0, np.int64)
+        self._starts: RowNumbers = np.empty(0, np.int64)
 
     def add(self, volts: ArrayLike, result: SlipResult, truth: ArrayLike | None) -> None:
         """Take the next rows.
@@ -267,18 +267,18 @@ class Overview:
         return self.rows / self.sample_rate_hz
 
     @property
-    def slip(self) -> Rows:
+    def slip(self) -> RowNumbers:
         """Intervals of rows, start and stop, of the global decision; shape (m, 2)."""
         return self._slip.pairs(self.rows)
 
     @property
-    def groups(self) -> dict[str, Rows]:
+    def groups(self) -> dict[str, RowNumbers]:
         """Intervals of each group by its name, arrays of shape (m, 2)."""
         pairs = [group.pairs(self.rows) for group in self._groups]
         return dict(zip(self.config.groups, pairs, strict=True))
 
     @property
-    def truth(self) -> Rows | None:
+    def truth(self) -> RowNumbers | None:
         """Intervals of true slip, shape (m, 2); None where nothing is known of it."""
         return None if self._truth is None else self._truth.pairs(self.rows)
 
@@ -315,7 +315,7 @@ class Overview:
         ):
             into[bins] = function(into[bins], function.reduceat(values, starts))
 
-    def _keep(self, volts: Volts, codes: Codes, starts: Rows) -> None:
+    def _keep(self, volts: Volts, codes: Codes, starts: RowNumbers) -> None:
         """Keep the rows that are near a start; the last ones wait for what comes after them."""
         self._tail = (
             np.concatenate([self._tail[0], volts]),
@@ -329,7 +329,7 @@ class Overview:
         channels = self.config.channels
         return np.empty((0, channels), np.float32), np.empty((0, channels), np.uint8)
 
-    def _wanted(self, stop: int) -> Rows:
+    def _wanted(self, stop: int) -> RowNumbers:
         """Return which rows of the tail, up to a row of the recording, are near a start."""
         first = self.rows - len(self._tail[0])
         rows = np.arange(first, stop)
@@ -337,11 +337,11 @@ class Overview:
         to_here = np.searchsorted(self._starts, rows - self._after, 'left')
         return np.flatnonzero(from_here > to_here)
 
-    def _pick(self, wanted: Rows) -> tuple[Rows, Volts, Codes]:
+    def _pick(self, wanted: RowNumbers) -> tuple[RowNumbers, Volts, Codes]:
         volts, codes = self._tail
         return wanted + self.rows - len(volts), volts[wanted], codes[wanted]
 
-    def _take(self, wanted: Rows, decided: int) -> None:
+    def _take(self, wanted: RowNumbers, decided: int) -> None:
         """Move rows out of the tail, which then begins at ``decided``."""
         fit = wanted[: self._room]
         self._room -= len(fit)

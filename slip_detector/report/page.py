@@ -14,9 +14,14 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from slip_detector.report.evaluation_tables import cell
+from slip_detector.report.evaluation_tables import figure_text
 from slip_detector.report.overview import Overview
-from slip_detector.report.page_data import Trial, Variant, bin_rows, chosen_snippets, front, pack
+from slip_detector.report.page_data import (
+    SearchTrial,
+    Variant,
+    bin_rows,
+    choose_snippets,
+)
 from slip_detector.report.text_table import text_table
 
 #: Scripts of a page, in the order in which they need each other.
@@ -39,11 +44,11 @@ UNITS = {'ms': 'ms', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
 MOST_LISTED = 60
 
 
-def write(
+def write_page(
     path: str | Path,
     title: str,
     variants: Sequence[Variant],
-    trials: Sequence[Trial] = (),
+    trials: Sequence[SearchTrial] = (),
     notes: Iterable[str] = (),
 ) -> None:
     """Write a report.
@@ -82,7 +87,7 @@ def write(
 
 
 def write_pictures(
-    folder: str | Path, variants: Sequence[Variant], trials: Sequence[Trial] = ()
+    folder: str | Path, variants: Sequence[Variant], trials: Sequence[SearchTrial] = ()
 ) -> list[Path]:
     """Write the figures of a report as PNG files, and its table as text.
 
@@ -97,7 +102,7 @@ def write_pictures(
     ValueError
         When they cannot be written, or the variants do not show the same recordings.
     """
-    from slip_detector.report import plots_report
+    from slip_detector.report import page_pictures
 
     recordings = _recordings(variants)
     names = [variant.name for variant in variants]
@@ -107,12 +112,12 @@ def write_pictures(
         for r, overviews in enumerate(recordings):
             number = f'{r + 1}_' if len(recordings) > 1 else ''
             paths.append(folder / f'timeline_{number}{_file_name(overviews[0].name)}.png')
-            plots_report.png(plots_report.timeline_figure(names, overviews), paths[-1])
+            page_pictures.png(page_pictures.timeline_figure(names, overviews), paths[-1])
         paths.append(folder / 'filters.png')
-        plots_report.png(plots_report.filters_figure(variants), paths[-1])
+        page_pictures.png(page_pictures.filters_figure(variants), paths[-1])
         if trials:
             paths.append(folder / 'front.png')
-            plots_report.png(plots_report.front_figure(trials), paths[-1])
+            page_pictures.png(page_pictures.front_figure(trials), paths[-1])
         paths.append(folder / 'figures.txt')
         paths[-1].write_text(figures_text(variants), encoding='utf-8', errors='backslashreplace')
     except OSError as error:
@@ -159,8 +164,11 @@ def _read(name: str) -> str:
 def _data(variants: Sequence[Variant]) -> str:
     """Write what the scripts read: a header of JSON, and the data of each recording."""
     recordings = _recordings(variants)
-    chosen = chosen_snippets(recordings)
-    packed = [pack(*parts) for parts in zip(recordings, bin_rows(recordings), chosen, strict=True)]
+    chosen = choose_snippets(recordings)
+    packed = [
+        pack_recording(*parts)
+        for parts in zip(recordings, bin_rows(recordings), chosen, strict=True)
+    ]
     header = {
         'variants': [variant.name for variant in variants],
         'recordings': [header for header, _ in packed],
@@ -175,14 +183,14 @@ def _data(variants: Sequence[Variant]) -> str:
     return '\n'.join(blocks)
 
 
-def _sections(variants: Sequence[Variant], trials: Sequence[Trial]) -> list[str]:
-    from slip_detector.report import plots_report
+def _sections(variants: Sequence[Variant], trials: Sequence[SearchTrial]) -> list[str]:
+    from slip_detector.report import page_pictures
 
     sections = [_section('Figures', _figures(variants))]
     if trials:
         sections.append(_section('Trade-off', _front(trials)))
     filters = _image(
-        plots_report.svg(plots_report.filters_figure(variants)),
+        page_pictures.svg(page_pictures.filters_figure(variants)),
         'Response and group delay of the filters over the frequency',
     )
     sections.append(_section('Filter', filters))
@@ -223,11 +231,11 @@ def _figure_table(variants: Sequence[Variant], names: Sequence[str]) -> str:
     return _table(heads, ''.join(bodies), 'figures')
 
 
-def _front(trials: Sequence[Trial]) -> str:
-    from slip_detector.report import plots_report
+def _front(trials: Sequence[SearchTrial]) -> str:
+    from slip_detector.report import page_pictures
 
     searched = [trial for trial in trials if trial.number is not None]
-    best = front(searched)
+    best = trade_off_front(searched)
     text = (
         f'{len(searched)} trials, of which {len(best)} are not beaten by another in all three: '
         'latency, false alarms and misses. The figures are of the recordings tuned on.'
@@ -239,7 +247,7 @@ def _front(trials: Sequence[Trial]) -> str:
             'where no slip was found.'
         )
     image = _image(
-        plots_report.svg(plots_report.front_figure(trials)),
+        page_pictures.svg(page_pictures.front_figure(trials)),
         'Latency, false alarms and misses of all trials',
     )
     rows = [
@@ -261,7 +269,7 @@ def _front(trials: Sequence[Trial]) -> str:
     )
 
 
-def _trial_name(trial: Trial) -> str:
+def _trial_name(trial: SearchTrial) -> str:
     if trial.number is None:
         return trial.mark
     return f'{trial.number} ({trial.mark})' if trial.mark else f'{trial.number}'
@@ -325,7 +333,7 @@ def _heading(name: str) -> str:
 def _cell(name: str, value: float | str | None) -> str:
     if value is None:
         return UNDEFINED
-    return value if isinstance(value, str) else cell(name, value)
+    return value if isinstance(value, str) else figure_text(name, value)
 
 
 def _value(value: Any) -> str:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.overview import KINDS, Event, Overview, Rows, Snippet, Volts
+from slip_detector.report.overview import KINDS, Event, Overview, RowNumbers, Snippet, Volts
 
 #: Bins times channels, and rows times channels of snippets, of a whole report.
 MOST_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19
@@ -65,7 +65,7 @@ class Variant(NamedTuple):
     figures: Mapping[str, Mapping[str, float | str | None]]
 
 
-class Trial(NamedTuple):
+class SearchTrial(NamedTuple):
     """One configuration that a search tried.
 
     Attributes
@@ -99,7 +99,7 @@ class Trial(NamedTuple):
         return self.latency_s, self.false_alarms_per_minute, self.missed_percent
 
 
-def front(trials: Sequence[Trial]) -> list[Trial]:
+def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
     """Return the trials than which no other is better in one cost and as good in the others.
 
     Those with an undefined cost are left out; the quickest comes first.
@@ -128,7 +128,7 @@ def bin_rows(recordings: Sequence[Recording]) -> list[int]:
     return sizes
 
 
-def chosen_snippets(recordings: Sequence[Recording]) -> list[list[list[Snippet]]]:
+def choose_snippets(recordings: Sequence[Recording]) -> list[list[list[Snippet]]]:
     """Choose the snippets that fit, for each recording and variant, in order.
 
     Those come first that show a kind of event that comes first; of one kind some from each part
@@ -164,7 +164,7 @@ def _rank(snippet: Snippet, overview: Overview) -> int:
     return min(shown, default=len(KINDS))
 
 
-def pack(
+def pack_recording(
     variants: Recording, rows_of_bin: int, snippets: Sequence[Sequence[Snippet]]
 ) -> tuple[dict[str, Any], str]:
     """Write one recording, as each variant saw it.
@@ -271,11 +271,11 @@ def _planes(values: NDArray[Any]) -> bytes:
     return bytes(planes.tobytes())
 
 
-def _intervals(pairs: Rows) -> bytes:
+def _intervals(pairs: RowNumbers) -> bytes:
     return _planes(np.diff(pairs.reshape(-1), prepend=0).astype(np.uint64))
 
 
-def _joined(pairs: Rows, rows_of_bin: int) -> Rows:
+def _joined(pairs: RowNumbers, rows_of_bin: int) -> RowNumbers:
     """Join intervals of which there are too many to tell apart."""
     if len(pairs) <= MOST_INTERVALS:
         return pairs

@@ -8,8 +8,8 @@ from slip_detector.evaluation.replay import Replay, ReplayOutcome, figures_of_me
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report.overview import MOST_CELLS, Overview, events_of
-from slip_detector.report.page import write, write_pictures
-from slip_detector.report.page_data import Trial, Variant
+from slip_detector.report.page import write_page, write_pictures
+from slip_detector.report.page_data import SearchTrial, Variant
 from slip_detector.tuning.problem import SEARCHED
 from slip_detector.tuning.tracks import Track
 
@@ -17,7 +17,7 @@ from slip_detector.tuning.tracks import Track
 LEAST_SHARE = 1 / 32
 
 
-class Replayed(NamedTuple):
+class ChainReplay(NamedTuple):
     """A chain on all recordings."""
 
     chain: ChainConfig
@@ -25,9 +25,9 @@ class Replayed(NamedTuple):
     overviews: list[Overview]
 
 
-def replayed(
+def replay_tracks(
     chain: ChainConfig, tracks: Sequence[Track], evaluation: EvaluationConfig, shown: bool
-) -> Replayed:
+) -> ChainReplay:
     """Replay recordings through a chain; with overviews for a report where it is to be shown."""
     replay = Replay(chain, evaluation)
     outcomes, overviews = [], []
@@ -43,14 +43,14 @@ def replayed(
         if overview is not None:
             overview.events = events_of(outcome)
             overviews.append(overview)
-    return Replayed(chain, outcomes, overviews)
+    return ChainReplay(chain, outcomes, overviews)
 
 
-def _trial(name: str, chain: ChainConfig, figures: dict[str, Any]) -> Trial:
+def _trial(name: str, chain: ChainConfig, figures: dict[str, Any]) -> SearchTrial:
     """Return a chain as a point of the trade-off."""
     latency_ms, recall = figures['latency_median_ms'], figures['recall']
     parameters = chain.to_parameters()
-    return Trial(
+    return SearchTrial(
         None,
         None if latency_ms is None else latency_ms / 1e3,
         figures['false_alarms_per_minute'],
@@ -64,8 +64,8 @@ def write_tuning_report(
     page: Path | None,
     folder: Path | None,
     notes: Sequence[str],
-    given: Replayed,
-    tuned: Replayed,
+    given: ChainReplay,
+    tuned: ChainReplay,
     held: Sequence[Track],
     both: dict[str, list[dict[str, Any]]],
     study: Any,
@@ -79,7 +79,7 @@ def write_tuning_report(
             rows[f'{overview.name} ({what})'] = figures_of_merit([outcome])
         variants.append(Variant(name, one.chain, one.overviews, rows))
     trials = [
-        Trial(
+        SearchTrial(
             trial.number,
             None if counts['latency_ms'] is None else counts['latency_ms'] / 1e3,
             counts['false_alarms_per_minute'],
@@ -99,7 +99,7 @@ def write_tuning_report(
     few = [line for line in notes if not line.startswith(('  ', 'On what'))]
     written = []
     if page is not None:
-        write(page, 'Tuning of the slip detector', variants, trials, few)
+        write_page(page, 'Tuning of the slip detector', variants, trials, few)
         written.append(page)
     if folder is not None:
         written += write_pictures(folder, variants, trials)

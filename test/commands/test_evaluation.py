@@ -24,7 +24,7 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import write_recording
-from slip_detector.report.evaluation_tables import SECTIONS, as_tables
+from slip_detector.report.evaluation_tables import SECTIONS, evaluation_tables
 from slip_detector.report.overview import events_of
 
 ROOT = Path(__file__).parents[2]
@@ -296,7 +296,7 @@ def test_what_was_lost_of_a_recording_is_said(capsys):
         'b.mcap': {**whole, 'lost': ''},
     }
     report = {'sets': {'x': {**whole, 'recordings': recordings}}, 'all': whole}
-    lines = as_tables(report).splitlines()
+    lines = evaluation_tables(report).splitlines()
     assert 'a.mcap: is cut off at byte 9' in lines
     assert not any(line.startswith('b.mcap:') for line in lines)
 
@@ -305,18 +305,18 @@ def test_a_table_without_gaps_needs_no_legend():
     names = [name for section in SECTIONS for name in section.columns]
     whole = dict.fromkeys(names, 1)
     report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
-    assert 'not defined' not in as_tables(report)
+    assert 'not defined' not in evaluation_tables(report)
     report['sets']['x']['auc_all'] = None
-    assert as_tables(report).endswith('nobody says what moves)')
+    assert evaluation_tables(report).endswith('nobody says what moves)')
 
 
 def test_what_there_is_nothing_to_tell_of_is_left_out():
     names = [name for section in SECTIONS for name in section.columns]
     whole = dict.fromkeys(names, 0)
     report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
-    assert 'missed slips' not in as_tables(report)
+    assert 'missed slips' not in evaluation_tables(report)
     report['sets']['x']['missed_at_vote'] = 1
-    assert 'missed slips, lost at' in as_tables(report)
+    assert 'missed slips, lost at' in evaluation_tables(report)
 
 
 def test_a_report_and_pictures_are_written_and_named(capsys, tmp_path):

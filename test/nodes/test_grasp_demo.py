@@ -18,8 +18,8 @@ from slip_detector.grasp.comparison import (
 from slip_detector.grasp.loop import play_trials
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.report.grasp_picture import draw_grasp
 from slip_detector.report.grasp_table import grasp_table
-from slip_detector.report.plots_grasp import draw_grasp
 
 SEEDS, LIVE = 2, 1
 TIMEOUT_S = 200.0

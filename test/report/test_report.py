@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import page as report
 from slip_detector.report import page_data as report_data
-from slip_detector.report.page_data import Trial, Variant, front
+from slip_detector.report.page_data import SearchTrial, Variant, trade_off_front
 from support import report_scenes as scenes
 
 
@@ -52,7 +52,7 @@ def variants():
 @pytest.fixture(scope='module')
 def page(tmp_path_factory, variants):
     path = tmp_path_factory.mktemp('report') / 'report.html'
-    report.write(path, 'A title', variants, scenes.trials(), ['A note.'])
+    report.write_page(path, 'A title', variants, scenes.trials(), ['A note.'])
     return Page(path)
 
 
@@ -103,7 +103,9 @@ def test_any_text_is_shown_as_it_is(tmp_path_factory, text, hard):
     seen = scenes.overview(words, scenes.GIVEN, volts, truth)
     path = tmp_path_factory.mktemp('text') / 'report.html'
     variant = Variant(words, scenes.GIVEN, [seen], {words: {words: words}})
-    report.write(path, words, [variant], [Trial(0, 0.1, 1.0, 0.0, {words: words}, words)], [words])
+    report.write_page(
+        path, words, [variant], [SearchTrial(0, 0.1, 1.0, 0.0, {words: words}, words)], [words]
+    )
     shown = Page(path)
     assert shown.header['recordings'][0]['name'] == words
     assert shown.header['variants'] == [words]
@@ -115,9 +117,9 @@ def test_any_text_is_shown_as_it_is(tmp_path_factory, text, hard):
 
 def test_the_data_are_the_overview(variants):
     recording = [variant.overviews[0] for variant in variants]
-    snippets = report_data.chosen_snippets([recording])[0]
+    snippets = report_data.choose_snippets([recording])[0]
     assert all(snippets)
-    header, data = report_data.pack(recording, 4, snippets)
+    header, data = report_data.pack_recording(recording, 4, snippets)
     rest = zlib.decompress(base64.b64decode(data))
     first, channels, n = recording[0], 16, header['bins']
     lowest, step = np.array(header['lowest_v']), np.array(header['step_v'])
@@ -159,7 +161,7 @@ def test_a_channel_without_samples_has_none_in_the_data():
     volts[:, 3] = np.nan
     volts[100:200, 5] = np.nan
     seen = scenes.overview('a', scenes.GIVEN, volts, truth)
-    _, data = report_data.pack([seen], 1, [[]])
+    _, data = report_data.pack_recording([seen], 1, [[]])
     steps, _ = unplaned(zlib.decompress(base64.b64decode(data)), 16 * 500, 2)
     none = unsummed(steps.reshape(16, 500)) == report_data.NO_SAMPLE
     np.testing.assert_array_equal(none.T, np.isnan(volts))
@@ -180,7 +182,7 @@ def test_the_rows_of_false_alarms_and_misses_come_before_those_of_detections(
     window = 16 * 172
     for room, shown in ((window, 1), (3.9 * window, 3), (100 * window, 4)):
         monkeypatch.setattr(report_data, 'MOST_SNIPPET_CELLS', room)
-        ((snippets,),) = report_data.chosen_snippets(recordings)
+        ((snippets,),) = report_data.choose_snippets(recordings)
         kinds = {
             event.kind
             for event in scenes.EVENTS['given']
@@ -216,7 +218,7 @@ def test_figures_are_in_the_table_and_what_is_undefined_is_said_to_be(page):
 def test_without_trials_there_is_no_front(tmp_path, page, variants):
     assert any('5 trials, of which 3 are not beaten' in text for text in page.texts)
     assert any('1 are not drawn' in text for text in page.texts)
-    report.write(tmp_path / 'report.html', 'A title', variants[:1])
+    report.write_page(tmp_path / 'report.html', 'A title', variants[:1])
     assert 'Trade-off' not in Page(tmp_path / 'report.html').texts
 
 
@@ -228,7 +230,7 @@ def test_parameters_that_differ_are_shown_first(page):
 
 def test_the_same_report_is_the_same_bytes(tmp_path, variants):
     for name in ('one.html', 'two.html'):
-        report.write(tmp_path / name, 'A title', variants, scenes.trials())
+        report.write_page(tmp_path / name, 'A title', variants, scenes.trials())
     assert (tmp_path / 'one.html').read_bytes() == (tmp_path / 'two.html').read_bytes()
 
 
@@ -251,7 +253,7 @@ def test_few_and_many_channels_without_labels(tmp_path, channels):
     config = ChainConfig(channels=channels, disabled_channels=(2,) if channels > 1 else ())
     volts, _ = scenes.volts_and_truth(500, channels)
     variant = Variant('given', config, [scenes.overview('a', config, volts, None)], {})
-    report.write(tmp_path / 'report.html', 'A title', [variant])
+    report.write_page(tmp_path / 'report.html', 'A title', [variant])
     (recording,) = Page(tmp_path / 'report.html').header['recordings']
     assert recording['truth'] is None
     assert len(recording['channels']) == channels
@@ -263,10 +265,10 @@ def test_variants_must_show_the_same_recordings(tmp_path, variants):
     with pytest.raises(
         ValueError, match=r'tuned: shows a.npz, allowed: the same for all variants'
     ):
-        report.write(tmp_path / 'report.html', 'A title', [variants[0], other])
+        report.write_page(tmp_path / 'report.html', 'A title', [variants[0], other])
     nothing = variants[0]._replace(overviews=[])
     with pytest.raises(ValueError, match='given: shows no recording'):
-        report.write(tmp_path / 'report.html', 'A title', [nothing])
+        report.write_page(tmp_path / 'report.html', 'A title', [nothing])
 
 
 @pytest.mark.parametrize('name', ['$a_$ $', '\u6ed1\u308a.npz', 'a\x1fb', 'a/b'])
@@ -278,7 +280,7 @@ def test_pictures_take_any_name(tmp_path, name):
 
 def test_what_cannot_be_written_is_one_line(tmp_path, variants):
     with pytest.raises(ValueError, match=r'no/report.html: cannot be written \(No such file'):
-        report.write(tmp_path / 'no' / 'report.html', 'A title', variants[:1])
+        report.write_page(tmp_path / 'no' / 'report.html', 'A title', variants[:1])
     (tmp_path / 'file').write_text('')
     with pytest.raises(ValueError, match=r'file/out: cannot be written \(Not a directory'):
         report.write_pictures(tmp_path / 'file' / 'out', variants[:1])
@@ -290,7 +292,7 @@ def costs():
 
 @given(st.lists(st.tuples(costs(), costs(), costs()), max_size=12))
 def test_the_front_is_what_no_trial_beats(table):
-    trials = [Trial(i, *row) for i, row in enumerate(table)]
+    trials = [SearchTrial(i, *row) for i, row in enumerate(table)]
     known = [trial for trial in trials if None not in trial[1:4]]
 
     def beaten(trial):
@@ -300,4 +302,6 @@ def test_the_front_is_what_no_trial_beats(table):
             for other in known
         )
 
-    assert {t.number for t in front(trials)} == {t.number for t in known if not beaten(t)}
+    assert {t.number for t in trade_off_front(trials)} == {
+        t.number for t in known if not beaten(t)
+    }

@@ -36,12 +36,12 @@ def browser():
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp('report')
     variants = scenes.variants()
-    report.write(folder / 'both.html', 'A title', variants, scenes.trials(), ['A note.'])
-    report.write(folder / 'one.html', 'A title', variants[:1])
-    report.write(
+    report.write_page(folder / 'both.html', 'A title', variants, scenes.trials(), ['A note.'])
+    report.write_page(folder / 'one.html', 'A title', variants[:1])
+    report.write_page(
         folder / 'coarse.html', 'A title', scenes.variants(('a.npz',), most_cells=16 * 256)
     )
-    report.write(folder / 'unlabelled.html', 'A title', [unlabelled()])
+    report.write_page(folder / 'unlabelled.html', 'A title', [unlabelled()])
     return folder
 
 

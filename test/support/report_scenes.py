@@ -5,7 +5,7 @@ import numpy as np
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Event, Overview
-from slip_detector.report.page_data import Trial, Variant
+from slip_detector.report.page_data import SearchTrial, Variant
 
 GIVEN = ChainConfig()
 TUNED = ChainConfig(passband_hz=(10.0, 60.0), stopbands_hz=(), threshold=1.0, vote='mean')
@@ -77,9 +77,9 @@ def variants(names=('a.npz', 'b.npz'), **settings):
 def trials():
     """Return trials of a search, of which three are on the front and one is not defined."""
     return [
-        Trial(0, 0.050, 4.0, 20.0, {'threshold': 0.5, 'passband_hz': (7.0, 50.0)}, 'given'),
-        Trial(1, 0.030, 9.0, 0.0, {'threshold': 0.2}),
-        Trial(2, 0.020, 1.0, 10.0, {'threshold': 1.0}, 'tuned'),
-        Trial(3, 0.080, 0.0, 30.0, {'threshold': 3.0}),
-        Trial(4, None, 0.0, 100.0, {'threshold': 9.0}),
+        SearchTrial(0, 0.050, 4.0, 20.0, {'threshold': 0.5, 'passband_hz': (7.0, 50.0)}, 'given'),
+        SearchTrial(1, 0.030, 9.0, 0.0, {'threshold': 0.2}),
+        SearchTrial(2, 0.020, 1.0, 10.0, {'threshold': 1.0}, 'tuned'),
+        SearchTrial(3, 0.080, 0.0, 30.0, {'threshold': 3.0}),
+        SearchTrial(4, None, 0.0, 100.0, {'threshold': 9.0}),
     ]

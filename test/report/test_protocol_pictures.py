@@ -6,7 +6,7 @@ import pytest
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.protocol_figures import stages
+from slip_detector.report.protocol_pictures import stage_signals
 
 
 @pytest.mark.parametrize(
@@ -15,7 +15,7 @@ from slip_detector.report.protocol_figures import stages
 def test_the_stages_that_are_drawn_are_those_of_the_chain(changes):
     config = ChainConfig(**changes)
     (trial,) = simulate_trials(SCENES['400'], [0])
-    raw, _, power, envelope, level = stages(trial, config, 5).values()
+    raw, _, power, envelope, level = stage_signals(trial, config, 5).values()
     result = SlipChain(config).update(trial.volts)
     np.testing.assert_array_equal(raw, trial.volts[:, 4])
     np.testing.assert_array_equal(level, result.level[:, 4])

@@ -7,18 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-
-matplotlib.use('Agg')  # files only: a robot has no screen
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from slip_detector.chain.filters import design, group_delay_s, response
-from slip_detector.report.overview import KINDS, Overview, Rows
-from slip_detector.report.page_data import Trial, Variant, front
-from slip_detector.report.plots import COLORS
+from slip_detector.report.overview import KINDS, Overview, RowNumbers
+from slip_detector.report.page_data import SearchTrial, Variant, trade_off_front
+from slip_detector.report.pictures import COLORS
 
 Floats = NDArray[np.float64]
 
@@ -92,7 +89,7 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
     return figure
 
 
-def front_figure(trials: Sequence[Trial]) -> Figure:
+def front_figure(trials: Sequence[SearchTrial]) -> Figure:
     """Draw the trials of a search: latency against false alarms, misses as colour."""
     figure = Figure(figsize=(8, 4.6), layout='constrained')
     axis = figure.subplots()
@@ -103,7 +100,7 @@ def front_figure(trials: Sequence[Trial]) -> Figure:
         label='trial',
     )  # fmt: skip
     figure.colorbar(points, label='missed slips [%]')
-    latency_ms, alarms, _ = _columns(front(trials))
+    latency_ms, alarms, _ = _columns(trade_off_front(trials))
     axis.plot(
         latency_ms, alarms, 'o', markersize=9, markerfacecolor='none', markeredgecolor='k',
         label='not beaten in all three', zorder=3,
@@ -125,7 +122,7 @@ def front_figure(trials: Sequence[Trial]) -> Figure:
     return figure
 
 
-def _columns(trials: Sequence[Trial]) -> tuple[Floats, Floats, Floats]:
+def _columns(trials: Sequence[SearchTrial]) -> tuple[Floats, Floats, Floats]:
     """Return latency in ms, false alarms per minute and percent missed of trials."""
     table = np.array([trial.costs for trial in trials], np.float64).reshape(-1, 3)
     return 1e3 * table[:, 0], table[:, 1], table[:, 2]
@@ -190,7 +187,9 @@ def timeline_figure(names: Sequence[str], overviews: Sequence[Overview]) -> Figu
     return figure
 
 
-def _bars(axis: Axes, rows: Rows, rate: float, place: tuple[float, float], color: str) -> None:
+def _bars(
+    axis: Axes, rows: RowNumbers, rate: float, place: tuple[float, float], color: str
+) -> None:
     spans = [(start / rate, (stop - start) / rate) for start, stop in rows.tolist()]
     # With an edge: what is narrower than a pixel must not vanish.
     axis.broken_barh(spans, place, color=color, linewidth=0.5, zorder=0.5)

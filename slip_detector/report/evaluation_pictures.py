@@ -3,10 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use('Agg')  # Figures are files; no display is needed.
-
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -16,6 +12,7 @@ from slip_detector.evaluation.events import STAGES
 from slip_detector.evaluation.labelled_rows import MOTION
 from slip_detector.evaluation.replay import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.scores import ScoreCounts
+from slip_detector.report.pictures import save_picture
 
 
 def draw_evaluation(path: Path, outcomes: Sequence[ReplayOutcome]) -> None:
@@ -37,8 +34,7 @@ def draw_evaluation(path: Path, outcomes: Sequence[ReplayOutcome]) -> None:
     for axis in (latencies, parts, roc):
         axis.grid(color='0.9', linewidth=0.5)
         axis.set_axisbelow(True)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    save_picture(figure, path)
 
 
 def _draw_latencies(axis: Axes, outcomes: Sequence[ReplayOutcome]) -> None:

@@ -1,216 +1,170 @@
-"""Figures; the only file that imports a plotting library."""
+"""The counterparts of the paper's figures, drawn from the trials of its protocol."""
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use('Agg')  # files only: a robot has no screen
-
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
+from scipy import signal
 
+from slip_detector.chain.filters import design
+from slip_detector.chain.result import SlipResult
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.protocol_trials import (
+    PAPER_DELAY_MS,
+    PAPER_FALSE_POSITIVE_PERCENT,
+    PlateTrial,
+    band_name,
+)
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report.pictures import COLORS, save_picture
+from slip_detector.report.trial_pictures import ENLARGED_S, draw_stages, draw_trial
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Told apart also by the colour-blind (Okabe and Ito): blue, vermilion, green, purple, orange,
-#: sky blue, black.
-COLORS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#000000')
 MARKERS = ('o', 's', '^', 'D')
 
-#: How much around the start of the motion is shown enlarged.
-ENLARGED_S = (-0.04, 0.16)
 
+def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[str, Floats]:
+    """Return the signals of one channel after each stage of the chain (Eq. 1-8).
 
-def writable_picture(name: str | Path) -> Path:
-    """Return the path of a picture that is to be drawn later; its folder is made.
+    Parameters
+    ----------
+    trial
+        Without bad samples.
+    config
+        The chain's.
+    channel
+        Counted from 1, enabled.
+
+    Returns
+    -------
+    dict
+        By what the signal is and its unit, in the order of the stages: arrays of shape (n,). The
+        last two are the chain's own envelope and the level that it holds against the threshold.
 
     Raises
     ------
-    OSError
-        When its folder cannot be made.
     ValueError
-        When no picture can be written there.
+        When the chain cannot be built.
     """
-    path = Path(name)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise ValueError(f'{path}: cannot be written, allowed: a file in a folder of your own')
-    kinds = sorted(FigureCanvasAgg.get_supported_filetypes())
-    if path.suffix and path.suffix[1:].lower() not in kinds:
-        raise ValueError(f'{path}: has the ending {path.suffix}, allowed: .{", .".join(kinds)}')
-    return path
+    result = SlipChain(config).update(trial.volts)
+    # As the chain does: what counts is the deviation from the first row (the baseline).
+    deviations = trial.volts - trial.volts[0]
+    volts = deviations[:, channel - 1]
+    if config.common_mode != 'none':
+        enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
+        volts = volts - getattr(np, config.common_mode)(deviations[:, enabled], axis=1)
+    filtered = signal.sosfilt(design(config), volts)
+    rectified = np.abs(filtered) if config.rectify == 'full' else np.maximum(filtered, 0.0)
+    unit = 'V' if config.exponent == 1 else f'V$^{config.exponent}$'
+    return {
+        'raw [V]': trial.volts[:, channel - 1],
+        f'filtered,\ntimes {config.gain:g} [V]': filtered,
+        f'rectified,\nto the power\nof {config.exponent} [{unit}]': rectified**config.exponent,
+        f'RMS envelope\n[{unit}]': result.envelope[:, channel - 1],
+        f'mean of the\nenvelope [{unit}]': result.level[:, channel - 1],
+    }
 
 
-def _save(figure: Figure, path: Path) -> None:
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
-
-
-def draw_trial(
-    path: Path,
-    time_s: Floats,
-    volts: Floats,
+def draw_protocol(
+    folder: Path,
+    plates: Mapping[str, Sequence[PlateTrial]],
     config: ChainConfig,
-    groups: Mapping[str, Bools],
-    slip: Bools,
-    motion_s: tuple[float, float] | None,
-    title: str = '',
-) -> None:
-    """Draw a trial like the paper's Figs. 5 and 6: channels by group, and the decisions.
+    result: Mapping[str, Any],
+) -> list[Path]:
+    """Draw the counterparts of the paper's Figs. 2, 4, 5, 6 and 7.
 
     Parameters
     ----------
-    path
-        The picture to write.
-    time_s : ndarray, shape (n,)
-        When the samples were taken.
-    volts : ndarray, shape (n, c)
-        The samples.
+    folder
+        Where to; is made if it is not there.
+    plates
+        The trials by plate. The first of the first plate stands for all in Figs. 2 and 5.
     config
-        Names and groups of the channels.
-    groups
-        Decision of each group, arrays of shape (n,).
-    slip : ndarray of bool, shape (n,)
-        The global decision.
-    motion_s
-        When the plate started and stopped; None where nothing moves.
-    title
-        What is shown.
+        The chain's.
+    result
+        Of :func:`evaluate_protocol` on these.
+
+    Returns
+    -------
+    list of Path
+        The pictures.
+
+    Raises
+    ------
+    ValueError
+        When a picture cannot be written; names it.
     """
-    n_groups = len(groups)
-    figure, axes = plt.subplots(
-        2 * n_groups + 1,
-        sharex=True,
-        figsize=(9, 2.2 * n_groups + 1),
-        height_ratios=[3, 1] * n_groups + [1.2],
-        layout='constrained',
-    )
-    for g, (name, on) in enumerate(groups.items()):
-        raw, decision = axes[2 * g], axes[2 * g + 1]
-        raw.set_prop_cycle(color=COLORS)
-        for channel in config.groups[name]:
-            raw.plot(time_s, volts[:, channel - 1], linewidth=0.7, label=f'{channel}')
-        raw.set_ylabel(f'{name} [V]')
-        raw.legend(title='channel', loc='center left', bbox_to_anchor=(1.0, 0.5), fontsize=8)
-        _draw_decision(decision, time_s, on, COLORS[0])
-        decision.set_ylabel(name)
-    _draw_decision(axes[-1], time_s, slip, COLORS[1])
-    axes[-1].set_ylabel('slip')
-    axes[-1].set_xlabel('time [s]')
-    axes[-1].set_xlim(time_s[0], time_s[-1])
-    if motion_s:
-        _mark_motion(axes, motion_s)
-    if title:
-        figure.suptitle(title)
-    _save(figure, path)
+    chain = SlipChain(config)
+    decisions = {
+        plate: np.array([_decisions(trial, chain).slip for trial in trials])
+        for plate, trials in plates.items()
+    }
+    first_plate, (trial, *_) = next(iter(plates.items()))
+    decided = _decisions(trial, chain)
+    channel = next(c for c in range(1, config.channels + 1) if c not in config.disabled_channels)
+    of_trial = f'plate of {first_plate} µm, trial with the seed {result["seeds"][0]}'
+    paths = {number: folder / f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)}
+    try:
+        draw_stages(
+            paths[2],
+            trial.time_s,
+            stage_signals(trial, config, channel),
+            decided.channels[:, channel - 1],
+            config.threshold,
+            trial.motion_s,
+            f'{config.names[channel - 1]} from stage to stage; {of_trial}',
+        )
+        draw_windows(paths[4], _by_plate(result['windows']), PAPER_FALSE_POSITIVE_PERCENT)
+        draw_trial(
+            paths[5],
+            trial.time_s,
+            trial.volts,
+            config,
+            dict(zip(config.groups, decided.groups.T, strict=True)),
+            decided.slip,
+            trial.motion_s,
+            f'Channels by group, decisions of the groups and of all; {of_trial}',
+        )
+        draw_decisions(
+            paths[6],
+            {plate: trials[0].time_s for plate, trials in plates.items()},
+            {plate: trials[0].position_m for plate, trials in plates.items()},
+            decisions,
+            {plate: trials[0].motion_s for plate, trials in plates.items()},
+        )
+        draw_bands(
+            paths[7],
+            _by_plate(
+                {
+                    'as configured': result,
+                    **{band_name(name): part for name, part in result['bands'].items()},
+                }
+            ),
+            PAPER_DELAY_MS,
+        )
+    except OSError as error:
+        raise ValueError(f'{folder}: cannot be written to ({error.strerror})') from None
+    return list(paths.values())
 
 
-def _mark_motion(axes: Sequence[Axes], motion_s: tuple[float, float]) -> None:
-    for axis in axes:
-        axis.axvspan(*motion_s, color='0.92', zorder=0)
-        axis.axvline(motion_s[0], color='k', linestyle='--', linewidth=1)
-    axes[0].annotate(
-        'start of motion',
-        (motion_s[0], 1.0),
-        xycoords=('data', 'axes fraction'),
-        xytext=(-4, 3),
-        textcoords='offset points',
-        ha='right',
-        fontsize=9,
-    )
-    axes[0].annotate(
-        'plate moves',
-        (motion_s[0], 1.0),
-        xycoords=('data', 'axes fraction'),
-        xytext=(4, 3),
-        textcoords='offset points',
-        color='0.4',
-        fontsize=9,
-    )
+def _decisions(trial: PlateTrial, chain: SlipChain) -> SlipResult:
+    """Run a trial through a chain from its first row."""
+    chain.reset()
+    return chain.update(trial.volts, envelope=False, level=False)
 
 
-def _draw_decision(axis: Axes, time_s: Floats, on: Bools, color: str) -> None:
-    axis.fill_between(time_s, on.astype(float), step='post', color=color, alpha=0.6, linewidth=0)
-    axis.set_ylim(-0.1, 1.2)
-    axis.set_yticks([0, 1], ['OFF', 'ON'])
-
-
-def draw_stages(
-    path: Path,
-    time_s: Floats,
-    stages: Mapping[str, Floats],
-    on: Bools,
-    threshold: float,
-    motion_s: tuple[float, float],
-    title: str,
-) -> None:
-    """Draw one channel after each stage of the chain, counterpart of the paper's Fig. 2.
-
-    To the left the whole trial, to the right the start of the motion.
-
-    Parameters
-    ----------
-    path
-        The picture to write.
-    time_s : ndarray, shape (n,)
-        When the samples were taken.
-    stages
-        By name and unit, first the raw signal, last what is held against the threshold: arrays of
-        shape (n,).
-    on : ndarray of bool, shape (n,)
-        The channel's decision.
-    threshold
-        Of the last stage, in its unit.
-    motion_s
-        When the plate started and stopped.
-    title
-        What is shown.
-    """
-    n_rows = len(stages) + 1
-    figure, axes = plt.subplots(
-        n_rows,
-        2,
-        sharex='col',
-        figsize=(11, 1.35 * n_rows + 1),
-        height_ratios=[1.0] * len(stages) + [0.5],
-        layout='constrained',
-    )
-    enlarged = (time_s >= motion_s[0] + ENLARGED_S[0]) & (time_s <= motion_s[0] + ENLARGED_S[1])
-    sides = ((time_s, enlarged | True), ((time_s - motion_s[0]) * 1e3, enlarged))
-    for column, (times, rows) in enumerate(sides):
-        for axis, (name, values) in zip(axes[:-1, column], stages.items(), strict=True):
-            axis.plot(times[rows], values[rows], color=COLORS[0], linewidth=0.9)
-            axis.grid(color='0.9', linewidth=0.5)
-            if not column:
-                axis.set_ylabel(name)
-        level = axes[-2, column]
-        level.axhline(threshold, color=COLORS[1], linestyle='--', label=f'threshold {threshold:g}')
-        _draw_decision(axes[-1, column], times[rows], on[rows], COLORS[0])
-    axes[-2, 0].legend(loc='upper left')
-    axes[-1, 0].set_ylabel('decision')
-    axes[0, 0].set_title('the whole trial (grey: the plate moves)', fontsize=10)
-    axes[0, 1].set_title('the start of the motion', fontsize=10)
-    axes[-1, 0].set(xlabel='time [s]', xlim=(time_s[0], time_s[-1]))
-    axes[-1, 1].set(
-        xlabel='time since the start of the plate [ms]',
-        xlim=tuple(edge_s * 1e3 for edge_s in ENLARGED_S),
-    )
-    for axis in axes[:, 0]:
-        axis.axvspan(*motion_s, color='0.92', zorder=0)
-    for axis in axes[:, 1]:
-        axis.axvspan(0.0, ENLARGED_S[1] * 1e3, color='0.92', zorder=0)
-    figure.suptitle(title)
-    _save(figure, path)
+def _by_plate(variants: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return the figures by plate and variant."""
+    plates = next(iter(variants.values()))['plates']
+    return {
+        plate: {name: part['plates'][plate] for name, part in variants.items()} for plate in plates
+    }
 
 
 def draw_windows(
@@ -246,7 +200,7 @@ def draw_windows(
         axis.set_ylim(bottom=0.0)
         axis.grid(color='0.9', linewidth=0.5)
     share.legend(loc='center left', bbox_to_anchor=(1.0, 0.5))
-    _save(figure, path)
+    save_picture(figure, path)
 
 
 def draw_decisions(
@@ -304,7 +258,7 @@ def draw_decisions(
         xlabel='time since the start of the plate [ms]',
         xlim=tuple(edge_s * 1e3 for edge_s in ENLARGED_S),
     )
-    _save(figure, path)
+    save_picture(figure, path)
 
 
 def draw_bands(
@@ -346,7 +300,7 @@ def draw_bands(
     axis.grid(axis='y', color='0.9', linewidth=0.5)
     axis.set_axisbelow(True)
     axis.legend(loc='lower center', bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
-    _save(figure, path)
+    save_picture(figure, path)
 
 
 def _column(parts: Mapping[str, Mapping[str, Any]], key: str) -> Floats:

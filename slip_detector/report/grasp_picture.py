@@ -4,10 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use('Agg')  # files only: a robot has no screen
-
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -15,11 +11,17 @@ from numpy.typing import NDArray
 
 from slip_detector.grasp.comparison import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED
 from slip_detector.grasp.loop import GraspTrial
+from slip_detector.report.pictures import COLORS, save_picture
 
 Floats = NDArray[np.float64]
 
-#: Of the conditions; told apart also by the colour-blind (Okabe and Ito).
-COLORS = {CONTROLLER: '#0072B2', PAPER: '#E69F00', UNCONTROLLED: '#D55E00', AT_LIMIT: '#009E73'}
+#: Of the conditions.
+CONDITION_COLORS = {
+    CONTROLLER: COLORS[0],
+    PAPER: COLORS[4],
+    UNCONTROLLED: COLORS[1],
+    AT_LIMIT: COLORS[2],
+}
 LABELS = {
     CONTROLLER: 'controller',
     PAPER: "controller,\npaper's detector",
@@ -72,7 +74,9 @@ def draw_grasp(
     begin_s = mine.time_s[np.argmax(mine.needed_n > 0.0)]
     for axis in (force, decision, place):
         for onset_s in mine.onsets_s[mine.onsets_s >= begin_s]:
-            axis.axvline(onset_s, color=COLORS[CONTROLLER], linewidth=0.8, alpha=0.35, zorder=0)
+            axis.axvline(
+                onset_s, color=CONDITION_COLORS[CONTROLLER], linewidth=0.8, alpha=0.35, zorder=0
+            )
         axis.spines[['top', 'right']].set_visible(False)
     place.set(xlabel='time [s]', xlim=(mine.time_s[0], mine.time_s[-1]))
     left.suptitle('One object: gripped, lifted, filled', fontsize=11)
@@ -81,8 +85,7 @@ def draw_grasp(
     _draw_spent(spent, figures)
     count = figures[CONTROLLER]['trials']
     right.suptitle(f'All {count} objects', fontsize=11)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    save_picture(figure, path)
 
 
 def _draw_force(axis: Axes, trial: GraspTrial, limit_n: float, command: Floats | None) -> None:
@@ -90,13 +93,20 @@ def _draw_force(axis: Axes, trial: GraspTrial, limit_n: float, command: Floats |
         trial.time_s, trial.needed_n, color=NEEDED_COLOR, alpha=0.3, linewidth=0,
         label='just enough to hold it',
     )  # fmt: skip
-    axis.axhline(limit_n, color=COLORS[AT_LIMIT], linestyle='--', linewidth=1.2)
+    axis.axhline(limit_n, color=CONDITION_COLORS[AT_LIMIT], linestyle='--', linewidth=1.2)
     axis.annotate(
         'limit', (0.995, limit_n), xycoords=('axes fraction', 'data'), xytext=(0, -3),
-        textcoords='offset points', ha='right', va='top', color=COLORS[AT_LIMIT], fontsize=9,
+        textcoords='offset points', ha='right', va='top', fontsize=9,
+        color=CONDITION_COLORS[AT_LIMIT],
     )  # fmt: skip
     axis.plot(trial.time_s, trial.command_n, color='k', linewidth=0.9, label='commanded')
-    axis.plot(trial.time_s, trial.force_n, color=COLORS[CONTROLLER], linewidth=2.0, label='grip')
+    axis.plot(
+        trial.time_s,
+        trial.force_n,
+        color=CONDITION_COLORS[CONTROLLER],
+        linewidth=2.0,
+        label='grip',
+    )
     if command is not None:
         axis.plot(*command.T, color='k', linestyle=':', linewidth=1.6, label='commanded, live')
     axis.set(ylabel='force [N]', ylim=(0.0, 1.06 * limit_n))
@@ -112,7 +122,9 @@ def _draw_force(axis: Axes, trial: GraspTrial, limit_n: float, command: Floats |
 
 
 def _draw_slip(axis: Axes, trial: GraspTrial) -> None:
-    for row, (on, color) in enumerate(((trial.sliding, '0.35'), (trial.slip, COLORS[CONTROLLER]))):
+    for row, (on, color) in enumerate(
+        ((trial.sliding, '0.35'), (trial.slip, CONDITION_COLORS[CONTROLLER]))
+    ):
         edges = np.flatnonzero(np.diff(on.astype(int), prepend=0, append=0))
         period_s = trial.time_s[1] - trial.time_s[0]
         spans = [(trial.time_s[0] + a * period_s, (b - a) * period_s)
@@ -129,7 +141,7 @@ def _draw_place(axis: Axes, trials: Mapping[str, GraspTrial], position: Floats |
         trial = trials[name]
         end = ': dropped' if trial.dropped else f': {trial.position_m[-1] * 1e3:.2f} mm'
         axis.plot(
-            trial.time_s, trial.position_m * 1e3, color=COLORS[name],
+            trial.time_s, trial.position_m * 1e3, color=CONDITION_COLORS[name],
             linewidth=2.0 if name == CONTROLLER else 1.3,
             label=LABELS[name].replace('\n', ' ') + end,
         )  # fmt: skip
@@ -152,7 +164,9 @@ def _draw_slides(axis: Axes, figures: Mapping[str, Mapping[str, Any]], wanted_mm
     for place, name in enumerate(names):
         slides = [dropped_mm if s is None else s for s in figures[name]['slide_mm']]
         spread = np.linspace(-0.28, 0.28, len(slides)) if len(slides) > 1 else np.zeros(1)
-        axis.plot(place + spread, slides, 'o', color=COLORS[name], markersize=4, alpha=0.8)
+        axis.plot(
+            place + spread, slides, 'o', color=CONDITION_COLORS[name], markersize=4, alpha=0.8
+        )
         mean_mm = figures[name]['mean_slide_mm']
         if mean_mm is not None:
             axis.hlines(mean_mm, place - 0.36, place + 0.36, color='k', linewidth=1.5)
@@ -170,7 +184,9 @@ def _draw_slides(axis: Axes, figures: Mapping[str, Mapping[str, Any]], wanted_mm
 def _draw_spent(axis: Axes, figures: Mapping[str, Mapping[str, Any]]) -> None:
     names = (CONTROLLER, PAPER, UNCONTROLLED, AT_LIMIT)
     shares = [figures[name]['force_percent'] for name in names]
-    bars = axis.bar(range(len(names)), shares, 0.65, color=[COLORS[name] for name in names])
+    bars = axis.bar(
+        range(len(names)), shares, 0.65, color=[CONDITION_COLORS[name] for name in names]
+    )
     axis.bar_label(bars, [f'{share:.0f}' for share in shares], padding=2, fontsize=9)
     needed = figures[CONTROLLER]['needed_percent']
     axis.axhline(needed, color='k', linestyle=':', linewidth=1.4)

@@ -1,0 +1,48 @@
+"""What all pictures have in common: files, and colours that the colour-blind can tell apart."""
+
+import os
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use('Agg')  # files only: a robot has no screen
+
+from matplotlib import pyplot as plt
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+#: Told apart also by the colour-blind (Okabe and Ito): blue, vermilion, green, purple, orange,
+#: sky blue, black.
+COLORS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#000000')
+
+
+def save_picture(figure: Figure, path: Path) -> None:
+    """Write a figure to a file, in the format that its ending names.
+
+    Raises
+    ------
+    OSError
+        When it cannot be written.
+    """
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def writable_picture(name: str | Path) -> Path:
+    """Return the path of a picture that is to be drawn later; its folder is made.
+
+    Raises
+    ------
+    OSError
+        When its folder cannot be made.
+    ValueError
+        When no picture can be written there.
+    """
+    path = Path(name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise ValueError(f'{path}: cannot be written, allowed: a file in a folder of your own')
+    kinds = sorted(FigureCanvasAgg.get_supported_filetypes())
+    if path.suffix and path.suffix[1:].lower() not in kinds:
+        raise ValueError(f'{path}: has the ending {path.suffix}, allowed: .{", .".join(kinds)}')
+    return path
