@@ -21,6 +21,8 @@ from slip_detector.report.page_data import (
     Variant,
     bin_rows,
     choose_snippets,
+    pack_recording,
+    trade_off_front,
 )
 from slip_detector.report.text_table import text_table
 
@@ -80,6 +82,8 @@ def write_page(
         data=_data(variants),
         sections='\n'.join(_sections(variants, trials)),
     )
+    # HTML has no NUL; a browser would drop it in one place and replace it in another.
+    page = page.replace('\0', '\N{REPLACEMENT CHARACTER}')
     try:
         Path(path).write_text(page, encoding='utf-8', errors='backslashreplace')
     except OSError as error:
