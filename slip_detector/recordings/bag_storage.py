@@ -14,12 +14,16 @@ from slip_detector.recordings.damaged_database import DamagedDatabase
 from slip_detector.recordings.damaged_mcap import DamagedMcap
 from slip_detector.recordings.topics import Message, Topic
 
+#: A folder that has this file is a bag.
 METADATA = 'metadata.yaml'
 
 _DAMAGED: dict[str, type[DamagedMcap | DamagedDatabase]] = {
     '.mcap': DamagedMcap,
     '.db3': DamagedDatabase,
 }
+
+#: Endings of the files of a bag.
+BAG_ENDINGS = tuple(_DAMAGED)
 
 #: Ending of a file that the recorder compressed as a whole.
 _COMPRESSED = '.zstd'
@@ -173,7 +177,7 @@ def _files(path: Path) -> list[Path]:
     """Return the files of a bag in the order of their numbers."""
     if path.is_file():
         return [path]
-    endings = (*_DAMAGED, *(f'{ending}{_COMPRESSED}' for ending in _DAMAGED))
+    endings = (*BAG_ENDINGS, *(f'{ending}{_COMPRESSED}' for ending in BAG_ENDINGS))
     files = [file for file in path.iterdir() if file.name.endswith(endings)]
     return sorted(files, key=lambda file: [int(n) for n in re.findall(r'\d+', file.name)])
 

@@ -1,7 +1,6 @@
 """Numbers out of messages: what a field path like ``pillars[].fz`` selects, as rows of floats.
 
-Works on any object with the fields of the message as attributes: those of rclpy and those that
-are read from a bag alike.
+A message is any object with the fields as attributes: one of rclpy or one read from a bag.
 """
 
 import dataclasses

@@ -3,17 +3,13 @@
 from pathlib import Path
 
 from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
 from slip_detector.recordings.csv_recording import CsvRecording
 from slip_detector.recordings.labels import find_labels, read_labels
 from slip_detector.recordings.npz_recording import NpzRecording
 from slip_detector.recordings.recording import Recording
 
-BAG_ENDINGS = ('.mcap', '.db3')
-
 ENDINGS = ('.npz', '.csv', *BAG_ENDINGS)
-
-#: A folder that has this file is a bag.
-METADATA = 'metadata.yaml'
 
 
 def is_recording(path: 'str | Path') -> bool:

@@ -55,7 +55,7 @@ def typestore_of(topic: Topic) -> Any:
             store.register(get_types_from_msg(topic.definition, topic.msgtype))
         else:
             parts = topic.definition.split(_RULE)
-            # Each of several begins with a line that names it.
+            # If there are several, each begins with a line that names it.
             texts = parts if len(parts) == 1 else [part.partition('\n')[2] for part in parts[1:]]
             for text in texts:
                 store.register(get_types_from_idl(text))

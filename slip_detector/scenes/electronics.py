@@ -140,8 +140,8 @@ class Frontend:
         clean_v : ndarray, shape (n, 16)
             What the channels would read, after their low-pass.
         sample_period_s
-            Time from row to row; the baselines set off from ``baseline_v`` one period before
-            the first row.
+            Time from row to row; the baselines are at ``baseline_v`` one period before the
+            first row, and drift from there.
 
         Returns
         -------

@@ -77,7 +77,7 @@ def test_the_chain_is_offered_by_the_package_and_loads_nothing_that_it_does_not_
 def test_only_bags_need_what_reads_them():
     loaded = loaded_by(CORE, absent=['rosbags', 'lz4'])
     assert 'slip_detector.recordings.bag_recording' in loaded
-    of_sources = loaded_by(['slip_detector.sources.source'])
-    assert 'slip_detector.recordings' in of_sources
-    assert 'slip_detector.recordings.bag_recording' not in of_sources
+    of_recordings = loaded_by(['slip_detector.recordings'])
+    assert 'slip_detector.recordings.npz_recording' in of_recordings
+    assert 'slip_detector.recordings.bag_recording' not in of_recordings
     assert 'rosbags' not in loaded_by(CORE)

@@ -41,7 +41,7 @@ def test_csv_without_label_has_no_truth(tmp_path):
     assert read_recording(save_text(tmp_path / 'a.csv', 'time_s,a\n0,1\n1,2\n')).truth is None
 
 
-def test_the_rate_of_a_csv_is_that_of_the_whole_and_jitter_is_borne(tmp_path):
+def test_the_rate_of_a_csv_is_that_of_all_rows_so_jitter_is_averaged(tmp_path):
     times = np.cumsum([0.0] + [0.009, 0.009, 0.012] * 40)  # Most steps are short.
     lines = [f'{t:.6f},1' for t in times]
     recording = read_recording(save_text(tmp_path / 'a.csv', '\n'.join(['time_s,a', *lines])))

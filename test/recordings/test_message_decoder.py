@@ -87,7 +87,7 @@ def test_all_at_once_is_as_one_by_one(path, little, labels, n_cells, few, data):
     assert decoded.volts.tobytes() == np.concatenate(rows).tobytes()
     assert decoded.stamps_ns.tolist() == list(stamps_ns)
     assert decoded.which.tolist() == list(range(len(raws)))
-    # It was not done one by one in secret.
+    # They have a layout, so they were not decoded one by one.
     assert few or read_layout(raws[0], STORE, msgtype, FieldReader(path)).places.size
 
 
@@ -108,7 +108,7 @@ def test_a_damaged_message_is_left_out_and_never_a_crash(data):
     np.testing.assert_array_equal(decoded.volts[kept], volts[[0, 1, 3]])
 
 
-def test_a_message_received_in_no_year_is_said_so():
+def test_a_time_of_receipt_beyond_64_bits_is_refused():
     raws = JointStateEncoder(STORE, 'tip', ['a']).many(
         np.ones((1, 1)), np.zeros(1, dtype=np.int64)
     )
