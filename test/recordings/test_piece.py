@@ -1,5 +1,7 @@
 """Pieces: each of their rows is one of the recording, in order, however the stamps jump."""
 
+import itertools
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,7 +25,7 @@ def test_each_row_of_a_piece_is_that_row_of_the_recording(tmp_path_factory, step
     np.testing.assert_array_equal(np.concatenate([piece.volts for piece in pieces]), volts[rows])
     np.testing.assert_array_equal(np.concatenate([piece.truth for piece in pieces]), truth[rows])
     assert pieces[0].new_stretch
-    for before, piece in zip(pieces[:-1], pieces[1:], strict=True):
+    for before, piece in itertools.pairwise(pieces):
         gap_s = (piece.stamps_ns[0] - before.stamps_ns[-1]) * 1e-9
         # A gap of up to 0.1 s is bridged: from then on there is one period from row to row.
         assert piece.new_stretch == (gap_s > 0.1)
