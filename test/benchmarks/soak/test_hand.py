@@ -7,15 +7,15 @@ import pytest
 pytest.importorskip('rclpy', reason='needs rclpy')
 
 from benchmarks.soak.hand import figures_of_watch
-from slip_detector.nodes.health import AGE_KEYS, VALUES
+from slip_detector.nodes.health import AGE_KEYS, COUNT_KEYS
 
 pytestmark = pytest.mark.nodes
 
 
 def report(samples, median_ms, p99_ms, lost=0):
-    values = dict.fromkeys(VALUES.values(), '0') | {'samples': str(samples)}
+    values = dict.fromkeys(COUNT_KEYS.values(), '0') | {'samples': str(samples)}
     values[AGE_KEYS[0]], values[AGE_KEYS[1]] = str(median_ms), str(p99_ms)
-    values[next(iter(VALUES.values()))] = str(lost)
+    values[next(iter(COUNT_KEYS.values()))] = str(lost)
     return values
 
 
