@@ -1,6 +1,7 @@
 """The rooms of the package, read off its imports."""
 
 import ast
+import re
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -122,6 +123,20 @@ def test_every_module_of_the_benchmarks_has_a_test_of_its_name():
         ).is_file()
     }
     assert not lacking
+
+
+def test_contributing_draws_the_arrows_as_they_are():
+    text = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
+    drawn = {
+        room: set(re.findall(r'`(\w+)`', arrows))
+        for room, arrows in re.findall(r'^\| `(\w+)` \|.*\|([^|]*)\|$', text, re.M)
+    }
+    arrows = {room: set() for room in ROOMS}
+    for module, others in imports(PACKAGE).items():
+        room = room_of(module)
+        if room:
+            arrows[room] |= {room_of(other) for other in others} - {room, None}
+    assert drawn == arrows
 
 
 def test_a_circle_and_an_import_inside_a_function_are_seen():

@@ -1,4 +1,7 @@
-"""Write the tables of docs/parameters.md and docs/scenes.md: python test/parameter_tables.py."""
+"""The tables of docs/parameters.md and docs/scenes.md; as a program it writes them.
+
+python test/support/parameter_tables.py
+"""
 
 import dataclasses
 import re

@@ -1,0 +1,145 @@
+"""README and docs say what is true."""
+
+import re
+
+import numpy as np
+import pytest
+import yaml
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.recordings.labels import read_labels
+from slip_detector.scenes import load_scene
+from slip_detector.scenes.parts import PARTS
+from support.pages import DOCS, PAGES, README, ROOT, blocks, file_name, identifier
+from support.parameter_tables import DOCUMENTS, table, with_tables
+
+SCENES = DOCS / 'scenes.md'
+
+#: Whose parameters the sections of a file are.
+SECTIONS = {
+    'slip_detector': DetectorConfig,
+    'slip_driver': DriverConfig,
+    'slip_evaluate': EvaluationConfig,
+    'slip_tune': TuneConfig,
+}
+
+#: What blocks are: commands, what they print, files, programs.
+LANGUAGES = {'sh', 'text', 'yaml', 'python'}
+
+#: Roots of what pages name as code.
+FOLDERS = 'config|slip_detector|test|docs|benchmarks|examples|launch'
+
+
+def files_shown():
+    """Yield each file that a page shows."""
+    for path in PAGES:
+        for block in blocks(path):
+            if block.language == 'yaml':
+                where = f'{identifier(path)}:{block.line}'
+                yield pytest.param(file_name(block), block.text, id=where)
+
+
+def anchors(path):
+    """Return the anchors of the headings of a page, as GitHub makes them."""
+    headings = re.findall(r'^#+ (.*)$', path.read_text(encoding='utf-8'), re.M)
+    return {re.sub(r'[^\w -]', '', heading.lower()).replace(' ', '-') for heading in headings}
+
+
+def test_the_readme_is_short():
+    assert len(README.read_bytes()) <= 10_000
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
+def test_the_parameter_tables_are_those_of_the_dataclasses(path):
+    assert with_tables(path) == path.read_text(encoding='utf-8'), (
+        'run python test/support/parameter_tables.py'
+    )
+
+
+def test_each_part_of_a_scene_has_its_table():
+    text = SCENES.read_text(encoding='utf-8')
+    for name, part in PARTS.items():
+        assert f'### `{name}`\n\n<!-- {part.__name__} -->\n{table(part)}\n' in text
+
+
+@pytest.mark.parametrize('path', PAGES, ids=identifier)
+def test_every_file_and_heading_that_it_names_is_there(path):
+    text = path.read_text(encoding='utf-8')
+    for name, anchor in re.findall(r'\]\((?!https?:)([^)#]*)#?([^)]*)\)', text):
+        linked = path.parent / name if name else path
+        assert linked.exists(), name
+        assert not anchor or anchor in anchors(linked), f'{name}#{anchor}'
+    for name in re.findall(rf'`((?:{FOLDERS})/(?:[^`\s<]*[./][^`\s<]*)?)`', text):
+        assert (ROOT / name).exists(), name
+    for name in re.findall(r'`(slip_detector(?!\.launch)(?:\.\w+)+)`', text):
+        assert has_name(name), name
+
+
+def has_name(dotted):
+    """Return whether a module of the package, or a name in one, is there."""
+    file = ROOT.joinpath(*dotted.split('.'))
+    if file.is_dir() or file.with_suffix('.py').is_file():
+        return True
+    module = file.parent.with_suffix('.py')
+    return module.is_file() and bool(
+        re.search(rf'^(def|class) {file.name}\b', module.read_text(encoding='utf-8'), re.M)
+    )
+
+
+def test_every_page_is_in_the_index():
+    text = (DOCS / 'README.md').read_text(encoding='utf-8')
+    text += (DOCS / 'verification' / 'README.md').read_text(encoding='utf-8')
+    linked = set(re.findall(r'\(([\w/]+\.md)\)', text))
+    pages = {path.name for path in DOCS.rglob('*.md') if path.name != 'README.md'}
+    assert pages <= {name.rsplit('/', 1)[-1] for name in linked}
+
+
+def test_every_example_and_picture_is_in_the_index():
+    text = (DOCS / 'README.md').read_text(encoding='utf-8')
+    for path in (ROOT / 'examples').iterdir():
+        assert path.is_dir() or f'(../examples/{path.name})' in text
+    for path in (DOCS / 'figures').iterdir():
+        assert f'`{path.name}`' in text
+
+
+@pytest.mark.parametrize('path', PAGES, ids=identifier)
+def test_every_block_says_what_it_is(path):
+    assert {block.language for block in blocks(path)} <= LANGUAGES
+
+
+@pytest.mark.parametrize(('name', 'text'), list(files_shown()))
+def test_every_file_that_is_shown_is_a_good_one(name, text, tmp_path):
+    assert name, 'its first line is to be its name: # NAME.yaml'
+    file = tmp_path / name
+    file.write_text(text, encoding='utf-8')
+    content = yaml.safe_load(text)
+    if 'steps' in content:
+        scene = load_scene(file, np.random.default_rng(0))
+        assert scene.read(10**6).truth.any() or name == 'rest.yaml'
+    elif 'slip_s' in content:
+        read_labels(file)
+    else:
+        for section, parameters in content.items():
+            file.write_text(yaml.safe_dump({section: parameters}), encoding='utf-8')
+            SECTIONS[section.rpartition('/')[2]].from_yaml(file)
+
+
+def test_the_detector_runs_with_the_sensor_of_the_readme(tmp_path):
+    (text,) = (block.text for block in blocks(README) if file_name(block) == 'my_sensor.yaml')
+    file = tmp_path / 'my_sensor.yaml'
+    file.write_text(text, encoding='utf-8')
+    config = DetectorConfig.from_yaml(file)
+    assert list(config.groups) == ['left', 'right']
+    assert SlipChain(config).update(np.zeros((1, 4))).groups.shape == (1, 2)
+
+
+def test_every_scene_that_comes_with_the_package_is_described():
+    shipped = sorted(path.stem for path in (ROOT / 'config' / 'scenes').glob('*.yaml'))
+    (listed,) = re.findall(
+        r'## What comes with the package\n(.*?)\n## ', SCENES.read_text(encoding='utf-8'), re.S
+    )
+    assert sorted(re.findall(r'^\| `(\w+)` \|', listed, re.M)) == shipped
