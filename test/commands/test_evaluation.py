@@ -16,7 +16,6 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands import evaluate as evaluation
 from slip_detector.commands.evaluate import main, recording_sets
-from slip_detector.evaluation.events import Alarm
 from slip_detector.evaluation.labelled_rows import REST, SLIP, LabelledRows
 from slip_detector.evaluation.replay import Replay, figures_of_merit
 from slip_detector.evaluation.scores import ScoreTally
@@ -24,8 +23,6 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import write_recording
-from slip_detector.report.evaluation_tables import SECTIONS, evaluation_tables
-from slip_detector.report.overview import events_of
 
 ROOT = Path(__file__).parents[2]
 TALLY = ScoreTally()
@@ -287,38 +284,6 @@ def test_a_bag_without_labels_or_topic_says_what_is_missing(capsys, tmp_path):
     assert (figures['slips'], figures['slip_rows']) == (1, 190)
 
 
-def test_what_was_lost_of_a_recording_is_said(capsys):
-    figures = figures_of_merit([Replay(ChainConfig()).run([])])
-    counts = dict.fromkeys(['bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'], 0)
-    whole = {**figures, **counts}
-    recordings = {
-        'a.mcap': {**whole, 'lost': 'is cut off at byte 9'},
-        'b.mcap': {**whole, 'lost': ''},
-    }
-    report = {'sets': {'x': {**whole, 'recordings': recordings}}, 'all': whole}
-    lines = evaluation_tables(report).splitlines()
-    assert 'a.mcap: is cut off at byte 9' in lines
-    assert not any(line.startswith('b.mcap:') for line in lines)
-
-
-def test_a_table_without_gaps_needs_no_legend():
-    names = [name for section in SECTIONS for name in section.columns]
-    whole = dict.fromkeys(names, 1)
-    report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
-    assert 'not defined' not in evaluation_tables(report)
-    report['sets']['x']['auc_all'] = None
-    assert evaluation_tables(report).endswith('nobody says what moves)')
-
-
-def test_what_there_is_nothing_to_tell_of_is_left_out():
-    names = [name for section in SECTIONS for name in section.columns]
-    whole = dict.fromkeys(names, 0)
-    report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
-    assert 'missed slips' not in evaluation_tables(report)
-    report['sets']['x']['missed_at_vote'] = 1
-    assert 'missed slips, lost at' in evaluation_tables(report)
-
-
 def test_a_report_and_pictures_are_written_and_named(capsys, tmp_path):
     for folder in 'xy':
         write(tmp_path / folder / 'a.npz', seed=ord(folder))
@@ -359,29 +324,6 @@ def test_an_interrupt_is_one_line(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(evaluation, 'evaluate', interrupted)
     assert main([str(write(tmp_path / 'a.npz'))]) == 130
     assert capsys.readouterr() == ('', 'slip_evaluate: ended before it was done\n')
-
-
-def test_what_a_report_shows_is_what_became_of_slips_and_alarms():
-    volts = np.zeros((1, 16))
-    slip = Replay(ChainConfig()).run([LabelledRows(volts, np.ones(1, bool))]).slips[0]
-    slips = [
-        slip,
-        dataclasses.replace(slip, alarm=0, latency_s=0.2, late=True, start_s=2.0, lost_at=None),
-        dataclasses.replace(slip, alarm=1, latency_s=0.02, start_s=4.0, lost_at=None),
-    ]
-    alarms = [
-        Alarm(2.2, 2.3, 'true', 1), Alarm(4.02, 4.3, 'true', 2), Alarm(4.5, 4.6, 'repeat', 2),
-        Alarm(1.0, 1.1, 'false', None),
-    ]  # fmt: skip
-    outcome = dataclasses.replace(
-        Replay(ChainConfig()).run([]), slips=tuple(slips), alarms=tuple(alarms)
-    )
-    shown = events_of(outcome)
-    assert [(event.kind, event.start_s, event.latency_s) for event in shown] == [
-        ('missed', 0.0, None), ('false alarm', 1.0, None), ('late', 2.0, 0.2),
-        ('detected', 4.0, 0.02),
-    ]  # fmt: skip
-    assert [event.note for event in shown] == ['lost at: filter', '', '', '']
 
 
 def test_csv_and_npz_of_the_same_rows_score_the_same(capsys, tmp_path):

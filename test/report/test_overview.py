@@ -1,5 +1,6 @@
 """What a report shows of a recording, gathered piece by piece."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -8,8 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.events import Alarm
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.overview import THRESHOLD_CODE, Overview, level_codes
+from slip_detector.report.overview import THRESHOLD_CODE, Overview, events_of, level_codes
 
 CONFIG = ChainConfig(
     channels=3,
@@ -183,3 +187,26 @@ def test_no_rows_are_no_error():
     assert overview.rows == 0
     assert overview.snippets == []
     assert len(overview.bins(1)[0]) == 0
+
+
+def test_what_a_report_shows_is_what_became_of_slips_and_alarms():
+    volts = np.zeros((1, 16))
+    slip = Replay(ChainConfig()).run([LabelledRows(volts, np.ones(1, bool))]).slips[0]
+    slips = [
+        slip,
+        dataclasses.replace(slip, alarm=0, latency_s=0.2, late=True, start_s=2.0, lost_at=None),
+        dataclasses.replace(slip, alarm=1, latency_s=0.02, start_s=4.0, lost_at=None),
+    ]
+    alarms = [
+        Alarm(2.2, 2.3, 'true', 1), Alarm(4.02, 4.3, 'true', 2), Alarm(4.5, 4.6, 'repeat', 2),
+        Alarm(1.0, 1.1, 'false', None),
+    ]  # fmt: skip
+    outcome = dataclasses.replace(
+        Replay(ChainConfig()).run([]), slips=tuple(slips), alarms=tuple(alarms)
+    )
+    shown = events_of(outcome)
+    assert [(event.kind, event.start_s, event.latency_s) for event in shown] == [
+        ('missed', 0.0, None), ('false alarm', 1.0, None), ('late', 2.0, 0.2),
+        ('detected', 4.0, 0.02),
+    ]  # fmt: skip
+    assert [event.note for event in shown] == ['lost at: filter', '', '', '']

@@ -1,0 +1,106 @@
+"""The controller against no controller, a grip at the limit and the paper's detector."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slip_detector.grasp.comparison import (
+    AT_LIMIT,
+    CONTROLLER,
+    PAPER,
+    UNCONTROLLED,
+    WANTED,
+    check_wanted,
+    conditions,
+    grasp_figures,
+)
+from slip_detector.grasp.loop import play_trials
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.grasp import GraspConfig
+from support import grasp_trials
+
+FILE = Path(__file__).resolve().parents[2] / 'config' / 'grasp.yaml'
+CHAIN, GRASP = ChainConfig.from_yaml(FILE), GraspConfig.from_yaml(FILE)
+
+#: Those that the README reports on, others than those the parameters were chosen on.
+REPORTED = range(30)
+
+#: Others than either.
+SEEDS = range(5000, 5003)
+
+
+@pytest.fixture(scope='module')
+def played():
+    """Return the trials of each condition."""
+    return {name: play_trials(*both, SEEDS) for name, both in conditions(CHAIN, GRASP).items()}
+
+
+def test_without_a_controller_it_is_dropped(played):
+    found = grasp_figures(played[UNCONTROLLED], GRASP.limit_n)
+    assert found['dropped'] == len(SEEDS)
+    assert found['slide_mm'] == [None] * len(SEEDS)
+    assert found['mean_slide_mm'] is None
+    assert found['worst_slide_mm'] is None
+
+
+def test_a_grip_at_the_limit_holds_and_spends_more(played):
+    found = grasp_figures(played[AT_LIMIT], GRASP.limit_n)
+    assert found['dropped'] == 0
+    assert found['worst_slide_mm'] < 0.1
+    assert found['force_percent'] > 90.0
+
+
+def test_the_papers_defaults_slide_further_and_squeeze_harder(played):
+    ours = grasp_figures(played[CONTROLLER], GRASP.limit_n)
+    theirs = grasp_figures(played[PAPER], GRASP.limit_n)
+    assert theirs['dropped'] or theirs['mean_slide_mm'] > ours['mean_slide_mm']
+    assert theirs['force_percent'] > ours['force_percent']
+
+
+def test_an_object_that_gets_heavier_is_never_dropped_and_hardly_slides(played):
+    found = grasp_figures(played[CONTROLLER], GRASP.limit_n)
+    assert found['dropped'] == 0
+    assert found['worst_slide_mm'] < 5.0
+    assert found['mean_slide_mm'] < 2.0
+    limit = grasp_figures(played[AT_LIMIT], GRASP.limit_n)
+    assert found['needed_percent'] < found['force_percent'] < 0.8 * limit['force_percent']
+    for trial in played[CONTROLLER]:
+        # It did slip, slip said so, the grip rose, and at the end the object is at rest.
+        assert trial.sliding.any()
+        assert len(trial.onsets_s)
+        assert trial.command_n[-1] > GRASP.grip_n
+        assert not trial.sliding[-100:].any()
+        assert np.ptp(trial.position_m[-100:]) < 1e-5
+
+
+def test_the_figures_of_the_readme_are_as_good_as_is_wanted():
+    found = grasp_figures(play_trials(CHAIN, GRASP, REPORTED), GRASP.limit_n)
+    assert found['trials'] == 30
+    assert found['dropped'] == 0
+    assert found['worst_slide_mm'] < 5.0
+    assert found['mean_slide_mm'] < 2.0
+    assert found['force_percent'] < 60.0
+
+
+def test_the_figures_of_trials_made_by_hand():
+    held, lost = grasp_trials.trial(1e-3, 4.0), grasp_trials.trial(grasp_trials.LENGTH_M, 2.0)
+    found = grasp_figures([held, lost], 10.0)
+    assert (found['trials'], found['dropped']) == (2, 1)
+    assert found['slide_mm'] == [pytest.approx(1.0), None]
+    assert (found['mean_slide_mm'], found['worst_slide_mm']) == (None, None)
+    assert found['force_percent'] == pytest.approx(30.0)
+    assert found['most_force_percent'] == pytest.approx(40.0)
+    assert found['needed_percent'] == pytest.approx(30.0)
+    assert found['onsets'] == 1.0
+    # What comes before the object has to be held does not count.
+    assert grasp_figures([grasp_trials.trial(onset_row=10)], 10.0)['onsets'] == 0.0
+
+
+def test_what_is_wanted_is_met_below_its_bound_only_and_never_when_it_is_not_defined():
+    good = {name: 0.5 * below for name, (below, _) in WANTED.items()}
+    assert all(entry['met'] for entry in check_wanted(good).values())
+    for name, (below, _) in WANTED.items():
+        for value in (below, None):
+            found = check_wanted({**good, name: value})
+            assert [other for other, entry in found.items() if not entry['met']] == [name]

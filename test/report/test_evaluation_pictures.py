@@ -1,0 +1,32 @@
+"""The picture of an evaluation."""
+
+import numpy as np
+import pytest
+
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.replay import Replay
+from slip_detector.report import evaluation_pictures
+from slip_detector.report.evaluation_pictures import draw_evaluation
+from support import report_scenes as scenes
+
+
+@pytest.mark.parametrize('rows', [0, 380 * 20])
+def test_latencies_their_parts_and_the_roc_are_those_of_the_outcome(tmp_path, monkeypatch, rows):
+    drawn = []
+    monkeypatch.setattr(
+        evaluation_pictures, 'save_picture', lambda figure, path: drawn.append(figure)
+    )
+    volts, truth = scenes.volts_and_truth(rows)
+    outcome = Replay(scenes.GIVEN).run([LabelledRows(volts, truth)])
+    draw_evaluation(tmp_path / 'a.png', [outcome])
+    latencies, parts, roc = drawn[0].axes
+    found = sum(slip.latency_s is not None for slip in outcome.slips)
+    assert (found > 0) == (rows > 0)
+    assert latencies.get_title() == f'{found} detected, {len(outcome.slips) - found} missed'
+    counted = sum(bar.get_height() for bar in latencies.patches)
+    assert counted == found
+    lengths_ms = [bar.get_width() for bar in parts.patches if bar.get_y() < 0.5]
+    if found:
+        mean_ms = 1e3 * np.mean([slip.latency_s for slip in outcome.slips if slip.latency_s])
+        assert sum(lengths_ms) == pytest.approx(mean_ms)
+    assert (len(roc.lines) > 1) == (rows > 0)

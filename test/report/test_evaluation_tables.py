@@ -1,0 +1,37 @@
+"""The figures of an evaluation as tables of text."""
+
+from slip_detector.evaluation.replay import Replay, figures_of_merit
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report.evaluation_tables import SECTIONS, evaluation_tables
+
+
+def test_what_was_lost_of_a_recording_is_said():
+    figures = figures_of_merit([Replay(ChainConfig()).run([])])
+    counts = dict.fromkeys(['bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'], 0)
+    whole = {**figures, **counts}
+    recordings = {
+        'a.mcap': {**whole, 'lost': 'is cut off at byte 9'},
+        'b.mcap': {**whole, 'lost': ''},
+    }
+    report = {'sets': {'x': {**whole, 'recordings': recordings}}, 'all': whole}
+    lines = evaluation_tables(report).splitlines()
+    assert 'a.mcap: is cut off at byte 9' in lines
+    assert not any(line.startswith('b.mcap:') for line in lines)
+
+
+def test_a_table_without_gaps_needs_no_legend():
+    names = [name for section in SECTIONS for name in section.columns]
+    whole = dict.fromkeys(names, 1)
+    report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
+    assert 'not defined' not in evaluation_tables(report)
+    report['sets']['x']['auc_all'] = None
+    assert evaluation_tables(report).endswith('nobody says what moves)')
+
+
+def test_what_there_is_nothing_to_tell_of_is_left_out():
+    names = [name for section in SECTIONS for name in section.columns]
+    whole = dict.fromkeys(names, 0)
+    report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
+    assert 'missed slips' not in evaluation_tables(report)
+    report['sets']['x']['missed_at_vote'] = 1
+    assert 'missed slips, lost at' in evaluation_tables(report)

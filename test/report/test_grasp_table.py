@@ -1,0 +1,29 @@
+"""The figures of the grasp as text."""
+
+from slip_detector.grasp.comparison import UNCONTROLLED, check_wanted, grasp_figures
+from slip_detector.report.grasp_table import grasp_table
+from support import grasp_trials
+
+
+def test_what_is_not_defined_is_a_dash_in_the_table():
+    parts = {name: grasp_figures(mine, 10.0) for name, mine in grasp_trials.by_condition().items()}
+    result = {
+        'seeds': [5000],
+        'conditions': parts,
+        'transport_ms': 4.0,
+        'nodes': {
+            '5000': {
+                'slide_mm': None,
+                'command_percent': 50.0,
+                'simulated': {'slide_mm': 0.5, 'command_percent': 49.0},
+            }
+        },
+        'latency_ms': None,
+        'wanted': check_wanted(parts[UNCONTROLLED]),
+    }
+    lines = grasp_table(result).splitlines()
+    (uncontrolled,) = (line for line in lines if line.strip().startswith(UNCONTROLLED))
+    assert uncontrolled.split()[2:7] == ['1', 'of', '1', '-', '-']
+    assert any(line.split() == ['5000', '-', '0.50', '50.0', '49.0'] for line in lines)
+    assert 'From sample to command: undefined, no onset was answered' in lines
+    assert 'NOT met' in '\n'.join(lines)

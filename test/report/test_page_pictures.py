@@ -1,0 +1,47 @@
+"""Figures of a report, for the page and as pictures."""
+
+import numpy as np
+import pytest
+
+from slip_detector.report import page as report
+from slip_detector.report.page_data import Variant
+from slip_detector.report.page_pictures import (
+    PICTURE_BINS,
+    filters_figure,
+    front_figure,
+    svg,
+    timeline_figure,
+)
+from support import report_scenes as scenes
+
+
+@pytest.mark.parametrize('name', ['$a_$ $', '\u6ed1\u308a.npz', 'a\x1fb', 'a/b'])
+def test_pictures_take_any_name(tmp_path, name):
+    seen = scenes.overview(name, scenes.GIVEN, *scenes.volts_and_truth(500))
+    paths = report.write_pictures(tmp_path, [Variant(name, scenes.GIVEN, [seen], {name: {}})])
+    assert all(path.parent == tmp_path and path.is_file() for path in paths)
+
+
+def test_the_response_is_flat_in_the_passband_and_falls_beside_it():
+    gain, delay = filters_figure([Variant('given', scenes.GIVEN, [], {})]).axes
+    frequency_hz, gain_db = gain.lines[0].get_data()
+    low_hz, high_hz = scenes.GIVEN.passband_hz
+    inside = (frequency_hz > 1.5 * low_hz) & (frequency_hz < high_hz / 1.5)
+    assert gain_db[inside].min() > -3.0
+    assert gain_db[frequency_hz < low_hz / 3].max() < -20.0
+    assert np.all(delay.lines[0].get_ydata()[inside] > 0.0)
+
+
+def test_the_same_figure_is_the_same_svg():
+    figures = [front_figure(scenes.trials()) for _ in range(2)]
+    assert svg(figures[0]) == svg(figures[1])
+
+
+def test_a_timeline_has_a_lane_for_each_decision_and_each_channel():
+    seen = scenes.overview('a', scenes.GIVEN, *scenes.volts_and_truth(4000))
+    figure = timeline_figure(['given', 'tuned'], [seen, seen])
+    names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert names[:4] == ['events', 'label', 'slip given', 'slip tuned']
+    assert set(scenes.GIVEN.groups) < set(names)
+    assert len(names) == 4 + 4 + 16
+    assert seen.rows > PICTURE_BINS

@@ -1,0 +1,34 @@
+"""Trials of a grasp made by hand: what happened in them is known."""
+
+import numpy as np
+
+from slip_detector.grasp.comparison import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED
+from slip_detector.grasp.loop import GraspTrial
+
+LENGTH_M = 0.1
+
+
+def trial(slide_m=0.001, force_n=4.0, onset_row=50):
+    """Return 100 samples at 10 Hz: held from 2 s on, slipping from one row for five."""
+    rows = np.arange(100)
+    slip = (rows >= onset_row) & (rows < onset_row + 5)
+    return GraspTrial(
+        time_s=rows / 10.0,
+        command_n=np.full(100, force_n),
+        force_n=np.full(100, force_n),
+        slip=slip,
+        sliding=slip,
+        position_m=np.clip((rows - onset_row) / 5.0, 0.0, 1.0) * slide_m,
+        needed_n=np.where(rows >= 20, 3.0, 0.0),
+        length_m=LENGTH_M,
+    )
+
+
+def by_condition():
+    """Return one trial of each condition; without a controller the object is dropped."""
+    return {
+        UNCONTROLLED: [trial(LENGTH_M, 1.8)],
+        AT_LIMIT: [trial(1e-5, 10.0)],
+        CONTROLLER: [trial(5e-4, 4.0)],
+        PAPER: [trial(3e-3, 8.0)],
+    }
