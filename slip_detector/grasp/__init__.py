@@ -1,1 +1,1 @@
-"""The control law of a grasp, and its closed loop without ROS."""
+"""An example of how to use slip: a control law of a grip, and its closed loop without ROS."""

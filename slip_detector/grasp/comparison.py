@@ -31,7 +31,13 @@ WANTED = {
 def conditions(
     chain: ChainConfig, grasp: GraspConfig
 ) -> dict[str, tuple[ChainConfig, GraspConfig]]:
-    """Return what is compared, by its name: the detector's and the controller's parameters."""
+    """Return what is compared, by its name: the detector's and the controller's parameters.
+
+    Examples
+    --------
+    >>> list(conditions(ChainConfig(), GraspConfig()))  # doctest: +NORMALIZE_WHITESPACE
+    ['no controller', 'always at the limit', 'controller', "controller, paper's detector"]
+    """
     paper = ChainConfig(sample_rate_hz=chain.sample_rate_hz)
     return {
         UNCONTROLLED: (chain, dataclasses.replace(grasp, limit_n=grasp.grip_n)),
@@ -89,7 +95,25 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
 
 
 def check_wanted(controller: Mapping[str, Any]) -> dict[str, Any]:
-    """Hold the controller's figures against what is wanted; what is not defined is not met."""
+    """Hold the controller's figures against what is wanted; what is not defined is not met.
+
+    Parameters
+    ----------
+    controller
+        Of :func:`grasp_figures`.
+
+    Returns
+    -------
+    dict
+        By the names of :data:`WANTED`: the ``value``, what it has to stay ``below``, and whether
+        that is ``met``.
+
+    Examples
+    --------
+    >>> figures = {'dropped': 0, 'worst_slide_mm': 0.9, 'mean_slide_mm': 0.4, 'force_percent': 70}
+    >>> [name for name, entry in check_wanted(figures).items() if not entry['met']]
+    ['force_percent']
+    """
     found = {}
     for name, (below, _) in WANTED.items():
         value = controller[name]

@@ -29,6 +29,15 @@ class GraspLaw:
     ----------
     force_n : float
         The grip force to command.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters.grasp import GraspConfig
+    >>> law = GraspLaw(GraspConfig(grip_n=2.0, closing_n_s=4.0, settle_s=0.3, step_factor=1.5))
+    >>> [law.update(0.1 * k, slip=False, valid=True) for k in (0, 5, 9)]  # closes and settles
+    [0.0, 2.0, 2.0]
+    >>> law.update(1.0, slip=True, valid=True)
+    3.0
     """
 
     def __init__(self, config: GraspConfig) -> None:
@@ -47,7 +56,12 @@ class GraspLaw:
         time_s
             Of any clock; one that is set back counts as one that stands.
         slip, valid
-            The last that was heard; ``valid`` is false also when nothing is heard any more.
+            The last state of each; ``valid`` is also false when no message comes any more.
+
+        Returns
+        -------
+        float
+            In newtons; the attribute ``force_n`` is the same.
         """
         config = self._config
         elapsed_s = 0.0 if self._last_s is None else max(time_s - self._last_s, 0.0)

@@ -38,7 +38,7 @@ class GraspTrial(NamedTuple):
     time_s : ndarray, shape (n,)
         When each sample was taken.
     command_n, force_n : ndarray, shape (n,)
-        Grip that was commanded on it, and the normal force that there was.
+        Grip that was commanded on it, and the normal force at that time.
     slip : ndarray of bool, shape (n,)
         What the chain said.
     sliding : ndarray of bool, shape (n,)
@@ -96,14 +96,21 @@ def play_trial(
     seed
         Of its noise.
     chain, law
-        Not used before.
+        In their first state, as nothing is reset.
     transport_s
-        From sample to command.
+        Time from a sample to the arrival of the command that answers it.
 
     Raises
     ------
     ValueError
         When the scene has no object, or another sample rate than the chain.
+
+    Examples
+    --------
+    >>> chain, law = SlipChain(ChainConfig()), GraspLaw(GraspConfig())
+    >>> trial = play_trial(object_scene(0), 0, chain, law)
+    >>> bool(trial.command_n.max() <= GraspConfig().limit_n)
+    True
     """
     scene = Scene(description, np.random.default_rng(seed))
     body, friction = scene.parts.get('object'), scene.parts.get('friction')
@@ -150,6 +157,15 @@ def play_trials(
     transport_s: float = TRANSPORT_S,
 ) -> list[GraspTrial]:
     """Play the trials of some seeds, each with an object of its own.
+
+    Parameters
+    ----------
+    chain, grasp
+        The detector's and the controller's parameters.
+    seeds
+        Of the objects and of the noise.
+    scene, transport_s
+        As :func:`object_scene` and :func:`play_trial` have them.
 
     Raises
     ------

@@ -28,10 +28,27 @@ RANGES: dict[str, tuple[float, float]] = {
 def object_scene(seed: int, scene: str = SCENE) -> dict[str, Any]:
     """Return the scene of one seed: that of the file, with another object and fingertip.
 
+    Parameters
+    ----------
+    seed
+        Draws the object; the same seed is the same object.
+    scene
+        Name or path of a scene with an object that gets heavier.
+
+    Returns
+    -------
+    dict
+        The description of a scene, as in its file.
+
     Raises
     ------
     ValueError
         When the file cannot be read or has no object whose weight grows; names it.
+
+    Examples
+    --------
+    >>> 0.15 < object_scene(7)['object']['mass_kg'] < 0.3
+    True
     """
     path = find_scene(scene)
     description = copy.deepcopy(read_yaml(path))

@@ -1,1 +1,1 @@
-"""Pages and pictures for people, and what they are drawn from."""
+"""What people read: tables of text, pictures, and a report that is one HTML file."""

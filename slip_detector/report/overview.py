@@ -94,6 +94,13 @@ def level_codes(result: SlipResult, threshold: float) -> Codes:
     ndarray of uint8, shape (n, c)
         0 where the channel is not valid, else 1 to 255, :data:`CODES_PER_OCTAVE` for a factor of
         two; above :data:`THRESHOLD_CODE` where, and only where, the channel is ON.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.slip_chain import SlipChain
+    >>> result = SlipChain(ChainConfig()).update(np.full((1, 16), 4.3))
+    >>> int(level_codes(result, threshold=0.5)[0, 0])  # at rest: as low as a code can be
+    1
     """
     with np.errstate(divide='ignore'):  # The logarithm of 0 is -inf, the lowest code.
         octaves = np.log2(result.level / threshold)

@@ -103,6 +103,13 @@ def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
     """Return the trials than which no other is better in one cost and as good in the others.
 
     Those with an undefined cost are left out; the quickest comes first.
+
+    Examples
+    --------
+    >>> trials = [SearchTrial(0, 0.05, 4.0, 0.0), SearchTrial(1, 0.03, 9.0, 0.0),
+    ...           SearchTrial(2, 0.06, 9.0, 5.0)]
+    >>> [trial.number for trial in trade_off_front(trials)]
+    [1, 0]
     """
     known = [(trial.costs, trial) for trial in trials if trial.costs is not None]
     costs = np.array([costs for costs, _ in known]).reshape(-1, 3)
