@@ -17,7 +17,7 @@ import numpy as np
 from slip_detector.commands.tune import Settings
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.sets import read_yaml
+from slip_detector.parameters.reading import read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import SEARCHED, Problem

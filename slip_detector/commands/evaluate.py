@@ -33,8 +33,8 @@ from slip_detector.commands.recording_options import add_recording_options, with
 from slip_detector.evaluation.evaluator import EvaluatedRecording, Evaluator, recording_figures
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.files import check_writable, writable_folder
 from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.writing import check_writable, writable_folder
 from slip_detector.recordings import ENDINGS, is_recording
 from slip_detector.report.evaluation_tables import evaluation_tables
 

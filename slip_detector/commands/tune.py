@@ -22,9 +22,9 @@ from slip_detector.commands.tune_options import NAME, arguments_of
 from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.files import check_writable, with_parameters, write_file
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.parameters.writing import check_writable, with_parameters, write_file
 from slip_detector.recordings import RecordingCounts
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import SEARCHED, Problem

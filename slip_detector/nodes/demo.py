@@ -22,7 +22,7 @@ from slip_detector.evaluation.paper_figures import first_on_delay_s, mean_and_sd
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.recordings import write_recording
 from slip_detector.sources import Source, open_source
 

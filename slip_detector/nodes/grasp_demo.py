@@ -47,8 +47,8 @@ from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, play_trials
 from slip_detector.grasp.objects import object_scene
 from slip_detector.nodes.grasp_trial import GraspRecorder, LiveGraspTrial, play_grasp
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.report.grasp_table import grasp_table
 
 #: The seed that is drawn, where there are so many: this object slips twice.

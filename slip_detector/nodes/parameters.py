@@ -1,6 +1,7 @@
 """Dataclass fields as ROS parameters."""
 
 import dataclasses
+import itertools
 import sys
 from collections.abc import Callable, Collection
 from typing import Any
@@ -15,7 +16,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import given_parameters
-from slip_detector.parameters.sets import OF_RCLPY, ConfigType, ParameterSet, allowed, default_of
+from slip_detector.parameters.fields import allowed, default_of
+from slip_detector.parameters.reading import OF_RCLPY, names_for_others
+from slip_detector.parameters.sets import ConfigType, ParameterSet
 
 
 def declare(
@@ -38,14 +41,25 @@ def declare(
     ValueError
         For an unknown name or a value that is not allowed.
     """
-    given = given_parameters(node).items()
-    values = {name: _value(parameter) for name, parameter in given if _ours(name)}
+    for_others = _names_for_others(config_class.NODE)
+    values = {
+        name: _value(parameter)
+        for name, parameter in given_parameters(node).items()
+        if _ours(name) and name not in for_others
+    }
     config = config_class.from_parameters(values)
     for name, value in config.to_parameters().items():
         read_only = fixed is None or name in fixed
         descriptor = _descriptor(config_class, name, value, read_only)
         node.declare_parameter(name, value, descriptor, ignore_override=True)
     return config
+
+
+def _names_for_others(node: str) -> set[str]:
+    """Return what the parameter files of the process give to all nodes, and only others know."""
+    words = itertools.pairwise(sys.argv)
+    files = [path for option, path in words if option == '--params-file']
+    return {name for path in files for name in names_for_others(path, node)}
 
 
 def follow_changes(

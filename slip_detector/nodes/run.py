@@ -82,7 +82,7 @@ def run(executable: str) -> int:
 
 def _check_files(words: list[str]) -> None:
     """Read the parameter files once before rcl does, whose messages are for its developers."""
-    from slip_detector.parameters.sets import our_sections
+    from slip_detector.parameters.reading import our_sections
 
     for option, path in pairwise(words):
         if option == '--params-file':

@@ -2,7 +2,8 @@
 
 import dataclasses
 
-from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.sets import ParameterSet
 
 #: Below this share of the sample rate a band edge is lost to round-off in float64 sections.
 LOWEST_EDGE = 1e-5

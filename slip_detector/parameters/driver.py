@@ -2,8 +2,8 @@
 
 import dataclasses
 
+from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.parameters.sets import parameter
 
 
 @dataclasses.dataclass(frozen=True)

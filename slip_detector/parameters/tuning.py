@@ -2,7 +2,8 @@
 
 import dataclasses
 
-from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.sets import ParameterSet
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import PAPER_CHANNELS
-from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.sets import ParameterSet
 
 Floats = NDArray[np.float64]
 

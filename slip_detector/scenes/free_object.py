@@ -3,7 +3,8 @@
 import dataclasses
 from typing import NamedTuple
 
-from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.sets import ParameterSet
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 

@@ -22,7 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.skin import SkinNumbers
 
 #: Least load in g(w), which must not be zero: the friction under it (less than a thousandth of a

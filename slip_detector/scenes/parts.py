@@ -4,7 +4,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.clock import Clock
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.drops import Drops

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from slip_detector.parameters.files import shared_folder
-from slip_detector.parameters.sets import read_yaml
+from slip_detector.parameters.reading import read_yaml
+from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.scenes.scene import Scene
 
 

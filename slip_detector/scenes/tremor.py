@@ -4,7 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from slip_detector.parameters.sets import ParameterSet, parameter
+from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.sines import NO_SINES, Sines
 
 #: The band of a tremor is cut into so many parts of equal ratio; each has a pair of sines ...

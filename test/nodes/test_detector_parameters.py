@@ -16,7 +16,7 @@ from std_msgs.msg import Bool
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.sets import default_of
+from slip_detector.parameters.fields import default_of
 from support.harness import Detected
 
 PERIOD_NS = round(1e9 / 380)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.sources import open_source
 from slip_detector.sources.scene import SceneSource

@@ -10,9 +10,10 @@ from pathlib import Path
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.fields import allowed, default_of
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.parameters.sets import ParameterSet, allowed, default_of
+from slip_detector.parameters.sets import ParameterSet
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.scenes.parts import PARTS, Sampling
 from slip_detector.scenes.steps import Step

@@ -1,4 +1,4 @@
-"""Write parameters into a ROS parameter file and leave all else in it as it was."""
+"""Write ROS parameter files, and see beforehand that files can be written."""
 
 import copy
 import os
@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.sets import read_yaml
+from slip_detector.parameters.reading import read_yaml
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -32,6 +32,12 @@ def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dic
     ------
     ValueError
         When the file cannot be read; names it.
+
+    Examples
+    --------
+    >>> document = with_parameters(None, {'threshold': 0.25})
+    >>> document['/**/slip_detector']['ros__parameters']['threshold']
+    0.25
     """
     if given is None:
         document = yaml.safe_load(DetectorConfig().to_yaml())
@@ -122,18 +128,3 @@ def writable_folder(folder: Path) -> Path:
     except OSError as error:
         raise ValueError(f'{folder}: cannot be made ({error.strerror})') from None
     return folder
-
-
-def shared_folder() -> Path:
-    """Return the folder that holds ``config``: the source tree's or the installed package's.
-
-    Raises
-    ------
-    ValueError
-        When the package was installed without it.
-    """
-    for parent in Path(__file__).resolve().parents:
-        for folder in (parent, parent / 'share' / 'slip_detector'):
-            if (folder / 'config' / 'scenes').is_dir() and (folder / 'package.xml').is_file():
-                return folder
-    raise ValueError('the package was installed without its config folder: install it anew')

@@ -1,0 +1,157 @@
+"""Values from YAML, ROS or Python to the type of their parameter, each checked on its own."""
+
+import contextlib
+import dataclasses
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, get_args
+
+from slip_detector.parameters.fields import allowed, default_of
+
+NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+
+
+def _number(value: Any, kind: type, where: str) -> Any:
+    """Convert to int or float without losing anything, or say what is wrong."""
+    if isinstance(value, str) and kind is float:
+        # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number.
+        with contextlib.suppress(ValueError):
+            value = float(value)
+    wanted = 'a whole number' if kind is int else 'a number'
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError(f'{where} is {value!r}, allowed: {wanted}')
+    try:
+        number = float(value)
+    except OverflowError:
+        raise ValueError(f'{where} has too many digits, allowed: {wanted} below 1e308') from None
+    if math.isnan(number):
+        raise ValueError(f'{where} is not a number, allowed: {wanted}')
+    if kind is int and not number.is_integer():
+        raise ValueError(f'{where} is {value!r}, allowed: {wanted}')
+    return kind(value)
+
+
+def _in_range(value: float, field: 'dataclasses.Field[Any]', where: str) -> None:
+    low, high = field.metadata['low'], field.metadata['high']
+    if (low is not None and value < low) or (high is not None and value > high):
+        unit = f' {field.metadata["unit"]}' if field.metadata['unit'] else ''
+        raise ValueError(f'{where} is {value:g}{unit}, allowed: {allowed(field)}')
+
+
+def converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
+    """Return a value from YAML, ROS or Python in the type of its parameter.
+
+    Parameters
+    ----------
+    value
+        As it was given.
+    field
+        The description of the parameter.
+    where
+        How a message names the parameter.
+
+    Raises
+    ------
+    ValueError
+        When the value has another type or is out of range, on its own.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters import ChainConfig
+    >>> stopbands = ChainConfig.__dataclass_fields__['stopbands_hz']
+    >>> converted([0.5, 7, '48', 52], stopbands, 'parameter stopbands_hz')
+    ((0.5, 7.0), (48.0, 52.0))
+    """
+    default = default_of(field)
+    if field.name == 'vote':
+        return _vote(value, where)
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise ValueError(f'{where} is {value!r}, allowed: true, false')
+        return value
+    if isinstance(default, (int, float)):
+        value = _number(value, type(default), where)
+        _in_range(value, field, where)
+        return value
+    if isinstance(default, str):
+        choices = field.metadata['choices']
+        if not isinstance(value, str) or (choices and value not in choices):
+            raise ValueError(f'{where} is {value!r}, allowed: {allowed(field) or "text"}')
+        return value
+    if isinstance(default, dict):
+        return _groups(value, where)
+    if isinstance(value, str) or not hasattr(value, '__iter__'):
+        raise ValueError(f'{where} is {value!r}, allowed: a list')
+    if field.name == 'channel_names':
+        return _names(value, where)
+    if str in get_args(field.type):
+        return _texts(value, where)
+    return _numbers(list(value), default, field, where)
+
+
+def _numbers(
+    items: list[Any], default: tuple[Any, ...], field: 'dataclasses.Field[Any]', where: str
+) -> tuple[Any, ...]:
+    """Convert a list of numbers, or of pairs given flat or nested."""
+    pairs = bool(default) and isinstance(default[0], tuple)
+    flat: list[Any] = []
+    for item in items:
+        if pairs and not isinstance(item, str) and hasattr(item, '__iter__'):
+            flat.extend(item)
+        else:
+            flat.append(item)
+    kind = int if field.name.endswith('_channels') else float
+    numbers = [_number(item, kind, where) for item in flat]
+    for number in numbers:
+        _in_range(number, field, where)
+    if pairs:
+        if len(numbers) % 2:
+            raise ValueError(f'{where} has {len(numbers)} numbers, allowed: pairs [low, high]')
+        return tuple(zip(numbers[::2], numbers[1::2], strict=True))
+    any_length = Ellipsis in get_args(field.type)
+    if not any_length and len(numbers) != len(default):
+        raise ValueError(f'{where} has {len(numbers)} numbers, allowed: {len(default)}')
+    return tuple(numbers)
+
+
+def _vote(value: Any, where: str) -> str | int:
+    if value in ('all', 'mean'):
+        return str(value)
+    text = str(value)
+    if not isinstance(value, bool) and text.isdecimal() and int(text) >= 1:
+        return int(text)
+    raise ValueError(f'{where} is {value!r}, allowed: all, mean, or a whole number from 1')
+
+
+def _names(value: Any, where: str) -> tuple[str, ...]:
+    names = tuple(value)
+    for name in names:
+        if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
+            raise ValueError(
+                f'{where} has {name!r}, allowed: letters, digits and _, a letter first'
+            )
+    doubled = sorted({name for name in names if names.count(name) > 1})
+    if doubled:
+        raise ValueError(f'{where} has {doubled[0]!r} twice, allowed: each name once')
+    return names
+
+
+def _texts(value: Any, where: str) -> tuple[str, ...]:
+    for text in value:
+        if not isinstance(text, str) or not text:
+            raise ValueError(f'{where} has {text!r}, allowed: a list of names')
+    return tuple(value)
+
+
+def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
+    if not isinstance(value, Mapping):
+        raise ValueError(f'{where} is {value!r}, allowed: a list of channel numbers per name')
+    _names(list(value), where)
+    groups = {}
+    for name, members in value.items():
+        inner = f'{where}.{name}'
+        if isinstance(members, str) or not hasattr(members, '__iter__'):
+            raise ValueError(f'{inner} is {members!r}, allowed: a list of channel numbers')
+        groups[name] = tuple(_number(member, int, inner) for member in members)
+    return groups

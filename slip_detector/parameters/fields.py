@@ -1,0 +1,84 @@
+"""The description of one parameter, as the metadata of a dataclass field."""
+
+import dataclasses
+from typing import Any
+
+
+def parameter(
+    default: Any,
+    meaning: str,
+    *,
+    unit: str = '',
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+    allows: str = '',
+) -> Any:
+    """Make a dataclass field that describes one parameter.
+
+    Conversion and checks need nothing but this description.
+
+    Parameters
+    ----------
+    default
+        Its type is the parameter's type; a tuple is a list of any length, a tuple of pairs is
+        written as a flat list.
+    meaning
+        One sentence; it is shown in the ROS descriptor of the parameter and in docs/parameters.md.
+    unit
+        SI unit.
+    low, high
+        Inclusive bounds of a number, or of each number of a list.
+    choices
+        What a text parameter may say.
+    allows
+        What is allowed, in words, where bounds and choices do not tell.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from slip_detector.parameters.sets import ParameterSet
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Gripper(ParameterSet):
+    ...     force_n: float = parameter(2.0, 'Grip force.', unit='N', low=0.1, high=40.0)
+    >>> Gripper(force_n=3)
+    Gripper(force_n=3.0)
+    >>> Gripper(force_n=99)
+    Traceback (most recent call last):
+    ValueError: parameter force_n is 99 N, allowed: 0.1 to 40 N
+    """
+    metadata = {
+        'meaning': meaning,
+        'unit': unit,
+        'low': low,
+        'high': high,
+        'choices': choices,
+        'allows': allows,
+    }
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def default_of(field: 'dataclasses.Field[Any]') -> Any:
+    """Return the default of a dataclass field, whichever way it is given."""
+    if field.default is not dataclasses.MISSING:
+        return field.default
+    assert field.default_factory is not dataclasses.MISSING
+    return field.default_factory()
+
+
+def allowed(field: 'dataclasses.Field[Any]') -> str:
+    """Say in words which values a parameter takes."""
+    metadata = field.metadata
+    if metadata['allows']:
+        return str(metadata['allows'])
+    if metadata['choices']:
+        return ', '.join(metadata['choices'])
+    unit = f' {metadata["unit"]}' if metadata['unit'] else ''
+    low, high = metadata['low'], metadata['high']
+    if low is not None and high is not None:
+        return f'{low:g} to {high:g}{unit}'
+    if low is not None:
+        return f'at least {low:g}{unit}'
+    return 'true, false' if isinstance(default_of(field), bool) else ''

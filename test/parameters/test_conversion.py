@@ -1,0 +1,67 @@
+"""Values in the type of their parameter, or refused."""
+
+import dataclasses
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.fields import default_of
+from support.config_cases import message_of
+
+
+@pytest.mark.parametrize(
+    ('values', 'name', 'expected'),
+    [
+        ({'sample_rate_hz': 400}, 'sample_rate_hz', 400.0),
+        ({'gain': 5}, 'gain', 5.0),
+        ({'threshold': 1}, 'threshold', 1.0),
+        ({'threshold': '1e9'}, 'threshold', 1e9),
+        ({'valid_range_v': ['-1e9', '1e9']}, 'valid_range_v', (-1e9, 1e9)),
+        ({'valid_range_v': [0, 5]}, 'valid_range_v', (0.0, 5.0)),
+        ({'passband_hz': [10, 150]}, 'passband_hz', (10.0, 150.0)),
+        ({'passband_hz': [10, 0]}, 'passband_hz', (10.0, 0.0)),
+        ({'stopbands_hz': [1, 2, 48, 52]}, 'stopbands_hz', ((1.0, 2.0), (48.0, 52.0))),
+        ({'stopbands_hz': [[1, 2], [48, 52]]}, 'stopbands_hz', ((1.0, 2.0), (48.0, 52.0))),
+        ({'stopbands_hz': []}, 'stopbands_hz', ()),
+        ({'channels': 8.0}, 'channels', 8),
+        ({'exponent': 2.0}, 'exponent', 2),
+        ({'disabled_channels': [3, 1]}, 'disabled_channels', (3, 1)),
+        ({'vote': 3}, 'vote', 3),
+        ({'vote': '3'}, 'vote', 3),
+        ({'vote': 'mean'}, 'vote', 'mean'),
+        ({'groups': {'a': [1, 2]}, 'channels': 2}, 'groups', {'a': (1, 2)}),
+        ({'groups': {'a': (1.0, 2.0)}, 'channels': 2}, 'groups', {'a': (1, 2)}),
+    ],
+)
+def test_values_are_brought_to_the_parameters_type(values, name, expected):
+    value = getattr(ChainConfig(**values), name)
+    assert value == expected
+    assert type(value) is type(expected)
+    if isinstance(expected, tuple):
+        assert [type(item) for item in value] == [type(item) for item in expected]
+
+
+@given(st.floats())
+def test_any_float_is_taken_or_refused_in_one_line(value):
+    for field in dataclasses.fields(DetectorConfig):
+        if type(default_of(field)) is not float:
+            continue
+        low, high = field.metadata['low'], field.metadata['high']
+        if not low <= value <= high:
+            message = message_of(DetectorConfig, **{field.name: value})
+            assert re.fullmatch(rf'parameter {field.name} .+, allowed: .+', message)
+            continue
+        try:
+            config = DetectorConfig(**{field.name: value})
+        except ValueError as error:
+            # Allowed on its own, not with the others: edges against the rate, windows too.
+            message = str(error)
+            config = None
+        if config is None:
+            assert field.name in ('sample_rate_hz', 'envelope_window_s', 'decision_window_s')
+            assert re.fullmatch(r'parameter \w+ .+, allowed: .+', message)
+        else:
+            assert getattr(config, field.name) == value

@@ -1,0 +1,22 @@
+"""The description of a parameter."""
+
+import dataclasses
+
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.fields import allowed, default_of
+
+
+def test_the_default_of_groups_is_not_shared():
+    field = next(f for f in dataclasses.fields(ChainConfig) if f.name == 'groups')
+    default_of(field)['mine'] = (1,)
+    assert 'mine' not in default_of(field)
+    assert 'mine' not in ChainConfig().groups
+
+
+def test_allowed_says_the_range_the_choices_or_nothing():
+    fields = {field.name: field for field in dataclasses.fields(DriverConfig)}
+    chain = {field.name: field for field in dataclasses.fields(ChainConfig)}
+    assert allowed(chain['sample_rate_hz']) == '1 to 1e+06 Hz'
+    assert allowed(chain['rectify']) == 'full, half'
+    assert allowed(fields['frame_id']) == ''

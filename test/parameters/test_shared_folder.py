@@ -1,0 +1,17 @@
+"""The folder with the files that come with the package."""
+
+import pytest
+
+from slip_detector.parameters import shared_folder
+
+
+def test_the_folder_has_the_configurations_and_scenes():
+    folder = shared_folder.shared_folder()
+    assert (folder / 'package.xml').is_file()
+    assert (folder / 'config' / 'scenes' / 'plate_400um.yaml').is_file()
+
+
+def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
+    monkeypatch.setattr(shared_folder, '__file__', str(tmp_path / 'shared_folder.py'))
+    with pytest.raises(ValueError, match='without its config folder'):
+        shared_folder.shared_folder()
