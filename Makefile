@@ -22,7 +22,7 @@ COLCON := build/colcon-$(ROS)
 
 SOURCES := $(shell find slip_detector benchmarks examples launch config resource -type f -not -path '*/__pycache__/*')
 PACKAGE := $(SOURCES) setup.py setup.cfg pyproject.toml package.xml
-TESTS := $(shell find test docs -name '*.py' -o -name '*.md') README.md
+TESTS := $(shell find test docs -name '*.py' -o -name '*.md') README.md CONTRIBUTING.md
 # What computes, and what of it the chain alone is.
 CHAIN_TESTS := test/chain test/evaluation
 COMPUTING_TESTS := $(CHAIN_TESTS) test/parameters test/recordings test/sources test/scenes test/tuning \

@@ -82,6 +82,14 @@ RUN_BY = {
     'ros2 launch slip_detector grasp.launch.py': 'test/launch/test_launch_grasp.py::TestGrasp',
     'slip_demo --out out': 'Makefile: slip_demo --out out',
     'slip_grasp --out out': 'Makefile: slip_grasp --out out',
+    'chromium-headless-shell --screenshot=docs/figures/report.png --window-size=1280,860'
+    ' report.html#event-0-0-0': 'test/report/test_report_browser.py::test_it_renders',
+    'slip_evaluate --protocol paper': (
+        'test/evaluation/test_protocol.py::test_the_papers_results_are_reproduced'
+    ),
+    'slip_evaluate --protocol paper --plot docs/figures': (
+        'test/commands/test_evaluate_protocol.py::test_the_pictures_are_written_and_show_something'
+    ),
     'slip_grasp --live 30': (
         'test/nodes/test_grasp_demo.py'
         '::test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_time'
@@ -109,7 +117,16 @@ SCRIPTS = {
 WITH_NODES = {'slip_demo', 'slip_grasp', 'slip_driver', 'slip_detector', 'grasp_controller'}
 
 #: Code in the text that begins with one of these and goes on is a command.
-PROGRAMS = {'make', 'ros2', 'python', 'python3', 'pip', 'colcon', 'rosdep', *SCRIPTS}
+PROGRAMS = {
+    'make',
+    'ros2',
+    'python',
+    'python3',
+    'pip',
+    'colcon',
+    'rosdep',
+    'chromium-headless-shell',
+} | set(SCRIPTS)
 
 
 def commands(block):
@@ -147,6 +164,8 @@ def run_by(words):
         return ' '.join(words[:4])
     if words[:3] == ['python', '-m', 'benchmarks']:
         if len(words) > 3:
+            makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
+            assert re.search(rf'for command in [^;]*\b{words[3]}\b', makefile), words
             command = importlib.import_module(f'benchmarks.{words[3]}.command')
             command.options().parse_args(words[4:])
         return 'make benchmark'
@@ -219,7 +238,7 @@ def install(folder):
 def record(folder):
     """Leave recordings with slip, and one without, where pages speak of ``bags``."""
     folder.mkdir()
-    for scene_name in ('plate_440um', 'taps'):
+    for scene_name in ('plate_400um', 'plate_440um', 'taps'):
         scene = load_scene(find_scene(scene_name), np.random.default_rng(0))
         samples = scene.read(10_000)
         np.savez(

@@ -1,4 +1,4 @@
-"""Each fault of the README's table, caused for real, and what a user sees.
+"""Each fault of docs/faults.md, caused for real, and what a user sees.
 
 In none of them may ``slip_valid`` be true, with ``slip`` ON or OFF, for longer than
 ``input_timeout_s`` after the last sample that counted.
