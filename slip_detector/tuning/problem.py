@@ -63,7 +63,7 @@ class Problem:
 
         return Study(where, name, SearchSpace(self.given).distributions(), seed)
 
-    def found(self, trial: Any) -> list[Candidate]:
+    def candidates(self, trial: Any) -> list[Candidate]:
         """Return what a finished trial of the study found, a vote each, the cheapest first."""
         return [
             Candidate(
@@ -77,7 +77,7 @@ class Problem:
 
     def best(self, study: 'Study') -> Candidate | None:
         """Return the cheapest of all; None where no trial found any."""
-        found = [self.found(trial)[0] for trial in study.trials]
+        found = [self.candidates(trial)[0] for trial in study.trials]
         return min(found, key=lambda one: one.cost_ms, default=None)
 
     def choice(self, study: 'Study') -> Candidate | None:
@@ -95,7 +95,7 @@ class Problem:
         nearest, choice = math.inf, best
         for trial in study.trials:
             away = space.distance(trial.params, given)
-            for found in self.found(trial):
+            for found in self.candidates(trial):
                 if found.cost_ms > best.cost_ms + best.error_ms or self._worse(found, best):
                     continue
                 distance = math.hypot(away, found.chain.vote != self.given.vote)

@@ -229,4 +229,5 @@ def rounded(value: float) -> float:
 def _rounded_up(value: float) -> float:
     """Round to four significant digits, to what is not less."""
     near = rounded(value)
-    return near if near >= value else rounded(near * 1.001)
+    step = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return near if near >= value else rounded(near + step)

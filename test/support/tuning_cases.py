@@ -1,6 +1,7 @@
 """Small labelled recordings for the tests of the tuner."""
 
 import numpy as np
+import optuna
 
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
@@ -68,3 +69,17 @@ def problem(tracks, given_chain=CHAIN, config=None):
     config = config or TuneConfig()
     before = Objective(tracks, EvaluationConfig(), config).as_it_is(given_chain)
     return Problem(tracks, given_chain, before.figures, EvaluationConfig(), config)
+
+
+def trials_of(storage):
+    """Return the trials of the one study of a storage."""
+    (name,) = optuna.get_all_study_names(storage)
+    return optuna.load_study(study_name=name, storage=storage).get_trials(deepcopy=False)
+
+
+def journal(path):
+    """Open a journal as a storage."""
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+
+    return JournalStorage(JournalFileBackend(str(path)))

@@ -1,0 +1,74 @@
+"""``slip_evaluate`` as a process: what it prints, and how it ends."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support.evaluation_cases import (
+    write,
+)
+
+ROOT = Path(__file__).parents[2]
+
+
+def command(*arguments):
+    return [sys.executable, '-m', 'slip_detector.commands.evaluate', *map(str, arguments)]
+
+
+def run(*arguments, **more):
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    # Without buffers there is nothing left over that could fail once more at the end.
+    environment.pop('PYTHONUNBUFFERED', None)
+    more = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE, **more}
+    return subprocess.run(
+        command(*arguments), text=True, check=False, timeout=120, env=environment, **more
+    )
+
+
+def test_as_a_process_it_prints_and_ends_with_its_exit_code(tmp_path):
+    path = write(tmp_path / 'a.npz')
+    good = run(path)
+    assert (good.returncode, good.stderr) == (0, '')
+    assert good.stdout.splitlines()[2].startswith('all rows')
+    bad = run(tmp_path / 'no.npz')
+    assert (bad.returncode, bad.stdout) == (1, '')
+    assert bad.stderr == (
+        f'slip_evaluate: {tmp_path / "no.npz"}: cannot be read (No such file or directory)\n'
+    )
+
+
+def test_a_reader_that_leaves_early_is_no_error(tmp_path):
+    path = write(tmp_path / 'a.npz')
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        ended = run(path, stdout=writer)
+    finally:
+        os.close(writer)
+    assert (ended.returncode, ended.stderr) == (0, '')
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='no /dev/full')
+def test_a_full_disk_is_said(tmp_path):
+    path = write(tmp_path / 'a.npz')
+    with open('/dev/full', 'w', encoding='utf-8') as full:
+        ended = run(path, stdout=full)
+    assert ended.returncode == 1
+    assert ended.stderr == (
+        'slip_evaluate: the output cannot be written (No space left on device)\n'
+    )
+
+
+def test_it_needs_neither_ros_nor_a_plotting_library():
+    code = (
+        'import sys; before = set(sys.modules); import slip_detector.commands.evaluate; '
+        'print({"rclpy", "std_msgs", "matplotlib"} & (set(sys.modules) - before))'
+    )
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    ended = subprocess.run(
+        [sys.executable, '-c', code], env=environment, capture_output=True, text=True, check=True
+    )
+    assert ended.stdout.strip() == 'set()'

@@ -1,0 +1,83 @@
+"""The recordings of a real finger, evaluated as its configuration says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.labelled_rows import REST, SLIP
+from slip_detector.evaluation.scores import ScoreTally
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
+from support.evaluation_cases import report_of
+
+ROOT = Path(__file__).parents[2]
+
+
+TALLY = ScoreTally()
+
+
+def roc_auc(score, label):
+    TALLY.add(score, np.where(label, SLIP, REST))
+    return TALLY.take().auc()
+
+
+XELA_CONFIG = ROOT / 'config' / 'xela_uskin.yaml'
+
+
+XELA = ROOT.parent / 'shared' / 'data' / 'xela_uskin_slip'
+
+
+needs_xela = pytest.mark.skipif(not XELA.is_dir(), reason=f'no recordings at {XELA}')
+
+
+def test_the_configuration_of_the_real_finger_suits_every_node():
+    detector = DetectorConfig.from_yaml(XELA_CONFIG)
+    recording = RecordingConfig.from_yaml(XELA_CONFIG)
+    evaluate = EvaluationConfig.from_yaml(XELA_CONFIG)
+    assert (detector.channels, detector.sample_rate_hz) == (96, 60.0)
+    assert detector.groups == {'y': tuple(range(2, 97, 3))}
+    assert set(detector.disabled_channels) == set(range(1, 97)) - set(detector.groups['y'])
+    assert recording.recording_volts_key == 'tactile'
+    assert evaluate.motion_columns == ('v_x', 'v_y')
+    sections = yaml.safe_load(XELA_CONFIG.read_text(encoding='utf-8'))
+    assert list(sections) == ['/**/slip_detector', '/**/slip_driver', '/**/slip_evaluate']
+
+
+@needs_xela
+def test_the_real_finger_is_told_sliding_from_holding_and_from_moving(capsys):
+    report = report_of(capsys, XELA, '--config', XELA_CONFIG)['xela_uskin_slip']
+    assert len(report['recordings']) == 7
+    assert (report['rows'], report['slip_rows'], report['moving_rows']) == (2195, 196, 1512)
+    # What a detector that knows nothing else reaches (the README of the data).
+    assert report['auc_all'] > 0.91
+    assert report['auc_moving'] > 0.85
+    # What the configuration says of itself.
+    assert report['auc_all'] == pytest.approx(0.951, abs=1e-3)
+    assert report['auc_moving'] == pytest.approx(0.926, abs=1e-3)
+    within = [part['auc_moving'] for part in report['recordings'].values() if part['slip_rows']]
+    assert within == pytest.approx([0.849, 0.733, 0.886], abs=2e-3)
+
+
+@needs_xela
+def test_what_the_configuration_says_of_the_data_is_so():
+    config = ChainConfig.from_yaml(XELA_CONFIG)
+    speeds, slips, decisions = [], [], []
+    for path in sorted(XELA.glob('*.npz')):
+        with np.load(path) as file:
+            names = list(file['robot_state_names'])
+            columns = file['robot_state'][:, [names.index('v_x'), names.index('v_y')]]
+            speeds.append(np.hypot(*columns.T.astype(float)))
+            slips.append(file['slip'] == 1)
+            decisions.append(SlipChain(config).update(file['tactile']).slip)
+            axes = [name[-1] for name in file['taxel_names']]
+    assert {axes[channel - 1] for channel in config.groups['y']} == {'y'}
+    speed, slip, on = (np.concatenate(parts) for parts in (speeds, slips, decisions))
+    moving = speed > 0.01
+    assert roc_auc(speed, slip) == pytest.approx(0.878, abs=1e-3)
+    assert roc_auc(speed[slip | moving], slip[slip | moving]) == pytest.approx(0.814, abs=1e-3)
+    assert on[slip].mean() == pytest.approx(0.99, abs=0.01)
+    assert on[moving & ~slip].mean() == pytest.approx(0.22, abs=0.01)

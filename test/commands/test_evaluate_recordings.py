@@ -1,0 +1,248 @@
+"""What ``slip_evaluate`` reads of recordings: their labels, rates, gaps and motion."""
+
+import numpy as np
+import pytest
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.commands.evaluate import main
+from slip_detector.evaluation.labelled_rows import REST, SLIP
+from slip_detector.evaluation.scores import ScoreTally
+from support.evaluation_cases import RATE_HZ, bag, complaint, config_file, report_of, write
+
+TALLY = ScoreTally()
+
+
+def roc_auc(score, label):
+    TALLY.add(score, np.where(label, SLIP, REST))
+    return TALLY.take().auc()
+
+
+def expected_scores(path):
+    with np.load(path) as file:
+        result = SlipChain().update(file['volts'], votes=('all',))
+        return result.vote_statistic[:, 0], file['slip']
+
+
+def test_motion_is_the_norm_over_the_named_columns_above_the_limit(capsys, tmp_path):
+    # Column v_z would make every row one of motion, v_x or v_y alone none.
+    moving = np.arange(600) >= 200
+    arm = np.column_stack([0.03 * moving, np.ones(600), -0.04 * moving])
+    names = ['v_x', 'v_z', 'v_y']
+    path = write(tmp_path / 'a.npz', arm=arm, arm_names=names)
+    keys = {'motion_key': 'arm', 'motion_columns': ['v_x', 'v_y'], 'moving_above': 0.045}
+    config = config_file(tmp_path / 'c.yaml', **keys)
+    figures = report_of(capsys, path, '--config', config)[tmp_path.name]
+    score, slip = expected_scores(path)
+    assert figures['moving_rows'] == 400
+    assert figures['auc_moving'] == roc_auc(score[moving], slip[moving])
+    assert figures['auc_moving'] != figures['auc_all']
+    faster = config_file(tmp_path / 'd.yaml', **{**keys, 'moving_above': 0.051})
+    figures = report_of(capsys, path, '--config', faster)[tmp_path.name]
+    assert figures['moving_rows'] == 0
+    assert figures['auc_moving'] is None
+    every = config_file(tmp_path / 'e.yaml', motion_key='arm')
+    assert report_of(capsys, path, '--config', every)[tmp_path.name]['moving_rows'] == 600
+
+
+def test_rows_of_slip_count_also_where_the_robot_stands(capsys, tmp_path):
+    moving = np.arange(600) < 450  # All but the rows with slip.
+    path = write(tmp_path / 'a.npz', speed=1.0 * moving)
+    config = config_file(tmp_path / 'c.yaml', motion_key='speed')
+    figures = report_of(capsys, path, '--config', config)[tmp_path.name]
+    assert figures['moving_rows'] == 450
+    assert figures['auc_moving'] == figures['auc_all']
+
+
+def test_bad_samples_and_gaps_are_counted(capsys, tmp_path):
+    rng = np.random.default_rng(0)
+    volts = 4.3 + 0.01 * rng.normal(size=(600, 16))
+    volts[100, 3:5] = np.nan
+    volts[200, 0] = np.inf
+    time_s = np.arange(600) / RATE_HZ
+    time_s[300:] += 10 / RATE_HZ
+    time_s[500:] += 1.0
+    table = np.column_stack([time_s, volts, np.zeros(600)])
+    head = ','.join(['time_s', *(f'ch{i + 1}' for i in range(16)), 'slip'])
+    np.savetxt(tmp_path / 'a.csv', table, '%.17g', ',', header=head, comments='')
+    met = {'bad_samples': 3, 'gaps': 1, 'bridged_rows': 10, 'long_gaps': 1, 'dropped': 0}
+    figures = report_of(capsys, tmp_path / 'a.csv')[tmp_path.name]
+    assert met.items() <= figures.items()
+    assert met.items() <= figures['recordings']['a.csv'].items()
+    assert figures['rows'] == 610
+    assert main([str(tmp_path / 'a.csv')]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (at,) = (k for k, line in enumerate(lines) if line.startswith('what was met'))
+    assert lines[at + 1].split() == ['a.csv', '3', '1', '10', '1', '0']
+    # The detector's own parameter says which gap is bridged.
+    config = config_file(tmp_path / 'c.yaml', {'max_gap_s': 2.0})
+    figures = report_of(capsys, tmp_path / 'a.csv', '--config', config)[tmp_path.name]
+    assert (figures['gaps'], figures['long_gaps']) == (2, 0)
+
+
+@pytest.mark.parametrize('name', ['a.mcap', 'a.db3', 'a'])
+def test_a_bag_and_an_npz_of_the_same_rows_have_the_same_figures(capsys, tmp_path, name):
+    source = bag(tmp_path / 'bags' / name)
+    expected = report_of(capsys, source)['source']
+    # A folder of bags is a set, one that is a bag is a recording.
+    for given_path in (tmp_path / 'bags', tmp_path / 'bags' / name):
+        found = report_of(capsys, given_path)['bags']
+        assert list(found['recordings']) == [name]
+        for figure in ('rows', 'slips', 'alarms', 'auc_all', 'mean_delay_ms', 'long_gaps'):
+            assert found[figure] == expected[figure]
+
+
+def test_a_bag_that_was_cut_off_is_evaluated_and_says_so(capsys, tmp_path):
+    path = tmp_path / 'bags' / 'a.mcap'
+    bag(path)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    figures = report_of(capsys, path)['bags']
+    assert 0 < figures['rows'] < 600
+    (of_file,) = figures['recordings'].values()
+    assert 'is lost' in of_file['lost']
+    assert main([str(path)]) == 0
+    assert f'a.mcap: {of_file["lost"]}' in capsys.readouterr().out.splitlines()
+
+
+def test_a_bag_without_labels_or_topic_says_what_is_missing(capsys, tmp_path):
+    path = tmp_path / 'bags' / 'a.mcap'
+    bag(path, truth=False)
+    assert complaint(capsys, path) == (
+        f'{path}: has no topic slip_truth or platform_position that tells the slips, allowed: '
+        'one, or a file of labels beside it, a.labels.yaml (--labels: elsewhere)'
+    )
+    assert '/voltages' in complaint(capsys, path, '--topic', 'nowhere')
+    assert complaint(capsys, path, '--field', 'nothing').startswith(f'{path}: ')
+    labels = tmp_path / 'a.labels.yaml'
+    labels.write_text('slip_s:\n- [0.5, 1.0]\n')
+    figures = report_of(capsys, path, '--labels', labels)['bags']
+    assert (figures['slips'], figures['slip_rows']) == (1, 190)
+
+
+def test_csv_and_npz_of_the_same_rows_score_the_same(capsys, tmp_path):
+    path = write(tmp_path / 'a.npz')
+    with np.load(path) as file:
+        table = np.column_stack([np.arange(600) / RATE_HZ, file['volts'], file['slip']])
+    head = ','.join(['time_s', *(f'ch{i + 1}' for i in range(16)), 'slip'])
+    np.savetxt(tmp_path / 'a.csv', table, '%.17g', ',', header=head, comments='')
+    recordings = report_of(capsys, tmp_path)[tmp_path.name]['recordings']
+    assert list(recordings) == ['a.csv', 'a.npz']
+    a, b = recordings['a.csv'], recordings['a.npz']
+    # The rate of a csv file is that of its times, to their last digits.
+    events = {'slip_events', 'alarm_events', 'lost'}
+    assert a == {
+        name: a[name] if name in events or value is None else pytest.approx(value)
+        for name, value in b.items()
+    }
+    assert len(a['slip_events']) == len(b['slip_events']) == 1
+
+
+@pytest.mark.parametrize('rate_hz', [RATE_HZ * 0.981, RATE_HZ * 1.019])
+def test_a_rate_within_two_percent_is_taken(capsys, tmp_path, rate_hz):
+    assert report_of(capsys, write(tmp_path / 'a.npz', rate_hz=rate_hz))
+
+
+@pytest.mark.parametrize('rate_hz', [RATE_HZ * 0.979, RATE_HZ * 1.021])
+def test_another_rate_is_refused_naming_both(capsys, tmp_path, rate_hz):
+    path = write(tmp_path / 'a.npz', rate_hz=rate_hz)
+    assert complaint(capsys, path) == (
+        f'{path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is 380 Hz, '
+        'allowed: at most 2% apart, or --resample (recording_resample: true)'
+    )
+    assert report_of(capsys, path, '--resample')
+
+
+def test_a_recording_that_does_not_suit_is_named(capsys, tmp_path):
+    narrow = write(tmp_path / 'narrow.npz', channels=8)
+    assert complaint(capsys, narrow) == (
+        f'{narrow}: has 8 channels, allowed: 16, the parameter channels'
+    )
+    unlabelled = write(tmp_path / 'unlabelled.npz', slip=None)
+    assert complaint(capsys, unlabelled) == (
+        f'{unlabelled}: has no label slip, there are: sample_rate_hz, volts; allowed: one, or a '
+        'file of labels beside it, unlabelled.labels.yaml (--labels: elsewhere)'
+    )
+    broken = tmp_path / 'broken.npz'
+    broken.write_bytes(unlabelled.read_bytes()[:-100])
+    assert complaint(capsys, broken) == f'{broken}: is broken or not npz'
+    missing = tmp_path / 'missing.npz'
+    assert complaint(capsys, missing) == f'{missing}: cannot be read (No such file or directory)'
+    assert 'is .bag, allowed: .npz, .csv' in complaint(capsys, tmp_path / 'a.bag')
+
+
+def test_one_bad_recording_in_a_folder_is_no_reason_to_leave_it_out(capsys, tmp_path):
+    write(tmp_path / 'set' / 'a.npz')
+    unlabelled = write(tmp_path / 'set' / 'b.npz', slip=None)
+    assert complaint(capsys, tmp_path / 'set').startswith(f'{unlabelled}: has no label')
+
+
+def test_a_csv_with_other_names_than_configured_is_refused(capsys, tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('time_s,right,left,slip\n0,1,1,0\n0.1,2,2,1\n')
+    detector = {
+        'sample_rate_hz': 10.0,
+        'channels': 2,
+        'channel_names': ['left', 'right'],
+        'passband_hz': [1.0, 4.0],
+        'stopbands_hz': [],
+        'envelope_window_s': 0.1,
+        'decision_window_s': 0.1,
+    }
+    config = config_file(tmp_path / 'c.yaml', detector)
+    assert complaint(capsys, path, '--config', config) == (
+        f'{path}: has the channels right, left, allowed: left, right, the parameter channel_names'
+    )
+    config = config_file(tmp_path / 'c.yaml', {**detector, 'channel_names': ['right', 'left']})
+    assert report_of(capsys, path, '--config', config)
+
+
+@pytest.mark.parametrize(
+    ('arrays', 'evaluate', 'said'),
+    [
+        ({}, {'motion_key': 'v'}, ': has no array v, there are: sample_rate_hz, slip, volts'),
+        (
+            {'v': np.zeros(599)},
+            {'motion_key': 'v'},
+            ': v has 599 rows, allowed: as many as the recording has',
+        ),
+        (
+            {'v': np.zeros(601)},
+            {'motion_key': 'v'},
+            ': v has 601 rows, allowed: as many as the recording has',
+        ),
+        (
+            {'v': np.zeros((600, 2, 2))},
+            {'motion_key': 'v'},
+            ': v has the shape (600, 2, 2) and type float64, allowed: numbers of shape',
+        ),
+        (
+            {'v': np.array(['a'] * 600)},
+            {'motion_key': 'v'},
+            ': v has the shape (600,) and type <U1, allowed: numbers of shape',
+        ),
+        (
+            {'v': np.where(np.arange(600) == 41, np.nan, 1.0)},
+            {'motion_key': 'v'},
+            ': v is not finite in row 42, allowed: finite numbers',
+        ),
+        (
+            {'v': np.zeros((600, 2))},
+            {'motion_key': 'v', 'motion_columns': ['v_x']},
+            ': v_names is not there, allowed: a name for each of 2 columns',
+        ),
+        (
+            {'v': np.zeros((600, 2)), 'v_names': ['v_x']},
+            {'motion_key': 'v', 'motion_columns': ['v_x']},
+            ': v_names has the shape (1,), allowed: a name for each of 2 columns',
+        ),
+        (
+            {'v': np.zeros((600, 2)), 'v_names': ['v_x', 'v_y']},
+            {'motion_key': 'v', 'motion_columns': ['v_z']},
+            ': v_names has v_z 0 times, allowed: once; there are: v_x, v_y',
+        ),
+    ],
+)
+def test_velocities_that_are_not_as_configured_are_named(capsys, tmp_path, arrays, evaluate, said):
+    path = write(tmp_path / 'a.npz', **arrays)
+    config = config_file(tmp_path / 'c.yaml', **evaluate)
+    assert complaint(capsys, path, '--config', config).startswith(f'{path}{said}')

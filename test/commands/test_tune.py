@@ -1,0 +1,168 @@
+"""``slip_tune``: the files that it writes, studies that go on, and what is held out."""
+
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import optuna
+import pytest
+import yaml
+
+from slip_detector.commands.tune import main
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.tuning.problem import SEARCHED
+from support.tuning_cases import CHAIN, PARAMETERS, journal, slips, trials_of, write
+
+
+def run(*words, code=0):
+    assert main([str(word) for word in words]) == code
+
+
+def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
+    folder, words = case
+    out = folder / 'out.yaml'
+    run(*words, '--out', out, '--report', folder / 'report.html', '--trials', 12)
+    shown = capsys.readouterr()
+    assert 'Held out, and not tuned on: c.npz (4 slips in 0.2 min)' in shown.out
+    assert '12 of 12 trials, best' in shown.err
+    text = out.read_text()
+    comments = [line for line in text.splitlines() if line.startswith('#')]
+    assert any('Tuned on: a.npz, b.npz (8 slips in 0.4 min)' in line for line in comments)
+    assert any('false alarms per minute' in line for line in comments)
+    before, after = yaml.safe_load(PARAMETERS), yaml.safe_load(text)
+    tuned = after['/**/slip_detector']['ros__parameters']
+    for name, value in before['/**/slip_detector']['ros__parameters'].items():
+        assert name in SEARCHED or tuned[name] == value
+    for section in ('/**/slip_driver', '/**/slip_evaluate', '/**/other_node'):
+        assert after[section] == before[section]
+    config = DetectorConfig.from_yaml(out)
+    assert config.heartbeat_hz == 20.0
+    assert config.threshold != 0.05
+    assert (folder / 'report.html').read_text().startswith('<!DOCTYPE html>')
+
+
+@pytest.mark.nodes
+def test_the_node_starts_with_the_file(case):
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    from support.harness import Bench, Detected
+
+    folder, words = case
+    out = folder / 'out.yaml'
+    run(*words, '--out', out, '--trials', 3)
+    bench = Bench()
+    try:
+        detected = Detected(bench, '--params-file', out)
+        detected.settle([4.3] * 4, 1_000_000_000, round(1e9 / 380.0))
+        assert len(detected.envelope[-1].position) == 4
+    finally:
+        bench.close()
+
+
+def test_the_same_command_goes_on_and_another_question_has_a_study_of_its_own(case, capsys):
+    folder, words = case
+    out = folder / 'out.yaml'
+    store = f'{out}.study.journal'
+    run(*words, '--out', out, '--trials', 4)
+    first = [trial.params for trial in trials_of(journal(store))]
+    run(*words, '--out', out, '--trials', 7)
+    params = [trial.params for trial in trials_of(journal(store))]
+    assert len(params) == 7
+    assert params[:4] == first
+    run(*words, '--out', out, '--trials', 7)
+    assert [trial.params for trial in trials_of(journal(store))] == params
+    capsys.readouterr()
+    run(*words, '--out', out, '--trials', 2, '--hold-out', 0.6)
+    assert '2 trials (2 asked for)' in capsys.readouterr().out
+    assert len(optuna.get_all_study_names(journal(store))) == 2
+
+
+def test_what_is_held_out_by_name_is_not_tuned_on(case, capsys):
+    folder, words = case
+    (folder / 'link.npz').symlink_to(folder / 'b.npz')
+    run(*words, '--held-out', folder / 'link.npz', '--out', folder / 'out.yaml', '--trials', 2)
+    shown = capsys.readouterr().out
+    assert 'Tuned on: a.npz, c.npz (8 slips in 0.4 min)' in shown
+    assert 'Held out, and not tuned on: link.npz (4 slips in 0.2 min)' in shown
+
+
+def test_a_copy_of_what_is_tuned_on_is_not_held_out(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path('given.yaml').write_text(PARAMETERS)
+    write('a.npz', 1)
+    shutil.copy('a.npz', 'b.npz')
+    run('a.npz', 'b.npz', '--config', 'given.yaml', '--out', 'o.yaml', code=1)
+    assert capsys.readouterr().err == (
+        'slip_tune: b.npz: is held out and holds the same as a.npz, which is tuned on, allowed: '
+        'each recording once\n'
+    )
+
+
+def test_a_file_takes_the_place_of_an_old_one_and_leaves_nothing_beside_it(case, monkeypatch):
+    folder, words = case
+    out = folder / 'out.yaml'
+    out.write_text('old')
+    before = set(folder.iterdir())
+    monkeypatch.setattr(os, 'replace', lambda *_: (_ for _ in ()).throw(OSError(28, 'is full')))
+    run(*words, '--out', out, '--trials', 1, code=1)
+    assert set(folder.iterdir()) == before | {Path(f'{out}.study.journal')}
+    assert out.read_text() == 'old'
+    monkeypatch.undo()
+    run(*words, '--out', out, '--trials', 1)
+    assert DetectorConfig.from_yaml(out).channels == 4
+    assert out.stat().st_mode == (folder / 'given.yaml').stat().st_mode
+
+
+def test_the_report_marks_the_given_and_the_tuned_in_the_trade_off(case):
+    folder, words = case
+    page = folder / 'page.html'
+    pictures = folder / 'out'
+    run(*words, '--out', folder / 'out.yaml', '--report', page, '--plot', pictures, '--trials', 12)
+    assert {path.name for path in pictures.iterdir()} == {
+        'timeline_1_c.npz.png', 'timeline_2_a.npz.png', 'timeline_3_b.npz.png', 'filters.png',
+        'front.png', 'figures.txt',
+    }  # fmt: skip
+    text = page.read_text()
+    assert '12 trials, of which' in text
+    section = text[text.index('<h2>Trade-off') : text.index('<h2>Filter')]
+    assert '<tr><td>given</td>' in section
+    assert '<tr><td>tuned</td>' in section
+
+
+def test_adversarial_recordings_leave_the_given_parameters(tmp_path, capsys):
+    """Tuned on slips of 150 Hz, judged on slips of 18 Hz beside hum of 150 Hz."""
+    (tmp_path / 'given.yaml').write_text(PARAMETERS)
+    paths = [write(tmp_path / f'{k}.npz', k, slip_hz=150.0) for k in range(2)]
+    held = write(tmp_path / 'held.npz', 9, slip_hz=18.0)
+    volts, truth = slips(9, slip_hz=18.0)
+    volts += (
+        ~truth[:, None] * 2.0 * np.sin(2 * np.pi * 150.0 * np.arange(len(truth)) / 380.0)[:, None]
+    )
+    np.savez(held, volts=volts, label=truth, sample_rate_hz=380.0)
+    out = tmp_path / 'out.yaml'
+    given = tmp_path / 'given.yaml'
+    run(*paths, '--held-out', held, '--config', given, '--out', out, '--trials', 15)
+    assert 'The given parameters are kept: on the held-out recordings' in capsys.readouterr().out
+    assert ChainConfig.from_yaml(out) == CHAIN
+    assert 'are kept' in out.read_text()
+
+
+def test_without_optuna_it_says_what_to_install(case, monkeypatch, capsys):
+    folder, words = case
+    monkeypatch.setitem(sys.modules, 'optuna', None)
+    monkeypatch.setattr('importlib.util.find_spec', lambda name: None)
+    run(*words, '--out', folder / 'out.yaml', code=1)
+    assert capsys.readouterr().err == (
+        "slip_tune: needs optuna, which is not installed: pip install 'slip_detector[tune]'\n"
+    )
+
+
+def test_a_bad_sample_and_a_gap_are_counted(tmp_path, capsys):
+    (tmp_path / 'given.yaml').write_text(PARAMETERS)
+    volts, truth = slips(1, duration_s=12.0)
+    volts[100, 2] = np.nan
+    np.savez(tmp_path / 'a.npz', volts=volts, label=truth, sample_rate_hz=380.0)
+    words = ['--config', tmp_path / 'given.yaml', '--out', tmp_path / 'o.yaml', '--trials', 2]
+    run(tmp_path / 'a.npz', *words)
+    assert 'a.npz: 1 values that are no number' in capsys.readouterr().out

@@ -1,0 +1,74 @@
+"""Small labelled recordings, and ``slip_evaluate`` run on them."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from slip_detector.chain.samples import Samples
+from slip_detector.commands.evaluate import main
+from slip_detector.recordings import write_recording
+
+RATE_HZ = 380.0
+
+
+HALF_OF_IT = np.arange(600) >= 450
+
+
+def write(path, seed=0, channels=16, rate_hz=RATE_HZ, slip=HALF_OF_IT, **more):
+    """Write a recording: noise, and in its second half ridges of which half is called slip."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(600) / rate_hz
+    volts = 4.3 + 0.01 * rng.normal(size=(600, channels))
+    volts += 0.02 * (np.sin(2 * np.pi * 25.0 * t) * (t > t[300]))[:, np.newaxis]
+    arrays = {'volts': volts, 'sample_rate_hz': rate_hz, **more}
+    if slip is not None:
+        arrays['slip'] = slip
+    path.parent.mkdir(exist_ok=True)
+    np.savez(path, **arrays)
+    return path
+
+
+def config_file(path, detector=None, driver=None, **evaluate):
+    sections = {'slip_detector': detector, 'slip_driver': driver, 'slip_evaluate': evaluate}
+    document = {
+        f'/**/{node}': {'ros__parameters': values} for node, values in sections.items() if values
+    }
+    path.write_text(yaml.safe_dump(document))
+    return str(path)
+
+
+def report_of(capsys, *arguments):
+    assert main([*map(str, arguments), '--json']) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ''
+    return json.loads(captured.out)['sets']
+
+
+def complaint(capsys, *arguments, code=1):
+    """Run what must fail; returns the one line that it says."""
+    try:
+        status = main([*map(str, arguments)])
+    except SystemExit as leave:
+        status = leave.code
+    captured = capsys.readouterr()
+    assert status == code
+    assert captured.out == ''
+    assert captured.err.count('\n') == 1
+    assert captured.err.endswith('\n')
+    return captured.err.removeprefix('slip_evaluate: ').rstrip('\n')
+
+
+def bag(path, n=600, truth=True):
+    """Write the recording of :func:`write` as a bag."""
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    source = write(path.parents[1] / 'source' / 'a.npz')
+    with np.load(source) as file:
+        rows = Samples(
+            file['volts'][:n],
+            np.rint(np.arange(n) * 1e9 / RATE_HZ).astype(np.int64),
+            file['slip'][:n] if truth else None,
+        )
+    write_recording(path, [rows], RATE_HZ, [f'ch{i + 1}' for i in range(16)])
+    return source

@@ -1,0 +1,48 @@
+"""What a search is asked, and which of the answers is taken."""
+
+import dataclasses
+
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.tuning.objective import Objective
+from slip_detector.tuning.search import search
+from support.tuning_cases import CHAIN, problem, track
+
+BANDS = ('passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'common_mode')
+
+
+def test_of_one_slip_nothing_is_learnt_but_a_threshold():
+    one = track(1, duration_s=3.0)
+    assert len(one.slips) == 1
+    asked = problem([one])
+    study = asked.study(None, 'a', seed=1)
+    search(asked, study, 12, lambda: False, lambda count: None)
+    choice = asked.choice(study)
+    for name in BANDS:
+        assert getattr(choice.chain, name) == getattr(CHAIN, name), name
+    assert choice.chain.vote == CHAIN.vote
+
+
+def test_another_question_has_another_name():
+    asked = problem([track(1)])
+    others = [
+        problem([track(2)]),
+        dataclasses.replace(asked, given=dataclasses.replace(CHAIN, threshold=0.06)),
+        dataclasses.replace(asked, figures=None),
+        dataclasses.replace(asked, evaluation=EvaluationConfig(tail_s=0.2)),
+        dataclasses.replace(asked, config=TuneConfig(auc_costs_ms=0.0)),
+    ]
+    assert asked.study_name() == problem([track(1)]).study_name()
+    assert len({one.study_name() for one in (asked, *others)}) == 6
+
+
+def test_a_study_gives_back_what_its_trials_found():
+    asked = problem([track(1)])
+    study = asked.study(None, 'a', seed=1)
+    assert asked.best(study) is asked.choice(study) is None
+    search(asked, study, 2, lambda: False, lambda count: None)
+    objective = Objective(asked.tracks, asked.evaluation, asked.config, asked.figures)
+    for trial in study.trials:
+        candidates = asked.candidates(trial)
+        assert candidates == objective.best(candidates[0].chain)
+    assert asked.best(study).cost_ms == min(trial.value for trial in study.trials)

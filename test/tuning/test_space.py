@@ -1,0 +1,102 @@
+"""What is searched: chains, votes and thresholds."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.tuning.space import SearchSpace, thresholds, votes_of
+from slip_detector.tuning.tracks import track_of
+from support.tuning_cases import CHAIN
+
+XELA = ChainConfig.from_yaml(Path(__file__).resolve().parents[2] / 'config' / 'xela_uskin.yaml')
+
+
+BANDS = ('passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'common_mode')
+
+
+@pytest.mark.parametrize('chain', [CHAIN, XELA, ChainConfig()], ids=['small', 'xela', 'paper'])
+def test_the_given_chain_is_a_point_of_its_space(chain):
+    space = SearchSpace(chain)
+    assert space.chain(space.point(chain)) == chain
+    assert space.starts()[0] == space.point(chain)
+
+
+def test_the_paper_s_chain_is_where_every_search_begins():
+    space = SearchSpace(dataclasses.replace(CHAIN, passband_hz=(20.0, 90.0), stopbands_hz=()))
+    start = space.chain(space.starts()[1])
+    paper = ChainConfig()
+    for name in BANDS:
+        assert getattr(start, name) == getattr(paper, name), name
+
+
+@given(
+    rate_hz=st.sampled_from([30.0, 60.0, 380.0, 2000.0]),
+    shares=st.lists(st.floats(0.0, 1.0), min_size=8, max_size=8),
+)
+def test_every_point_of_the_space_is_a_chain(rate_hz, shares):
+    chain = ChainConfig(
+        sample_rate_hz=rate_hz, channels=4, passband_hz=(rate_hz / 10, 0.0), stopbands_hz=()
+    )
+    space = SearchSpace(chain)
+    point = {}
+    for (name, kind), share in zip(space.distributions().items(), shares, strict=True):
+        if hasattr(kind, 'choices'):
+            point[name] = kind.choices[round(share * (len(kind.choices) - 1))]
+        elif name == 'exponent':
+            point[name] = round(kind.low + share * (kind.high - kind.low))
+        else:
+            point[name] = kind.low + share * (kind.high - kind.low)
+    found = space.chain(point)
+    assert found.exponent == point['exponent']
+    assert found.groups == chain.groups
+    for low_hz, high_hz in found.stopbands_hz:
+        assert 0.0 < low_hz < high_hz < rate_hz / 2
+
+
+def test_a_point_is_nowhere_from_itself_and_a_choice_is_one_away():
+    space = SearchSpace(CHAIN)
+    point = space.point(CHAIN)
+    assert space.distance(point, point) == 0.0
+    assert space.distance({**point, 'common_mode': 'median'}, point) == 1.0
+
+
+@pytest.mark.parametrize(
+    ('groups', 'vote', 'votes'),
+    [
+        ({'a': (1, 2, 3), 'b': (4, 5)}, 'all', ('all', 'mean', 1)),
+        ({'a': (1, 2, 3), 'b': (4, 5)}, 2, ('all', 'mean', 1, 2)),
+        ({'a': tuple(range(1, 17))}, 'mean', ('all', 'mean', 2, 4, 6, 8, 10, 12, 14)),
+    ],
+)
+def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones(groups, vote, votes):
+    channels = sum(map(len, groups.values()))
+    assert votes_of(ChainConfig(channels=channels, groups=groups, vote=vote)) == votes
+
+
+@given(
+    values=st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=50),
+    exponent=st.integers(1, 4),
+)
+def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(values, exponent):
+    statistic = np.array(values)
+    quiet = LabelledRows(np.zeros((len(values), 1)), np.zeros(len(values), bool))
+    limits = thresholds([statistic], [track_of('a', [quiet], 380.0)], exponent)
+    assert limits[-1] >= statistic.max() > 0.999 * limits[-1]
+    np.testing.assert_allclose(limits[1:] / limits[:-1], 1.03**exponent, rtol=3e-3)
+    assert (
+        limits[0] <= max(np.median(statistic[::16]), statistic.max() * 1000.0**-exponent) * 1.001
+    )
+    # No more digits than a file is to show.
+    assert [float(f'{limit:.4g}') for limit in limits] == limits.tolist()
+
+
+def test_of_a_silent_or_endless_statistic_there_is_no_threshold():
+    quiet = track_of('a', [LabelledRows(np.zeros((3, 1)), np.zeros(3, bool))], 380.0)
+    for statistic in (np.zeros(3), np.array([0.0, np.inf, 1.0])):
+        assert thresholds([statistic], [quiet], 1).size == 0

@@ -1,0 +1,93 @@
+"""Recordings in memory: their time, their parts, and what is held out."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slip_detector.chain.slip_chain import COMPILED
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.replay import Replay, figures_of_merit
+from slip_detector.tuning.tracks import fingerprint, held_out, track_of
+from support.track_cases import RATE_HZ, chains, recordings
+from support.tuning_cases import slips, track
+
+
+def test_a_track_of_a_recording_with_a_gap_keeps_its_time():
+    volts, truth = slips(1, duration_s=6.0)
+    stamps = np.round(np.arange(len(volts)) * 1e9 / 380.0).astype(np.int64)
+    stamps[1000:] += 2_000_000_000
+    pieces = [
+        LabelledRows(volts[:1000], truth[:1000], stamps[:1000]),
+        LabelledRows(volts[1000:], truth[1000:], stamps[1000:], new_stretch=True),
+    ]
+    whole = track_of('a', pieces, 380.0)
+    assert whole.pieces[1].first_row == 1000 + 760
+    assert whole.slips[-1].start == np.flatnonzero(np.diff(truth.astype(int)) == 1)[-1] + 1 + 760
+
+
+def test_recordings_are_parted_with_slips_on_both_sides():
+    tracks = [track(k) for k in range(5)] + [track(k, slips=False) for k in range(5, 8)]
+    training, held = held_out(tracks, 1 / 3)
+    assert sorted(one.name for one in training + held) == sorted(one.name for one in tracks)
+    assert [len([t for t in part if t.slips]) for part in (training, held)] == [3, 2]
+    assert [len([t for t in part if not t.slips]) for part in (training, held)] == [2, 1]
+
+
+@pytest.mark.parametrize('share', [0.1, 1 / 3, 0.5, 0.9])
+def test_one_recording_is_cut_between_two_slips(share):
+    whole = track(3, duration_s=30.0)
+    (training,), (held,) = held_out([whole], share)
+    assert len(training.slips) + len(held.slips) == len(whole.slips) == 10
+    assert training.slips
+    assert held.slips
+    left_out_s = whole.duration_s - training.duration_s - held.duration_s
+    assert 0.9 < left_out_s < 1.1
+    wanted_s = (1 - share) * whole.duration_s
+    assert abs(training.duration_s - wanted_s) < 3.0
+    np.testing.assert_array_equal(held.volts, whole.volts[-len(held.volts) :])
+
+
+def test_without_slips_enough_there_is_nothing_to_hold_out():
+    with pytest.raises(ValueError, match='seed 1, seed 2: has no slip'):
+        held_out([track(1, slips=False), track(2, slips=False)], 1 / 3)
+    with pytest.raises(ValueError, match='seed 1: has one slip, allowed: two or more'):
+        held_out([track(1, duration_s=3.0), track(2, slips=False)], 1 / 3)
+
+
+@settings(max_examples=30 if COMPILED else 3, deadline=None)
+@given(chains(), recordings())
+def test_a_track_replays_as_the_recording_that_it_is_of(chain, pieces):
+    replay = Replay(chain)
+    track = track_of('a', pieces, RATE_HZ)
+    assert figures_of_merit([replay.run(track.rows(), RATE_HZ)]) == figures_of_merit(
+        [replay.run(pieces, RATE_HZ)]
+    )
+
+
+@given(recordings(), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_a_part_of_a_track_has_the_rows_and_labels_of_the_whole(pieces, *shares):
+    whole = track_of('a', pieces, RATE_HZ)
+    first, last = (round(share * len(whole.volts)) for share in sorted(shares))
+    if first == last:
+        with pytest.raises(ValueError, match=r'^part: has no samples'):
+            whole.part('part', first, last)
+        return
+    part = whole.part('part', first, last)
+    np.testing.assert_array_equal(part.volts, whole.volts[first:last])
+    np.testing.assert_array_equal(part.kinds, whole.kinds[first:last])
+    assert part.has_motion == whole.has_motion
+
+
+def test_a_fingerprint_tells_recordings_apart_by_what_they_hold_and_not_by_their_names():
+    one = track(1)
+    assert fingerprint([one._replace(name='another')]) == fingerprint([one])
+    changed = one.volts.copy()
+    changed[7, 2] += 1e-9
+    kinds = one.kinds.copy()
+    kinds[0] = 2
+    others = [
+        [one._replace(volts=changed)], [one._replace(kinds=kinds)],
+        [one._replace(sample_rate_hz=381.0)], [one, one], [],
+    ]  # fmt: skip
+    assert len({fingerprint(tracks) for tracks in ([one], *others)}) == 6
