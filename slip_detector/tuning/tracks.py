@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.evaluation.labelled_rows import MOTION, SLIP, LabelledRows, rows_in_gap
+from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows, rows_in_gap
 from slip_detector.evaluation.matching import OnIntervals, RowInterval
 
 Floats = NDArray[np.float64]
@@ -45,8 +45,8 @@ class Track(NamedTuple):
     volts : ndarray, shape (n, c)
     kinds : ndarray of int8, shape (n,)
         ``REST``, ``MOTION`` or ``SLIP`` of each row; see :mod:`slip_detector.evaluation.scores`.
-    has_motion : bool
-        Whether it says which rows are rows of motion.
+    moving : ndarray of bool, shape (n,), or None
+        Whether the robot moves, rows of slip included; None where nobody says.
     pieces : tuple of TrackPiece
     slips : tuple of RowInterval
         True slips, in rows counted as ``first_row``.
@@ -57,7 +57,7 @@ class Track(NamedTuple):
     name: str
     volts: Floats
     kinds: NDArray[np.int8]
-    has_motion: bool
+    moving: NDArray[np.bool_] | None
     pieces: tuple[TrackPiece, ...]
     slips: tuple[RowInterval, ...]
     sample_rate_hz: float
@@ -76,32 +76,25 @@ class Track(NamedTuple):
         """Yield its pieces, for a replay."""
         period_ns = 1e9 / self.sample_rate_hz
         for begin, end, first_row, new_stretch in self.pieces:
-            kind = self.kinds[begin:end]
             stamps_ns = np.round((first_row + np.arange(end - begin)) * period_ns)
-            yield LabelledRows(
-                self.volts[begin:end],
-                kind == SLIP,
-                stamps_ns.astype(np.int64),
-                new_stretch,
-                kind == MOTION if self.has_motion else None,
-            )
+            yield self._rows(slice(begin, end), stamps_ns.astype(np.int64), new_stretch)
 
     def part(self, name: str, first: int, last: int) -> 'Track':
         """Return the rows at the places from ``first`` to before ``last`` as a track."""
         rows = [
-            LabelledRows(
-                self.volts[max(begin, first) : min(end, last)],
-                self.kinds[max(begin, first) : min(end, last)] == SLIP,
-                None,
-                new_stretch,
-                self.kinds[max(begin, first) : min(end, last)] == MOTION
-                if self.has_motion
-                else None,
-            )
+            self._rows(slice(max(begin, first), min(end, last)), None, new_stretch)
             for begin, end, _, new_stretch in self.pieces
             if begin < last and end > first
         ]
         return track_of(name, rows, self.sample_rate_hz)
+
+    def _rows(
+        self, rows: slice, stamps_ns: NDArray[np.int64] | None, new_stretch: bool
+    ) -> LabelledRows:
+        moving = None if self.moving is None else self.moving[rows]
+        return LabelledRows(
+            self.volts[rows], self.kinds[rows] == SLIP, stamps_ns, new_stretch, moving
+        )
 
 
 def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -> Track:
@@ -121,10 +114,9 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
     ValueError
         When it has no rows; names it.
     """
-    labels, kinds, volts, track_pieces = OnIntervals(), [], [], []
+    labels, kinds, moving, volts, track_pieces = OnIntervals(), [], [], [], []
     place = row = 0
     last_stamps_ns = None
-    has_motion = False
     for piece in pieces:
         n = len(piece.volts)
         if not n:
@@ -132,10 +124,10 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
         if piece.new_stretch and place:
             labels.close(row)
             row += rows_in_gap(last_stamps_ns, piece.stamps_ns, sample_rate_hz)
-        has_motion |= piece.moving is not None
         labels.add(piece.truth, row)
         volts.append(np.asarray(piece.volts, np.float64))
         kinds.append(piece.kinds)
+        moving.append(piece.moving)
         track_pieces.append(TrackPiece(place, place + n, row, piece.new_stretch or not place))
         place, row = place + n, row + n
         last_stamps_ns = piece.stamps_ns
@@ -146,11 +138,17 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
         name,
         np.ascontiguousarray(np.concatenate(volts)),
         np.concatenate(kinds),
-        has_motion,
+        _joined(moving),
         tuple(track_pieces),
         tuple(labels.closed()),
         sample_rate_hz,
     )
+
+
+def _joined(moving: Sequence[NDArray[np.bool_] | None]) -> NDArray[np.bool_] | None:
+    """Put together what the pieces of a recording, all of them or none, say of its motion."""
+    known = [part for part in moving if part is not None]
+    return np.concatenate(known) if known else None
 
 
 def fingerprint(tracks: Sequence[Track]) -> str:
