@@ -23,7 +23,7 @@ from support import grasp_trials
 FILE = Path(__file__).resolve().parents[2] / 'config' / 'grasp.yaml'
 CHAIN, GRASP = ChainConfig.from_yaml(FILE), GraspConfig.from_yaml(FILE)
 
-#: Those that the README reports on, others than those the parameters were chosen on.
+#: Those that docs/grasp.md reports on, others than those the parameters were chosen on.
 REPORTED = range(30)
 
 #: Others than either.

@@ -16,7 +16,7 @@ from slip_detector.parameters.grasp import GraspConfig
 FILE = Path(__file__).resolve().parents[2] / 'config' / 'grasp.yaml'
 CHAIN, GRASP = ChainConfig.from_yaml(FILE), GraspConfig.from_yaml(FILE)
 
-#: Those that the README reports on, others than those the parameters were chosen on.
+#: Those that docs/grasp.md reports on, others than those the parameters were chosen on.
 REPORTED = range(30)
 
 #: Others than either.
