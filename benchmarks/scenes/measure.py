@@ -66,7 +66,7 @@ def measure_scenes(quick: bool = False, names: Sequence[str] = ()) -> dict[str, 
     Parameters
     ----------
     quick
-        Few settings, each once.
+        Few settings, each once; nothing is judged.
     names
         Scenes to measure; none: all that come with the package.
 
@@ -98,5 +98,5 @@ def measure_scenes(quick: bool = False, names: Sequence[str] = ()) -> dict[str, 
         'pace.slowest_share': result['pace']['slowest_share'],
         'costs.largest_share': max(shares, default=None),
     }
-    result['wanted'] = verdicts(WANTED, values)
+    result['wanted'] = verdicts(WANTED, values, judged=not quick)
     return result

@@ -19,9 +19,9 @@ def test_the_chain_is_exact_at_every_rate(rate_hz):
     # Both windows and something in them.
     entry = errors_of(config, max(1000, 2 * config.samples(config.envelope_window_s) + 500))
     chain = entry['methods']['chain']
-    assert chain['error'] <= WANTED['rates.error'].value
-    assert chain['envelope_error'] <= WANTED['rates.error'].value
-    assert entry['run_error'] <= WANTED['rates.error'].value
+    assert chain['error'] <= WANTED['rates.error'].high
+    assert chain['envelope_error'] <= WANTED['rates.error'].high
+    assert entry['run_error'] <= WANTED['rates.error'].high
     assert chain['differing_decisions'] == 0
     assert chain['state'] == ''
     for name in ('sections float32', 'polynomials float64', 'polynomials float32'):
@@ -48,7 +48,7 @@ def test_every_accepted_edge_is_exact_and_what_is_refused_says_so_first(chain_pr
         chain, *_, polynomials = (
             entry['methods'][name] for name in ('chain', 'polynomials float64')
         )
-        assert chain['error'] <= WANTED['edges.error'].value
+        assert chain['error'] <= WANTED['edges.error'].high
         assert chain['differing_decisions'] == 0
         assert polynomials['error'] > 100 * chain['error']
     for entry in refused:
@@ -91,7 +91,7 @@ def test_what_is_accepted_has_the_gain_it_should_have(low_power, width_power, or
 def test_the_error_does_not_grow_with_the_rows(chain_precision):
     errors = chain_precision['long_run']['methods']['chain']['errors']
     assert len(errors) == len(chain_precision['long_run']['rows']) >= 2
-    assert max(errors) <= WANTED['long_run.error'].value
+    assert max(errors) <= WANTED['long_run.error'].high
 
 
 def keys_of(part):
