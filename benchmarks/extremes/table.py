@@ -4,6 +4,7 @@ import textwrap
 from typing import Any
 
 from benchmarks.verdicts import verdict_in_words
+from slip_detector.report.text_table import number_text, text_table
 
 #: Widest line.
 COLUMNS = 99
@@ -44,7 +45,9 @@ def extremes_table(figures: dict[str, Any]) -> str:
         '',
         'Wanted',
     ]
-    for claim, verdict in figures['wanted'].items():
-        figure = f'{verdict["value"]:>9.2g}  {verdict["bound"]:<9} {verdict_in_words(verdict)}'
-        lines.append(f'  {claim:<32}{figure}')
+    rows = [
+        (claim, number_text(entry['value'], '.2g'), entry['bound'], verdict_in_words(entry))
+        for claim, entry in figures['wanted'].items()
+    ]
+    lines.append(text_table(rows, '<><'))
     return '\n'.join(lines)

@@ -5,6 +5,7 @@ from typing import Any
 
 from benchmarks.scenes.measure import PLATE
 from benchmarks.verdicts import verdict_in_words
+from slip_detector.report.text_table import number_text, text_table
 
 #: Widest line.
 COLUMNS = 99
@@ -77,7 +78,9 @@ def scenes_table(figures: Mapping[str, Any]) -> str:
                 f'{worst["ratio"]:.2f} ({worst["against"]})'
             )
     lines += ['', 'Wanted']
-    for claim, verdict in figures['wanted'].items():
-        value = '-' if verdict['value'] is None else f'{verdict["value"]:.3g}'
-        lines.append(f'  {claim:<22}{value:>9}  {verdict["bound"]:<8} {verdict_in_words(verdict)}')
+    rows = [
+        (claim, number_text(entry['value'], '.3g'), entry['bound'], verdict_in_words(entry))
+        for claim, entry in figures['wanted'].items()
+    ]
+    lines.append(text_table(rows, '<><'))
     return '\n'.join(lines)

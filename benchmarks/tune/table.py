@@ -3,6 +3,7 @@
 from typing import Any
 
 from benchmarks.verdicts import verdict_in_words
+from slip_detector.report.text_table import number_text, text_table
 
 MEANINGS = {
     'evaluate.ratio': 'evaluating an hour from npz, against copy and threshold',
@@ -17,11 +18,11 @@ MEANINGS = {
 
 def tuning_table(figures_by_part: dict[str, Any]) -> str:
     """Return the figures of :func:`benchmarks.tune.measure.measure_tuning` as text."""
-    lines = ['What                                                      measured    wanted']
+    claims = [('What', 'measured', 'wanted', '')]
     for claim, entry in figures_by_part['wanted'].items():
-        value = '-' if entry['value'] is None else f'{entry["value"]:.4g}'
-        met = verdict_in_words(entry)
-        lines.append(f'{MEANINGS[claim]:<56}  {value:>8}  {entry["bound"]:>8}  {met}'.rstrip())
+        value = number_text(entry['value'], '.4g')
+        claims.append((MEANINGS[claim], value, entry['bound'], verdict_in_words(entry)))
+    lines = [text_table(claims, '<>><', indent=0)]
     if 'families' in figures_by_part:
         lines += [
             '',

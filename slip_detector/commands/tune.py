@@ -292,7 +292,7 @@ def _finish(
 ) -> list[str]:
     """Judge the best found and write the files."""
     from slip_detector.report.tuning_report import replay_tracks, write_tuning_report
-    from slip_detector.report.tuning_table import tuning_table
+    from slip_detector.report.tuning_table import comparison_table
 
     count = study.follow()
     verdict = judge(problem, held, problem.choice(study))
@@ -314,8 +314,8 @@ def _finish(
     ]
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')
-    lines += ['On what was held out:', *tuning_table(*both['held out']).splitlines()]
-    lines += ['On what was tuned on:', *tuning_table(*both['tuned on']).splitlines()]
+    lines += ['On what was held out:', *comparison_table(*both['held out']).splitlines()]
+    lines += ['On what was tuned on:', *comparison_table(*both['tuned on']).splitlines()]
     parameters = verdict.chain.to_parameters()
     changes = {} if verdict.kept else {name: parameters[name] for name in SEARCHED}
     write_file(options.out, with_parameters(options.config, changes), _comments(argv, lines))

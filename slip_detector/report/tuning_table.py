@@ -20,7 +20,7 @@ FIGURES = {
 }
 
 
-def tuning_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
+def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
     """Lay the figures of the given and of the tuned chain out beside each other.
 
     Parameters

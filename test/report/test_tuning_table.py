@@ -1,11 +1,11 @@
 """The figures of a search as text."""
 
-from slip_detector.report.tuning_table import FIGURES, tuning_table
+from slip_detector.report.tuning_table import FIGURES, comparison_table
 
 
 def test_given_and_tuned_stand_beside_each_other_and_what_is_not_defined_is_a_dash():
     given = {**dict.fromkeys(FIGURES, 1), 'recall': 0.5, 'latency_median_ms': None}
-    lines = tuning_table(given, {**given, 'recall': 0.75}).splitlines()
+    lines = comparison_table(given, {**given, 'recall': 0.75}).splitlines()
     assert lines[0].split() == ['given', 'tuned']
     assert '  recall' in lines[2]
     assert lines[2].split() == ['recall', '0.500', '0.750']
@@ -15,5 +15,5 @@ def test_given_and_tuned_stand_beside_each_other_and_what_is_not_defined_is_a_da
 
 def test_the_area_over_rows_of_motion_is_left_out_where_nobody_says_what_moves():
     figures = dict.fromkeys(FIGURES, 1)
-    assert 'rows of motion' in tuning_table(figures, figures)
-    assert 'rows of motion' not in tuning_table({**figures, 'auc_moving': None}, figures)
+    assert 'rows of motion' in comparison_table(figures, figures)
+    assert 'rows of motion' not in comparison_table({**figures, 'auc_moving': None}, figures)
