@@ -15,10 +15,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.samples import Samples
-from slip_detector.nodes.listening import Listening
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.scheduler import Scheduler
+from slip_detector.nodes.sensor_relay import SensorRelay
 from slip_detector.nodes.voltages import Voltages
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import Source, open_source
@@ -100,7 +100,7 @@ class Driver(Node):
             if stop.wait(max(0.0, due_s - time.monotonic())):
                 return
         frame_id = self.config.frame_id
-        Listening(self, source, frame_id, self._send, self._voltages.flush).run(stop)
+        SensorRelay(self, source, frame_id, self._send, self._voltages.flush).run(stop)
 
     def _wait_for_subscribers(self) -> Iterator[float]:
         """Wait for the subscribers and the grip that were asked for; yields when to be resumed."""

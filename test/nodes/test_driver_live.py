@@ -11,7 +11,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray
 
 from slip_detector.nodes.health import Level
-from slip_detector.nodes.listening import sensor_status
 from slip_detector.nodes.messages import stamp_ns, state_qos
 from slip_detector.sources.packets import PacketDecoder, encode
 from slip_detector.sources.text_lines import LineDecoder
@@ -286,31 +285,6 @@ def test_what_waits_for_its_batch_is_sent_when_the_sensor_goes(bench, port):
     port.unplug()
     bench.wait_for(lambda: len(batches) == 2, 'the rest')
     assert [batch.layout.dim[0].size for batch in batches] == [10, 4]
-
-
-@pytest.mark.parametrize(
-    ('connected', 'since', 'level', 'message'),
-    [
-        (True, {'samples': 380, 'packets': 380}, Level.OK, 'listening'),
-        (False, {}, Level.ERROR, 'listening'),
-        (True, {}, Level.ERROR, 'no samples come; listening'),
-        (
-            True,
-            {'samples': 380, 'lost': 2, 'checksum': 1},
-            Level.WARN,
-            'dropped or lost in the last second: checksum 1, lost 2',
-        ),
-        (
-            True,
-            {'unlisted_sender': 9},
-            Level.ERROR,
-            'no samples come; listening; dropped or lost in the last second: unlisted_sender 9',
-        ),
-    ],
-)
-def test_a_sensor_is_told_in_words(connected, since, level, message):
-    status = sensor_status('listening', connected, Counter(since))
-    assert (status.level, status.message) == (level, message)
 
 
 def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_packets_stops_and_is_gone(bench, port):

@@ -10,7 +10,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.nodes.run import _arguments_of_each
 
 NAMES = 'thumb, index,little'
 FINGERS = ('thumb', 'index', 'little')
@@ -75,22 +74,3 @@ def test_drivers_end_when_all_have_played(bench):
     process = bench.start('slip_driver', '--', '--fingers', NAMES, parameters={'rate': 20.0})
     assert process.wait() == 0
     assert process.log().count('played all') == len(FINGERS)
-
-
-@pytest.mark.parametrize(
-    ('of_ros', 'wanted'),
-    [
-        ([], '/thumb'),
-        (['--ros-args', '-r', '__ns:=/left'], '/left/thumb'),
-        (['--ros-args', '-r', '__ns:=/'], '/thumb'),
-        (['--ros-args', '-r', '__ns:=/a', '-r', '__ns:=/b/c/'], '/b/c/thumb'),
-    ],
-)
-def test_a_finger_is_a_namespace_in_that_of_the_process(of_ros, wanted):
-    ours = ['slip_detector', '--fingers', 'thumb']
-    assert _arguments_of_each(ours + of_ros, ours) == [['--ros-args', '-r', f'__ns:={wanted}']]
-
-
-def test_without_names_there_is_one_node_where_ros_says():
-    words = ['slip_detector', '--ros-args', '-r', '__ns:=/left']
-    assert _arguments_of_each(words, words[:1]) == [None]

@@ -1,10 +1,119 @@
-"""Parameters of the nodes from a file with a section for all of them."""
+"""Configurations as parameters of a node, in this process and of each node with a file."""
 
 import pytest
-from rcl_interfaces.srv import GetParameters
-from rclpy.parameter import parameter_value_to_python
+
+rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
+
+from rcl_interfaces.srv import GetParameters  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: E402
+
+from slip_detector.nodes.parameters import changed, declare, follow_changes  # noqa: E402
+from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
+from slip_detector.parameters.grasp import GraspConfig  # noqa: E402
 
 NODES = ('slip_driver', 'slip_detector', 'grasp_controller')
+
+
+@pytest.fixture
+def make():
+    """Return what makes nodes that were given parameters on the command line."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    nodes = []
+
+    def make(**given):
+        words = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
+        node = Node(
+            'of_test',
+            context=context,
+            cli_args=['--ros-args', *words] if words else None,
+            allow_undeclared_parameters=True,
+        )
+        nodes.append(node)
+        return node
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+def followed(node, refuse=lambda config: None):
+    """Declare a detector's parameters, follow their changes and return the list of them."""
+    taken = [declare(node, DetectorConfig, fixed=('autostart',))]
+    follow_changes(node, lambda: taken[-1], refuse, taken.append)
+    return taken
+
+
+def test_what_was_given_is_declared_and_all_else_has_its_default(make):
+    node = make(grip_n=3, limit_n=12.5)
+    config = declare(node, GraspConfig)
+    assert config == GraspConfig(grip_n=3.0, limit_n=12.5)
+    for name, value in config.to_parameters().items():
+        assert node.get_parameter(name).value == value
+        assert node.describe_parameter(name).read_only
+
+
+def test_a_name_that_nobody_knows_is_refused_with_one_that_is_like_it(make):
+    with pytest.raises(ValueError, match=r'grip_m.*did you mean grip_n\?'):
+        declare(make(grip_m=3.0), GraspConfig)
+
+
+def test_a_change_is_taken_as_a_whole_with_numbers_as_their_fields_have_them(make):
+    node = make()
+    taken = followed(node)
+    given = [Parameter('threshold', value=2), Parameter('vote', value='mean')]
+    assert node.set_parameters_atomically(given).successful
+    assert len(taken) == 2
+    assert (taken[-1].threshold, taken[-1].vote) == (2.0, 'mean')
+    assert node.get_parameter('threshold').type_ == Parameter.Type.DOUBLE
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'words'),
+    [
+        ('threshold', -1.0, 'threshold'),
+        ('threshhold', 1.0, 'did you mean threshold'),
+        ('passband_hz', [50.0, 7.0], 'the low edge first'),
+    ],
+)
+def test_a_change_that_is_not_allowed_is_refused_with_the_reason(make, name, value, words):
+    node = make()
+    taken = followed(node)
+    given = [Parameter('gain', value=7.0), Parameter(name, value=value)]
+    result = node.set_parameters_atomically(given)
+    assert not result.successful
+    assert words in result.reason
+    assert len(taken) == 1
+    assert node.get_parameter('gain').value == taken[0].gain
+
+
+def test_what_the_node_cannot_run_is_refused_with_its_reason(make):
+    def refuse(config):
+        if config.gain > 5:
+            raise ValueError('more than this node can do')
+
+    node = make(gain=2.0)
+    taken = followed(node, refuse)
+    result = node.set_parameters_atomically([Parameter('gain', value=7.0)])
+    assert (result.successful, result.reason) == (False, 'more than this node can do')
+    assert len(taken) == 1
+
+
+def test_groups_can_be_added_and_deleted_and_nothing_else_can(make):
+    config = DetectorConfig()
+    none = Parameter.Type.NOT_SET
+    with_front = changed(config, [Parameter('groups.front', value=list(range(1, 17)))] + [
+        Parameter(f'groups.{name}', none) for name in config.groups
+    ])  # fmt: skip
+    assert dict(with_front.groups) == {'front': tuple(range(1, 17))}
+    with pytest.raises(ValueError, match=r'threshold cannot be deleted, allowed: groups.<name>'):
+        changed(config, [Parameter('threshold', none)])
+
+
+def test_parameters_of_rclpy_are_none_of_the_configuration(make):
+    assert changed(DetectorConfig(), [Parameter('use_sim_time', value=True)]) == DetectorConfig()
 
 
 def values_of(bench, node, *names):

@@ -1,4 +1,4 @@
-"""The driver's part that passes on what a sensor sends."""
+"""The part of the driver that publishes what a sensor sends."""
 
 import threading
 import time
@@ -21,8 +21,8 @@ REPORT_S = 1.0
 GOOD = ('packets', 'samples')
 
 
-class Listening:
-    """Sends on each sample of a sensor as it comes, and says how it goes.
+class SensorRelay:
+    """Publishes each sample of a sensor as it comes, and reports on the sensor.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Listening:
 
 
 def sensor_status(state: str, connected: bool, since: Counter[str]) -> Status:
-    """Say how a sensor is.
+    """Return what the diagnostics say of a sensor.
 
     Parameters
     ----------

@@ -1,0 +1,72 @@
+"""Rows, stamps and names out of messages of any type, read as the middleware hands them over."""
+
+import array
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension
+
+from slip_detector.nodes.inputs import Input, message_class
+from slip_detector.nodes.messages import time_message
+from slip_detector.parameters.detector import DetectorConfig
+
+PUBLISHED = {'source_timestamp': 5}
+
+
+def read(message, **parameters):
+    source = Input(DetectorConfig(**parameters))
+    return source, source.read(serialize_message(message), PUBLISHED)
+
+
+def test_a_joint_state_has_rows_names_stamp_and_frame():
+    message = JointState(name=['a', 'b'], position=[1.5, -2.5])
+    message.header.stamp, message.header.frame_id = time_message(7), 'tip'
+    source, sample = read(message)
+    assert source.has_names
+    assert sample.rows.tolist() == [[1.5, -2.5]]
+    assert sample[1:] == (7, ['a', 'b'], 'tip')
+
+
+def test_a_field_in_the_depth_of_a_stamped_message_is_read():
+    message = WrenchStamped()
+    message.header.stamp, message.wrench.force.z = time_message(9), 4.5
+    source, sample = read(
+        message, input_type='geometry_msgs/msg/WrenchStamped', input_field='wrench.force.z'
+    )
+    assert not source.has_names
+    assert sample.rows.tolist() == [[4.5]]
+    assert sample[1:] == (9, [], '')
+
+
+def test_a_batch_without_a_header_has_a_row_for_each_sample_and_the_time_of_publication():
+    rows = np.arange(6, dtype=np.float32).reshape(3, 2)
+    message = Float32MultiArray(data=array.array('f', rows.tobytes()))
+    message.layout.dim = [
+        MultiArrayDimension(label='sample', size=3, stride=6),
+        MultiArrayDimension(label='channel', size=2, stride=2),
+    ]
+    _, sample = read(message, input_type='std_msgs/Float32MultiArray', input_field='data')
+    np.testing.assert_array_equal(sample.rows, rows)
+    assert sample.stamp_ns == PUBLISHED['source_timestamp']
+
+
+@pytest.mark.parametrize('name', ['sensor_msgs/msg/JointState', 'sensor_msgs/JointState'])
+def test_a_type_may_be_named_with_and_without_its_folder(name):
+    assert message_class(name) is JointState
+
+
+@pytest.mark.parametrize('name', ['', 'JointState', 'sensor_msgs/msg/', 'no_msgs/msg/JointState'])
+def test_a_type_that_is_not_installed_is_refused(name):
+    with pytest.raises(ValueError, match=r'input_type is .*allowed: the name of an installed'):
+        message_class(name)
+
+
+def test_a_field_that_the_type_does_not_have_is_refused_with_those_it_has():
+    with pytest.raises(ValueError, match=r"input_field is 'volts'.*header, name, position"):
+        Input(DetectorConfig(input_field='volts'))

@@ -1,0 +1,125 @@
+"""What is published of the decisions, and in which order."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from std_msgs.msg import Bool, Header
+
+from slip_detector.nodes.messages import event_qos, stamp_ns
+from slip_detector.nodes.outputs import Outputs
+from slip_detector.parameters.detector import DetectorConfig
+from support.harness import patient_state_qos
+
+#: One group of two channels; columns: slip, group, group can vote, channels, channels valid.
+CONFIG = DetectorConfig(channels=3, groups={'front': (1, 2)}, disabled_channels=(3,))
+ALL_ON = np.array([1, 1, 1, 1, 1, 0, 1, 1, 0], np.bool_)
+AT_REST = np.array([0, 0, 1, 0, 0, 0, 1, 1, 0], np.bool_)
+ONE_ON = np.array([0, 0, 1, 1, 0, 0, 1, 1, 0], np.bool_)
+NOTHING = np.zeros(9, np.bool_)
+
+TOPICS = ('slip', 'slip_valid', 'slip/group/front', 'slip/channel/ch1', 'slip/channel/ch2')
+
+
+class Published:
+    """Outputs of a node of the test, and what is received of them in its order."""
+
+    def __init__(self, bench, config=CONFIG):
+        self.bench = bench
+        self.heard = {topic: [] for topic in TOPICS}
+        self.order = []
+        for topic in TOPICS:
+            bench.subscribe(
+                Bool,
+                topic,
+                lambda message, topic=topic: self._note(topic, message.data),
+                patient_state_qos(),
+            )
+        self.onsets = bench.listen(Header, 'slip_onset', event_qos())
+        self.outputs = Outputs(bench.node, config)
+        bench.wait_for(
+            lambda: (
+                all(self.heard.values())
+                and all(s.get_publisher_count() for s in bench.node.subscriptions)
+            ),
+            'the first states',
+        )
+
+    def _note(self, topic, state):
+        self.heard[topic].append(state)
+        self.order.append((topic, state))
+
+    def announce(self, *rows):
+        for k, flags in enumerate(rows):
+            self.outputs.announce(flags, 1000 + k, 'tip')
+
+    def states(self, **wanted):
+        """Wait until the topics have had these states, and no others."""
+        self.bench.wait_for(
+            lambda: all(self.heard[t.replace('__', '/')] == s for t, s in wanted.items()),
+            f'{wanted}, not {self.heard}',
+        )
+
+
+def test_all_begins_off_and_not_valid(bench):
+    published = Published(bench)
+    assert all(states == [False] for states in published.heard.values())
+    assert (published.outputs.slip, published.outputs.valid) == (False, False)
+
+
+def test_a_decision_is_published_when_it_changes_and_only_then(bench):
+    published = Published(bench)
+    published.announce(AT_REST, AT_REST, ONE_ON, ALL_ON, ALL_ON, AT_REST)
+    published.states(
+        slip=[False, True, False],
+        slip_valid=[False, True],
+        slip__group__front=[False, True, False],
+        slip__channel__ch1=[False, True, False],
+        slip__channel__ch2=[False, True, False],
+    )
+
+
+def test_each_onset_has_the_stamp_and_frame_of_its_sample(bench):
+    published = Published(bench)
+    published.announce(ALL_ON, AT_REST, ALL_ON)
+    bench.wait_for(lambda: len(published.onsets) == 2, 'the onsets')
+    assert [stamp_ns(onset.stamp) for onset in published.onsets] == [1000, 1002]
+    assert {onset.frame_id for onset in published.onsets} == {'tip'}
+    assert published.outputs.onsets == 2
+
+
+def test_an_off_that_does_not_count_comes_after_the_word_that_it_does_not(bench):
+    published = Published(bench)
+    published.announce(ALL_ON, NOTHING)
+    published.states(slip=[False, True, False], slip_valid=[False, True, False])
+    order = published.order[len(TOPICS) :]
+    # Of topics of their own the receiver may mix up the order; what is sent is in it.
+    assert order.index(('slip_valid', True)) < order.index(('slip_valid', False))
+    assert not published.outputs.valid
+
+
+def test_a_heartbeat_repeats_slip_and_its_validity_and_nothing_else(bench):
+    published = Published(bench)
+    published.announce(ALL_ON)
+    published.outputs.beat()
+    published.states(
+        slip=[False, True, True], slip_valid=[False, True, True], slip__channel__ch1=[False, True]
+    )
+
+
+def test_what_is_withdrawn_is_off_and_not_valid(bench):
+    published = Published(bench)
+    published.announce(ALL_ON)
+    published.outputs.withdraw()
+    published.states(slip=[False, True, False], slip_valid=[False, True, False])
+
+
+def test_disabled_channels_and_unwanted_topics_have_no_publisher(bench):
+    published = Published(bench)
+    names = dict(bench.node.get_publisher_names_and_types_by_node('bench', '/'))
+    assert '/slip/channel/ch3' not in names
+    assert '/slip/channel/ch2' in names
+    published.outputs.destroy()
+    names = dict(bench.node.get_publisher_names_and_types_by_node('bench', '/'))
+    assert not [name for name in names if 'slip' in name or 'envelope' in name]

@@ -1,0 +1,54 @@
+"""The executables of the nodes: their words, and how they end."""
+
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from slip_detector.nodes.run import EXECUTABLES, _arguments_of_each
+
+
+def run(*words):
+    command = [sys.executable, '-m', 'slip_detector.nodes.run', *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+@pytest.mark.parametrize('words', [(), ('slip_detectr',)])
+def test_what_can_be_run_is_said(words):
+    done = run(*words)
+    assert done.returncode == 1
+    assert done.stderr.strip() == (
+        f'the first word says what to run, allowed: {", ".join(EXECUTABLES)}'
+    )
+
+
+@pytest.mark.parametrize('executable', EXECUTABLES)
+def test_an_argument_that_rcl_cannot_read_ends_in_one_line(executable):
+    done = run(executable, '--ros-args', '-r', 'no remapping')
+    assert done.returncode == 1
+    # rcl says so too, in a line of its own before.
+    line = done.stderr.strip().splitlines()[-1]
+    assert line.startswith(f'{executable}: ')
+    assert 'no remapping' in line
+    assert 'Traceback' not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ('of_ros', 'wanted'),
+    [
+        ([], '/thumb'),
+        (['--ros-args', '-r', '__ns:=/left'], '/left/thumb'),
+        (['--ros-args', '-r', '__ns:=/'], '/thumb'),
+        (['--ros-args', '-r', '__ns:=/a', '-r', '__ns:=/b/c/'], '/b/c/thumb'),
+    ],
+)
+def test_a_finger_is_a_namespace_in_that_of_the_process(of_ros, wanted):
+    ours = ['slip_detector', '--fingers', 'thumb']
+    assert _arguments_of_each(ours + of_ros, ours) == [['--ros-args', '-r', f'__ns:={wanted}']]
+
+
+def test_without_names_there_is_one_node_where_ros_says():
+    words = ['slip_detector', '--ros-args', '-r', '__ns:=/left']
+    assert _arguments_of_each(words, words[:1]) == [None]
