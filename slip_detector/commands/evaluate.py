@@ -6,7 +6,7 @@ No ROS here: the chain runs over each recording as the detector node would, from
 
 ``sets``
     By the name of each set, which is a folder: the figures of all its recordings together, see
-    :func:`slip_detector.evaluation.replay.figures_of_merit`; what was met in them, see
+    :func:`slip_detector.evaluation.replay.figures_of_merit`; what was wrong with them, see
     :func:`slip_detector.evaluation.evaluator.recording_counts`; and under ``recordings``, by the
     name of each file, the same of it alone, with what was ``lost`` of it and its ``slip_events``
     and ``alarm_events``, see :class:`slip_detector.evaluation.events.TrueSlip` and ``Alarm``.

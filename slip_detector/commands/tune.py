@@ -1,8 +1,8 @@
 """Tune the chain on labelled recordings, some of them held out: the command ``slip_tune``.
 
 No ROS here. The search is :mod:`slip_detector.tuning.search`, its memory
-:mod:`slip_detector.tuning.study`; what
-is handed back is judged on the recordings that the search has not seen.
+:mod:`slip_detector.tuning.study`; what it results in is judged on the recordings that the search
+has not seen.
 """
 
 import datetime
@@ -108,13 +108,13 @@ def load_tracks(
             opened = loader.open(file, labelled)
             shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
             tracks.append(track_of(shown, opened.rows, opened.sample_rate_hz))
-            met = _met(opened.recording.counts)
-            notes += [f'{shown}: {met}'] if met else []
+            faults = _faults(opened.recording.counts)
+            notes += [f'{shown}: {faults}'] if faults else []
     return tracks, notes
 
 
-def _met(counts: RecordingCounts) -> str:
-    """Say what was met on the way through a recording; empty when nothing was."""
+def _faults(counts: RecordingCounts) -> str:
+    """Say what was wrong with a recording; empty when nothing was."""
     many = {
         'values that are no number': counts.bad_samples,
         'rows bridged': counts.bridged_rows,

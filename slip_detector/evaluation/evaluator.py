@@ -18,7 +18,7 @@ from slip_detector.recordings import RecordingCounts
 
 
 class EvaluatedRecording(NamedTuple):
-    """What a chain made of a recording, and what was met on the way through it.
+    """What a chain made of a recording, and what was wrong with the recording.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class EvaluatedRecording(NamedTuple):
     counts : RecordingCounts
         Gaps, bad samples and what was lost.
     observer : Observer or None
-        What looked on, if it was asked for.
+        That was shown the rows, if one was asked for.
     """
 
     outcome: ReplayOutcome
@@ -35,13 +35,13 @@ class EvaluatedRecording(NamedTuple):
 
 
 def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int]:
-    """Return what was met in recordings.
+    """Count what was wrong with recordings.
 
     Returns
     -------
     dict
         ``bad_samples``: values that are no number; ``gaps``: those that were bridged, with
-        ``bridged_rows``; ``long_gaps``, after which the chain began anew; ``dropped``: rows whose
+        ``bridged_rows``; ``long_gaps``, after which the chain was reset; ``dropped``: rows whose
         stamp is not after the last one.
     """
     counts = [one.counts for one in evaluations]
@@ -55,7 +55,7 @@ def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int
 
 
 def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:
-    """Return the figures of recordings taken together, and what was met in them."""
+    """Return the figures of merit of recordings taken together, and what was wrong with them."""
     several = list(evaluations)
     return {**figures_of_merit([one.outcome for one in several]), **recording_counts(several)}
 
@@ -98,7 +98,7 @@ class Evaluator:
         path
             Of the recording.
         watch
-            Makes who looks on, given the opened recording; nobody does if not given.
+            Makes an observer of the replay, given the opened recording; none if not given.
 
         Raises
         ------

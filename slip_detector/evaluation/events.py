@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-#: What a signal passes on its way to the global decision, in order; the parts of a latency.
+#: The stages between a signal and the global decision, in order; the parts of a latency.
 STAGES = ('filter', 'envelope', 'decision', 'vote')
 
 #: In place of a stage: the global decision was ON before the slip began.

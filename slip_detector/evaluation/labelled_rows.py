@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 Kinds = NDArray[np.int8]
 Stamps = NDArray[np.int64]
 
-#: Kinds of rows: the robot rests (or nobody says whether it moves), it moves, there is slip.
+#: Kinds of rows: the robot rests (or it is not known whether it moves), it moves, there is slip.
 REST, MOTION, SLIP = range(3)
 
 
@@ -27,7 +27,7 @@ class LabelledRows(NamedTuple):
     stamps_ns : ndarray of int, shape (n,), or None
         Only asked how long the gap before a new stretch is.
     new_stretch : bool
-        Too many rows are missing before these: the chain starts anew.
+        Too many rows are missing before these: the chain is reset.
     moving : ndarray of bool, shape (n,), or None
         Whether the robot moves, where that is known.
     """
@@ -60,7 +60,7 @@ class LabelledRows(NamedTuple):
 def rows_in_gap(
     last_stamps_ns: Stamps | None, stamps_ns: Stamps | None, sample_rate_hz: float
 ) -> int:
-    """Return how many rows are missing in the gap between two stretches; 0 where none knows.
+    """Return how many rows are missing in the gap between two stretches; 0 without stamps.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ WATCHED_ROWS = 64
 
 
 class Observer(Protocol):
-    """Who looks on while a recording is replayed, such as what a report gathers."""
+    """Is shown the rows of a recording while it is replayed, as the overview of a report is."""
 
     def add(self, volts: Floats, result: SlipResult, truth: Bools, /) -> None:
         """Take the next rows, with their level."""
@@ -65,7 +65,7 @@ class ReplayOutcome:
     ----------
     rows, slip_rows : int
     moving_rows : int or None
-        None where nobody says what moves.
+        None where the recording does not say.
     on_rows : int
         Rows without slip in which the global decision is ON.
     sample_rate_hz : float
@@ -145,6 +145,16 @@ class Replay:
     ------
     ValueError
         When the chain cannot be built.
+
+    Examples
+    --------
+    >>> volts = np.zeros((760, 16))
+    >>> volts[380:] = np.sin(2 * np.pi * 20.0 * np.arange(380) / 380.0)[:, np.newaxis]
+    >>> slips = LabelledRows(volts, truth=np.arange(760) >= 380)
+    >>> outcome = Replay(ChainConfig()).run([slips])
+    >>> figures = figures_of_merit([outcome])
+    >>> figures['matched'], figures['false_alarms'], figures['success_percent']
+    (1, 0, 100.0)
     """
 
     def __init__(
@@ -210,7 +220,7 @@ class _Slip:
 
 
 class _Run:
-    """One recording on its way through a chain."""
+    """The replay of one recording, and what is known of it so far."""
 
     def __init__(self, replay: Replay, rate_hz: float, observer: Observer | None) -> None:
         self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
@@ -320,7 +330,7 @@ class _Run:
             self._end_watch()
 
     def _end_watch(self) -> None:
-        """Note what became of the last slip on its way to an alarm."""
+        """Note where the time of the last slip went, up to its alarm or without one."""
         if self._watch and self._watch.watching:
             slip = self._slips[-1]
             slip.stages = self._watch.stages()

@@ -24,7 +24,7 @@ NEVER = np.iinfo(np.int64).max
 
 
 class StageWatch:
-    """Follows a chain from the start of one slip to its alarm.
+    """Measures where the time goes from the start of one slip to its alarm.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class StageWatch:
         """Return how many rows each stage took, from the slip to the alarm; None without one."""
         if self._alarm == NEVER:
             return None
-        # A stage may be passed anew before the one that feeds it is: what came before the slip is
+        # A later stage may be passed before the one that feeds it: what came before the slip is
         # still in the windows. Then the earlier stage took no time of its own.
         ends = [*self._first[:, self._deciding].min(axis=1).tolist(), self._alarm]
         for k in (2, 1, 0):

@@ -81,7 +81,7 @@ class Problem:
         return min(found, key=lambda one: one.cost_ms, default=None)
 
     def choice(self, study: 'Study') -> Candidate | None:
-        """Return what to hand back: of what is as good as the best, the nearest to the given.
+        """Return the result of a search: of what is as good as the best, the nearest to the given.
 
         As good is what costs no more than the best and its error: the fewer slips there are, the
         less a search among many chains can tell the good from the lucky, and the closer it stays

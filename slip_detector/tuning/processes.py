@@ -59,7 +59,7 @@ def search_in_processes(
     Parameters
     ----------
     problem, trials, study, stop, progress
-        As :func:`search` has them; this process only looks on.
+        As :func:`search` has them; this process only waits.
     where, name
         The study's.
     jobs

@@ -173,7 +173,13 @@ class SearchSpace:
 
 
 def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
-    """Return the votes that are tried: ``all``, ``mean`` and k-of-n, the given one among them."""
+    """Return the votes that are tried: ``all``, ``mean`` and k-of-n, the given one among them.
+
+    Examples
+    --------
+    >>> votes_of(ChainConfig())
+    ('all', 'mean', 1, 2, 3)
+    """
     disabled = set(config.disabled_channels)
     able = [len(set(members) - disabled) for members in config.groups.values()]
     size = min(many for many in able if many)
@@ -186,7 +192,7 @@ def thresholds(statistic: Sequence[Floats], tracks: Sequence[Track], exponent: i
     """Return the thresholds of a vote that are worth a look, rising, evenly spaced in amplitude.
 
     They reach from the level that half of the rows without slip have to where nothing is ON, and
-    are rounded: a chain is handed back with the very threshold that was tried.
+    are rounded: the threshold of a result is one that was tried.
 
     Parameters
     ----------
@@ -222,7 +228,13 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 
 
 def rounded(value: float) -> float:
-    """Round to four significant digits: more would only make the file hard to read."""
+    """Round to four significant digits: more would only make the file hard to read.
+
+    Examples
+    --------
+    >>> rounded(0.0123456)
+    0.01235
+    """
     return float(f'{value:.4g}')
 
 

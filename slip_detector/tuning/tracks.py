@@ -46,7 +46,7 @@ class Track(NamedTuple):
     kinds : ndarray of int8, shape (n,)
         ``REST``, ``MOTION`` or ``SLIP`` of each row; see :mod:`slip_detector.evaluation.scores`.
     moving : ndarray of bool, shape (n,), or None
-        Whether the robot moves, rows of slip included; None where nobody says.
+        Whether the robot moves, rows of slip included; None where the recording does not say.
     pieces : tuple of TrackPiece
     slips : tuple of RowInterval
         True slips, in rows counted as ``first_row``.
@@ -113,6 +113,13 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
     ------
     ValueError
         When it has no rows; names it.
+
+    Examples
+    --------
+    >>> truth = np.array([False, True, True, False])
+    >>> track = track_of('trial', [LabelledRows(np.zeros((4, 1)), truth)], sample_rate_hz=2.0)
+    >>> track.duration_s, track.quiet_s, track.slips
+    (2.0, 1.0, (RowInterval(start=1, end=3),))
     """
     labels, kinds, moving, volts, track_pieces = OnIntervals(), [], [], [], []
     place = row = 0

@@ -13,7 +13,7 @@ from slip_detector.tuning.tracks import Track
 
 
 class Verdict(NamedTuple):
-    """What is handed back, and why.
+    """The result of a search, and why it is this one.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Verdict(NamedTuple):
 def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
     """Decide on the held-out recordings between the given chain and the best found.
 
-    The latter is handed back where it costs less there and, unless ``trade`` is set, none of
+    The latter is chosen where it costs less there and, unless ``trade`` is set, none of
     median latency, misses and false alarms is worse.
     """
     given = problem.given
