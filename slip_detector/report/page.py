@@ -1,8 +1,8 @@
 """Reports for people: one HTML file that needs no network, and the same figures as pictures.
 
-The timeline is drawn by the scripts in ``templates`` from what
-:mod:`slip_detector.report.page_data`
-writes; all else is laid out here, and can be read without scripts.
+The scripts in ``templates`` draw the timeline, with uPlot, from what
+:mod:`slip_detector.report.page_data` writes; all else is laid out here, and can be read without
+scripts.
 """
 
 import base64

@@ -226,7 +226,8 @@ function redraw() {
 function draw(data) {
   const {rate_hz: rate, step_v: step} = now(), {from, to} = view;
   const width = Math.max(root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN, 1);
-  const found = pieces(now(), data, view.variant, from * rate, to * rate, (to - from) * rate / width);
+  const rowsOfPixel = (to - from) * rate / width;
+  const found = pieces(now(), data, view.variant, from * rate, to * rate, rowsOfPixel);
   const lanes = lanesOf(data, found), channels = lanes.filter((lane) => lane.curve);
   const curves = channels.map((lane) => curve(found, lane.channel));
   if (element('signal').value === 'volts') {
@@ -244,7 +245,10 @@ function draw(data) {
   timeline.setLanes(lanes);
   const starts = startsOf(found);
   drawn = {found, starts};
-  timeline.draw({from, to, x: starts.map((row) => row / rate), curves, paint: paintUnderAll(data)});
+  timeline.draw({
+    from, to, curves, x: starts.map((row) => row / rate), paint: paintUnderAll(data),
+    steps: found.some(({rows}) => rows > 3 * rowsOfPixel),
+  });
   drawMinimap(data);
   Object.assign(root.dataset, {
     fromS: from, toS: to, recording: view.recording, variant: view.variant,

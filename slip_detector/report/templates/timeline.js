@@ -28,8 +28,8 @@ class Timeline {
     root.addEventListener('dblclick', () => onLook(-Infinity, Infinity));
   }
 
-  // What is drawn from top to bottom: {name, note, className, height, curve, paint}.
-  // curve: whether the lane has one. paint(pen, lane): draws the rest with pen.context, under the
+  // What is drawn from top to bottom: {name, note, className, height, curve, below, paint}.
+  // curve: whether the lane has one; below: how many pixels it leaves free under it. paint(pen, lane): draws the rest with pen.context, under the
   // curve; pen.xOf(seconds) and pen.right are pixels, as are lane.top and lane.height.
   setLanes(lanes) {
     let top = AXIS_HEIGHT;
@@ -62,9 +62,10 @@ class Timeline {
   // Draw a stretch of time. x: times, rising. curves: one for each lane that has one, in order:
   // {rows, low, high, range}: samples that are joined by a line, or the lowest and the highest from
   // a time to the next, null where there are none; range: what the lane shows from bottom to top.
-  // paint(pen): what lies under all lanes.
-  draw({from, to, x, curves, paint}) {
-    this.paintUnderAll = paint;
+  // steps: whether lowest and highest are drawn as steps; lines serve where a step is hardly wider
+  // than a pixel. paint(pen): what lies under all lanes.
+  draw({from, to, x, curves, steps, paint}) {
+    Object.assign(this, {steps, paintUnderAll: paint});
     const data = [x, ...curves.flatMap(({rows, low, high}) => [high, low, rows])];
     const width = this.root.clientWidth;
     this.plot ??= new uPlot(this.options(width), data, this.root);
@@ -85,13 +86,14 @@ class Timeline {
   }
 
   options(width) {
+    const stepped = uPlot.paths.stepped({align: 1, alignGaps: 1}), linear = uPlot.paths.linear({alignGaps: 1});
+    const paths = (...stretch) => (this.steps ? stepped : linear)(...stretch);
     const series = [{}], scales = {x: {time: false, auto: false}}, bands = [];
     this.lanes.filter((lane) => lane.curve).forEach((_, i) => {
-      const steps = uPlot.paths.stepped({align: 1, alignGaps: 1});
       const curve = {scale: `lane-${i}`, auto: false, stroke: CURVE, width: 1, points: {show: false}};
       scales[curve.scale] = {auto: false, range: [0, 1]};
       bands.push({series: [series.length, series.length + 1], fill: CURVE_RANGE});
-      series.push({...curve, paths: steps}, {...curve, paths: steps},
+      series.push({...curve, paths}, {...curve, paths},
         // A sample is a dot where there is room for it, or no other beside it.
         {...curve, pxAlign: 0, points: {size: 4, space: 9, fill: CURVE, filter: lonely}});
     });
