@@ -26,13 +26,13 @@ from slip_detector.sources import Source, open_source
 #: Samples read from the source at a time.
 READ_ROWS = 32
 
-#: Being late is said when it exceeds this, once a second.
+#: A longer delay is logged, at most once a second.
 LATE_S = 0.05
 
 #: How often the driver looks whether the subscribers that it waits for are there.
 POLL_S = 0.02
 
-#: How often it looks whether all has been played.
+#: Period at which it looks whether all has been played.
 LOOK_S = 0.1
 
 

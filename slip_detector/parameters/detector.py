@@ -24,7 +24,17 @@ PAPER_GROUPS: dict[str, tuple[int, ...]] = {
 
 @dataclasses.dataclass(frozen=True)
 class ChainConfig(ParameterSet):
-    """Parameters of the slip chain; the defaults are the paper's."""
+    """Parameters of the slip chain; the defaults are the paper's.
+
+    Examples
+    --------
+    >>> config = ChainConfig(sample_rate_hz=1000.0, vote=2)
+    >>> config.samples(config.envelope_window_s), list(config.groups)
+    (40, ['TP', 'TD', 'LR', 'LU'])
+    >>> ChainConfig(threshold=-1)
+    Traceback (most recent call last):
+    ValueError: parameter threshold is -1, allowed: 1e-30 to 1e+30
+    """
 
     NODE = 'slip_detector'
 

@@ -8,7 +8,14 @@ from slip_detector.parameters.recording import RecordingConfig
 
 @dataclasses.dataclass(frozen=True)
 class DriverConfig(RecordingConfig):
-    """Parameters of the driver node: where its samples come from and how it publishes them."""
+    """Parameters of the driver node: where its samples come from and how it publishes them.
+
+    Examples
+    --------
+    >>> config = DriverConfig(source='udp', channels=8)
+    >>> config.udp_port
+    47380
+    """
 
     NODE = 'slip_driver'
 
@@ -25,10 +32,10 @@ class DriverConfig(RecordingConfig):
     rate: float = parameter(1.0, 'How many times real time to play.', low=0.001, high=1000.0)
     loop: bool = parameter(False, 'Whether to start again at the end; else the driver ends.')
     wait_for_subscribers: int = parameter(
-        0, 'Begin when so many subscribe to voltages, lest they miss the first.', low=0, high=1000
+        0, 'Number of subscribers of voltages that the first sample waits for.', low=0, high=1000
     )
     wait_for_grip: bool = parameter(
-        False, 'Whether a scene with an object begins when a first grip_force has come.'
+        False, 'Whether a scene with an object waits for the first grip_force.'
     )
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
     samples_per_message: int = parameter(

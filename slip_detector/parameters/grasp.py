@@ -31,7 +31,7 @@ class GraspConfig(ParameterSet):
     )
     relax_after_s: float = parameter(
         1.0,
-        'The force begins to sink so long after the last slip.',
+        'Time from the last slip until the force begins to sink.',
         unit='s',
         low=0.0,
         high=3600.0,
@@ -44,7 +44,7 @@ class GraspConfig(ParameterSet):
     )
     settle_s: float = parameter(
         0.3,
-        'Slip does not count before the grip has been closed so long: contact looks like slip.',
+        'Slip is ignored until the grip has been closed for this time: contact looks like slip.',
         unit='s',
         low=0.0,
         high=60.0,
@@ -63,7 +63,7 @@ class GraspConfig(ParameterSet):
     )
     command_hz: float = parameter(
         100.0,
-        'Rate at which the force is commanded, beside at once.',
+        'Rate at which the force is commanded; a change is commanded at once as well.',
         unit='Hz',
         low=1.0,
         high=1000.0,

@@ -30,7 +30,7 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
         raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
     except UnicodeDecodeError:
         raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
-    except ValueError as error:  # a date that is none, for one
+    except ValueError as error:  # for example an impossible date
         raise ValueError(f'{path}: is not YAML ({error})') from None
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)

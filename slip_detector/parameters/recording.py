@@ -12,6 +12,11 @@ class RecordingConfig(ParameterSet):
 
     The driver, the evaluation and the tuner read them from the section ``slip_driver`` of a
     parameter file.
+
+    Examples
+    --------
+    >>> RecordingConfig(recording_topic='/left/voltages').recording_volts_key
+    'volts'
     """
 
     NODE = 'slip_driver'
@@ -27,7 +32,7 @@ class RecordingConfig(ParameterSet):
     recording_labels: str = parameter(
         '',
         'YAML file of the intervals with slip, or a folder of them; empty: <name>.labels.yaml '
-        'beside the recording, if it is there.',
+        'beside the recording, if it exists.',
     )
     recording_truth_topic: str = parameter(
         'slip_truth', 'Topic of a bag (Bool, on change) that says whether there is slip.'
