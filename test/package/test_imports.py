@@ -1,5 +1,6 @@
 """What may import what."""
 
+import functools
 import pkgutil
 import subprocess
 import sys
@@ -8,14 +9,16 @@ import pytest
 
 import slip_detector
 
-CORE = sorted(
-    module.name
-    for module in pkgutil.walk_packages(slip_detector.__path__, 'slip_detector.')
-    if not module.name.startswith('slip_detector.nodes')
+CORE = tuple(
+    sorted(
+        module.name
+        for module in pkgutil.walk_packages(slip_detector.__path__, 'slip_detector.')
+        if not module.name.startswith('slip_detector.nodes')
+    )
 )
-NODES = [
+NODES = tuple(
     f'slip_detector.nodes.{name}' for name in ('detector', 'driver', 'grasp_controller', 'run')
-]
+)
 
 WITHOUT = """
 import importlib, sys
@@ -27,6 +30,7 @@ print(*sorted(sys.modules))
 """
 
 
+@functools.cache
 def loaded_by(modules, absent=()):
     """Import the modules in a new interpreter and return all that came with them."""
     code = WITHOUT.format(modules=modules, absent=absent)
@@ -38,8 +42,8 @@ def loaded_by(modules, absent=()):
 
 
 def test_only_nodes_import_rclpy_and_messages():
-    ros = ['rclpy', 'std_msgs', 'sensor_msgs', 'rcl_interfaces', 'builtin_interfaces']
-    ros += ['diagnostic_msgs', 'lifecycle_msgs']
+    ros = ('rclpy', 'std_msgs', 'sensor_msgs', 'rcl_interfaces', 'builtin_interfaces')
+    ros += ('diagnostic_msgs', 'lifecycle_msgs')
     assert len(CORE) >= 10
     loaded_by(CORE, absent=ros)
 
@@ -62,8 +66,8 @@ def test_the_nodes_do_without_reports():
 
 
 def test_only_the_report_imports_a_plotting_library():
-    others = [name for name in CORE if not name.startswith('slip_detector.report.')]
-    loaded_by(others, absent=['matplotlib'])
+    others = tuple(name for name in CORE if not name.startswith('slip_detector.report.'))
+    loaded_by(others, absent=('matplotlib',))
 
 
 def test_the_chain_is_offered_by_the_package_and_loads_nothing_that_it_does_not_need():
@@ -75,9 +79,9 @@ def test_the_chain_is_offered_by_the_package_and_loads_nothing_that_it_does_not_
 
 
 def test_only_bags_need_what_reads_them():
-    loaded = loaded_by(CORE, absent=['rosbags', 'lz4'])
+    loaded = loaded_by(CORE, absent=('rosbags', 'lz4'))
     assert 'slip_detector.recordings.bag_recording' in loaded
-    of_recordings = loaded_by(['slip_detector.recordings'])
+    of_recordings = loaded_by(('slip_detector.recordings',))
     assert 'slip_detector.recordings.npz_recording' in of_recordings
     assert 'slip_detector.recordings.bag_recording' not in of_recordings
     assert 'rosbags' not in loaded_by(CORE)
