@@ -83,7 +83,9 @@ RUN_BY = {
     'slip_demo --out out': 'Makefile: slip_demo --out out',
     'slip_grasp --out out': 'Makefile: slip_grasp --out out',
     'chromium-headless-shell --hide-scrollbars --screenshot=docs/figures/report.png'
-    ' --window-size=1280,860 report.html#event-0-0-0': 'test/report/test_page_in_browser.py::test_it_renders',
+    ' --window-size=1280,860 report.html#event-0-0-0': (
+        'test/report/test_page_in_browser.py::test_it_renders'
+    ),
     'slip_evaluate --protocol paper': (
         'test/evaluation/test_protocol.py::test_the_papers_results_are_reproduced'
     ),
