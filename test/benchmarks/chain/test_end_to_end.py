@@ -51,13 +51,18 @@ def test_end_to_end():
         assert any(label in line and '<= 1.5' in line for line in text.splitlines())
 
 
+#: What the meter, the relay and the detector run.
+MODULES = (b'benchmarks.chain.end_to_end', b'benchmarks.chain.relay', b'slip_detector.nodes')
+
+
 def processes_marked(mark):
     """Return the processes that have inherited the environment of a run."""
     found = []
     for folder in Path('/proc').iterdir():
         with contextlib.suppress(OSError):  # Another user's, or gone meanwhile.
             words = (folder / 'cmdline').read_bytes()
-            if b'slip_detector.nodes' in words and mark in (folder / 'environ').read_bytes():
+            ours = any(module in words for module in MODULES)
+            if ours and mark in (folder / 'environ').read_bytes():
                 found.append(words)
     return found
 
