@@ -2,4 +2,7 @@
 
 import sys
 
-sys.modules['numba'] = None
+
+def pytest_load_initial_conftests():
+    """Hide Numba before anything of the package is imported."""
+    sys.modules['numba'] = None
