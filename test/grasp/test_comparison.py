@@ -74,7 +74,7 @@ def test_an_object_that_gets_heavier_is_never_dropped_and_hardly_slides(played):
         assert np.ptp(trial.position_m[-100:]) < 1e-5
 
 
-def test_the_figures_of_the_readme_are_as_good_as_is_wanted():
+def test_the_figures_of_the_docs_are_as_good_as_is_wanted():
     found = grasp_figures(play_trials(CHAIN, GRASP, REPORTED), GRASP.limit_n)
     assert found['trials'] == 30
     assert found['dropped'] == 0
