@@ -43,6 +43,10 @@ if not COMPILED:
         """Return ``a`` in the lanes where the mask is set, ``b`` in the others."""
         return np.where(mask, a, b)
 
+    def is_number(values):
+        """Return which values are not NaN."""
+        return ~np.isnan(values)
+
     def root(values):
         """Return the square roots."""
         return np.sqrt(values)
@@ -206,6 +210,11 @@ else:
         """Return ``a`` in the lanes where the mask is set, ``b`` in the others."""
         kind = a if isinstance(a, Lanes) else b if isinstance(b, Lanes) else KINDS[a]
         return _of_vectors(kind(mask, a, b), lambda builder, *args: builder.select(*args))
+
+    @intrinsic
+    def is_number(typing, values):
+        """Return which values are not NaN."""
+        return _of_vectors(BOOLS(values), lambda builder, a: builder.fcmp_ordered('ord', a, a))
 
     def _of_floats(name):
         """Return what LLVM has for each float64 under the name."""
