@@ -136,10 +136,10 @@ def rows_of_count(count, members, words, valid, digits):
 
 
 @compiled
-def seat_levels(block, rows, valid, t, rooms, place):
+def seat_levels(block, rows, valid, t, rooms, places):
     """Write a tile's levels to the rooms of their groups.
 
-    ``place`` is the row of the rooms for each lane of tile ``t``, -1 for none.
+    ``places`` tells by seat which row of ``rooms`` is a channel's, -1 for none.
     """
     row = FIRST_ROW
     words = load(valid, t * LANES)
@@ -149,8 +149,9 @@ def seat_levels(block, rows, valid, t, rooms, place):
         store(select((words & row) != NO_ROW, level, NO_VOTE), block, (k, 0))
         row = row << FIRST_ROW
     for lane in range(LANES):
-        if place[lane] >= 0:
-            room = rooms[place[lane]]
+        place = places[t * LANES + lane]
+        if place >= 0:
+            room = rooms[place]
             for k in range(rows):
                 room[k] = block[k, lane]
 
