@@ -15,12 +15,16 @@ except ImportError:  # Numba is not to be had on every robot.
     COMPILED = False
 
 
+#: Files with any of these have something that is compiled.
+MARKS = (b'@compiled', b'@intrinsic')
+
+
 def _fingerprint() -> str:
     """Return a number that changes with any file that has compiled functions."""
     number = 0
     for path in sorted(Path(__file__).parents[1].rglob('*.py')):
         source = path.read_bytes()
-        if b'@compiled' in source:
+        if any(mark in source for mark in MARKS):
             number = zlib.crc32(source, number)
     return f'{number:08x}'
 

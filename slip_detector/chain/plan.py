@@ -278,12 +278,16 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
     members = [seats[c] for group in groups for c in group]
     places = np.full(LANES * len(bases), -1)
     places[members] = np.arange(len(members))
-    bounds = np.cumsum([0] + [len(group) for group in groups])
-    flag_seats = [seats.get(c, LANES * len(bases)) for c in range(config.channels)]
-    in_order = [seats[c] for c in enabled]
-    layout = Layout(*map(_integers, (
-        bases, enabled, in_order, places, bounds, members, flag_seats, wanted
-    )))  # fmt: skip
+    layout = Layout(
+        bases=_integers(bases),
+        columns=_integers(enabled),
+        seats=_integers([seats[c] for c in enabled]),
+        places=places,
+        bounds=_integers(np.cumsum([0] + [len(group) for group in groups])),
+        members=_integers(members),
+        flag_seats=_integers([seats.get(c, LANES * len(bases)) for c in range(config.channels)]),
+        votes=wanted,
+    )
     settings = Settings(
         flat_rows=config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
         threshold=config.threshold,

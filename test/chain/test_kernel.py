@@ -1,4 +1,4 @@
-"""The chain: what the reference gives, however the rows are cut, compiled or interpreted."""
+"""The kernel: what the reference gives, however the rows are cut, compiled or interpreted."""
 
 import copy
 import inspect
@@ -25,7 +25,7 @@ from support.interpreted import interpreted_chain
 from support.reference import _vote as reference_vote
 from support.reference import reference
 
-PACKAGE_ROOT = Path(chain_module.__file__).parents[1]
+CHECKOUT = Path(chain_module.__file__).parents[2]
 
 # The interpreted kernel is some 500 times slower.
 EXAMPLES = 300 if COMPILED else 100
@@ -46,8 +46,8 @@ def bits_in_pieces(chain, pieces):
 def configs(draw, **fixed):
     """Draw a configuration over all that the chain can do, of filters that are well in reach."""
     rate = draw(st.sampled_from([100.0, 380.0, 1000.0, 2012.5]), label='rate')
-    # Half of the time more than one tile.
-    channels = draw(st.one_of(st.integers(1, 40), st.integers(LANES + 1, 40)))
+    # The last of several tiles mostly overlaps the one before it.
+    channels = draw(st.one_of(st.integers(1, 40), st.integers(LANES + 1, 70)))
     order = draw(st.permutations(range(1, channels + 1)), label='order')
     enabled = order[: draw(st.integers(1, channels), label='enabled')]
     disabled = order[len(enabled) :]
@@ -321,7 +321,17 @@ def test_the_input_is_not_written_to():
 def test_the_interpreted_kernel_gives_the_bits_of_the_compiled_one(common_mode, vote, data):
     config = data.draw(configs(common_mode=common_mode, vote=vote, threshold=0.05))
     volts = data.draw(recordings(config))
-    assert bits(interpreted_chain(config).update(volts)) == bits(SlipChain(config).update(volts))
+    votes = data.draw(st.sampled_from([(), ('all', 'mean', 1, 2, 3)]), label='votes')
+    compiled = SlipChain(config).update(volts, votes=votes)
+    plain = interpreted_chain(config).update(volts, votes=votes)
+    assert bits(plain) == bits(compiled)
+    assert plain.vote_statistic.tobytes() == compiled.vote_statistic.tobytes()
+    # A row a call, from the other side.
+    half = len(volts) // 2
+    rows = interpreted_chain(config)
+    pieces = [rows.update(piece) for piece in [volts[:half], *volts[half : half + 20, None]]]
+    flags = np.concatenate([piece.flags for piece in pieces])
+    assert flags.tobytes() == compiled.flags[: half + 20].tobytes()
 
 
 WITHOUT_NUMBA = """
@@ -351,7 +361,7 @@ def test_without_numba_there_is_one_warning_and_the_same_decisions(tmp_path):
             str(tmp_path / 'volts.npy'),
             str(tmp_path / 'flags.npy'),
         ],
-        env=os.environ | {'PYTHONPATH': str(PACKAGE_ROOT)},
+        env=os.environ | {'PYTHONPATH': str(CHECKOUT)},
         capture_output=True,
         text=True,
         check=False,
