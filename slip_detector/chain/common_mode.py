@@ -93,7 +93,7 @@ def find_common_mode(
     valid
         Rows in which each seat has a good sample that is not flat, as words.
     deviations
-        Room, shape (channels, WORD_ROWS).
+        Memory to work in, shape (channels, WORD_ROWS).
     common_v
         Shape (rows,) or more.
     """

@@ -1,4 +1,4 @@
-"""Compile with Numba where it is to be had; the same functions run interpreted where it is not."""
+"""Compile with Numba where it is installed; elsewhere the same functions run interpreted."""
 
 import zlib
 from collections.abc import Callable
@@ -11,7 +11,7 @@ try:
     from numba import njit
 
     COMPILED = True
-except ImportError:  # Numba is not to be had on every robot.
+except ImportError:  # not every robot has Numba
     COMPILED = False
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from slip_detector.chain.common_mode import NO_COMMON_MODE, find_common_mode
 from slip_detector.chain.compiled import as_silent, compiled
 from slip_detector.chain.lanes import LANES, load, spread, store
-from slip_detector.chain.plan import filters_of, layout_of, room_of, settings_of
+from slip_detector.chain.plan import filters_of, layout_of, scratch_of, settings_of
 from slip_detector.chain.stages import (
     ENVELOPE_HEAD,
     ENVELOPE_ROW,
@@ -33,11 +33,11 @@ from slip_detector.chain.stages import (
 from slip_detector.chain.votes import (
     VOTE_ALL,
     VOTE_MEAN,
+    gather_levels,
     raise_to_votes,
     rows_of_all,
     rows_of_any,
     rows_of_count,
-    seat_levels,
 )
 
 #: The vote of a chain that asks for it, as those of a statistic are given.
@@ -45,35 +45,37 @@ MEAN_ALONE = np.array([VOTE_MEAN])
 
 
 @compiled
-def _decide(rows, vote, threshold, layout, room):
+def _decide(rows, vote, threshold, layout, scratch):
     """Let each group's valid channels vote (Table 1) and take the OR of the groups."""
     n_groups = layout.bounds.size - 1
-    slip, on, valid = NO_ROW, room.on, room.valid
+    slip, on, valid = NO_ROW, scratch.on, scratch.valid
     for g in range(n_groups):
         first, end = layout.bounds[g], layout.bounds[g + 1]
         members = layout.members[first:end]
         if vote > 0:
-            able = rows_of_count(vote, members, valid, valid, room.digits)
-            decision = rows_of_count(vote, members, on, valid, room.digits)
+            able = rows_of_count(vote, members, valid, valid, scratch.digits)
+            decision = rows_of_count(vote, members, on, valid, scratch.digits)
         else:
             able = rows_of_any(members, valid)
             if vote == VOTE_ALL:
                 decision = rows_of_all(members, on, valid)
             else:
-                room.mean[:] = 0.0
-                raise_to_votes(room.levels[first:end], end - first, rows, MEAN_ALONE, room.mean)
+                scratch.mean[:] = 0.0
+                raise_to_votes(
+                    scratch.levels[first:end], end - first, rows, MEAN_ALONE, scratch.mean
+                )
                 decision, row = NO_ROW, FIRST_ROW
                 for k in range(rows):
-                    decision |= row if room.mean[0, k] > threshold else NO_ROW
+                    decision |= row if scratch.mean[0, k] > threshold else NO_ROW
                     row = row << FIRST_ROW
-        room.decisions[1 + g], room.decisions[1 + n_groups + g] = decision, able
+        scratch.decisions[1 + g], scratch.decisions[1 + n_groups + g] = decision, able
         slip |= decision
-    room.decisions[0] = slip
+    scratch.decisions[0] = slip
     first, channels = 1 + 2 * n_groups, layout.flag_seats.size
     for c in range(channels):
         seat = layout.flag_seats[c]
-        room.decisions[first + c] = on[seat]
-        room.decisions[first + channels + c] = valid[seat]
+        scratch.decisions[first + c] = on[seat]
+        scratch.decisions[first + channels + c] = valid[seat]
 
 
 @compiled
@@ -96,17 +98,17 @@ def _write_flags(decisions, flags, start, rows):
 
 
 @compiled
-def _write_statistics(rows, layout, threshold, room, signals, start):
+def _write_statistics(rows, layout, threshold, scratch, signals, start):
     """Write what each vote holds against 1 to the last columns of ``signals``."""
-    room.statistics[:] = 0.0
+    scratch.statistics[:] = 0.0
     for g in range(layout.bounds.size - 1):
         first, end = layout.bounds[g], layout.bounds[g + 1]
-        levels = room.levels[first:end]
-        raise_to_votes(levels, end - first, rows, layout.votes, room.statistics)
+        levels = scratch.levels[first:end]
+        raise_to_votes(levels, end - first, rows, layout.votes, scratch.statistics)
     column = signals.shape[1] - layout.votes.size
     for v in range(layout.votes.size):
         for k in range(rows):
-            signals[start + k, column + v] = room.statistics[v, k] / threshold
+            signals[start + k, column + v] = scratch.statistics[v, k] / threshold
 
 
 @as_silent
@@ -133,8 +135,8 @@ def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
     settings = settings_of(plan)
     ranges, sections, end = filters_of(plan, settings)
     layout, end = layout_of(plan, settings, end)
-    room = room_of(plan, settings, end)
-    block = room.block
+    scratch = scratch_of(plan, settings, end)
+    block = scratch.block
     vote, common_mode = int(settings.vote), int(settings.common_mode)
     envelope_rows, level_rows = int(settings.envelope_rows), int(settings.level_rows)
     envelope_tail = FIXED_SLOTS + 2 * sections.shape[0]
@@ -146,20 +148,20 @@ def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
             for t in range(layout.bases.size):
                 check_samples(
                     volts, start, rows, layout.bases[t], ranges[t], settings.flat_rows, tiles[t],
-                    room.valid, t * LANES,
+                    scratch.valid, t * LANES,
                 )  # fmt: skip
             find_common_mode(
                 volts, start, rows, common_mode, layout.bases, layout.columns, layout.seats,
-                ranges, tiles, room.valid, room.deviations, room.common_v,
+                ranges, tiles, scratch.valid, scratch.deviations, scratch.common_v,
             )  # fmt: skip
         for t in range(layout.bases.size):
             tile, column = tiles[t], layout.bases[t]
             if common_mode == NO_COMMON_MODE:
                 check_samples(
-                    volts, start, rows, column, ranges[t], settings.flat_rows, tile, room.valid,
+                    volts, start, rows, column, ranges[t], settings.flat_rows, tile, scratch.valid,
                     t * LANES,
                 )  # fmt: skip
-            load_deviations(volts, start, rows, column, ranges[t], room.common_v, tile, block)
+            load_deviations(volts, start, rows, column, ranges[t], scratch.common_v, tile, block)
             run_filters(block, rows, sections, tile)
             rectified_power(block, rows, settings.full_wave != 0.0, int(settings.exponent))
             window_means(
@@ -170,10 +172,10 @@ def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
             window_means(block, rows, level_rows, tile, LEVEL_ROW, LEVEL_HEAD, level_tail, False)
             if keep_level:
                 keep(block, rows, signals, start, level_column + column)
-            rows_above(block, rows, settings.threshold, room.on, t * LANES)
-            if room.levels.size:
-                seat_levels(block, rows, room.valid, t, room.levels, layout.places)
-        _decide(rows, vote, settings.threshold, layout, room)
-        _write_flags(room.decisions, flags, start, rows)
+            rows_above(block, rows, settings.threshold, scratch.on, t * LANES)
+            if scratch.levels.size:
+                gather_levels(block, rows, scratch.valid, t, scratch.levels, layout.places)
+        _decide(rows, vote, settings.threshold, layout, scratch)
+        _write_flags(scratch.decisions, flags, start, rows)
         if layout.votes.size:
-            _write_statistics(rows, layout, settings.threshold, room, signals, start)
+            _write_statistics(rows, layout, settings.threshold, scratch, signals, start)

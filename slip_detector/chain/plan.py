@@ -1,9 +1,9 @@
-"""What the kernel is told beside samples and state, and its room to work in: one array with names.
+"""What the kernel is told beside samples and state, and its memory to work in: one array.
 
 Each array that is passed costs a call 100 ns and a tuple of them a microsecond, hence a *plan* is
 one array of float64, and the kernel gives its parts names once it has it: :class:`Settings`, then
 the tiles' ranges of good samples and the filters' sections, then :class:`Layout` as the bits of
-integers, then :class:`Room`.
+integers, then :class:`Scratch`.
 
 A *seat* is a channel's place in the tiles: eight times its tile, and its lane. Tiles may overlap;
 then a channel's seat is in the first of them, and in the other it is computed to the same bits.
@@ -75,7 +75,7 @@ class Layout(NamedTuple):
     columns, seats : ndarray of int, shape (e,)
         Column and seat of each enabled channel.
     places : ndarray of int, shape (8 t,)
-        By seat the row of ``Room.levels``: the groups' members one after the other; -1 for none.
+        By seat the row of ``Scratch.levels``: the groups' members one after the other; -1 for none.
     bounds : ndarray of int, shape (g + 1,)
         Where each group begins and ends among all members.
     members : ndarray of int, shape (e,)
@@ -96,8 +96,8 @@ class Layout(NamedTuple):
     votes: NDArray[np.int64]
 
 
-class Room(NamedTuple):
-    """Room to work in, overwritten by each block of rows.
+class Scratch(NamedTuple):
+    """Memory to work in, overwritten by each block of rows.
 
     Attributes
     ----------
@@ -174,8 +174,8 @@ def layout_of(plan, settings, bases):
 
 
 @compiled
-def _room_bounds(settings, begin):
-    """Return where the parts of the room begin, and where the last one ends."""
+def _scratch_bounds(settings, begin):
+    """Return where the parts of the scratch memory begin, and where the last one ends."""
     enabled, votes = int(settings.enabled), int(settings.votes)
     block = begin + -begin % LINE
     common_v = block + WORD_ROWS * LANES
@@ -196,12 +196,12 @@ def _room_bounds(settings, begin):
 
 
 @compiled
-def room_of(plan, settings, begin):
-    """Return the room of a plan, from the first cache line at or after ``begin`` on."""
+def scratch_of(plan, settings, begin):
+    """Return the scratch memory of a plan, from the first cache line at or after ``begin`` on."""
     (
         block, common_v, digits, on, valid, decisions, mean, deviations, levels, statistics, end
-    ) = _room_bounds(settings, begin)  # fmt: skip
-    return Room(
+    ) = _scratch_bounds(settings, begin)  # fmt: skip
+    return Scratch(
         float_part(plan, block, (WORD_ROWS, LANES)),
         float_part(plan, common_v, (WORD_ROWS,)),
         word_part(plan, digits, (DIGITS,)),
@@ -218,9 +218,9 @@ def room_of(plan, settings, begin):
 def aligned_zeros(shape: tuple[int, ...]) -> Floats:
     """Return zeros that begin where a cache line does."""
     size = int(np.prod(shape))
-    room = np.zeros(size + LINE)
-    skip = -(room.ctypes.data // room.itemsize) % LINE
-    return room[skip : skip + size].reshape(shape)
+    scratch = np.zeros(size + LINE)
+    skip = -(scratch.ctypes.data // scratch.itemsize) % LINE
+    return scratch[skip : skip + size].reshape(shape)
 
 
 def tile_bases_of(config: ChainConfig) -> list[int]:
@@ -307,7 +307,7 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
     told = np.concatenate(
         [settings, ranges.ravel(), sections.ravel(), np.concatenate(layout).view(np.float64)]
     )
-    plan = aligned_zeros((_room_bounds(settings, len(told))[-1],))
+    plan = aligned_zeros((_scratch_bounds(settings, len(told))[-1],))
     plan[: len(told)] = told
     return plan
 

@@ -33,6 +33,15 @@ class SlipChain:
     ------
     ValueError
         When a filter of the configuration cannot be run in float64.
+
+    Examples
+    --------
+    >>> chain = SlipChain()  # the paper's parameters: 16 channels at 380 Hz
+    >>> result = chain.update(np.full((100, 16), 4.3))
+    >>> result.groups.shape
+    (100, 4)
+    >>> bool(result.slip.any())
+    False
     """
 
     def __init__(self, config: ChainConfig | None = None) -> None:
@@ -117,7 +126,6 @@ class SlipChain:
 
         Examples
         --------
-        >>> import numpy as np
         >>> chain = SlipChain(ChainConfig(channels=2, threshold=1e-6))
         >>> time_s = np.arange(380) / 380
         >>> volts = 4.0 + 1e-3 * np.outer(np.sin(2 * np.pi * 20 * time_s), [1.0, 0.5])

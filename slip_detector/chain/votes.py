@@ -10,8 +10,8 @@ The group is ON where that number is above the threshold (Table 1 has ``all``). 
 on the threshold: what it is held against can be chosen afterwards.
 
 Where only the decision is asked for, ``all`` and counts are taken of 64 rows at once: words with
-a bit a row tell where a channel is ON and where it is valid. Numbers are taken of rooms of shape
-(members, rows), eight rows to a vector, with :data:`NO_VOTE` for a level that is not valid.
+a bit a row tell where a channel is ON and where it is valid. Numbers are taken of levels in an
+array of shape (members, rows), with :data:`NO_VOTE` for one that is not valid.
 """
 
 from collections.abc import Sequence
@@ -118,7 +118,7 @@ def rows_of_count(count, members, words, valid, digits):
     """Return the rows in which at least ``count`` valid members have their bit in ``words``.
 
     The rows' counts are held in base 2, a digit a word: adding a member is adding one bit to 64
-    numbers at once. ``digits`` is room for them.
+    numbers at once. ``digits`` has a word for each.
     """
     digits[:] = NO_ROW
     for m in members:
@@ -136,10 +136,10 @@ def rows_of_count(count, members, words, valid, digits):
 
 
 @compiled
-def seat_levels(block, rows, valid, t, rooms, places):
-    """Write a tile's levels to the rooms of their groups.
+def gather_levels(block, rows, valid, t, levels, places):
+    """Write the levels of tile ``t`` to those of all members, a row each.
 
-    ``places`` tells by seat which row of ``rooms`` is a channel's, -1 for none.
+    ``places`` tells by seat which row of ``levels`` is a channel's, -1 for none.
     """
     row = FIRST_ROW
     words = load(valid, t * LANES)
@@ -151,9 +151,9 @@ def seat_levels(block, rows, valid, t, rooms, places):
     for lane in range(LANES):
         place = places[t * LANES + lane]
         if place >= 0:
-            room = rooms[place]
+            own = levels[place]
             for k in range(rows):
-                room[k] = block[k, lane]
+                own[k] = block[k, lane]
 
 
 @compiled
@@ -266,8 +266,7 @@ def raise_to_votes(levels, members, rows, votes, statistics):
     Parameters
     ----------
     levels
-        A room, at least as large as ``members`` and ``rows`` in whole vectors; it is left in
-        disorder.
+        Shape (members, rows) or more, rows in whole vectors; left in disorder.
     members, rows
         How many of each there are.
     votes

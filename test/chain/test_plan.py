@@ -1,4 +1,4 @@
-"""Where channels, settings and room of a chain are in its plan."""
+"""Where channels, settings and scratch memory of a chain are in its plan."""
 
 import itertools
 
@@ -13,7 +13,7 @@ from slip_detector.chain.plan import (
     filters_of,
     layout_of,
     plan_of,
-    room_of,
+    scratch_of,
     settings_of,
     tile_bases_of,
 )
@@ -45,7 +45,7 @@ def parts_of(config, votes=()):
     ranges, sections, end = filters_of(plan, settings)
     layout, end = layout_of(plan, settings, end)
     # Parts are no references: the plan has to stay.
-    return plan, settings, ranges, sections, layout, room_of(plan, settings, end)
+    return plan, settings, ranges, sections, layout, scratch_of(plan, settings, end)
 
 
 def enabled_of(config):
@@ -68,7 +68,7 @@ def test_tiles_hold_each_enabled_channel_and_none_is_without(config):
 
 @given(configs())
 def test_each_enabled_channel_has_one_seat_in_the_tile_that_holds_it(config):
-    _plan, settings, ranges, _, layout, room = parts_of(config)
+    _plan, settings, ranges, _, layout, scratch = parts_of(config)
     enabled = enabled_of(config)
     assert layout.columns.tolist() == enabled
     assert len(set(layout.seats.tolist())) == len(enabled) == settings.enabled
@@ -79,8 +79,8 @@ def test_each_enabled_channel_has_one_seat_in_the_tile_that_holds_it(config):
         assert layout.flag_seats[channel] == seat
     disabled = np.array(config.disabled_channels, int) - 1
     # Theirs is beyond all tiles, where no row is ever ON.
-    assert (layout.flag_seats[disabled] == room.on.size - 1).all()
-    assert room.on.size == room.valid.size == LANES * layout.bases.size + 1
+    assert (layout.flag_seats[disabled] == scratch.on.size - 1).all()
+    assert scratch.on.size == scratch.valid.size == LANES * layout.bases.size + 1
 
 
 @given(configs())
@@ -105,20 +105,20 @@ def test_groups_are_their_enabled_members_one_after_the_other(config):
 
 @given(configs(), st.lists(st.sampled_from(['all', 'mean', 1, 2, 3]), max_size=4))
 def test_the_parts_of_a_plan_fill_it_and_none_overlaps_another(config, votes):
-    plan, settings, ranges, sections, layout, room = parts_of(config, votes)
+    plan, settings, ranges, sections, layout, scratch = parts_of(config, votes)
     np.testing.assert_array_equal(sections, SECTIONS)
     assert settings.threshold == config.threshold
     assert settings.votes == layout.votes.size == len(votes)
-    arrays = [ranges, sections, *layout, *room]
+    arrays = [ranges, sections, *layout, *scratch]
     bounds = sorted((part.ctypes.data, part.nbytes) for part in arrays if part.size)
     assert bounds[0][0] == plan.ctypes.data + len(settings) * 8
     for (begin, size), (following, _) in itertools.pairwise(bounds):
         assert begin + size <= following
     assert sum(bounds[-1]) == plan.ctypes.data + plan.nbytes
-    assert room.block.ctypes.data % 64 == 0
-    # Nothing is kept room for that is not wanted.
-    assert bool(room.deviations.size) == (config.common_mode != 'none')
-    assert bool(room.levels.size) == (config.vote == 'mean' or bool(votes))
+    assert scratch.block.ctypes.data % 64 == 0
+    # There is none for what is not wanted.
+    assert bool(scratch.deviations.size) == (config.common_mode != 'none')
+    assert bool(scratch.levels.size) == (config.vote == 'mean' or bool(votes))
 
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=3))
