@@ -75,7 +75,8 @@ class Layout(NamedTuple):
     columns, seats : ndarray of int, shape (e,)
         Column and seat of each enabled channel.
     places : ndarray of int, shape (8 t,)
-        By seat the row of ``Scratch.levels``: the groups' members one after the other; -1 for none.
+        By seat the row of ``Scratch.levels``, which has the groups' members one after the other;
+        -1 for none.
     bounds : ndarray of int, shape (g + 1,)
         Where each group begins and ends among all members.
     members : ndarray of int, shape (e,)
