@@ -1,1 +1,1 @@
-"""The algorithm (the paper's Section 2): filters, kernel, votes, and the stamps of its rows."""
+"""The algorithm (the paper's Section 2): filters, kernel and votes; and the stamps of its rows."""

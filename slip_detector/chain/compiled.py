@@ -1,4 +1,4 @@
-"""Compile with Numba where it is to be had; the same functions run interpreted where it is not."""
+"""Compile with Numba where it is installed; elsewhere the same functions run interpreted."""
 
 import zlib
 from collections.abc import Callable
@@ -11,8 +11,12 @@ try:
     from numba import njit
 
     COMPILED = True
-except ImportError:  # Numba is not to be had on every robot.
+except ImportError:  # not every robot has Numba
     COMPILED = False
+
+
+#: Files with any of these have something that is compiled.
+MARKS = (b'@compiled', b'@intrinsic')
 
 
 def _fingerprint() -> str:
@@ -20,7 +24,7 @@ def _fingerprint() -> str:
     number = 0
     for path in sorted(Path(__file__).parents[1].rglob('*.py')):
         source = path.read_bytes()
-        if b'@compiled' in source:
+        if any(mark in source for mark in MARKS):
             number = zlib.crc32(source, number)
     return f'{number:08x}'
 

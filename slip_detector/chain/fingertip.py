@@ -32,6 +32,11 @@ def taxel_positions() -> NDArray[np.float64]:
     ndarray, shape (16, 2)
         Metres from the fingertip's centre: x across the finger, towards the radial side, and y
         along it, towards the tip. The platform moves along x.
+
+    Examples
+    --------
+    >>> taxel_positions().shape
+    (16, 2)
     """
     half = SENSOR_PITCH_M / 2
     centres = [(-half, half), (half, half), (half, -half), (-half, -half)]

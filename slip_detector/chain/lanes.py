@@ -35,6 +35,15 @@ if not COMPILED:
         """Write a vector to an array from the index ``at`` on."""
         array[_lanes_from(at)] = values
 
+    def _part_as(dtype):
+        def part(array, begin, shape):
+            size = int(np.prod(shape))
+            return array[begin : begin + size].view(dtype).reshape(shape)
+
+        return part
+
+    float_part, word_part, integer_part = map(_part_as, (np.float64, np.uint64, np.int64))
+
     def spread(value):
         """Return a number in all lanes."""
         return np.full(LANES, value)
@@ -42,6 +51,10 @@ if not COMPILED:
     def select(mask, a, b):
         """Return ``a`` in the lanes where the mask is set, ``b`` in the others."""
         return np.where(mask, a, b)
+
+    def is_number(values):
+        """Return which values are not NaN."""
+        return ~np.isnan(values)
 
     def root(values):
         """Return the square roots."""
@@ -67,6 +80,7 @@ else:
     from llvmlite import ir
     from numba.core import cgutils, types
     from numba.extending import intrinsic, models, overload, register_model
+    from numba.np.arrayobj import populate_array
 
     class Lanes(types.Type):
         """Numba's type of a vector.
@@ -196,6 +210,41 @@ else:
 
         return types.void(values, array, at), codegen
 
+    def _part_as(element):
+        """Return a function of an array of 64-bit values, a place in it, and a shape.
+
+        It returns the part that begins there, with this type of element. Unlike a slice it is not
+        counted as a reference, which costs each slice of a call 25 ns: it must not outlive the
+        array.
+        """
+
+        @intrinsic
+        def part(typing, array, begin, shape):
+            kind = types.Array(element, len(shape), 'C')
+
+            def codegen(context, builder, signature, args):
+                array_type, begin_type, shape_type = signature.args
+                address = _address(context, builder, array_type, begin_type, *args[:2])
+                sizes = [
+                    context.cast(builder, value, own, types.intp)
+                    for value, own in zip(
+                        cgutils.unpack_tuple(builder, args[2]), shape_type, strict=True
+                    )
+                ]
+                strides = [ir.Constant(ir.IntType(64), 8)]
+                for one in reversed(sizes[1:]):
+                    strides.insert(0, builder.mul(strides[0], one))
+                made = context.make_array(kind)(context, builder)
+                data = builder.bitcast(address, context.get_data_type(element).as_pointer())
+                populate_array(made, data, sizes, strides, ir.Constant(ir.IntType(64), 8), None)
+                return made._getvalue()
+
+            return kind(array, begin, shape), codegen
+
+        return part
+
+    float_part, word_part, integer_part = map(_part_as, (types.float64, types.uint64, types.int64))
+
     @intrinsic
     def spread(typing, value):
         """Return a number in all lanes."""
@@ -206,6 +255,11 @@ else:
         """Return ``a`` in the lanes where the mask is set, ``b`` in the others."""
         kind = a if isinstance(a, Lanes) else b if isinstance(b, Lanes) else KINDS[a]
         return _of_vectors(kind(mask, a, b), lambda builder, *args: builder.select(*args))
+
+    @intrinsic
+    def is_number(typing, values):
+        """Return which values are not NaN."""
+        return _of_vectors(BOOLS(values), lambda builder, a: builder.fcmp_ordered('ord', a, a))
 
     def _of_floats(name):
         """Return what LLVM has for each float64 under the name."""

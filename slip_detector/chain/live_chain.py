@@ -34,11 +34,11 @@ OF_THE_INPUT = ('sample_rate_hz', 'channels')
 class LiveChain:
     """A :class:`SlipChain` for a stream of rows, whose configuration can be replaced.
 
-    What only decides (threshold, vote, groups, ...) is replaced at once: the filters go on as if
-    nothing had happened. Anything else takes a chain of its own, which is designed in a thread
-    beside the running one, fed with the rows of the last ``HISTORY_S`` and then put in its place
-    by :meth:`swap`, between two rows: it decides as if it had been there for that long. Only
-    where rate or number of channels changes it starts anew.
+    Parameters of the decision alone (threshold, vote, groups, ...) are replaced at once, and the
+    filters keep their state. For any other a new chain is built in a thread beside the running
+    one and fed with the rows of the last ``HISTORY_S``. :meth:`swap` puts it in the place of the
+    running one, between two rows: it decides as if it had run for that long. Where the rate or
+    the number of channels changes, it starts without any rows.
 
     Parameters
     ----------
@@ -46,6 +46,14 @@ class LiveChain:
         To begin with.
     on_built
         Called, in the thread that built it, when a chain waits for :meth:`swap`.
+
+    Examples
+    --------
+    >>> chain = LiveChain(ChainConfig(channels=2), on_built=lambda: None)
+    >>> chain.change(ChainConfig(channels=2, threshold=0.1))
+    True
+    >>> chain.update(np.zeros((5, 2)), level=False).slip.shape
+    (5,)
     """
 
     def __init__(self, config: ChainConfig, on_built: Callable[[], None]) -> None:

@@ -14,28 +14,19 @@ class SlipResult:
     ----------
     flags : ndarray of bool, shape (n, 1 + 2 g + 2 c)
         All decisions side by side: equal rows are equal decisions.
-    vote_statistic : ndarray, shape (n, v)
-        For each of the votes that were asked for, the number that the slip decision holds
-        against 1 by that vote, dimensionless: above 1 exactly where ``slip`` would be ON. It is
-        the largest over the groups of the number of level / threshold that
-        :mod:`slip_detector.chain.votes` describes, 0 for a group that cannot vote. At a threshold
-        of 1 it is the number, in the unit of the level, that any other threshold can be held
-        against: it is above that threshold exactly where a chain with it has ``slip`` ON.
     """
 
-    __slots__ = ('_kept_envelope', '_kept_level', '_shape', '_signals', 'flags', 'vote_statistic')
+    __slots__ = ('_kept_envelope', '_kept_level', '_shape', '_signals', 'flags')
 
     def __init__(
         self,
         flags: Bools,
         signals: Floats,
-        vote_statistic: Floats,
-        shape: tuple[int, int],
+        shape: tuple[int, int, int],
         envelope: bool,
         level: bool,
     ) -> None:
         self.flags, self._signals, self._shape = flags, signals, shape
-        self.vote_statistic = vote_statistic
         self._kept_envelope, self._kept_level = envelope, level
 
     @property
@@ -66,15 +57,30 @@ class SlipResult:
     @property
     def envelope(self) -> Floats:
         """RMS envelope (Eq. 6-8); shape (n, c)."""
-        return self._kept('envelope', self._kept_envelope, self._signals[:, : self._shape[1]])
+        return self._columns('envelope', self._kept_envelope, 0)
 
     @property
     def level(self) -> Floats:
         """Mean of the envelope, which is held against the threshold; shape (n, c)."""
-        return self._kept('level', self._kept_level, self._signals[:, -self._shape[1] :])
+        return self._columns('level', self._kept_level, int(self._kept_envelope))
 
-    @staticmethod
-    def _kept(name: str, kept: bool, signal: Floats) -> Floats:
+    @property
+    def vote_statistic(self) -> Floats:
+        """What the slip decision holds against 1, by each vote that was asked for; shape (n, v).
+
+        Dimensionless, and above 1 exactly where ``slip`` would be ON by that vote. It is the
+        largest over the groups of what :mod:`slip_detector.chain.votes` describes, divided by the
+        threshold; a group that cannot vote has 0. At a threshold of 1 it is the number, in the
+        unit of the level, that any other threshold can be held against: it is above that threshold
+        exactly where a chain with it has ``slip`` ON.
+        """
+        return self._signals[:, self._signals.shape[1] - self._shape[2] :]
+
+    def _columns(self, name: str, kept: bool, before: int) -> Floats:
+        """Return the channels of a signal that has so many others before it."""
         if not kept:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
-        return signal
+        signals = self._kept_envelope + self._kept_level
+        # Of few channels there are more columns, without meaning.
+        columns = (self._signals.shape[1] - self._shape[2]) // signals
+        return self._signals[:, columns * before :][:, : self._shape[1]]

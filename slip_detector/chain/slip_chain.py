@@ -1,71 +1,28 @@
 """The slip chain (the paper's Section 2): rows of volts in, ON/OFF slip out."""
 
-import dataclasses
 import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
-from slip_detector.chain.kernel import (
-    BLOCK_ROWS,
-    COMMON_MODES,
-    COMMON_V,
-    ENVELOPE_HEAD,
-    EXCHANGED_CHANNELS,
-    FIRST,
-    FIXED_SLOTS,
-    LAST,
-    LEVEL_HEAD,
-    TILE_LANES,
-    VOTE_ROWS,
-    Settings,
-    run,
-    statistics_of_votes,
-)
+from slip_detector.chain.kernel import run
 from slip_detector.chain.lanes import LANES
+from slip_detector.chain.plan import aligned_zeros, plan_of, tile_bases_of
 from slip_detector.chain.result import SlipResult
-from slip_detector.chain.votes import vote_numbers
+from slip_detector.chain.stages import COMMON_V, FIRST, FIXED_SLOTS, HELD, LAST, REPEATS
 from slip_detector.parameters.detector import ChainConfig
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-
 BOOL = np.dtype(np.bool_)  # as an object: looking the type up costs more than the array
-
-
-def _aligned_zeros(shape: tuple[int, ...]) -> Floats:
-    """Return zeros that begin where a cache line does: a vector across two lines costs double."""
-    size = int(np.prod(shape))
-    room = np.zeros(size + LANES)
-    skip = -(room.ctypes.data // room.itemsize) % LANES
-    return room[skip : skip + size].reshape(shape)
-
-
-@dataclasses.dataclass
-class ChainState:
-    """All that a chain remembers between two calls.
-
-    Attributes
-    ----------
-    tiles : ndarray, shape (tiles, slots, lanes)
-        Per channel: last good value, its repeats, first good value, held filter input, the
-        sections' delays and both windows.
-    counters : ndarray, shape (3,)
-        Rows into the present stretch of the envelope's and of the level's window, and the last
-        row's common mode.
-    """
-
-    tiles: Floats
-    counters: Floats
 
 
 class SlipChain:
     """The chain with its state; the same object serves live nodes and whole recordings.
 
-    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls.
+    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls. All that it
+    remembers of the rows so far is its ``state``.
 
     Parameters
     ----------
@@ -76,6 +33,15 @@ class SlipChain:
     ------
     ValueError
         When a filter of the configuration cannot be run in float64.
+
+    Examples
+    --------
+    >>> chain = SlipChain()  # the paper's parameters: 16 channels at 380 Hz
+    >>> result = chain.update(np.full((100, 16), 4.3))
+    >>> result.groups.shape
+    (100, 4)
+    >>> bool(result.slip.any())
+    False
     """
 
     def __init__(self, config: ChainConfig | None = None) -> None:
@@ -87,67 +53,26 @@ class SlipChain:
                 stacklevel=2,
             )
         self.config = config = config or ChainConfig()
-        disabled = {channel - 1 for channel in config.disabled_channels}
-        enabled = [c for c in range(config.channels) if c not in disabled]
-        # The kernel sees the enabled channels only; None stands for all of them.
-        self._enabled = np.array(enabled, dtype=np.int64) if disabled else None
-        n_tiles = -(-len(enabled) // TILE_LANES)
-        lanes = -(-len(enabled) // n_tiles)
-        lanes += -lanes % LANES
-        sections = design(config)
-        if len(sections) % 2:
-            # The kernel takes them in pairs; this one lets everything through.
-            sections = np.concatenate([sections, [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]]])
-        envelope_rows = config.samples(config.envelope_window_s)
-        level_rows = config.samples(config.decision_window_s)
-        slots = FIXED_SLOTS + 2 * len(sections) + envelope_rows + 1 + level_rows + 1
-        self._tiles_shape = (n_tiles, slots, lanes)
-        seat = {channel + 1: i for i, channel in enumerate(enabled)}
-        members = [[seat[c] for c in m if c in seat] for m in config.groups.values()]
-        in_groups = [seat for mine in members for seat in mine]
-        # Unsigned, so that the kernel need not look for indices counted from the end.
-        self._place = np.argsort(in_groups).astype(np.uint64)
-        self._bounds = np.cumsum([0] + [len(mine) for mine in members])
-        vote = vote_numbers([config.vote])
-        settings = Settings(
-            low_v=config.valid_range_v[0],
-            high_v=config.valid_range_v[1],
-            flat_rows=config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
-            threshold=config.threshold,
-            common_mode=COMMON_MODES.index(config.common_mode),
-            full_wave=config.rectify == 'full',
-            exponent=config.exponent,
-            vote=int(vote[0]),
-            envelope_rows=envelope_rows,
-            level_rows=level_rows,
-        )
-        self._result_shape = (len(members), config.channels)
-        voters = len(enabled) if config.vote == 'mean' else 0
-        self._sections = sections
-        exchanged = config.common_mode == 'median' and len(enabled) <= EXCHANGED_CHANNELS
-        self._plan = (
-            # Room to work in, overwritten by each call.
-            _aligned_zeros((2, BLOCK_ROWS, lanes)),
-            np.zeros((len(enabled), BLOCK_ROWS if exchanged else 1)),
-            np.zeros(BLOCK_ROWS),
-            np.zeros((voters, BLOCK_ROWS)),
-            np.zeros((len(members), BLOCK_ROWS)),
-            sections,
-            np.array(in_groups, dtype=np.uint64),
-            self._bounds,
-            self._place,
-            vote,
-            np.array(settings),
-        )
+        self._sections = design(config)
+        slots = FIXED_SLOTS + 2 * len(self._sections)
+        for window_s in (config.envelope_window_s, config.decision_window_s):
+            slots += config.samples(window_s) + 1
+        self._votes: tuple[str | int, ...] = ()
+        self._plan = plan_of(config, self._sections, self._votes)
+        self._tiles_shape = (len(tile_bases_of(config)), slots, LANES)
+        self._columns, self._channels = max(config.channels, LANES), config.channels
+        self._groups = len(config.groups)
+        self._width = 1 + 2 * self._groups + 2 * config.channels
+        # Columns of disabled channels may be in no tile, and are not written.
+        self._new_signals = np.zeros if config.disabled_channels else np.empty
         self.reset()
         # Compiling, or loading what an earlier run compiled, must not wait for the first sample.
         self.update(np.zeros((0, config.channels)))
 
     def reset(self) -> None:
         """Forget all rows: the next row is the first."""
-        tiles = _aligned_zeros(self._tiles_shape)
-        tiles[:, LAST] = tiles[:, FIRST] = np.nan
-        self.state = ChainState(tiles, np.zeros(3))
+        self.state = aligned_zeros(self._tiles_shape)
+        self.state[:, [LAST, FIRST]] = np.nan
 
     def take_filters(self, other: 'SlipChain') -> None:
         """Go on where another chain's filters are, with empty windows.
@@ -169,13 +94,10 @@ class SlipChain:
                 raise ValueError(f'the other chain has {name} = {its}, allowed: {mine}')
         if not np.array_equal(self._sections, other._sections):
             raise ValueError('the other chain has other filters, allowed: the same')
-        end = FIXED_SLOTS + 2 * len(self._sections)
-        tiles = self.state.tiles
-        tiles[:] = 0.0
-        tiles[:, :end] = other.state.tiles[:, :end]
-        tiles[:, [ENVELOPE_HEAD, LEVEL_HEAD]] = 0.0
-        self.state.counters[:] = 0.0
-        self.state.counters[COMMON_V] = other.state.counters[COMMON_V]
+        self.reset()
+        of_filters = [*range(FIXED_SLOTS, FIXED_SLOTS + 2 * len(self._sections))]
+        kept = [LAST, REPEATS, FIRST, HELD, COMMON_V, *of_filters]
+        self.state[:, kept] = other.state[:, kept]
 
     def update(
         self,
@@ -204,7 +126,6 @@ class SlipChain:
 
         Examples
         --------
-        >>> import numpy as np
         >>> chain = SlipChain(ChainConfig(channels=2, threshold=1e-6))
         >>> time_s = np.arange(380) / 380
         >>> volts = 4.0 + 1e-3 * np.outer(np.sin(2 * np.pi * 20 * time_s), [1.0, 0.5])
@@ -214,52 +135,21 @@ class SlipChain:
         >>> bool(np.all(result.slip == (result.vote_statistic[:, 0] > 1)))
         True
         """
-        numbers = vote_numbers(votes) if votes else None
+        if votes != self._votes and tuple(votes) != self._votes:
+            self._plan = plan_of(self.config, self._sections, votes)
+            self._votes = tuple(votes)
         rows = np.ascontiguousarray(volts, np.float64)
-        shape = self._result_shape
-        if rows.ndim != 2 or rows.shape[1] != shape[1]:
-            raise ValueError(f'volts has the shape {rows.shape}, allowed: (any, {shape[1]})')
-        if not rows.flags.writeable:  # another type to Numba, which would compile once more
+        channels = self._channels
+        if rows.ndim != 2 or rows.shape[1] != channels:
+            raise ValueError(f'volts has the shape {rows.shape}, allowed: (any, {channels})')
+        if channels < LANES:
+            padded = np.zeros((len(rows), LANES))
+            padded[:, :channels] = rows
+            rows = padded
+        elif not rows.flags.writeable:  # another type to Numba, which would compile once more
             rows = rows.copy()
-        if self._enabled is not None:
-            rows = np.ascontiguousarray(rows[:, self._enabled])
-        n, c = rows.shape
-        flags = np.empty((n, 1 + 2 * shape[0] + 2 * c), BOOL)
-        kept_level = level or numbers is not None
-        signals = np.empty((n, c * (envelope + kept_level)))
-        state = self.state
-        run(
-            rows, flags, signals, state.tiles, state.counters, *self._plan,
-            envelope, kept_level,
-        )  # fmt: skip
-        if numbers is None:
-            statistic = np.empty((n, 0))
-        else:
-            statistic = self._vote_statistic(signals[:, -c:], flags, numbers)
-            if not level:
-                signals = signals[:, :-c]
-        if self._enabled is not None:
-            flags, signals = self._spread(flags, signals, self._enabled)
-        return SlipResult(flags, signals, statistic, shape, envelope, level)
-
-    def _vote_statistic(self, level: Floats, flags: Bools, numbers: NDArray[np.int64]) -> Floats:
-        n, c = level.shape
-        statistic = np.empty((len(numbers), n + -n % LANES))
-        room = np.empty((c, VOTE_ROWS))
-        statistics_of_votes(level, flags, self._place, self._bounds, numbers, room, statistic)
-        statistic /= self.config.threshold
-        return np.asarray(statistic[:, :n].T)
-
-    def _spread(
-        self, flags: Bools, signals: Floats, enabled: NDArray[np.int64]
-    ) -> tuple[Bools, Floats]:
-        """Put the columns of the enabled channels where they are among all channels."""
-        n, (groups, c) = len(flags), self._result_shape
-        first = 1 + 2 * groups
-        wide = np.zeros((n, first + 2 * c), np.bool_)
-        wide[:, :first] = flags[:, :first]
-        wide[:, first + np.concatenate([enabled, enabled + c])] = flags[:, first:]
-        kept = signals.shape[1] // len(enabled)
-        spread = np.zeros((n, kept, c))
-        spread[:, :, enabled] = signals.reshape(n, kept, len(enabled))
-        return wide, spread.reshape(n, kept * c)
+        n, many = len(rows), len(votes)
+        flags = np.empty((n, self._width), BOOL)
+        signals = self._new_signals((n, self._columns * (envelope + level) + many))
+        run(rows, flags, signals, self.state, self._plan, envelope, level)
+        return SlipResult(flags, signals, (self._groups, channels, many), envelope, level)

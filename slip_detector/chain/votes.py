@@ -9,8 +9,9 @@ Of the levels of its valid channels each vote takes one number in the level's ow
 The group is ON where that number is above the threshold (Table 1 has ``all``). It does not depend
 on the threshold: what it is held against can be chosen afterwards.
 
-Levels come in rooms of shape (members, rows), eight rows to a vector, with :data:`NO_VOTE` in
-place of a level that is not valid.
+Where only the decision is asked for, ``all`` and counts are taken of 64 rows at once: words with
+a bit a row tell where a channel is ON and where it is valid. Numbers are taken of levels in an
+array of shape (members, rows), with :data:`NO_VOTE` for one that is not valid.
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.compiled import as_silent, compiled
 from slip_detector.chain.lanes import (
     LANES,
     floats_of,
@@ -29,9 +30,13 @@ from slip_detector.chain.lanes import (
     store,
     words_of,
 )
+from slip_detector.chain.stages import FIRST_ROW, NO_ROW
 
 #: The votes that are no count of channels, as numbers.
 VOTE_ALL, VOTE_MEAN = 0, -1
+
+#: Digits of a count of channels, in base 2: more than there ever are.
+DIGITS = 32
 
 #: Stands for the level of a channel that is not valid: less than any level.
 NO_VOTE = -1.0
@@ -90,9 +95,65 @@ def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
 
 
 @compiled
-def level_of_voter(level, valid):
-    """Return what stands for a channel's level in a room; a level that is no number is 0."""
-    return (level if level > 0.0 else 0.0) if valid else NO_VOTE
+def rows_of_all(members, on, valid):
+    """Return the rows in which all valid members are ON, and there is one."""
+    able, against = NO_ROW, NO_ROW
+    for m in members:
+        able |= valid[m]
+        against |= valid[m] & ~on[m]
+    return able & ~against
+
+
+@compiled
+def rows_of_any(members, valid):
+    """Return the rows in which any member is valid."""
+    able = NO_ROW
+    for m in members:
+        able |= valid[m]
+    return able
+
+
+@compiled
+def rows_of_count(count, members, words, valid, digits):
+    """Return the rows in which at least ``count`` valid members have their bit in ``words``.
+
+    The rows' counts are held in base 2, a digit a word: adding a member is adding one bit to 64
+    numbers at once. ``digits`` has a word for each.
+    """
+    digits[:] = NO_ROW
+    for m in members:
+        carry, p = words[m] & valid[m], 0
+        while carry:
+            digits[p], carry = digits[p] ^ carry, digits[p] & carry
+            p += 1
+    # From the highest digit on: where the count is more, and where it is equal so far.
+    more, equal = NO_ROW, ~NO_ROW
+    for p in range(DIGITS - 1, -1, -1):
+        wanted = ~NO_ROW if (count >> p) & 1 else NO_ROW
+        more |= equal & digits[p] & ~wanted
+        equal &= ~(digits[p] ^ wanted)
+    return more | equal
+
+
+@compiled
+def gather_levels(block, rows, valid, t, levels, places):
+    """Write the levels of tile ``t`` to those of all members, a row each.
+
+    ``places`` tells by seat which row of ``levels`` is a channel's, -1 for none.
+    """
+    row = FIRST_ROW
+    words = load(valid, t * LANES)
+    for k in range(rows):
+        level = load(block, (k, 0))
+        level = select(level > 0.0, level, 0.0)  # what is no number is 0
+        store(select((words & row) != NO_ROW, level, NO_VOTE), block, (k, 0))
+        row = row << FIRST_ROW
+    for lane in range(LANES):
+        place = places[t * LANES + lane]
+        if place >= 0:
+            own = levels[place]
+            for k in range(rows):
+                own[k] = block[k, lane]
 
 
 @compiled
@@ -197,6 +258,7 @@ def _sort(levels, members, count, k):
         store(most, levels, (i, k))
 
 
+@as_silent
 @compiled
 def raise_to_votes(levels, members, rows, votes, statistics):
     """Raise each vote's statistic to the number that one group has by that vote.
@@ -204,8 +266,7 @@ def raise_to_votes(levels, members, rows, votes, statistics):
     Parameters
     ----------
     levels
-        A room, at least as large as ``members`` and ``rows`` in whole vectors; it is left in
-        disorder.
+        Shape (members, rows) or more, rows in whole vectors; left in disorder.
     members, rows
         How many of each there are.
     votes

@@ -1,28 +1,41 @@
 """Compiled functions are kept from run to run, and never run stale."""
 
+import importlib.util
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from slip_detector.chain import compiled
+from slip_detector.chain import compiled, lanes
+
+PACKAGE = Path(compiled.__file__).parents[1]
+COMPILED_FILES = [
+    path.relative_to(PACKAGE)
+    for path in sorted(PACKAGE.rglob('*.py'))
+    if '@compiled\n' in path.read_text(encoding='utf-8')
+]
 
 OUTER = """
-from kept.compiled import compiled
-from kept.inner import value
+import numpy as np
+from slip_detector.chain.compiled import compiled
+from slip_detector.chain.lanes import load, store
+from slip_detector.chain.inner import value
 
 @compiled
-def outer():
-    return value() + 1.0
+def outer(values):
+    store(load(values, 0) + value(), values, 0)
 
 if __name__ == '__main__':
-    print(outer(), sum(outer.stats.cache_hits.values()))
+    values = np.ones(8)
+    outer(values)
+    print(values.sum(), sum(outer.stats.cache_hits.values()))
 """
 
 INNER = """
-from kept.compiled import compiled
+from slip_detector.chain.compiled import compiled
 
 @compiled
 def value():
@@ -30,20 +43,77 @@ def value():
 """
 
 
+def fingerprint_of(package):
+    """Return the fingerprint of a copy of the package."""
+    path = package / 'chain' / 'compiled.py'
+    spec = importlib.util.spec_from_file_location('copy_of_compiled', path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.FINGERPRINT
+
+
+@pytest.fixture(scope='module')
+def copy(tmp_path_factory):
+    package = tmp_path_factory.mktemp('copy') / 'slip_detector'
+    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns('__pycache__'))
+    return package
+
+
+def test_the_files_of_the_kernel_have_compiled_code():
+    of_chain = {path.stem for path in COMPILED_FILES if path.parts[0] == 'chain'}
+    assert {'common_mode', 'kernel', 'plan', 'stages', 'stamps', 'votes'} <= of_chain
+
+
+@pytest.mark.parametrize('changed', [*COMPILED_FILES, Path('chain/lanes.py')], ids=str)
+def test_each_file_with_compiled_code_changes_the_name_of_the_cache(changed, copy):
+    assert fingerprint_of(copy) == compiled.FINGERPRINT
+    source = (copy / changed).read_bytes()
+    try:
+        (copy / changed).write_bytes(source + b'# changed\n')
+        assert fingerprint_of(copy) != compiled.FINGERPRINT
+    finally:
+        (copy / changed).write_bytes(source)
+
+
+def test_a_file_without_compiled_code_leaves_the_cache_in_use(copy):
+    path = copy / 'chain' / 'filters.py'
+    source = path.read_bytes()
+    path.write_bytes(source + b'# changed\n')
+    assert fingerprint_of(copy) == compiled.FINGERPRINT
+    path.write_bytes(source)
+
+
 @pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is kept')
 def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
-    package = tmp_path / 'kept'
-    package.mkdir()
-    (package / '__init__.py').touch()
-    shutil.copy(Path(compiled.__file__), package / 'compiled.py')
-    (package / 'outer.py').write_text(OUTER)
+    chain = tmp_path / 'slip_detector' / 'chain'
+    chain.mkdir(parents=True)
+    for folder in (chain.parent, chain):
+        (folder / '__init__.py').touch()
+    for module in (compiled, lanes):
+        shutil.copy(module.__file__, chain)
+    (chain / 'outer.py').write_text(OUTER)
 
     def run(inner):
-        (package / 'inner.py').write_text(INNER.format(inner))
-        command = [sys.executable, '-m', 'kept.outer']
+        (chain / 'inner.py').write_text(INNER.format(inner))
+        command = [sys.executable, '-m', 'slip_detector.chain.outer']
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
         return done.stdout.split()
 
-    assert run(1.0) == ['2.0', '0']
-    assert run(1.0) == ['2.0', '1']  # from the cache
-    assert run(41.0) == ['42.0', '0']
+    assert run(1.0) == ['16.0', '0']
+    assert run(1.0) == ['16.0', '1']  # from the cache
+    assert run(2.0) == ['24.0', '0']
+    # The vectors' own file is not compiled by itself, but into all that use it.
+    path = chain / 'lanes.py'
+    path.write_text(path.read_text().replace("(operator.add, 'fadd')", "(operator.add, 'fsub')"))
+    assert run(2.0) == ['-8.0', '0']
+
+
+def test_interpreted_functions_overflow_as_silently_as_compiled_ones(monkeypatch):
+    def times_ten(values):
+        return values * 10.0
+
+    largest = np.array([1e308])
+    monkeypatch.setattr(compiled, 'COMPILED', False)
+    with pytest.warns(RuntimeWarning, match='overflow'):
+        assert compiled.compiled(times_ten)(largest) == np.inf
+    assert compiled.as_silent(compiled.compiled(times_ten))(largest) == np.inf

@@ -36,10 +36,10 @@ levels_of_a_row = st.lists(
 
 def numbers_of(levels, votes=VOTES):
     """Return the number of one group by each vote, the same in all rows of a vector."""
-    room = np.repeat(np.array(levels, float)[:, None], ROWS, axis=1)
+    of_rows = np.repeat(np.array(levels, float)[:, None], ROWS, axis=1)
     statistics = np.zeros((len(votes), ROWS))
     with np.errstate(all='ignore'):
-        raise_to_votes(room, len(levels), ROWS, vote_numbers(votes), statistics)
+        raise_to_votes(of_rows, len(levels), ROWS, vote_numbers(votes), statistics)
     assert (statistics == statistics[:, :1]).all()
     return dict(zip(votes, statistics[:, 0].tolist(), strict=True))
 

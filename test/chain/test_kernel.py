@@ -1,4 +1,4 @@
-"""The chain: what the reference gives, however the rows are cut, compiled or interpreted."""
+"""The kernel: what the reference gives, however the rows are cut, compiled or interpreted."""
 
 import copy
 import inspect
@@ -16,15 +16,16 @@ from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
 from slip_detector.chain import slip_chain as chain_module
-from slip_detector.chain.kernel import BLOCK_ROWS, TILE_LANES
+from slip_detector.chain.lanes import LANES
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
+from slip_detector.chain.stages import WORD_ROWS
 from slip_detector.parameters.detector import ChainConfig
 from support.chain_cases import COMMON_MODES, VOTES, bits, noise, sine
 from support.interpreted import interpreted_chain
 from support.reference import _vote as reference_vote
 from support.reference import reference
 
-PACKAGE_ROOT = Path(chain_module.__file__).parents[1]
+CHECKOUT = Path(chain_module.__file__).parents[2]
 
 # The interpreted kernel is some 500 times slower.
 EXAMPLES = 300 if COMPILED else 100
@@ -45,8 +46,8 @@ def bits_in_pieces(chain, pieces):
 def configs(draw, **fixed):
     """Draw a configuration over all that the chain can do, of filters that are well in reach."""
     rate = draw(st.sampled_from([100.0, 380.0, 1000.0, 2012.5]), label='rate')
-    # Half of the time more than one tile.
-    channels = draw(st.one_of(st.integers(1, 40), st.integers(TILE_LANES + 1, 40)))
+    # The last of several tiles mostly overlaps the one before it.
+    channels = draw(st.one_of(st.integers(1, 40), st.integers(LANES + 1, 70)))
     order = draw(st.permutations(range(1, channels + 1)), label='order')
     enabled = order[: draw(st.integers(1, channels), label='enabled')]
     disabled = order[len(enabled) :]
@@ -235,7 +236,7 @@ def test_any_cut_of_the_rows_gives_the_same_bits(common_mode, vote, data):
 @pytest.mark.parametrize('vote', VOTES)
 def test_single_rows_and_empty_calls_give_the_same_bits(common_mode, vote):
     config = ChainConfig(channels=7, common_mode=common_mode, vote=vote, flat_after_s=0.02)
-    volts = np.round(3 + noise(2, 3 * BLOCK_ROWS + 5, 7), 1)
+    volts = np.round(3 + noise(2, 3 * WORD_ROWS + 5, 7), 1)
     volts[noise(3, *volts.shape) > 1.8] = np.nan
     whole = bits(SlipChain(config).update(volts))
     pieces = [piece for row in volts for piece in (row[None], volts[:0])]
@@ -246,7 +247,7 @@ def test_windows_longer_than_a_block_give_the_same_bits_however_cut():
     config = ChainConfig(channels=2, envelope_window_s=0.2, decision_window_s=0.3)
     volts = noise(4, 260, 2)
     whole = bits(SlipChain(config).update(volts))
-    for step in (1, 31, BLOCK_ROWS, 33, 76, 114):
+    for step in (1, 31, WORD_ROWS, 33, 76, 114):
         pieces = np.split(volts, range(step, len(volts), step))
         assert bits_in_pieces(SlipChain(config), pieces) == whole
 
@@ -287,7 +288,7 @@ def test_a_copy_made_in_mid_stream_goes_on_with_the_same_bits(copied, common_mod
     rest = bits(chain.update(volts[50:]))
     assert bits(twin.update(volts[50:])) == rest
     chain.update(volts[:1])
-    assert twin.state.tiles.tobytes() != chain.state.tiles.tobytes()
+    assert twin.state.tobytes() != chain.state.tobytes()
 
 
 def test_a_result_keeps_its_values_when_the_chain_goes_on():
@@ -320,7 +321,17 @@ def test_the_input_is_not_written_to():
 def test_the_interpreted_kernel_gives_the_bits_of_the_compiled_one(common_mode, vote, data):
     config = data.draw(configs(common_mode=common_mode, vote=vote, threshold=0.05))
     volts = data.draw(recordings(config))
-    assert bits(interpreted_chain(config).update(volts)) == bits(SlipChain(config).update(volts))
+    votes = data.draw(st.sampled_from([(), ('all', 'mean', 1, 2, 3)]), label='votes')
+    compiled = SlipChain(config).update(volts, votes=votes)
+    plain = interpreted_chain(config).update(volts, votes=votes)
+    assert bits(plain) == bits(compiled)
+    assert plain.vote_statistic.tobytes() == compiled.vote_statistic.tobytes()
+    # A row a call, from the other side.
+    half = len(volts) // 2
+    rows = interpreted_chain(config)
+    pieces = [rows.update(piece) for piece in [volts[:half], *volts[half : half + 20, None]]]
+    flags = np.concatenate([piece.flags for piece in pieces])
+    assert flags.tobytes() == compiled.flags[: half + 20].tobytes()
 
 
 WITHOUT_NUMBA = """
@@ -350,7 +361,7 @@ def test_without_numba_there_is_one_warning_and_the_same_decisions(tmp_path):
             str(tmp_path / 'volts.npy'),
             str(tmp_path / 'flags.npy'),
         ],
-        env=os.environ | {'PYTHONPATH': str(PACKAGE_ROOT)},
+        env=os.environ | {'PYTHONPATH': str(CHECKOUT)},
         capture_output=True,
         text=True,
         check=False,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slip_detector.chain.kernel import TILE_LANES
+from slip_detector.chain.lanes import LANES
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from support.chain_cases import COMMON_MODES, FAST, VOTES, noise, sine
@@ -174,7 +174,7 @@ def test_disabled_channels_are_zero_whatever_is_kept(envelope, level):
 # --- tiles ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('channels', [TILE_LANES, TILE_LANES + 1, 40, 100])
+@pytest.mark.parametrize('channels', [LANES, LANES + 1, 40, 100])
 def test_many_channels_give_the_bits_of_each_channel_alone(channels):
     volts = np.linspace(-3, 4, channels) + noise(25, 90, channels)
     volts[noise(26, 90, channels) > 2] = np.nan
@@ -220,7 +220,7 @@ def test_a_bad_channel_of_any_tile_leaves_its_group_vote(vote):
     config = ChainConfig(
         **FAST | {'channels': 70, 'threshold': 0.1, 'groups': groups, 'vote': vote}
     )
-    for seat in (0, TILE_LANES, 69):
+    for seat in (0, LANES, 69):
         levels = np.full(70, 1 / 1024)
         levels[seat] = 1024.0
         alone = levels.copy()

@@ -51,9 +51,9 @@ def test_its_windows_are_empty():
     volts = rng.normal(size=(100, 5))
     first, second = SlipChain(CONFIG), SlipChain(CONFIG)
     first.update(volts)
-    before = first.state.tiles.copy()
+    before = first.state.copy()
     second.take_filters(first)
-    np.testing.assert_array_equal(first.state.tiles, before)
+    np.testing.assert_array_equal(first.state, before)
     more = rng.normal(size=(50, 5))
     filtered = SlipChain(dataclasses.replace(CONFIG, **ONE_SAMPLE)).update(
         np.concatenate([volts, more])

@@ -1,0 +1,123 @@
+"""The common mode: what all valid channels of a row have in common, as mean or median.
+
+It is taken of deviations from each channel's first good sample: baselines differ by far more than
+the signal, and a channel that leaves for a row would otherwise step all others. A channel that
+starts late is taken to have followed the others until then.
+
+A *seat* is a channel's place in the tiles: eight times its tile, and its lane.
+"""
+
+import numpy as np
+
+from slip_detector.chain.compiled import compiled
+from slip_detector.chain.lanes import LANES, is_number, load, select, store
+from slip_detector.chain.stages import COMMON_V, FIRST, FIRST_ROW, HIGH, LOW, NO_ROW, WORD_ROWS
+
+#: What the parameter ``common_mode`` allows, and these as numbers.
+COMMON_MODES = ('none', 'mean', 'median')
+NO_COMMON_MODE, MEAN, MEDIAN = range(3)
+
+#: Up to so many channels are ordered for the median by exchanges, eight rows side by side.
+EXCHANGED_CHANNELS = 32
+
+
+@compiled
+def _all_count(rows, seats, tiles, valid):
+    """Return whether all channels are valid in all rows, and have been before."""
+    whole = ~NO_ROW >> np.uint64(WORD_ROWS - rows)
+    for seat in seats:
+        if np.isnan(tiles[seat // LANES, FIRST, seat % LANES]) or valid[seat] != whole:
+            return False
+    return True
+
+
+@compiled
+def _medians(volts, start, rows, columns, seats, tiles, deviations, common_v):
+    """Write the medians of rows in which all channels count.
+
+    A sort of one row has an unpredictable branch for each pair; exchanges of eight rows have none.
+    """
+    channels = seats.size
+    for i in range(channels):
+        first = tiles[seats[i] // LANES, FIRST, seats[i] % LANES]
+        for k in range(rows):
+            deviations[i, k] = volts[start + k, columns[i]] - first
+    # Each pass carries the largest of what is left to its place; half of them are enough.
+    for k in range(0, rows, LANES):
+        for end in range(channels - 1, channels - channels // 2 - 2, -1):
+            most = load(deviations, (0, k))
+            for i in range(end):
+                u = load(deviations, (i + 1, k))
+                more = u > most
+                store(select(more, most, u), deviations, (i, k))
+                most = select(more, u, most)
+            store(most, deviations, (end, k))
+    low, high = deviations[(channels - 1) // 2], deviations[channels // 2]
+    for k in range(rows):
+        common_v[k] = 0.5 * (low[k] + high[k])
+
+
+@compiled
+def _of_row(kind, values, before_v):
+    """Return the mean or median of a row's values; where there is none, that of the row before."""
+    n = values.size
+    if n == 0:
+        return before_v
+    if kind == MEAN:
+        total = 0.0
+        for value in values:
+            total += value
+        return total / n
+    values.sort()
+    return 0.5 * (values[(n - 1) // 2] + values[n // 2])
+
+
+@compiled
+def find_common_mode(
+    volts, start, rows, kind, bases, columns, seats, ranges, tiles, valid, deviations, common_v
+):
+    """Write the common mode of each row to ``common_v``, and begin the channels that start.
+
+    Parameters
+    ----------
+    volts, start, rows
+        The samples, and which of them.
+    kind
+        ``MEAN`` or ``MEDIAN``.
+    bases
+        First column of each tile.
+    columns, seats
+        Of the enabled channels.
+    ranges, tiles
+        Of good samples, and the state.
+    valid
+        Rows in which each seat has a good sample that is not flat, as words.
+    deviations
+        Memory to work in, shape (channels, WORD_ROWS).
+    common_v
+        Shape (rows,) or more.
+    """
+    if (
+        kind == MEDIAN
+        and seats.size <= EXCHANGED_CHANNELS
+        and _all_count(rows, seats, tiles, valid)
+    ):
+        _medians(volts, start, rows, columns, seats, tiles, deviations, common_v)
+        tiles[0, COMMON_V, 0] = common_v[rows - 1]
+        return
+    row, values = FIRST_ROW, deviations.reshape(-1)
+    for k in range(rows):
+        n = 0
+        for i in range(seats.size):
+            first = tiles[seats[i] // LANES, FIRST, seats[i] % LANES]
+            if valid[seats[i]] & row and not np.isnan(first):
+                values[n] = volts[start + k, columns[i]] - first
+                n += 1
+        row = row << FIRST_ROW
+        common_v[k] = _of_row(kind, values[:n], tiles[0, COMMON_V, 0])
+        tiles[0, COMMON_V, 0] = common_v[k]
+        for t in range(bases.size):
+            sample, first = load(volts, (start + k, bases[t])), load(tiles, (t, FIRST, 0))
+            good = (sample >= load(ranges, (t, LOW, 0))) & (sample <= load(ranges, (t, HIGH, 0)))
+            first = select(good, select(is_number(first), first, sample - common_v[k]), first)
+            store(first, tiles, (t, FIRST, 0))

@@ -1,0 +1,317 @@
+"""What the kernel is told beside samples and state, and its memory to work in: one array.
+
+Each array that is passed costs a call 100 ns and a tuple of them a microsecond, hence a *plan* is
+one array of float64, and the kernel gives its parts names once it has it: :class:`Settings`, then
+the tiles' ranges of good samples and the filters' sections, then :class:`Layout` as the bits of
+integers, then :class:`Scratch`.
+
+A *seat* is a channel's place in the tiles: eight times its tile, and its lane. Tiles may overlap;
+then a channel's seat is in the first of them, and in the other it is computed to the same bits.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slip_detector.chain.common_mode import COMMON_MODES, NO_COMMON_MODE
+from slip_detector.chain.compiled import compiled
+from slip_detector.chain.lanes import LANES, float_part, integer_part, word_part
+from slip_detector.chain.stages import WORD_ROWS
+from slip_detector.chain.votes import DIGITS, VOTE_MEAN, vote_numbers
+from slip_detector.parameters.detector import ChainConfig
+
+Floats = NDArray[np.float64]
+
+#: Values of float64 in a cache line: a vector across two lines costs double.
+LINE = 8
+
+
+class Settings(NamedTuple):
+    """Numbers of a configuration.
+
+    Attributes
+    ----------
+    flat_rows : float
+        Repeats of a sample from which on a channel is flat; may be infinite.
+    threshold : float
+    common_mode : float
+        Place in :data:`slip_detector.chain.common_mode.COMMON_MODES`.
+    full_wave : float
+        0 for half-wave.
+    exponent : float
+    vote : float
+        As :func:`slip_detector.chain.votes.vote_numbers` has it.
+    envelope_rows, level_rows : float
+        Lengths of the windows.
+    channels, enabled, groups, tiles, sections, votes : float
+        How many there are; the votes are those whose statistic is wanted.
+    """
+
+    flat_rows: float
+    threshold: float
+    common_mode: float
+    full_wave: float
+    exponent: float
+    vote: float
+    envelope_rows: float
+    level_rows: float
+    channels: float
+    enabled: float
+    groups: float
+    tiles: float
+    sections: float
+    votes: float
+
+
+class Layout(NamedTuple):
+    """Where the channels are: c of them, e enabled, in t tiles and g groups; and v votes.
+
+    Attributes
+    ----------
+    bases : ndarray of int, shape (t,)
+        First column of each tile.
+    columns, seats : ndarray of int, shape (e,)
+        Column and seat of each enabled channel.
+    places : ndarray of int, shape (8 t,)
+        By seat the row of ``Scratch.levels``, which has the groups' members one after the other;
+        -1 for none.
+    bounds : ndarray of int, shape (g + 1,)
+        Where each group begins and ends among all members.
+    members : ndarray of int, shape (e,)
+        Their seats.
+    flag_seats : ndarray of int, shape (c,)
+        Seat of each channel; 8 t for a disabled one.
+    votes : ndarray of int, shape (v,)
+        Whose statistic is wanted.
+    """
+
+    bases: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    seats: NDArray[np.int64]
+    places: NDArray[np.int64]
+    bounds: NDArray[np.int64]
+    members: NDArray[np.int64]
+    flag_seats: NDArray[np.int64]
+    votes: NDArray[np.int64]
+
+
+class Scratch(NamedTuple):
+    """Memory to work in, overwritten by each block of rows.
+
+    Attributes
+    ----------
+    block : ndarray, shape (64, 8)
+        Rows of a tile on their way through the stages.
+    common_v : ndarray, shape (64,)
+    digits : ndarray of words, shape (DIGITS,)
+        For counting votes.
+    on, valid : ndarray of words, shape (8 t + 1,)
+        By seat the rows in which it is; the last is that of disabled channels: none.
+    decisions : ndarray of words, shape (1 + 2 g + 2 c,)
+        By column of the flags.
+    mean : ndarray, shape (1, 64)
+        For the geometric mean of a group.
+    deviations, levels : ndarray, shape (e, 64)
+        For the common mode and for the votes; none where these do not need them.
+    statistics : ndarray, shape (v, 64)
+    """
+
+    block: Floats
+    common_v: Floats
+    digits: NDArray[np.uint64]
+    on: NDArray[np.uint64]
+    valid: NDArray[np.uint64]
+    decisions: NDArray[np.uint64]
+    mean: Floats
+    deviations: Floats
+    levels: Floats
+    statistics: Floats
+
+
+@compiled
+def settings_of(plan):
+    """Return the settings of a plan."""
+    return Settings(
+        plan[0], plan[1], plan[2], plan[3], plan[4], plan[5], plan[6], plan[7], plan[8], plan[9],
+        plan[10], plan[11], plan[12], plan[13],
+    )  # fmt: skip
+
+
+@compiled
+def filters_of(plan, settings):
+    """Return the ranges of good samples, (t, 2, 8), the sections, (s, 6), and where they end."""
+    tiles, sections = int(settings.tiles), int(settings.sections)
+    begin = len(settings)
+    ranges = float_part(plan, begin, (tiles, 2, LANES))
+    begin += tiles * 2 * LANES
+    return ranges, float_part(plan, begin, (sections, 6)), begin + sections * 6
+
+
+@compiled
+def layout_of(plan, settings, bases):
+    """Return the layout of a plan, which begins with ``bases``, and where it ends."""
+    enabled, tiles = int(settings.enabled), int(settings.tiles)
+    channels, votes = int(settings.channels), int(settings.votes)
+    columns = bases + tiles
+    seats = columns + enabled
+    places = seats + enabled
+    bounds = places + tiles * LANES
+    members = bounds + int(settings.groups) + 1
+    flag_seats = members + enabled
+    wanted = flag_seats + channels
+    layout = Layout(
+        integer_part(plan, bases, (tiles,)),
+        integer_part(plan, columns, (enabled,)),
+        integer_part(plan, seats, (enabled,)),
+        integer_part(plan, places, (tiles * LANES,)),
+        integer_part(plan, bounds, (int(settings.groups) + 1,)),
+        integer_part(plan, members, (enabled,)),
+        integer_part(plan, flag_seats, (channels,)),
+        integer_part(plan, wanted, (votes,)),
+    )
+    return layout, wanted + votes
+
+
+@compiled
+def _scratch_bounds(settings, begin):
+    """Return where the parts of the scratch memory begin, and where the last one ends."""
+    enabled, votes = int(settings.enabled), int(settings.votes)
+    block = begin + -begin % LINE
+    common_v = block + WORD_ROWS * LANES
+    digits = common_v + WORD_ROWS
+    on = digits + DIGITS
+    valid = on + int(settings.tiles) * LANES + 1
+    decisions = valid + int(settings.tiles) * LANES + 1
+    mean = decisions + 1 + 2 * int(settings.groups) + 2 * int(settings.channels)
+    deviations = mean + WORD_ROWS
+    levels = deviations
+    if settings.common_mode != NO_COMMON_MODE:
+        levels += enabled * WORD_ROWS
+    statistics = levels
+    if settings.vote == VOTE_MEAN or votes > 0:
+        statistics += enabled * WORD_ROWS
+    end = statistics + votes * WORD_ROWS
+    return block, common_v, digits, on, valid, decisions, mean, deviations, levels, statistics, end
+
+
+@compiled
+def scratch_of(plan, settings, begin):
+    """Return the scratch memory of a plan, from the first cache line at or after ``begin`` on."""
+    (
+        block, common_v, digits, on, valid, decisions, mean, deviations, levels, statistics, end
+    ) = _scratch_bounds(settings, begin)  # fmt: skip
+    return Scratch(
+        float_part(plan, block, (WORD_ROWS, LANES)),
+        float_part(plan, common_v, (WORD_ROWS,)),
+        word_part(plan, digits, (DIGITS,)),
+        word_part(plan, on, (valid - on,)),
+        word_part(plan, valid, (decisions - valid,)),
+        word_part(plan, decisions, (mean - decisions,)),
+        float_part(plan, mean, (1, WORD_ROWS)),
+        float_part(plan, deviations, ((levels - deviations) // WORD_ROWS, WORD_ROWS)),
+        float_part(plan, levels, ((statistics - levels) // WORD_ROWS, WORD_ROWS)),
+        float_part(plan, statistics, ((end - statistics) // WORD_ROWS, WORD_ROWS)),
+    )
+
+
+def aligned_zeros(shape: tuple[int, ...]) -> Floats:
+    """Return zeros that begin where a cache line does."""
+    size = int(np.prod(shape))
+    scratch = np.zeros(size + LINE)
+    skip = -(scratch.ctypes.data // scratch.itemsize) % LINE
+    return scratch[skip : skip + size].reshape(shape)
+
+
+def tile_bases_of(config: ChainConfig) -> list[int]:
+    """Return the first columns of the tiles that hold all enabled channels.
+
+    Tiles without any are left out, and the last one may overlap the one before it.
+
+    Examples
+    --------
+    >>> tile_bases_of(ChainConfig(channels=20))
+    [0, 8, 12]
+    >>> tile_bases_of(ChainConfig(channels=40, disabled_channels=range(3, 37)))
+    [0, 32]
+    """
+    disabled = set(config.disabled_channels)
+    # The kernel sees a tile at least.
+    last = max(config.channels, LANES) - LANES
+    bases: list[int] = []
+    for channel in range(config.channels):
+        if channel + 1 not in disabled and (not bases or channel >= bases[-1] + LANES):
+            bases.append(min(channel, last))
+    return bases
+
+
+def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -> Floats:
+    """Return the plan of a chain.
+
+    Parameters
+    ----------
+    config
+        Of the chain.
+    sections
+        Of its filters, shape (s, 6).
+    votes
+        Whose statistic is wanted.
+
+    Raises
+    ------
+    ValueError
+        When a vote is none.
+    """
+    wanted = vote_numbers(votes)
+    disabled = {channel - 1 for channel in config.disabled_channels}
+    enabled = [c for c in range(config.channels) if c not in disabled]
+    bases = tile_bases_of(config)
+    seats: dict[int, int] = {}
+    # No sample is good enough for a channel that takes no part.
+    ranges = np.full((len(bases), 2, LANES), [[np.inf], [-np.inf]])
+    for t, base in enumerate(bases):
+        for lane in range(LANES):
+            if base + lane < config.channels and base + lane not in disabled:
+                seats.setdefault(base + lane, LANES * t + lane)
+                ranges[t, :, lane] = config.valid_range_v
+    groups = [[c - 1 for c in m if c - 1 in seats] for m in config.groups.values()]
+    members = [seats[c] for group in groups for c in group]
+    places = np.full(LANES * len(bases), -1)
+    places[members] = np.arange(len(members))
+    layout = Layout(
+        bases=_integers(bases),
+        columns=_integers(enabled),
+        seats=_integers([seats[c] for c in enabled]),
+        places=places,
+        bounds=_integers(np.cumsum([0] + [len(group) for group in groups])),
+        members=_integers(members),
+        flag_seats=_integers([seats.get(c, LANES * len(bases)) for c in range(config.channels)]),
+        votes=wanted,
+    )
+    settings = Settings(
+        flat_rows=config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
+        threshold=config.threshold,
+        common_mode=COMMON_MODES.index(config.common_mode),
+        full_wave=config.rectify == 'full',
+        exponent=config.exponent,
+        vote=int(vote_numbers([config.vote])[0]),
+        envelope_rows=config.samples(config.envelope_window_s),
+        level_rows=config.samples(config.decision_window_s),
+        channels=config.channels,
+        enabled=len(enabled),
+        groups=len(groups),
+        tiles=len(bases),
+        sections=len(sections),
+        votes=len(wanted),
+    )
+    told = np.concatenate(
+        [settings, ranges.ravel(), sections.ravel(), np.concatenate(layout).view(np.float64)]
+    )
+    plan = aligned_zeros((_scratch_bounds(settings, len(told))[-1],))
+    plan[: len(told)] = told
+    return plan
+
+
+def _integers(values: ArrayLike) -> NDArray[np.int64]:
+    return np.array(values, dtype=np.int64)

@@ -1,0 +1,157 @@
+"""The stages of the chain on one tile: eight channels side by side, some rows at a time.
+
+Each function takes a tile's state, an array of shape (slots, 8) with one value a lane in each
+slot, and ``block``, the rows that are on their way through the stages, shape (rows, 8). Decisions
+about rows are words, one a lane, with a bit a row: the lowest one is the first row.
+
+What a stage computes for a row does not depend on which row of a block it is.
+"""
+
+import numpy as np
+
+from slip_detector.chain.compiled import compiled
+from slip_detector.chain.lanes import is_number, load, root, select, size, spread, store
+
+#: Rows that fit into a word.
+WORD_ROWS = 64
+
+NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
+
+# Slots of a tile's state before those of the sections and windows. Lane 0 alone counts of the rows
+# into the present stretch of a window, and, in the first tile, of the last row's common mode.
+(
+    LAST,
+    REPEATS,
+    FIRST,
+    HELD,
+    ENVELOPE_HEAD,
+    LEVEL_HEAD,
+    ENVELOPE_ROW,
+    LEVEL_ROW,
+    COMMON_V,
+    FIXED_SLOTS,
+) = range(10)
+
+# Rows of a tile's range of good samples.
+LOW, HIGH = 0, 1
+
+
+@compiled
+def check_samples(volts, start, rows, column, tile_range, flat_rows, tile, words, at):
+    """Write the rows with a good sample that is not flat to ``words`` from ``at`` on.
+
+    ``column`` is the first of the tile's columns in ``volts``. What is remembered: each channel's
+    last good sample, and how often it has come again.
+    """
+    low, high = load(tile_range, (LOW, 0)), load(tile_range, (HIGH, 0))
+    last, repeats = load(tile, (LAST, 0)), load(tile, (REPEATS, 0))
+    valid, row = spread(NO_ROW), spread(FIRST_ROW)
+    for k in range(start, start + rows):
+        sample = load(volts, (k, column))
+        good = (sample >= low) & (sample <= high)  # false for NaN too
+        repeats = select(good, select(sample == last, repeats + 1.0, 0.0), repeats)
+        last = select(good, sample, last)
+        valid = valid | select(good & (repeats < flat_rows), row, NO_ROW)
+        row = row + row
+    store(last, tile, (LAST, 0))
+    store(repeats, tile, (REPEATS, 0))
+    store(valid, words, at)
+
+
+@compiled
+def load_deviations(volts, start, rows, column, tile_range, common_v, tile, block):
+    """Write the filters' input to ``block``: deviations from each channel's first good sample.
+
+    The network passes no constant, so the deviation from the first sample, filtered from rest, is
+    the sample itself filtered from the steady state of the first; without its rounding errors.
+    In place of a bad sample the input before it is held.
+    """
+    low, high = load(tile_range, (LOW, 0)), load(tile_range, (HIGH, 0))
+    first, held = load(tile, (FIRST, 0)), load(tile, (HELD, 0))
+    for k in range(rows):
+        sample = load(volts, (start + k, column))
+        good = (sample >= low) & (sample <= high)
+        first = select(good, select(is_number(first), first, sample), first)
+        held = select(good, (sample - first) - common_v[k], held)
+        store(held, block, (k, 0))
+    store(first, tile, (FIRST, 0))
+    store(held, tile, (HELD, 0))
+
+
+@compiled
+def run_filters(block, rows, sections, tile):
+    """Run rows through the second-order sections (transposed direct form II), in place.
+
+    All sections take a row before the first one takes the next: while one waits for its own last
+    result, the others work.
+    """
+    for k in range(rows):
+        u = load(block, (k, 0))
+        for s in range(sections.shape[0]):
+            b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
+            a1, a2 = sections[s, 4], sections[s, 5]
+            at = FIXED_SLOTS + 2 * s
+            y = b0 * u + load(tile, (at, 0))
+            store((b1 * u + load(tile, (at + 1, 0))) - a1 * y, tile, (at, 0))
+            store(b2 * u - a2 * y, tile, (at + 1, 0))
+            u = y
+        store(u, block, (k, 0))
+
+
+@compiled
+def rectified_power(block, rows, full_wave, exponent):
+    """Rectify (Eq. 3) and raise to the exponent (Eq. 5), then square for the RMS (Eq. 6)."""
+    for k in range(rows):
+        u = load(block, (k, 0))
+        u = size(u) if full_wave else select(u > 0.0, u, 0.0)
+        power = u
+        if exponent == 3:  # the paper's, without a loop
+            power = u * u * u
+        else:
+            for _ in range(exponent - 1):
+                power = power * u
+        store(power * power, block, (k, 0))
+
+
+@compiled
+def window_means(block, rows, window, tile, row_slot, head_slot, tail, take_root):
+    """Replace each value by the mean of the last ``window`` values, zeros before the first.
+
+    Time is cut into stretches of ``window`` rows: a sum is the head of the present stretch and
+    the tail of the one before, whose tails are summed once when it ends. Only sums of terms, no
+    differences: a huge value leaves nothing behind when it leaves the window. ``tail`` is the slot
+    of the first tail. With ``take_root`` it is the root of the mean.
+    """
+    position, head, per = int(tile[row_slot, 0]), load(tile, (head_slot, 0)), 1.0 / window
+    for k in range(rows):
+        u = load(block, (k, 0))
+        head = head + u
+        store(u, tile, (tail + position, 0))
+        mean = (head + load(tile, (tail + position + 1, 0))) * per
+        mean = root(mean) if take_root else mean
+        store(mean, block, (k, 0))
+        position += 1
+        if position == window:
+            position, head, total = 0, spread(0.0), spread(0.0)
+            for j in range(tail + window - 1, tail - 1, -1):
+                total = load(tile, (j, 0)) + total
+                store(total, tile, (j, 0))
+    tile[row_slot, 0] = position
+    store(head, tile, (head_slot, 0))
+
+
+@compiled
+def keep(block, rows, signals, start, column):
+    """Copy a tile's values to the result, from ``column`` on."""
+    for k in range(rows):
+        store(load(block, (k, 0)), signals, (start + k, column))
+
+
+@compiled
+def rows_above(block, rows, threshold, words, at):
+    """Write the rows whose value is above the threshold to ``words`` from ``at`` on."""
+    above, row = spread(NO_ROW), spread(FIRST_ROW)
+    for k in range(rows):
+        above = above | select(load(block, (k, 0)) > threshold, row, NO_ROW)
+        row = row + row
+    store(above, words, at)

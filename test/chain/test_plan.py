@@ -1,0 +1,129 @@
+"""Where channels, settings and scratch memory of a chain are in its plan."""
+
+import itertools
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.chain.filters import design
+from slip_detector.chain.lanes import LANES
+from slip_detector.chain.plan import (
+    aligned_zeros,
+    filters_of,
+    layout_of,
+    plan_of,
+    scratch_of,
+    settings_of,
+    tile_bases_of,
+)
+from slip_detector.parameters.detector import ChainConfig
+
+SECTIONS = design(ChainConfig())
+
+
+@st.composite
+def configs(draw):
+    channels = draw(st.integers(1, 70))
+    order = draw(st.permutations(range(1, channels + 1)))
+    enabled = order[: draw(st.integers(1, channels))]
+    count = draw(st.integers(1, min(len(enabled), 5)))
+    groups = {f'g{i}': tuple(enabled[i::count]) for i in range(count)}
+    return ChainConfig(
+        channels=channels,
+        groups=groups,
+        disabled_channels=order[len(enabled) :],
+        common_mode=draw(st.sampled_from(['none', 'mean', 'median'])),
+        vote=draw(st.sampled_from(['all', 'mean', 1])),
+        valid_range_v=(-3.0, 4.0),
+    )
+
+
+def parts_of(config, votes=()):
+    plan = plan_of(config, SECTIONS, votes)
+    settings = settings_of(plan)
+    ranges, sections, end = filters_of(plan, settings)
+    layout, end = layout_of(plan, settings, end)
+    # Parts are no references: the plan has to stay.
+    return plan, settings, ranges, sections, layout, scratch_of(plan, settings, end)
+
+
+def enabled_of(config):
+    return [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
+
+
+@given(configs())
+def test_tiles_hold_each_enabled_channel_and_none_is_without(config):
+    bases = tile_bases_of(config)
+    columns = max(config.channels, LANES)
+    assert bases == sorted(set(bases))
+    assert bases[0] >= 0
+    assert bases[-1] + LANES <= columns
+    tiles = [set(range(base, base + LANES)) for base in bases]
+    enabled = set(enabled_of(config))
+    assert enabled <= set().union(*tiles)
+    for before, tile in itertools.pairwise([set(), *tiles]):
+        assert (tile - before) & enabled
+
+
+@given(configs())
+def test_each_enabled_channel_has_one_seat_in_the_tile_that_holds_it(config):
+    _plan, settings, ranges, _, layout, scratch = parts_of(config)
+    enabled = enabled_of(config)
+    assert layout.columns.tolist() == enabled
+    assert len(set(layout.seats.tolist())) == len(enabled) == settings.enabled
+    for channel, seat in zip(layout.columns, layout.seats, strict=True):
+        tile, lane = divmod(int(seat), LANES)
+        assert layout.bases[tile] + lane == channel
+        assert ranges[tile, :, lane].tolist() == [-3.0, 4.0]
+        assert layout.flag_seats[channel] == seat
+    disabled = np.array(config.disabled_channels, int) - 1
+    # Theirs is beyond all tiles, where no row is ever ON.
+    assert (layout.flag_seats[disabled] == scratch.on.size - 1).all()
+    assert scratch.on.size == scratch.valid.size == LANES * layout.bases.size + 1
+
+
+@given(configs())
+def test_a_lane_without_a_channel_that_takes_part_takes_no_sample(config):
+    _plan, _, ranges, _, layout, _ = parts_of(config)
+    for tile, lane in np.ndindex(layout.bases.size, LANES):
+        if layout.bases[tile] + lane not in enabled_of(config):
+            low, high = ranges[tile, :, lane]
+            assert low > high
+
+
+@given(configs())
+def test_groups_are_their_enabled_members_one_after_the_other(config):
+    _plan, _, _, _, layout, _ = parts_of(config)
+    seat_of = dict(zip(layout.columns.tolist(), layout.seats.tolist(), strict=True))
+    for i, channels in enumerate(config.groups.values()):
+        members = layout.members[layout.bounds[i] : layout.bounds[i + 1]]
+        assert members.tolist() == [seat_of[c - 1] for c in channels]
+    assert layout.places[layout.members].tolist() == list(range(layout.members.size))
+    assert (layout.places >= 0).sum() == layout.members.size
+
+
+@given(configs(), st.lists(st.sampled_from(['all', 'mean', 1, 2, 3]), max_size=4))
+def test_the_parts_of_a_plan_fill_it_and_none_overlaps_another(config, votes):
+    plan, settings, ranges, sections, layout, scratch = parts_of(config, votes)
+    np.testing.assert_array_equal(sections, SECTIONS)
+    assert settings.threshold == config.threshold
+    assert settings.votes == layout.votes.size == len(votes)
+    arrays = [ranges, sections, *layout, *scratch]
+    bounds = sorted((part.ctypes.data, part.nbytes) for part in arrays if part.size)
+    assert bounds[0][0] == plan.ctypes.data + len(settings) * 8
+    for (begin, size), (following, _) in itertools.pairwise(bounds):
+        assert begin + size <= following
+    assert sum(bounds[-1]) == plan.ctypes.data + plan.nbytes
+    assert scratch.block.ctypes.data % 64 == 0
+    # There is none for what is not wanted.
+    assert bool(scratch.deviations.size) == (config.common_mode != 'none')
+    assert bool(scratch.levels.size) == (config.vote == 'mean' or bool(votes))
+
+
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=3))
+def test_zeros_begin_where_a_cache_line_does(shape):
+    zeros = aligned_zeros(tuple(shape))
+    assert zeros.shape == tuple(shape)
+    assert zeros.ctypes.data % 64 == 0
+    assert not zeros.any()
