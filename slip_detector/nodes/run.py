@@ -9,6 +9,10 @@ from typing import Any, NoReturn
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
+#: A node with nothing to do looks this often whether it is to end: one was once seen not to end on
+#: SIGTERM, as if the wake-up that rclpy sends had been lost.
+LONGEST_WAIT_S = 0.5
+
 
 def run(executable: str) -> int:
     """Spin the nodes of an executable until they end or a signal comes.
@@ -58,7 +62,7 @@ def run(executable: str) -> int:
             for node in nodes:
                 executor.add_node(node)
         while rclpy.ok():
-            executor.spin_once()
+            executor.spin_once(timeout_sec=LONGEST_WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except ValueError as error:
