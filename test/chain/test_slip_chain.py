@@ -6,6 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from support.chain_cases import COMMON_MODES, bits, noise
@@ -126,8 +127,9 @@ def test_a_row_takes_no_memory_beyond_its_result(common_mode, vote):
     )
     # Array headers and the call's own objects, the same for any number of channels; one temporary
     # of a byte per channel would be 8 kB more.
-    assert few < 6000
     assert many < few + 2000
+    # Interpreted, the variables of all running functions are such objects: some 9 kB.
+    assert few < (6000 if COMPILED else 12_000)
 
 
 @pytest.mark.parametrize('disabled', [(), (3,)])
