@@ -7,10 +7,12 @@ the sensor: ``sample_rate_hz``, ``channels`` and ``groups``.
 import contextlib
 import math
 import random
+import signal
 import time
 
 import rclpy
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
@@ -43,21 +45,24 @@ class OwnSensor:
         return taken_ns, [4.3 + vibration + random.gauss(0.0, 1e-3) for _ in CHANNEL_NAMES]
 
 
-def main():
-    """Publish until Ctrl-C."""
-    rclpy.init()
-    node = rclpy.create_node('own_sensor')
+def publish(node):
+    """Publish each sample as it is taken."""
     publisher = node.create_publisher(JointState, 'voltages', qos_profile_sensor_data)
     sensor = OwnSensor()
+    while True:
+        taken_ns, volts = sensor.read()
+        message = JointState(name=CHANNEL_NAMES, position=volts)
+        message.header.stamp = Time(nanoseconds=taken_ns).to_msg()
+        publisher.publish(message)
+
+
+def main():
+    """Publish until Ctrl-C or SIGTERM."""
+    # rclpy's own handlers would end the communication while a message is being published.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     with contextlib.suppress(KeyboardInterrupt):
-        while True:
-            taken_ns, volts = sensor.read()
-            if not rclpy.ok():
-                break
-            message = JointState(name=CHANNEL_NAMES, position=volts)
-            message.header.stamp = Time(nanoseconds=taken_ns).to_msg()
-            publisher.publish(message)
-    node.destroy_node()
+        publish(rclpy.create_node('own_sensor'))
     rclpy.try_shutdown()
 
 

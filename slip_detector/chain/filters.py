@@ -1,9 +1,13 @@
 """The chain's filter network as second-order sections: design, response, delay, stability."""
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy import signal
+import functools
+from typing import Any
 
+import numpy as np
+from numpy.polynomial.polynomial import polyval
+from numpy.typing import NDArray
+
+from slip_detector.chain import design_cache
 from slip_detector.parameters.detector import ChainConfig
 
 Array = NDArray[np.float64]
@@ -48,33 +52,63 @@ def design(config: ChainConfig) -> Array:
     >>> design(ChainConfig(stopbands_hz=())).shape
     (2, 6)
     """
-    rate = config.sample_rate_hz
-    low, high = config.passband_hz
-    degree = config.passband_degree
+    sections: Array = _unit_gain_network(
+        config.sample_rate_hz,
+        config.passband_hz,
+        config.passband_degree,
+        config.stopbands_hz,
+        config.stopband_degree,
+        config.stopband_ripple_db,
+        config.stopband_attenuation_db,
+    ).copy()
+    sections[0, :3] *= config.gain
+    return sections
+
+
+@functools.lru_cache(maxsize=64)
+def _unit_gain_network(*parameters: Any) -> Array:
+    """Return the network with a gain of 1, from memory or disk where it is there."""
+    return design_cache.kept(parameters, lambda: _designed_network(*parameters))
+
+
+def _designed_network(
+    rate: float,
+    passband_hz: tuple[float, float],
+    passband_degree: int,
+    stopbands_hz: tuple[tuple[float, float], ...],
+    stopband_degree: int,
+    ripple_db: float,
+    attenuation_db: float,
+) -> Array:
+    """Design and check the network with a gain of 1."""
+    # Here: to load it takes longer than to load all else that a node needs.
+    from scipy import signal
+
+    low, high = passband_hz
     if high == 0.0:
-        passband = signal.butter(degree, low, 'highpass', output='sos', fs=rate)
+        passband = signal.butter(passband_degree, low, 'highpass', output='sos', fs=rate)
     else:
-        passband = signal.butter(degree // 2, [low, high], 'bandpass', output='sos', fs=rate)
+        passband = signal.butter(
+            passband_degree // 2, [low, high], 'bandpass', output='sos', fs=rate
+        )
     edges = [low] if high == 0.0 else [low, high]
     # A Butterworth filter lets half the power through at its edges.
     _check(passband, edges, rate, 'passband_hz', np.sqrt(0.5))
     parts = [passband]
-    for pair in config.stopbands_hz:
+    for pair in stopbands_hz:
         stopband = signal.ellip(
-            config.stopband_degree // 2,
-            config.stopband_ripple_db,
-            config.stopband_attenuation_db,
+            stopband_degree // 2,
+            ripple_db,
+            attenuation_db,
             pair,
             'bandstop',
             output='sos',
             fs=rate,
         )
         # An elliptic filter leaves its passband, by SciPy's definition, at the ripple.
-        _check(stopband, list(pair), rate, 'stopbands_hz', 10 ** (-config.stopband_ripple_db / 20))
+        _check(stopband, list(pair), rate, 'stopbands_hz', 10 ** (-ripple_db / 20))
         parts.append(stopband)
-    sections = np.concatenate(parts)
-    sections[0, :3] *= config.gain
-    return sections
+    return np.concatenate(parts)
 
 
 def _check(sections: Array, edges_hz: list[float], rate_hz: float, name: str, gain: float) -> None:
@@ -113,8 +147,12 @@ def round_off(sections: Array) -> float:
 
 def response(sections: Array, frequency_hz: Array, rate_hz: float) -> NDArray[np.complex128]:
     """Return the network's complex gain at the given frequencies."""
-    _, gain = signal.sosfreqz(sections, worN=np.asarray(frequency_hz), fs=rate_hz)
-    return np.asarray(gain, dtype=np.complex128)
+    omega = 2 * np.pi * np.asarray(frequency_hz, dtype=np.float64) / rate_hz
+    delay = np.exp(-1j * omega)
+    gain = np.ones(omega.shape, dtype=np.complex128)
+    for section in sections:
+        gain *= polyval(delay, section[:3]) / polyval(delay, section[3:])
+    return gain
 
 
 def group_delay_s(sections: Array, frequency_hz: Array, rate_hz: float) -> Array:

@@ -303,7 +303,8 @@ def test_an_unstable_design_is_an_error_that_names_the_edges(monkeypatch, functi
         sections[0, 3:] = [1.0, -2.02, 1.0201]  # both poles at 1.01
         return sections
 
-    monkeypatch.setattr(filters.signal, function, wrong)
+    monkeypatch.setattr(signal, function, wrong)
+    filters._unit_gain_network.cache_clear()
     with pytest.raises(
         ValueError, match=rf'^parameter {name}: .* is unstable at 380 Hz'
     ) as caught:
