@@ -31,6 +31,7 @@ from benchmarks.timing import least_times_s
 from benchmarks.verdicts import verdicts
 from slip_detector.evaluation.bounds import Bound
 from slip_detector.evaluation.evaluator import Evaluator
+from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
 from slip_detector.evaluation.replay import figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
@@ -78,7 +79,7 @@ def measure_evaluation(rows: int = HOUR_ROWS, rounds: int = ROUNDS) -> dict[str,
         How often each side has its turn.
     """
     config = ChainConfig()
-    evaluator = Evaluator(config, RecordingConfig(), EvaluationConfig())
+    evaluator = Evaluator(RecordingLoader(config, RecordingConfig(), EvaluationConfig()))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'hour.npz'
         write_hour(path, rows)

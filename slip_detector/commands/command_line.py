@@ -8,6 +8,7 @@ import argparse
 import importlib
 import os
 import sys
+from collections.abc import Callable
 from typing import NoReturn
 
 
@@ -46,6 +47,36 @@ def print_text(name: str, text: str) -> int:
     return 0
 
 
+def run(name: str, work: Callable[[], str]) -> int:
+    """Do the work of a command and print what it returns.
+
+    Parameters
+    ----------
+    name
+        Of the command.
+    work
+        Returns the text to print. A ValueError is an error of the user's.
+
+    Returns
+    -------
+    int
+        The exit code: 0, 1 after an error, which is one line on stderr, or 130 after Ctrl-C.
+
+    Examples
+    --------
+    >>> run('slip_evaluate', lambda: '3 slips, 3 detected')
+    3 slips, 3 detected
+    0
+    """
+    try:
+        return print_text(name, work())
+    except ValueError as error:
+        sys.stderr.write(f'{name}: {error}\n')
+        return 1
+    except KeyboardInterrupt:
+        return _interrupted(name)
+
+
 def evaluate() -> int:
     """Start ``slip_evaluate``."""
     return _start('slip_evaluate', 'slip_detector.commands.evaluate')
@@ -60,5 +91,9 @@ def _start(name: str, module: str) -> int:
     try:
         return int(importlib.import_module(module).main())
     except KeyboardInterrupt:
-        sys.stderr.write(f'{name}: ended before it was done\n')
-        return 130
+        return _interrupted(name)
+
+
+def _interrupted(name: str) -> int:
+    sys.stderr.write(f'{name}: ended before it was done\n')
+    return 130

@@ -28,9 +28,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from slip_detector.commands.command_line import Parser, print_text
+from slip_detector.commands.command_line import Parser, run
 from slip_detector.commands.recording_options import add_recording_options, with_recording_options
 from slip_detector.evaluation.evaluator import EvaluatedRecording, Evaluator, recording_figures
+from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
@@ -252,10 +253,11 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     file = options.config
     config = ChainConfig.from_yaml(file) if file else ChainConfig()
     recording_config = RecordingConfig.from_yaml(file) if file else RecordingConfig()
+    evaluation_config = EvaluationConfig.from_yaml(file) if file else EvaluationConfig()
     evaluator = Evaluator(
-        config,
-        with_recording_options(recording_config, options),
-        EvaluationConfig.from_yaml(file) if file else EvaluationConfig(),
+        RecordingLoader(
+            config, with_recording_options(recording_config, options), evaluation_config
+        )
     )
     page = options.report
     if page:  # to be said before an hour of recordings is read
@@ -300,18 +302,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0, 1 after an error, which is one line on stderr, or 130 where Ctrl-C ended it.
+        Exit code, see :func:`slip_detector.commands.command_line.run`.
     """
     options = _arguments(argv)
-    try:
+
+    def work() -> str:
         report, layout = (_of_protocol if options.protocol else _of_recordings)(options)
-    except ValueError as error:
-        sys.stderr.write(f'{NAME}: {error}\n')
-        return 1
-    except KeyboardInterrupt:
-        sys.stderr.write(f'{NAME}: ended before it was done\n')
-        return 130
-    return print_text(NAME, json.dumps(report, indent=2) if options.json else layout(report))
+        return json.dumps(report, indent=2) if options.json else layout(report)
+
+    return run(NAME, work)
 
 
 if __name__ == '__main__':

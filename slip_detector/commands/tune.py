@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.commands.command_line import print_text
+from slip_detector.commands.command_line import run
 from slip_detector.commands.evaluate import recording_sets
 from slip_detector.commands.recording_options import with_recording_options
 from slip_detector.commands.tune_options import NAME, arguments_of
@@ -222,7 +222,7 @@ def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
     ]
 
 
-def _run_quiet(options: Namespace, argv: Sequence[str] | None) -> list[str]:
+def _set_threshold(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     """Set the threshold from a recording without slip."""
     settings = _settings(options)
     check_writable(options.out)
@@ -239,7 +239,7 @@ def _run_quiet(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     return [*lines, f'Written: {options.out}']
 
 
-def _run(options: Namespace, argv: Sequence[str] | None) -> list[str]:
+def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     """Tune, and write what was found."""
     for module in ('optuna', 'tqdm'):
         if importlib.util.find_spec(module) is None:
@@ -338,20 +338,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0, 1 after an error, which is one line on stderr, or 130 where Ctrl-C ended it
-        before all was written.
+        Exit code, see :func:`slip_detector.commands.command_line.run`.
     """
     options = arguments_of(argv)
-    run = _run if options.quiet is None else _run_quiet
-    try:
-        lines = run(options, argv)
-    except ValueError as error:
-        sys.stderr.write(f'{NAME}: {error}\n')
-        return 1
-    except KeyboardInterrupt:
-        sys.stderr.write(f'{NAME}: ended before all was written\n')
-        return 130
-    return print_text(NAME, '\n'.join(lines))
+    work = _search if options.quiet is None else _set_threshold
+    return run(NAME, lambda: '\n'.join(work(options, argv)))
 
 
 if __name__ == '__main__':

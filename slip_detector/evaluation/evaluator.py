@@ -11,9 +11,6 @@ from slip_detector.evaluation.replay import (
     ReplayOutcome,
     figures_of_merit,
 )
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import RecordingCounts
 
 
@@ -65,12 +62,8 @@ class Evaluator:
 
     Parameters
     ----------
-    chain_config
-        The chain's parameters.
-    recording_config
-        Names of the parts of a recording.
-    config
-        What counts as detected, and which rows are rows of motion.
+    loader
+        Opens the recordings for the chain that is to be run over them.
 
     Raises
     ------
@@ -78,15 +71,10 @@ class Evaluator:
         When the chain cannot be built.
     """
 
-    def __init__(
-        self,
-        chain_config: ChainConfig,
-        recording_config: RecordingConfig,
-        config: EvaluationConfig,
-    ) -> None:
-        self.chain_config = chain_config
-        self._loader = RecordingLoader(chain_config, recording_config, config)
-        self._replay = Replay(chain_config, config)
+    def __init__(self, loader: RecordingLoader) -> None:
+        self.chain_config = loader.chain_config
+        self._loader = loader
+        self._replay = Replay(loader.chain_config, loader.config)
 
     def evaluate(
         self, path: Path, watch: Callable[[LabelledRecording], Observer] | None = None

@@ -47,7 +47,7 @@ class RecordingLoader:
     recording_config
         Names of the parts of a recording.
     config
-        Which rows are rows of motion.
+        What counts as detected, and which rows are rows of motion.
     """
 
     def __init__(
@@ -56,8 +56,8 @@ class RecordingLoader:
         recording_config: RecordingConfig,
         config: EvaluationConfig,
     ) -> None:
-        self._chain_config = chain_config
-        self._recording_config, self._config = recording_config, config
+        self.chain_config, self.config = chain_config, config
+        self._recording_config = recording_config
 
     def open(self, path: Path, require_truth: bool = True) -> LabelledRecording:
         """Open a recording and see that it suits the chain.
@@ -75,7 +75,7 @@ class RecordingLoader:
             When it cannot be read, does not suit the chain or has no labels; names the file.
         """
         recording = open_recording(path, self._recording_config)
-        config = self._chain_config
+        config = self.chain_config
         if len(recording.channel_names) != config.channels:
             raise ValueError(
                 f'{path}: has {len(recording.channel_names)} channels, allowed: '
@@ -114,9 +114,9 @@ class RecordingLoader:
     def _rows(self, recording: Recording) -> Iterator[LabelledRows]:
         """Yield the pieces of a recording with its label and whether the robot moves."""
         moving = self._moving(recording)
-        wanted_hz = self._chain_config.sample_rate_hz
+        wanted_hz = self.chain_config.sample_rate_hz
         last = -1
-        for piece in recording.pieces(wanted_hz, self._chain_config.max_gap_s):
+        for piece in recording.pieces(wanted_hz, self.chain_config.max_gap_s):
             truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
             last = int(piece.rows[-1])
             if moving is None:
@@ -134,13 +134,13 @@ class RecordingLoader:
 
     def _other_length(self, recording: Recording, moving: Bools) -> ValueError:
         return ValueError(
-            f'{recording.path}: {self._config.motion_key} has {len(moving)} rows, allowed: as '
+            f'{recording.path}: {self.config.motion_key} has {len(moving)} rows, allowed: as '
             'many as the recording has'
         )
 
     def _moving(self, recording: Recording) -> Bools | None:
         """Tell the rows of motion, shape (n,), from the recording's velocities."""
-        key, path = self._config.motion_key, recording.path
+        key, path = self.config.motion_key, recording.path
         if not key:
             return None
         velocities = recording.array(key)
@@ -154,28 +154,28 @@ class RecordingLoader:
                 'allowed: numbers of shape (rows,) or (rows, columns)'
             )
         table = velocities.astype(np.float64).reshape(len(velocities), -1)
-        if self._config.motion_columns:
+        if self.config.motion_columns:
             names = recording.array(f'{key}_names')
             table = table[:, self._columns(names, table.shape[1], path)]
         if not np.isfinite(table).all():
             row = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0]) + 1
             raise ValueError(f'{path}: {key} is not finite in row {row}, allowed: finite numbers')
-        return np.asarray(np.linalg.norm(table, axis=1) > self._config.moving_above)
+        return np.asarray(np.linalg.norm(table, axis=1) > self.config.moving_above)
 
     def _columns(self, names: NDArray[Any] | None, n_columns: int, path: Path) -> list[int]:
         """Look up the configured columns of motion by their names."""
-        where = f'{path}: {self._config.motion_key}_names'
+        where = f'{path}: {self.config.motion_key}_names'
         if names is None or names.shape != (n_columns,):
             found = 'is not there' if names is None else f'has the shape {names.shape}'
             raise ValueError(f'{where} {found}, allowed: a name for each of {n_columns} columns')
         known = [str(name) for name in names]
-        for name in self._config.motion_columns:
+        for name in self.config.motion_columns:
             if known.count(name) != 1:
                 raise ValueError(
                     f'{where} has {name} {known.count(name)} times, allowed: once; there are: '
                     f'{", ".join(known)}'
                 )
-        return [known.index(name) for name in self._config.motion_columns]
+        return [known.index(name) for name in self.config.motion_columns]
 
 
 def _apart(recording: Recording, wanted_hz: float) -> bool:

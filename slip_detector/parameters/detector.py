@@ -22,6 +22,17 @@ PAPER_GROUPS: dict[str, tuple[int, ...]] = {
 }
 
 
+def default_channel_names(channels: int) -> tuple[str, ...]:
+    """Return the names of channels that have none of their own.
+
+    Examples
+    --------
+    >>> default_channel_names(3)
+    ('ch1', 'ch2', 'ch3')
+    """
+    return tuple(f'ch{channel}' for channel in range(1, channels + 1))
+
+
 @dataclasses.dataclass(frozen=True)
 class ChainConfig(ParameterSet):
     """Parameters of the slip chain; the defaults are the paper's.
@@ -165,7 +176,7 @@ class ChainConfig(ParameterSet):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the channels: those configured, else ch1, ch2, ..."""
-        return self.channel_names or tuple(f'ch{i + 1}' for i in range(self.channels))
+        return self.channel_names or default_channel_names(self.channels)
 
     def samples(self, seconds: float) -> int:
         """Return how many samples a time is, at least one."""

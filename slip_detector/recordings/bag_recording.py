@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import GAP_PERIODS
+from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.bag_storage import BagStorage
 from slip_detector.recordings.labels import Labels
@@ -67,7 +68,7 @@ class BagRecording(Recording):
             lost = f' ({self._storage.lost[0]})' if self._storage.lost else ''
             raise ValueError(f'{path}: has no samples on {topic.name}{lost}')
         self.named = bool(decoder.names)
-        self.channel_names = decoder.names or tuple(f'ch{i + 1}' for i in range(decoder.channels))
+        self.channel_names = decoder.names or default_channel_names(decoder.channels)
         message_hz = rate_of((decoded.stamps_ns - decoded.stamps_ns[0]) * 1e-9)
         if message_hz is None:
             raise ValueError(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
+from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
@@ -89,7 +90,7 @@ class NpzRecording(Recording):
                 f'{path}: {STAMPS_KEY} has the type {arrays[STAMPS_KEY].dtype}, allowed: whole '
                 'numbers of nanoseconds'
             )
-        self.channel_names = tuple(f'ch{i + 1}' for i in range(channels))
+        self.channel_names = default_channel_names(channels)
 
     def _arrays(self, archive: zipfile.ZipFile) -> 'dict[str, _RowArray]':
         """Open the arrays that have something for each row."""

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.parameters.detector import PAPER_CHANNELS
+from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
 from slip_detector.scenes.clock import Clock
 from slip_detector.scenes.compatibility import check_grip, check_parts
 from slip_detector.scenes.contact import Contact
@@ -104,7 +104,7 @@ class Scene:
         sampling = read_sampling(description)
         steps = read_steps(description.get('steps'))
         children = dict(zip(PARTS, trial.spawn(len(PARTS)), strict=True))
-        self.channel_names = tuple(f'ch{i + 1}' for i in range(PAPER_CHANNELS))
+        self.channel_names = default_channel_names(PAPER_CHANNELS)
         self.sample_rate_hz = sampling.sample_rate_hz
         clock: Clock | None = parts.get('clock')
         self.true_rate_hz = self.sample_rate_hz * (clock.rate_ratio if clock else 1.0)

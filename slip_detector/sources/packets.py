@@ -11,6 +11,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources.byte_stream import ByteSplitter, DecodedSamples
 from slip_detector.sources.cobs import cobs_decode
 
@@ -81,6 +82,13 @@ class PacketDecoder:
         longest = LONGEST_BYTES + LONGEST_BYTES // 254 + 1
         self._splitter = ByteSplitter(b'\0', longest, self.counts)
         self.restart()
+
+    @classmethod
+    def from_config(cls, config: DriverConfig) -> 'PacketDecoder':
+        """Make a decoder of the packets that the driver's parameters describe."""
+        return cls(
+            config.channels, config.packet_values, config.packet_scale_v, config.packet_offset_v
+        )
 
     def restart(self) -> None:
         """Drop the incomplete packet, forget the sequence number: the line was interrupted."""

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import serial
 
 from slip_detector.chain.samples import Samples
+from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources.device_clock import DeviceClock
 from slip_detector.sources.packets import PacketDecoder
@@ -47,16 +48,11 @@ class SerialSource(Source):
         self._decoder: PacketDecoder | LineDecoder
         rate_hz = 0.0
         if config.serial_format == 'packet':
-            self._decoder = PacketDecoder(
-                config.channels,
-                config.packet_values,
-                config.packet_scale_v,
-                config.packet_offset_v,
-            )
+            self._decoder = PacketDecoder.from_config(config)
         else:
             rate_hz = config.text_rate_hz
             self._decoder = LineDecoder(config.channels, rate_hz)
-        names = tuple(f'ch{i + 1}' for i in range(config.channels))
+        names = default_channel_names(config.channels)
         super().__init__(config.serial_port, names, rate_hz)
         self.counts = self._decoder.counts
         self._clock = DeviceClock()

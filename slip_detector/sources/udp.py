@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from slip_detector.chain.samples import Samples
+from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources.byte_stream import DecodedSamples
 from slip_detector.sources.device_clock import DeviceClock
@@ -49,11 +50,9 @@ class UdpSource(Source):
             raise ValueError('parameter udp_senders is empty, allowed: at least one address')
         self._address = _address('udp_bind_address', config.udp_bind_address)
         self._udp_port, self._now_ns = config.udp_port, now_ns
-        names = tuple(f'ch{i + 1}' for i in range(config.channels))
+        names = default_channel_names(config.channels)
         super().__init__(f'{self._address} port {config.udp_port}', names, 0.0)
-        self._decoder = PacketDecoder(
-            config.channels, config.packet_values, config.packet_scale_v, config.packet_offset_v
-        )
+        self._decoder = PacketDecoder.from_config(config)
         self.counts = self._decoder.counts
         self._clock = DeviceClock()
         self._sender: Any = None

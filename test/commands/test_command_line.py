@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from slip_detector.commands.command_line import run
+
 INTERRUPTED = """
 import sys
 
@@ -41,3 +43,16 @@ def test_a_command_passes_its_exit_code_on(command, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         getattr(command_line, command)()
     assert ended.value.code == 2
+
+
+def test_an_error_and_an_interrupt_of_a_command_are_one_line_and_an_exit_code(capsys):
+    def fails():
+        raise ValueError('trial.npz: has no label')
+
+    def interrupted():
+        raise KeyboardInterrupt
+
+    assert run('slip_tune', fails) == 1
+    assert capsys.readouterr() == ('', 'slip_tune: trial.npz: has no label\n')
+    assert run('slip_tune', interrupted) == 130
+    assert capsys.readouterr() == ('', 'slip_tune: ended before it was done\n')

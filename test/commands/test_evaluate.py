@@ -8,33 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands import evaluate as evaluation
 from slip_detector.commands.evaluate import main, recording_sets
-from slip_detector.evaluation.labelled_rows import REST, SLIP, LabelledRows
+from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay, figures_of_merit
-from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from support.evaluation_cases import (
     complaint,
     config_file,
+    expected_scores,
     report_of,
+    roc_auc,
     write,
 )
-
-TALLY = ScoreTally()
-
-
-def roc_auc(score, label):
-    TALLY.add(score, np.where(label, SLIP, REST))
-    return TALLY.take().auc()
-
-
-def expected_scores(path):
-    with np.load(path) as file:
-        result = SlipChain().update(file['volts'], votes=('all',))
-        return result.vote_statistic[:, 0], file['slip']
 
 
 def test_json_has_the_figures_of_each_recording_and_of_all_rows_together(capsys, tmp_path):

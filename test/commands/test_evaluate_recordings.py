@@ -3,24 +3,17 @@
 import numpy as np
 import pytest
 
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands.evaluate import main
-from slip_detector.evaluation.labelled_rows import REST, SLIP
-from slip_detector.evaluation.scores import ScoreTally
-from support.evaluation_cases import RATE_HZ, bag, complaint, config_file, report_of, write
-
-TALLY = ScoreTally()
-
-
-def roc_auc(score, label):
-    TALLY.add(score, np.where(label, SLIP, REST))
-    return TALLY.take().auc()
-
-
-def expected_scores(path):
-    with np.load(path) as file:
-        result = SlipChain().update(file['volts'], votes=('all',))
-        return result.vote_statistic[:, 0], file['slip']
+from support.evaluation_cases import (
+    RATE_HZ,
+    bag,
+    complaint,
+    config_file,
+    expected_scores,
+    report_of,
+    roc_auc,
+    write,
+)
 
 
 def test_motion_is_the_norm_over_the_named_columns_above_the_limit(capsys, tmp_path):

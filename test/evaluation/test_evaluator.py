@@ -5,6 +5,7 @@ import pytest
 
 from slip_detector.evaluation.evaluator import Evaluator, recording_counts, recording_figures
 from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.evaluation.replay import Replay, figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -15,7 +16,7 @@ CHAIN = ChainConfig(channels=2, stopbands_hz=(), gain=1.0, threshold=0.1)
 
 @pytest.fixture
 def evaluator():
-    return Evaluator(CHAIN, RecordingConfig(), EvaluationConfig())
+    return Evaluator(RecordingLoader(CHAIN, RecordingConfig(), EvaluationConfig()))
 
 
 def arrays(seed):

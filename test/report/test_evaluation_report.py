@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from slip_detector.evaluation.evaluator import Evaluator
+from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.report.evaluation_report import overview_factory, write_evaluation_report
@@ -16,7 +17,7 @@ from support import report_scenes as scenes
 @pytest.fixture(scope='module')
 def sets(tmp_path_factory):
     """Return two sets of one recording each, evaluated, with their overviews."""
-    evaluator = Evaluator(scenes.GIVEN, RecordingConfig(), EvaluationConfig())
+    evaluator = Evaluator(RecordingLoader(scenes.GIVEN, RecordingConfig(), EvaluationConfig()))
     found = {}
     for k, name in enumerate(('x', 'y')):
         path = tmp_path_factory.mktemp(name) / 'a.npz'

@@ -7,11 +7,15 @@ import pytest
 import yaml
 
 from slip_detector.chain.samples import Samples
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands.evaluate import main
+from slip_detector.evaluation.labelled_rows import REST, SLIP
+from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.recordings import write_recording
 
 RATE_HZ = 380.0
 
+TALLY = ScoreTally()
 
 HALF_OF_IT = np.arange(600) >= 450
 
@@ -58,6 +62,19 @@ def complaint(capsys, *arguments, code=1):
     assert captured.err.count('\n') == 1
     assert captured.err.endswith('\n')
     return captured.err.removeprefix('slip_evaluate: ').rstrip('\n')
+
+
+def roc_auc(score, label):
+    """Return the area under the ROC curve of rows that the label calls slip against all others."""
+    TALLY.add(score, np.where(label, SLIP, REST))
+    return TALLY.take().auc()
+
+
+def expected_scores(path):
+    """Return what the chain holds against the threshold in each row of a file, and its label."""
+    with np.load(path) as file:
+        result = SlipChain().update(file['volts'], votes=('all',))
+        return result.vote_statistic[:, 0], file['slip']
 
 
 def bag(path, n=600, truth=True):
