@@ -1,4 +1,4 @@
-"""A picture of an evaluation: latencies, where their time went, and the ROC curve."""
+"""A picture of an evaluation: the latencies, their parts by stage, and the ROC curve."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +23,20 @@ def draw_evaluation(path: Path, outcomes: Sequence[ReplayOutcome]) -> None:
     path
         The picture to write.
     outcomes
-        Of all recordings; at least one.
+        The outcome of each recording, at least one.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from slip_detector import ChainConfig
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.evaluation.replay import Replay
+    >>> rows = LabelledRows(np.full((380, 16), 4.3), truth=np.arange(380) >= 190)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'evaluation.png'
+    ...     draw_evaluation(path, [Replay(ChainConfig()).run([rows])])
+    ...     path.is_file()
+    True
     """
     figure, (latencies, parts, roc) = plt.subplots(
         ncols=3, figsize=(13, 4.2), layout='constrained', width_ratios=(1.2, 1, 1)
@@ -43,7 +56,7 @@ def _draw_latencies(axis: Axes, outcomes: Sequence[ReplayOutcome]) -> None:
     missed = len(slips) - len(known_ms)
     if known_ms:
         axis.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color='C0')
-        axis.yaxis.set_major_locator(MaxNLocator(integer=True))  # there are no halves of slips
+        axis.yaxis.set_major_locator(MaxNLocator(integer=True))  # slips are whole numbers
         median, p90 = np.percentile(known_ms, [50, 90])
         axis.axvline(median, color='k', linewidth=1, label=f'median {median:.0f} ms')
         axis.axvline(p90, color='k', linewidth=1, linestyle=':', label=f'p90 {p90:.0f} ms')

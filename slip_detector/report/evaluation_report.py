@@ -1,4 +1,4 @@
-"""The report of an evaluation: what it gathers of each recording, the page and the pictures."""
+"""The report of an evaluation: the overviews of its recordings, the page and the pictures."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -11,21 +11,21 @@ from slip_detector.report.overview import MOST_CELLS, Overview, events_of
 from slip_detector.report.page import write_page, write_pictures
 from slip_detector.report.page_data import Variant
 
-#: An overview of each of many recordings has at least so many cells.
+#: Each overview has at least this many cells, however many recordings share a report.
 LEAST_CELLS = 2**15
 
 
 def overview_factory(
     config: ChainConfig, recordings: int
 ) -> Callable[[LabelledRecording], Overview]:
-    """Return what makes the overview of a recording.
+    """Return a function that makes the overview of an opened recording.
 
     Parameters
     ----------
     config
-        The chain's.
+        The parameters of the chain.
     recordings
-        How many share the room of one report.
+        How many recordings the report has; they share its cells.
     """
     cells = max(MOST_CELLS // recordings, LEAST_CELLS)
 
@@ -42,28 +42,29 @@ def write_evaluation_report(
     page: Path | None,
     folder: Path | None,
 ) -> list[Path]:
-    """Write a report and pictures.
+    """Write the page and the pictures of an evaluation.
 
     Parameters
     ----------
     sets
-        With their overviews.
+        By the names of the set and of the file, each recording as it was evaluated with an
+        overview for its observer.
     config
-        The chain's.
+        The parameters of the chain.
     page
-        The HTML file; none is written if not given.
+        The HTML file to write; None: no page.
     folder
-        Where to write pictures; none are if not given.
+        The folder for the pictures; None: no pictures.
 
     Returns
     -------
     list of Path
-        What was written.
+        The files.
 
     Raises
     ------
     ValueError
-        When it cannot be written; names it.
+        When a file cannot be written; names it.
     """
     titles = {
         (f'{name}/{file}' if len(sets) > 1 else file): one

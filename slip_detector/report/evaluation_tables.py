@@ -15,11 +15,11 @@ class Section(NamedTuple):
     Attributes
     ----------
     title : str
-        What it is about; empty: the name of the set.
+        Stands above the first column; empty: the name of the set does.
     columns : dict
-        Heads by the names of the figures.
+        Heads of the other columns by the names of their figures.
     optional : bool
-        Whether it is left out where all figures of the set are 0 or not defined.
+        Whether the table is left out where all figures of the set are 0 or not defined.
     """
 
     title: str
@@ -101,19 +101,19 @@ SECTIONS = (
     ),
 )
 
-#: Said in place of the last section.
+#: Printed where the last section is left out.
 NOTHING_MET = '{}: no bad samples, no gaps, no rows dropped'
 
-LEGEND = f'{UNDEFINED}: not defined (no rows or events of the kind, or nobody says what moves)'
+LEGEND = f'{UNDEFINED}: not defined (no such rows or events, or the motion is not recorded)'
 
 
 def evaluation_tables(report: Mapping[str, Any]) -> str:
-    """Write a report of ``slip_evaluate`` as tables, each set as a whole in its last lines.
+    """Return a report of ``slip_evaluate`` as tables; the last line of each is the whole set.
 
     Parameters
     ----------
     report
-        Of :func:`slip_detector.commands.evaluate.as_report`.
+        As :func:`slip_detector.commands.evaluate.as_report` returns it.
     """
     blocks: list[list[Cells]] = []
     notes = []
@@ -135,7 +135,7 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
 def _tables(
     name: str, rows: Mapping[str, Mapping[str, Any]], whole: Mapping[str, Any]
 ) -> list[list[Cells]]:
-    """Return the cells of one table a section, with as wide a first column in each."""
+    """Return the cells of the table of each section; all first columns are equally wide."""
     width = max(map(len, [name, *rows, *(section.title for section in SECTIONS)]))
     return [
         [
@@ -154,7 +154,13 @@ def _tables(
 
 
 def figure_text(name: str, value: float | None) -> str:
-    """Write a figure with as many digits as it deserves; a dash where it is not defined."""
+    """Return a figure as text, with the digits that its name asks for.
+
+    Examples
+    --------
+    >>> figure_text('latency_p90_ms', 41.26), figure_text('recall', 0.95), figure_text('sd_ms', None)
+    ('41.3', '0.950', '-')
+    """
     if value is None:
         return UNDEFINED
     if isinstance(value, int):

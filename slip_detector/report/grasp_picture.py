@@ -15,7 +15,7 @@ from slip_detector.report.pictures import COLORS, save_picture
 
 Floats = NDArray[np.float64]
 
-#: Of the conditions.
+#: Colour of each condition.
 CONDITION_COLORS = {
     CONTROLLER: COLORS[0],
     PAPER: COLORS[4],
@@ -30,10 +30,10 @@ LABELS = {
 }
 NEEDED_COLOR = '0.55'
 
-#: The panel of the displacement is so many times as high as the object slides.
+#: Height of the displacement panel, in slides of the object under the controller.
 SHOWN_SLIDES = 4.0
 
-#: Where the dropped ones are drawn, in units of the longest slide.
+#: Where dropped objects are drawn, in units of the longest slide.
 HEADROOM = 1.35
 
 
@@ -52,16 +52,17 @@ def draw_grasp(
     path
         The picture to write.
     trials
-        By condition, the trial of one object.
+        The trial of one object under each condition.
     figures
-        By condition, those of :func:`slip_detector.grasp.comparison.grasp_figures`.
+        The figures under each condition, from
+        :func:`slip_detector.grasp.comparison.grasp_figures`.
     limit_n
-        The largest grip.
+        The largest grip force.
     live
         The same object through the nodes: ``position`` and ``command``, arrays of shape (n, 2)
-        with times in their first columns; empty when it was not played.
+        with times in their first columns; empty where it was not played.
     wanted_mm
-        What the worst slide has to stay below.
+        The worst slide has to be shorter than this.
     """
     figure = plt.figure(figsize=(12.5, 7.2), layout='constrained')
     halves: Any = figure.subfigures(1, 2, width_ratios=[2.1, 1.0])
@@ -135,7 +136,7 @@ def _draw_slip(axis: Axes, trial: GraspTrial) -> None:
 
 
 def _draw_place(axis: Axes, trials: Mapping[str, GraspTrial], position: Floats | None) -> None:
-    # What slides further leaves the panel; how far it came is in the legend.
+    # An object that slides further leaves the panel; the legend says how far it slides.
     most_mm = max(SHOWN_SLIDES * float(trials[CONTROLLER].position_m[-1]) * 1e3, 0.1)
     for name in (UNCONTROLLED, PAPER, CONTROLLER):
         trial = trials[name]

@@ -8,12 +8,12 @@ from slip_detector.report.text_table import number_text, text_table
 
 
 def grasp_table(result: Mapping[str, Any]) -> str:
-    """Lay the figures out: the conditions, what is wanted, and the trials through the nodes.
+    """Return the figures as text: the conditions, what is wanted, and the trials with the nodes.
 
     Parameters
     ----------
     result
-        As :mod:`slip_detector.nodes.grasp_demo` has it.
+        The content of ``grasp.json``; see :mod:`slip_detector.nodes.grasp_demo`.
     """
     seeds, parts = result['seeds'], result['conditions']
     rows = [['', '', 'slide [mm]', '', 'grip [% of limit]', '', ''],

@@ -1,8 +1,9 @@
 """What a report shows of one recording, gathered piece by piece in bounded memory.
 
-The volts of a channel become the lowest and highest of each bin of rows, its level the highest. A
-short recording has bins of one row; each time there would be more bins than fit, two become one.
-About the starts of slips and alarms the rows themselves are kept as well, up to a limit.
+Rows are gathered in bins. For each bin and channel the overview keeps the lowest and the highest
+volts and the highest level. In a short recording a bin is one row. When there are more bins than
+fit, each two neighbours are merged. Near the starts of slips and alarms the rows themselves are
+kept too, up to a limit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,15 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.result import SlipResult
+from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import ReplayOutcome
 from slip_detector.parameters.detector import ChainConfig
 
-Bools = NDArray[np.bool_]
 RowNumbers = NDArray[np.int64]
 Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
-#: Kinds of events, those first that a reader looks for.
+#: Kinds of events; those that a reader looks for come first.
 KINDS = ('false alarm', 'missed', 'late', 'detected')
 
 #: How much before and after the start of a slip or an alarm is kept row by row.
@@ -29,8 +30,8 @@ BEFORE_S, AFTER_S = 0.15, 0.3
 #: Bins that are kept at most, times the number of channels.
 MOST_CELLS = 2**20
 
-#: Single rows that are kept at most for each bin. A report may show fewer: which ones matter most
-#: is known when all have been seen.
+#: How many single rows are kept at most for each bin. A report may show fewer of them: which ones
+#: matter most is known only after the last row.
 ROWS_PER_BIN = 4
 
 #: Steps of a level's code for a factor of two.
@@ -39,7 +40,7 @@ CODES_PER_OCTAVE = 16
 #: Code of a level that equals the threshold: above it the channel is ON.
 THRESHOLD_CODE = 128
 
-#: Beyond this a sample is not drawn: float32 ends soon after.
+#: A sample with a larger magnitude is not drawn, as float32 ends at 3.4e38.
 MOST_VOLTS = 1e30
 
 
@@ -51,13 +52,14 @@ class Event(NamedTuple):
     kind : str
         One of :data:`KINDS`.
     start_s, end_s : float
-        Of the alarm where the kind is a false alarm, else of the true slip; from the first row.
+        Times of the alarm where the kind is a false alarm, else of the true slip, counted from the
+        first row.
     latency_s : float or None
-        From the start of the slip to that of its alarm; None where there is none.
+        Time from the start of the slip to the start of its alarm; None where it has no alarm.
     parts : mapping
-        Where the time went: seconds by the name of the stage.
+        The parts of the latency, in seconds, by the name of the stage.
     note : str
-        What else the reader should know, such as where a missed slip was lost.
+        What else the reader should know, for example at which stage a missed slip was lost.
     """
 
     kind: str
@@ -69,16 +71,16 @@ class Event(NamedTuple):
 
 
 class Snippet(NamedTuple):
-    """Consecutive rows as they were.
+    """Consecutive rows, each with its own volts and levels.
 
     Attributes
     ----------
     start : int
-        The first row.
+        The number of the first row.
     volts : ndarray of float32, shape (n, c)
-        NaN for a sample that is no number.
+        NaN where a sample is not a number.
     codes : ndarray of uint8, shape (n, c)
-        As :func:`level_codes` has them.
+        The levels, as :func:`level_codes` writes them.
     """
 
     start: int
@@ -87,19 +89,26 @@ class Snippet(NamedTuple):
 
 
 def level_codes(result: SlipResult, threshold: float) -> Codes:
-    """Write level / threshold on a logarithmic scale into a byte.
+    """Return level / threshold on a logarithmic scale, a byte for each sample.
+
+    Parameters
+    ----------
+    result
+        Of n rows, with its level.
+    threshold
+        The threshold of the chain.
 
     Returns
     -------
     ndarray of uint8, shape (n, c)
-        0 where the channel is not valid, else 1 to 255, :data:`CODES_PER_OCTAVE` for a factor of
-        two; above :data:`THRESHOLD_CODE` where, and only where, the channel is ON.
+        0 where the channel is not valid, else 1 to 255, with :data:`CODES_PER_OCTAVE` steps for a
+        factor of two. A code is above :data:`THRESHOLD_CODE` exactly where the channel is ON.
 
     Examples
     --------
     >>> from slip_detector.chain.slip_chain import SlipChain
     >>> result = SlipChain(ChainConfig()).update(np.full((1, 16), 4.3))
-    >>> int(level_codes(result, threshold=0.5)[0, 0])  # at rest: as low as a code can be
+    >>> int(level_codes(result, threshold=0.5)[0, 0])  # at rest: the lowest code of a level
     1
     """
     with np.errstate(divide='ignore'):  # The logarithm of 0 is -inf, the lowest code.
@@ -111,36 +120,18 @@ def level_codes(result: SlipResult, threshold: float) -> Codes:
     return np.where(result.valid, steps + THRESHOLD_CODE, 0).astype(np.uint8)
 
 
-class _Intervals:
-    """The rows at which one decision is ON, as intervals."""
-
-    def __init__(self) -> None:
-        self._on = False
-        self._changes: list[RowNumbers] = []
-
-    def add(self, on: Bools, first_row: int) -> RowNumbers:
-        """Take the next rows; returns the rows at which it went ON."""
-        before = np.concatenate([[self._on], on[:-1]])
-        changes = np.flatnonzero(on != before)
-        self._on = bool(on[-1])
-        if changes.size:
-            self._changes.append(changes + first_row)
-        return changes[on[changes]] + first_row
-
-    def end(self, row: int) -> None:
-        if self._on:
-            self._changes.append(np.array([row]))
-            self._on = False
-
-    def pairs(self, rows: int) -> RowNumbers:
-        """Return start and stop of each interval, shape (m, 2); the stop is the row after."""
-        last = [np.array([rows])] if self._on else []
-        changes = [np.empty(0, np.int64), *self._changes, *last]
-        return np.concatenate(changes).reshape(-1, 2)
-
-
 def events_of(outcome: ReplayOutcome) -> list[Event]:
-    """Return what a report shows of slips and alarms."""
+    """Return the slips and the false alarms of a recording in the order of their starts.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.evaluation.replay import Replay
+    >>> quiet = LabelledRows(np.full((380, 16), 4.3), truth=np.arange(380) >= 190)
+    >>> outcome = Replay(ChainConfig()).run([quiet])
+    >>> [(event.kind, event.start_s, event.note) for event in events_of(outcome)]
+    [('missed', 0.5, 'lost at: filter')]
+    """
     shown = []
     for slip in outcome.slips:
         kind = 'missed' if slip.latency_s is None else 'late' if slip.late else 'detected'
@@ -154,29 +145,43 @@ def events_of(outcome: ReplayOutcome) -> list[Event]:
 
 
 class Overview:
-    """What a report shows of one recording as one chain saw it.
+    """What a report shows of one recording, as one chain saw it.
+
+    An observer of a replay: its rows and gaps are given to :meth:`add` and :meth:`gap`.
 
     Parameters
     ----------
     name
-        What the reader knows the recording by.
+        The name of the recording in the report.
     config
-        Of the chain: its rate, threshold and groups.
+        The parameters of the chain.
     channel_names
-        Those of the recording; the configuration's if not given.
+        Names of the recording's channels; those of the configuration if not given.
     most_cells
-        How many bins are kept at most, times the number of channels.
+        Largest number of bins times the number of channels.
     sample_rate_hz
-        Of the recording, by which rows become seconds; the chain's if not given.
+        Rate of the recording, which turns rows into seconds; the chain's rate if not given.
 
     Attributes
     ----------
     rows : int
-        How many there were, gaps included.
+        Number of rows so far, with those that are missing in gaps.
     bin_rows : int
-        How many rows make a bin, a power of two.
+        Number of rows in a bin, a power of two.
     events : sequence of Event
-        For the caller to set.
+        Slips and false alarms; empty until the caller sets them.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.slip_chain import SlipChain
+    >>> volts = np.full((400, 16), 4.3)
+    >>> volts[200:] += np.sin(2 * np.pi * 20.0 * np.arange(200) / 380.0)[:, np.newaxis]
+    >>> overview = Overview('trial', ChainConfig(), most_cells=16 * 128)
+    >>> overview.add(volts, SlipChain(ChainConfig()).update(volts), truth=np.arange(400) >= 200)
+    >>> overview.rows, overview.bin_rows
+    (400, 4)
+    >>> overview.truth, overview.slip
+    (array([[200, 400]]), array([[202, 400]]))
     """
 
     def __init__(
@@ -193,14 +198,14 @@ class Overview:
         self.rows, self.bin_rows = 0, 1
         self.events: Sequence[Event] = ()
         channels = config.channels
-        # A power of two, so that whole pairs of bins become one.
+        # A power of two, so that the bins can be merged in pairs.
         self._most_bins = 1 << max(most_cells // channels, 2).bit_length() - 1
         self._low = np.full((self._most_bins, channels), np.nan, np.float32)
         self._high = self._low.copy()
         self._codes = np.zeros((self._most_bins, channels), np.uint8)
-        self._truth: _Intervals | None = None
-        self._slip, self._groups = _Intervals(), [_Intervals() for _ in config.groups]
-        self._room = ROWS_PER_BIN * self._most_bins
+        self._truth: OnIntervals | None = None
+        self._slip, self._groups = OnIntervals(), [OnIntervals() for _ in config.groups]
+        self._rows_left = ROWS_PER_BIN * self._most_bins
         self._before, self._after = config.samples(BEFORE_S), config.samples(AFTER_S)
         self._kept: list[tuple[RowNumbers, Volts, Codes]] = []
         self._tail = self._no_rows()
@@ -212,11 +217,11 @@ class Overview:
         Parameters
         ----------
         volts : array_like, shape (n, c)
-            Oldest row first; NaN for a sample that is missing.
+            Oldest row first; NaN where a sample is missing.
         result : SlipResult
-            Of these rows, with its level.
+            The chain's result for these rows, with the level.
         truth : array_like of bool, shape (n,), or None
-            Whether there is slip, where the recording says so, for all of its rows or for none.
+            Whether there is slip; None in each call for a recording without labels.
         """
         values = np.asarray(volts, np.float64)
         if not len(values):
@@ -227,34 +232,33 @@ class Overview:
         for group, on in zip(self._groups, result.groups.T, strict=True):
             group.add(on, self.rows)
         if truth is not None:
-            self._truth = self._truth or _Intervals()
-            slips = self._truth.add(np.asarray(truth, dtype=bool), self.rows)
-            starts = np.union1d(starts, slips)
+            self._truth = self._truth or OnIntervals()
+            starts += self._truth.add(np.asarray(truth, dtype=bool), self.rows)
         self._fill_bins(samples, codes)
         self.rows += len(values)
-        self._keep(samples, codes, starts)
+        self._keep(samples, codes, sorted(starts))
 
     def gap(self, seconds: float) -> None:
-        """Let time go on without rows."""
-        self._take(self._wanted(self.rows), self.rows)
+        """Count the rows that are missing in a gap of the recording."""
+        self._keep_wanted(self._wanted(self.rows), self.rows)
         self._tail, self._starts = self._no_rows(), self._starts[:0]
         for intervals in (self._slip, *self._groups, *([self._truth] if self._truth else [])):
-            intervals.end(self.rows)
+            intervals.close(self.rows)
         self.rows += round(seconds * self.sample_rate_hz)
         self._coarsen_to(self.rows)
 
     def bins(self, bin_rows: int) -> tuple[Volts, Volts, Codes]:
-        """Return the lowest and highest volts and the highest level's code of each bin.
+        """Return the lowest and highest volts and the code of the highest level of each bin.
 
         Parameters
         ----------
         bin_rows
-            How many rows make a bin: a power of two, at least the attribute of that name.
+            Number of rows in a bin: a power of two, at least the attribute ``bin_rows``.
 
         Returns
         -------
         low, high : ndarray of float32, shape (bins, c)
-            NaN where no sample of the bin is a number.
+            NaN where the bin has no sample that is a number.
         codes : ndarray of uint8, shape (bins, c)
         """
         n = -(-self.rows // self.bin_rows)
@@ -275,31 +279,39 @@ class Overview:
 
     @property
     def slip(self) -> RowNumbers:
-        """Intervals of rows, start and stop, of the global decision; shape (m, 2)."""
-        return self._slip.pairs(self.rows)
+        """Intervals in which the global decision is ON, shape (m, 2).
+
+        An interval is its first row and the first row after it.
+        """
+        return self._pairs(self._slip)
 
     @property
     def groups(self) -> dict[str, RowNumbers]:
-        """Intervals of each group by its name, arrays of shape (m, 2)."""
-        pairs = [group.pairs(self.rows) for group in self._groups]
+        """Intervals in which each group is ON, by its name: arrays of shape (m, 2)."""
+        pairs = [self._pairs(group) for group in self._groups]
         return dict(zip(self.config.groups, pairs, strict=True))
 
     @property
     def truth(self) -> RowNumbers | None:
-        """Intervals of true slip, shape (m, 2); None where nothing is known of it."""
-        return None if self._truth is None else self._truth.pairs(self.rows)
+        """Intervals of true slip, shape (m, 2); None for a recording without labels."""
+        return None if self._truth is None else self._pairs(self._truth)
 
     @property
     def snippets(self) -> list[Snippet]:
-        """The rows that were kept as they were, in order."""
-        kept = [*self._kept, self._pick(self._wanted(self.rows)[: self._room])]
+        """The single rows that were kept, in order."""
+        kept = [*self._kept, self._pick(self._wanted(self.rows)[: self._rows_left])]
         rows, volts, codes = (np.concatenate(parts) for parts in zip(*kept, strict=True))
         cuts = np.flatnonzero(np.diff(rows) > 1) + 1
         pieces = (np.split(array, cuts) for array in (rows, volts, codes))
         return [Snippet(int(at[0]), v, c) for at, v, c in zip(*pieces, strict=True) if len(at)]
 
+    def _pairs(self, intervals: OnIntervals) -> RowNumbers:
+        """Return intervals as an array, shape (m, 2); one that has not ended ends here."""
+        edges = [*intervals.edges, self.rows] if intervals.on else intervals.edges
+        return np.array(edges, np.int64).reshape(-1, 2)
+
     def _coarsen_to(self, rows: int) -> None:
-        """Make bins longer until so many rows fit."""
+        """Merge neighbouring bins until this number of rows fits."""
         half = self._most_bins // 2
         while rows > self._most_bins * self.bin_rows:
             self.bin_rows *= 2
@@ -310,7 +322,7 @@ class Overview:
             self._codes[half:] = 0
 
     def _fill_bins(self, volts: Volts, codes: Codes) -> None:
-        """Enter rows that come after ``self.rows`` others."""
+        """Enter the next rows into their bins; ``self.rows`` does not count them yet."""
         self._coarsen_to(self.rows + len(volts))
         first, ahead = divmod(self.rows, self.bin_rows)
         starts = np.maximum(np.arange(-ahead, len(volts), self.bin_rows), 0)
@@ -322,22 +334,25 @@ class Overview:
         ):
             into[bins] = function(into[bins], function.reduceat(values, starts))
 
-    def _keep(self, volts: Volts, codes: Codes, starts: RowNumbers) -> None:
-        """Keep the rows that are near a start; the last ones wait for what comes after them."""
+    def _keep(self, volts: Volts, codes: Codes, starts: list[int]) -> None:
+        """Keep the rows that are near a start.
+
+        The last rows wait in the tail: a start that comes soon may be near them.
+        """
         self._tail = (
             np.concatenate([self._tail[0], volts]),
             np.concatenate([self._tail[1], codes]),
         )
-        self._starts = np.concatenate([self._starts, starts])
+        self._starts = np.append(self._starts, np.array(starts, np.int64))
         decided = max(self.rows - self._before, self.rows - len(self._tail[0]))
-        self._take(self._wanted(decided), decided)
+        self._keep_wanted(self._wanted(decided), decided)
 
     def _no_rows(self) -> tuple[Volts, Codes]:
         channels = self.config.channels
         return np.empty((0, channels), np.float32), np.empty((0, channels), np.uint8)
 
     def _wanted(self, stop: int) -> RowNumbers:
-        """Return which rows of the tail, up to a row of the recording, are near a start."""
+        """Return the places in the tail of the rows before row ``stop`` that are near a start."""
         first = self.rows - len(self._tail[0])
         rows = np.arange(first, stop)
         from_here = np.searchsorted(self._starts, rows + self._before, 'right')
@@ -348,10 +363,10 @@ class Overview:
         volts, codes = self._tail
         return wanted + self.rows - len(volts), volts[wanted], codes[wanted]
 
-    def _take(self, wanted: RowNumbers, decided: int) -> None:
-        """Move rows out of the tail, which then begins at ``decided``."""
-        fit = wanted[: self._room]
-        self._room -= len(fit)
+    def _keep_wanted(self, wanted: RowNumbers, decided: int) -> None:
+        """Keep rows of the tail, and let the tail begin at row ``decided``."""
+        fit = wanted[: self._rows_left]
+        self._rows_left -= len(fit)
         if len(fit):
             self._kept.append(self._pick(fit))
         ahead = decided - (self.rows - len(self._tail[0]))

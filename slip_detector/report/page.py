@@ -1,8 +1,8 @@
-"""Reports for people: one HTML file that needs no network, and the same figures as pictures.
+"""A report as one HTML file that needs no network, and the same figures as pictures.
 
-The scripts in ``templates`` draw the timeline, with uPlot, from what
-:mod:`slip_detector.report.page_data` writes; all else is laid out here, and can be read without
-scripts.
+The scripts in ``templates`` draw the timeline with uPlot from the data that
+:mod:`slip_detector.report.page_data` writes. Everything else is laid out here and can be read
+where scripts are off.
 """
 
 import base64
@@ -26,7 +26,7 @@ from slip_detector.report.page_data import (
 )
 from slip_detector.report.text_table import text_table
 
-#: Scripts of a page, in the order in which they need each other.
+#: Scripts of a page; each comes after those that it needs.
 SCRIPTS = (
     'uplot/uPlot.iife.min.js', 'timeline.js', 'report_data.js', 'report_lanes.js', 'report.js',
 )  # fmt: skip
@@ -34,7 +34,7 @@ STYLES = ('uplot/uPlot.min.css', 'report.css')
 
 UNDEFINED = '\N{EN DASH}'
 
-#: The figures that the first table shows, in this order; a second one shows all.
+#: The figures in the first table, in this order; a second table has all figures.
 MAIN_FIGURES = (
     'slips', 'missed', 'late', 'recall', 'precision', 'false_alarms', 'false_alarms_per_minute',
     'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
@@ -42,7 +42,7 @@ MAIN_FIGURES = (
 
 UNITS = {'ms': 'ms', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
 
-#: More trials of the front than this are not listed.
+#: How many trials of the front are listed at most.
 MOST_LISTED = 60
 
 
@@ -53,25 +53,40 @@ def write_page(
     trials: Sequence[SearchTrial] = (),
     notes: Iterable[str] = (),
 ) -> None:
-    """Write a report.
+    """Write a report as an HTML file.
+
+    All texts are plain text: characters that have a meaning in HTML are shown as they are.
 
     Parameters
     ----------
     path
         The HTML file to write.
     title
-        Plain text, as are all texts here.
+        Heading of the page.
     variants
-        One, or two to compare: the one given first, then the tuned one.
+        One configuration, or two to compare: first the given one, then the tuned one.
     trials
-        Of a search; none: the report has no trade-off front.
+        Trials of a search; without trials the report has no trade-off front.
     notes
-        Lines under the title.
+        Lines below the title.
 
     Raises
     ------
     ValueError
         When the file cannot be written, or the variants do not show the same recordings.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from slip_detector import ChainConfig, SlipChain
+    >>> config, volts = ChainConfig(), [[4.3] * 16] * 380
+    >>> overview = Overview('rest.npz', config)
+    >>> overview.add(volts, SlipChain(config).update(volts), truth=None)
+    >>> given = Variant('given', config, [overview], {'rest.npz': {'alarms': 0}})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_page(Path(folder) / 'report.html', 'A second of rest', [given])
+    ...     '<title>A second of rest</title>' in (Path(folder) / 'report.html').read_text('utf-8')
+    True
     """
     page = Template(_read('report.html')).substitute(
         title=escape(title),
@@ -93,18 +108,35 @@ def write_page(
 def write_pictures(
     folder: str | Path, variants: Sequence[Variant], trials: Sequence[SearchTrial] = ()
 ) -> list[Path]:
-    """Write the figures of a report as PNG files, and its table as text.
+    """Write the pictures of a report as PNG files, and its table as text.
+
+    Parameters
+    ----------
+    folder
+        Where the files are written; it is made if it does not exist.
+    variants, trials
+        As :func:`write_page` takes them.
 
     Returns
     -------
     list of Path
-        ``timeline_<recording>.png`` of each recording, ``filters.png``, with trials ``front.png``,
-        and ``figures.txt``.
+        The files: ``timeline_<recording>.png`` for each recording, ``filters.png``,
+        ``front.png`` where there are trials, and ``figures.txt``.
 
     Raises
     ------
     ValueError
-        When they cannot be written, or the variants do not show the same recordings.
+        When a file cannot be written, or the variants do not show the same recordings.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from slip_detector import ChainConfig
+    >>> config = ChainConfig()
+    >>> given = Variant('given', config, [Overview('rest.npz', config)], {})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [path.name for path in write_pictures(folder, [given])]
+    ['timeline_rest.npz.png', 'filters.png', 'figures.txt']
     """
     from slip_detector.report import page_pictures
 
@@ -130,7 +162,15 @@ def write_pictures(
 
 
 def figures_text(variants: Sequence[Variant]) -> str:
-    """Lay out all figures as text: a block for each recording, a line for each figure."""
+    """Return all figures as a text: a block for each recording, a line for each figure.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> figures = {'trial.npz': {'slips': 3, 'latency_median_ms': 41.25}}
+    >>> print(figures_text([Variant('given', ChainConfig(), [], figures)]).splitlines()[2])
+    latency median [ms]   41.2
+    """
     names = _figure_names(variants)
     rows = []
     for title in _row_titles(variants):
@@ -148,7 +188,7 @@ def _file_name(text: str) -> str:
 
 
 def _recordings(variants: Sequence[Variant]) -> list[list[Overview]]:
-    """Return for each recording how each variant saw it."""
+    """Return the overviews of each recording, one for each variant."""
     first = variants[0].overviews
     for variant in variants:
         same = len(variant.overviews) == len(first) and all(
@@ -166,7 +206,7 @@ def _read(name: str) -> str:
 
 
 def _data(variants: Sequence[Variant]) -> str:
-    """Write what the scripts read: a header of JSON, and the data of each recording."""
+    """Return what the scripts read: a header as JSON, and the data of each recording."""
     recordings = _recordings(variants)
     chosen = choose_snippets(recordings)
     packed = [
@@ -177,7 +217,7 @@ def _data(variants: Sequence[Variant]) -> str:
         'variants': [variant.name for variant in variants],
         'recordings': [header for header, _ in packed],
     }
-    # In a script only what could end it needs care; JSON may write it otherwise.
+    # Only '<' can end a script element; JSON may write it as an escape.
     text = json.dumps(header, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
     blocks = [f'<script type="application/json" id="header">{text}</script>']
     blocks += [
@@ -213,7 +253,7 @@ def _figures(variants: Sequence[Variant]) -> str:
     if len(main) < len(names):
         whole = _figure_table(variants, names)
         content += f'<details><summary>All figures</summary>{whole}</details>'
-    legend = f'{UNDEFINED}: not defined, as nothing of its kind occurred or it was not asked for'
+    legend = f'{UNDEFINED}: not defined, as nothing of the kind occurred or it was not asked for'
     return f'{content}<p class="legend">{legend}</p>'
 
 
@@ -241,14 +281,15 @@ def _front(trials: Sequence[SearchTrial]) -> str:
     searched = [trial for trial in trials if trial.number is not None]
     best = trade_off_front(searched)
     text = (
-        f'{len(searched)} trials, of which {len(best)} are not beaten by another in all three: '
-        'latency, false alarms and misses. The figures are of the recordings tuned on.'
+        f'{len(searched)} trials. {len(best)} of them are on the front: no other trial is as good '
+        'in latency, false alarms and misses and better in one of them. The figures are those of '
+        'the recordings that were tuned on.'
     )
     undefined = sum(trial.costs is None for trial in searched)
     if undefined:
         text += (
-            f' {undefined} are not drawn, as one of the three is not defined, such as the latency '
-            'where no slip was found.'
+            f' {undefined} are not drawn, as one of the three figures is not defined: there is no '
+            'latency where no slip was found.'
         )
     image = _image(
         page_pictures.svg(page_pictures.front_figure(trials)),
@@ -328,7 +369,7 @@ def _figure_names(variants: Sequence[Variant]) -> list[str]:
 
 
 def _heading(name: str) -> str:
-    """Write the name of a figure, whose end is its unit, for people."""
+    """Return the name of a figure as a heading, with the unit, its last word, in brackets."""
     words = name.split('_')
     unit = f' [{UNITS[words.pop()]}]' if words[-1] in UNITS and len(words) > 1 else ''
     return ' '.join('AUC' if word == 'auc' else word for word in words) + unit

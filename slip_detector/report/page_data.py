@@ -1,20 +1,20 @@
 """How the volts, levels and decisions of overviews are written into a report.
 
-All that the timeline draws of a recording is one run of bytes, compressed and in base64, beside a
-header that is JSON. A report stays small however long its recordings are: bins are merged until
-all fit, and of the rows about events those of false alarms, misses and late ones come first.
+For each recording the timeline reads a header, which is JSON, and one string of bytes, compressed
+and in base64. A report stays small however long its recordings are: bins are merged until all fit.
+Single rows are kept near events, first near false alarms, then near missed and late slips.
 
-The bytes are, one after another (``templates/report_data.js`` reads them in this order):
+The bytes are, in the order in which ``templates/report_data.js`` reads them:
 
-- lowest volts of each bin as 16-bit codes, channel after channel, each as its difference from the
-  bin before; then highest less lowest;
-- starts and stops of true slip, each as its difference from the one before;
-- for each variant the codes of the levels, channel after channel; the intervals of the global
-  decision and of each group; for each snippet its volts and the codes of its levels.
+- the lowest volts of each bin as 16-bit codes, channel after channel, each as its difference from
+  the bin before; then, in the same order, the highest volts minus the lowest;
+- starts and ends of true slips, each as its difference from the number before;
+- for each variant: the codes of the levels, channel after channel; the intervals of the global
+  decision and of each group; the volts and the codes of the levels of each snippet.
 
-Numbers of more than one byte are written as all lowest bytes, then all next ones, and so on:
-those of a slow signal compress better. A signed difference d is written as 2 d, or as -2 d - 1
-where it is negative.
+Of numbers with more than one byte all lowest bytes come first, then all second bytes, and so on:
+so the numbers of a slow signal compress better. A signed difference d is written as 2 d, or as
+-2 d - 1 where it is negative.
 """
 
 import base64
@@ -28,35 +28,41 @@ from numpy.typing import NDArray
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import KINDS, Event, Overview, RowNumbers, Snippet, Volts
 
-#: Bins times channels, and rows times channels of snippets, of a whole report.
-MOST_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19
+#: Limits of a whole report: bins times channels, and rows of snippets times channels.
+MOST_BIN_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19
 
-#: More intervals of one decision than this are joined where no bin lies between.
+#: Where one decision has more intervals than this, those less than a bin apart are joined.
 MOST_INTERVALS = 20_000
 
-#: Multiples of it, modulo 1, lie evenly in 0 to 1, however many are taken.
+#: The multiples of this number, modulo 1, are spread evenly over 0 to 1, however many there are.
 GOLDEN = 0.5 * 5**0.5 - 0.5
 
-#: Code of a bin without samples, and the highest code of the channel's range. More steps would be
-#: noise that takes room: a lane of the timeline has some 40 pixels.
+#: Code of a bin without samples, and the highest code of a channel's range. Finer steps would make
+#: the file larger and would not be seen: a channel has some 40 pixels in the timeline.
 NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
 
 Recording = Sequence[Overview]
 
 
 class Variant(NamedTuple):
-    """One configuration of the chain and what it did on all recordings.
+    """One configuration of the chain, with its overviews and figures of all recordings.
 
     Attributes
     ----------
     name : str
-        Such as ``given`` or ``tuned``.
+        For example ``given`` or ``tuned``.
     config : ChainConfig
     overviews : sequence of Overview
-        One for each recording, in one order for all variants.
+        One for each recording, in the same order for all variants.
     figures : mapping
-        By the name of a recording, or of all, its figures: by name a number, a text or None where
-        it is not defined.
+        Figures of each recording, and of all together, by its name. Each figure is a number or a
+        text by its own name, or None where it is not defined.
+
+    Examples
+    --------
+    >>> given = Variant('given', ChainConfig(), [], {'all recordings': {'recall': 0.95}})
+    >>> given.figures['all recordings']['recall']
+    0.95
     """
 
     name: str
@@ -71,13 +77,18 @@ class SearchTrial(NamedTuple):
     Attributes
     ----------
     number : int or None
-        None: it is none of the search, but is shown beside those.
+        Number of the trial; None for a configuration that is shown beside the trials.
     latency_s, false_alarms_per_minute, missed_percent : float or None
-        None where it is not defined.
+        None where a figure is not defined.
     parameters : mapping
-        What was tried, by name.
+        The parameters that were tried, by name.
     mark : str
-        Set where it is one that the reader should find, such as ``given`` or ``tuned``.
+        A word that marks the point, for example ``given`` or ``tuned``; empty for most trials.
+
+    Examples
+    --------
+    >>> SearchTrial(3, latency_s=0.04, false_alarms_per_minute=2.0, missed_percent=0.0).costs
+    (0.04, 2.0, 0.0)
     """
 
     number: int | None
@@ -89,7 +100,7 @@ class SearchTrial(NamedTuple):
 
     @property
     def costs(self) -> tuple[float, float, float] | None:
-        """Latency, false alarms and misses, the less the better; None where one is undefined."""
+        """Latency, false alarms and misses, all to be small; None where one is not defined."""
         if (
             self.latency_s is None
             or self.false_alarms_per_minute is None
@@ -100,9 +111,10 @@ class SearchTrial(NamedTuple):
 
 
 def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
-    """Return the trials than which no other is better in one cost and as good in the others.
+    """Return the trials of the Pareto front, the one with the shortest latency first.
 
-    Those with an undefined cost are left out; the quickest comes first.
+    A trial is on the front when no other one is as good in all costs and better in one. Trials
+    with a cost that is not defined are left out.
 
     Examples
     --------
@@ -122,13 +134,19 @@ def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
 
 
 def bin_rows(recordings: Sequence[Recording]) -> list[int]:
-    """Return how many rows make a bin of each recording so that all fit into one report."""
+    """Return how many rows a bin has in each recording so that all fit into one report.
+
+    Examples
+    --------
+    >>> bin_rows([[Overview('trial', ChainConfig(), most_cells=16 * 64)]])
+    [1]
+    """
     sizes = [max(overview.bin_rows for overview in variants) for variants in recordings]
     cells = [
         -(-variants[0].rows // size) * variants[0].config.channels
         for variants, size in zip(recordings, sizes, strict=True)
     ]
-    while sum(cells) > MOST_CELLS:
+    while sum(cells) > MOST_BIN_CELLS:
         largest = int(np.argmax(cells))
         sizes[largest] *= 2
         cells[largest] = -(-cells[largest] // 2)
@@ -136,10 +154,10 @@ def bin_rows(recordings: Sequence[Recording]) -> list[int]:
 
 
 def choose_snippets(recordings: Sequence[Recording]) -> list[list[list[Snippet]]]:
-    """Choose the snippets that fit, for each recording and variant, in order.
+    """Choose the snippets that fit into a report, for each recording and variant, in order.
 
-    Those come first that show a kind of event that comes first; of one kind some from each part
-    of each recording.
+    Snippets with an event of the first kind in :data:`KINDS` are chosen first, then those of the
+    next kind. Within a kind they are spread over the whole length of each recording.
     """
     candidates = [
         (_rank(snippet, overview), i * GOLDEN % 1.0, r, v, snippet)
@@ -174,23 +192,29 @@ def _rank(snippet: Snippet, overview: Overview) -> int:
 def pack_recording(
     variants: Recording, rows_of_bin: int, snippets: Sequence[Sequence[Snippet]]
 ) -> tuple[dict[str, Any], str]:
-    """Write one recording, as each variant saw it.
+    """Return the header and the data of one recording.
 
     Parameters
     ----------
     variants
-        Of the same volts.
+        The overviews of the recording, one for each variant.
     rows_of_bin
-        As :func:`bin_rows` has it.
+        Rows in a bin, from :func:`bin_rows`.
     snippets
-        Of each variant, those to be written.
+        For each variant the snippets to write.
 
     Returns
     -------
     header : dict
-        What reading the data takes, and the events; for JSON.
+        What is needed to read the data, and the events, in types of JSON.
     data : str
-        Base64 of the bytes compressed with zlib.
+        The bytes, compressed with zlib, in base64.
+
+    Examples
+    --------
+    >>> header, data = pack_recording([Overview('rest', ChainConfig())], 1, [[]])
+    >>> header['name'], header['rows'], len(header['channels'])
+    ('rest', 0, 16)
     """
     first = variants[0]
     low, high, _ = first.bins(rows_of_bin)
@@ -250,10 +274,10 @@ def _scale(low: Volts, high: Volts) -> tuple[NDArray[np.float64], NDArray[np.flo
     """Return the lowest volts of each channel and the volts of one step of its codes."""
     lowest = np.fmin.reduce(low, axis=0, initial=np.inf).astype(np.float64)
     highest = np.fmax.reduce(high, axis=0, initial=-np.inf).astype(np.float64)
-    none = lowest > highest  # a channel without a single sample
+    none = lowest > highest  # a channel that has no sample
     lowest[none] = highest[none] = 0.0
     step = (highest - lowest) / MOST_CODE
-    # A channel that is flat has one code; any step will do.
+    # A flat channel has one code only, with any step.
     return lowest, np.where(step > 0.0, step, 1.0)
 
 
@@ -266,13 +290,13 @@ def _as_codes(
 
 
 def _differences(codes: NDArray[np.int64]) -> bytes:
-    """Write columns of codes one after another, each value as its step from the one before."""
+    """Return columns of codes one after another, each value as its step from the one before."""
     steps = np.diff(codes.T, axis=1, prepend=0).astype(np.int16)  # modulo 2**16
     return _planes(((steps << 1) ^ (steps >> 15)).view(np.uint16))
 
 
 def _planes(values: NDArray[Any]) -> bytes:
-    """Write all lowest bytes, then all next ones, and so on."""
+    """Return all lowest bytes, then all second bytes, and so on."""
     little = np.ascontiguousarray(values, values.dtype.newbyteorder('<'))
     planes = little.reshape(-1).view(np.uint8).reshape(-1, values.dtype.itemsize).T
     return bytes(planes.tobytes())
@@ -283,7 +307,7 @@ def _intervals(pairs: RowNumbers) -> bytes:
 
 
 def _joined(pairs: RowNumbers, rows_of_bin: int) -> RowNumbers:
-    """Join intervals of which there are too many to tell apart."""
+    """Join intervals that are less than a bin apart where there are too many to draw."""
     if len(pairs) <= MOST_INTERVALS:
         return pairs
     apart = pairs[1:, 0] - pairs[:-1, 1] > rows_of_bin

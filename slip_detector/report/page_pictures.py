@@ -1,4 +1,4 @@
-"""Figures of a report, the same for the HTML file and as pictures."""
+"""The figures of a report, for the HTML file and as pictures."""
 
 import io
 import warnings
@@ -24,12 +24,18 @@ STYLES = ('-', '--', ':', '-.')
 #: Marker and colour of each kind of event.
 EVENT_STYLES = (('v', COLORS[1]), ('x', COLORS[3]), ('D', COLORS[4]), ('.', COLORS[2]))
 
-#: Bins of a channel in a picture of a timeline: more would not be seen.
+#: How many bins a channel has in a picture of a timeline; finer ones would not be seen.
 PICTURE_BINS = 2000
 
 
 def svg(figure: Figure) -> str:
-    """Return a figure as SVG, text as text, the same bytes for the same figure."""
+    """Return a figure as SVG, with text as text; the same figure gives the same bytes.
+
+    Examples
+    --------
+    >>> svg(Figure()).startswith('<?xml')
+    True
+    """
     stream = io.StringIO()
     with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': 'slip_detector'}):
         _save(figure, stream, format='svg', metadata={'Date': None, 'Creator': None})
@@ -43,18 +49,26 @@ def png(figure: Figure, path: Path) -> None:
 
 def _save(figure: Figure, to: Any, **settings: Any) -> None:
     with warnings.catch_warnings():
-        # Names of files may have any character; one that the font lacks is drawn as a box.
+        # A file name may have any character; one that is not in the font is drawn as a box.
         warnings.filterwarnings('ignore', 'Glyph', UserWarning)
         figure.savefig(to, **settings)
 
 
 def _plain(text: str) -> str:
-    """Return a text of the user's in which nothing is taken for a formula."""
+    """Return a text in which matplotlib takes nothing for a formula."""
     return text.replace('$', r'\$')
 
 
 def filters_figure(variants: Sequence[Variant]) -> Figure:
-    """Draw gain and group delay of the filters of each variant over the frequency."""
+    """Draw gain and group delay of the filters of each variant over the frequency.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> figure = filters_figure([Variant('given', ChainConfig(), [], {})])
+    >>> [axis.get_ylabel() for axis in figure.axes]
+    ['gain [dB]', 'group delay [ms]']
+    """
     figure = Figure(figsize=(10, 3.6), layout='constrained')
     gain_axis, delay_axis = figure.subplots(1, 2)
     longest_ms = 0.0
@@ -64,7 +78,7 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
         sections = design(config)
         low, high = config.passband_hz
         frequency = np.geomspace(min(low, 0.01 * rate) / 3, 0.499 * rate, 1000)
-        # The gain of the whole, without the constant factor.
+        # The response of all filters together, without the constant gain.
         gain = np.abs(response(sections, frequency, rate)) / config.gain
         delay_ms = 1e3 * group_delay_s(sections, frequency, rate)
         line = {'color': color, 'linestyle': style, 'label': _plain(variant.name)}
@@ -75,7 +89,7 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
         for axis in (gain_axis, delay_axis):
             axis.axvspan(low, high or frequency[-1], color=color, alpha=0.08, linewidth=0)
     gain_axis.set(ylabel='gain [dB]', title='Response (shaded: passband)', ylim=(-80, 5))
-    # Where nothing passes the delay says nothing, and dips of stop-bands would set the scale.
+    # The scale is set by the passband: outside of it the delay has no meaning and may be extreme.
     delay_axis.set(
         ylabel='group delay [ms]',
         title='Delay',
@@ -90,7 +104,14 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
 
 
 def front_figure(trials: Sequence[SearchTrial]) -> Figure:
-    """Draw the trials of a search: latency against false alarms, misses as colour."""
+    """Draw the trials of a search: latency against false alarms, misses as colour.
+
+    Examples
+    --------
+    >>> figure = front_figure([SearchTrial(0, 0.04, 2.0, 0.0), SearchTrial(1, 0.05, 1.0, 0.0)])
+    >>> figure.axes[0].get_xlabel()
+    'median latency [ms]'
+    """
     figure = Figure(figsize=(8, 4.6), layout='constrained')
     axis = figure.subplots()
     known = [trial for trial in trials if trial.costs is not None]
@@ -103,7 +124,7 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
     latency_ms, alarms, _ = _columns(trade_off_front(trials))
     axis.plot(
         latency_ms, alarms, 'o', markersize=9, markerfacecolor='none', markeredgecolor='k',
-        label='not beaten in all three', zorder=3,
+        label='on the front', zorder=3,
     )  # fmt: skip
     marked = [trial for trial in known if trial.mark]
     for trial, color in zip(marked, COLORS[1:], strict=False):
@@ -113,7 +134,7 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
             x, y, '*', color=color, markersize=17, markeredgecolor='k', zorder=4,
             label=f'{_plain(trial.mark)}: {figures}',
         )  # fmt: skip
-    # Few and many false alarms both matter, and none is a value as well.
+    # The axis shows few and many false alarms, and none as well.
     axis.set_yscale('symlog', linthresh=1.0)
     axis.set_ylim(bottom=-0.1)
     axis.set(xlabel='median latency [ms]', ylabel='false alarms per minute')
@@ -134,7 +155,14 @@ def timeline_figure(names: Sequence[str], overviews: Sequence[Overview]) -> Figu
     Parameters
     ----------
     names, overviews
-        Of each variant its name and how it saw the recording.
+        The name of each variant and its overview of the recording.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> figure = timeline_figure(['given'], [Overview('rest.npz', ChainConfig())])
+    >>> [label.get_text() for label in figure.axes[0].get_yticklabels()][:4]
+    ['events', 'slip', 'TP', 'ch14']
     """
     last = overviews[-1]
     config, rate = last.config, last.sample_rate_hz
@@ -191,12 +219,12 @@ def _bars(
     axis: Axes, rows: RowNumbers, rate: float, place: tuple[float, float], color: str
 ) -> None:
     spans = [(start / rate, (stop - start) / rate) for start, stop in rows.tolist()]
-    # With an edge: what is narrower than a pixel must not vanish.
+    # The edge keeps a bar visible that is narrower than a pixel.
     axis.broken_barh(spans, place, color=color, linewidth=0.5, zorder=0.5)
 
 
 def _picture_bins(overview: Overview) -> tuple[Floats, Floats, Floats]:
-    """Return lowest and highest volts of few enough bins, and the time of each in seconds."""
+    """Return lowest and highest volts of at most ``PICTURE_BINS`` bins, and their times."""
     bin_rows = overview.bin_rows
     while overview.rows > PICTURE_BINS * bin_rows:
         bin_rows *= 2

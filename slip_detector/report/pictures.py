@@ -1,42 +1,56 @@
-"""What all pictures have in common: files, and colours that the colour-blind can tell apart."""
+"""What all pictures share: how they are saved, and their colours."""
 
 import os
 from pathlib import Path
 
 import matplotlib
 
-matplotlib.use('Agg')  # files only: a robot has no screen
+matplotlib.use('Agg')  # writes files only: a robot has no screen
 
 from matplotlib import pyplot as plt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-#: Told apart also by the colour-blind (Okabe and Ito): blue, vermilion, green, purple, orange,
-#: sky blue, black.
+#: Colours that the colour-blind can tell apart (Okabe and Ito): blue, vermilion, green, purple,
+#: orange, sky blue, black.
 COLORS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#000000')
 
 
 def save_picture(figure: Figure, path: Path) -> None:
-    """Write a figure to a file, in the format that its ending names.
+    """Write a figure to a file, in the format that the ending names, and close the figure.
 
     Raises
     ------
     OSError
-        When it cannot be written.
+        When the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_picture(Figure(figsize=(1, 1)), Path(folder) / 'empty.svg')
+    ...     [path.name for path in Path(folder).iterdir()]
+    ['empty.svg']
     """
     figure.savefig(path, dpi=120)
     plt.close(figure)
 
 
 def writable_picture(name: str | Path) -> Path:
-    """Return the path of a picture that is to be drawn later; its folder is made.
+    """Return the path of a picture that is to be drawn later, and make its folder.
 
     Raises
     ------
     OSError
-        When its folder cannot be made.
+        When the folder cannot be made.
     ValueError
         When no picture can be written there.
+
+    Examples
+    --------
+    >>> writable_picture('timeline.odp')
+    Traceback (most recent call last):
+    ValueError: timeline.odp: has the ending .odp, allowed: ...
     """
     path = Path(name)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -35,17 +35,17 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
     Parameters
     ----------
     trial
-        Without bad samples.
+        A trial without bad samples.
     config
-        The chain's.
+        The parameters of the chain.
     channel
-        Counted from 1, enabled.
+        An enabled channel, counted from 1.
 
     Returns
     -------
     dict
-        By what the signal is and its unit, in the order of the stages: arrays of shape (n,). The
-        last two are the chain's own envelope and the level that it holds against the threshold.
+        Arrays of shape (n,), by the name and unit of the signal, in the order of the stages. The
+        last two are the chain's own envelope and its level, which is compared with the threshold.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
         When the chain cannot be built.
     """
     result = SlipChain(config).update(trial.volts)
-    # As the chain does: what counts is the deviation from the first row (the baseline).
+    # The chain filters the deviation from the first row (the baseline), too.
     deviations = trial.volts - trial.volts[0]
     volts = deviations[:, channel - 1]
     if config.common_mode != 'none':
@@ -82,13 +82,13 @@ def draw_protocol(
     Parameters
     ----------
     folder
-        Where to; is made if it is not there.
+        An existing folder for the pictures.
     plates
-        The trials by plate. The first of the first plate stands for all in Figs. 2 and 5.
+        The trials of each plate. Figs. 2 and 5 show the first trial of the first plate.
     config
-        The chain's.
+        The parameters of the chain.
     result
-        Of :func:`evaluate_protocol` on these.
+        The figures of these trials, from :func:`slip_detector.evaluation.protocol.run_protocol`.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def _decisions(trial: PlateTrial, chain: SlipChain) -> SlipResult:
 
 
 def _by_plate(variants: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return the figures by plate and variant."""
+    """Return the figures of each plate, by plate and then by variant of the chain."""
     plates = next(iter(variants.values()))['plates']
     return {
         plate: {name: part['plates'][plate] for name, part in variants.items()} for plate in plates
@@ -180,10 +180,20 @@ def draw_windows(
         By plate and length of the windows in milliseconds: ``mean_delay_ms``, ``sd_delay_ms`` and
         ``false_positive_percent``; None where one is not defined.
     paper_percent
-        What the paper reports for its choice.
+        The false positives that the paper reports for its windows.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> one = {'mean_delay_ms': 39.0, 'sd_delay_ms': None, 'false_positive_percent': 0.5}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'windows.png'
+    ...     draw_windows(path, {'400': {'40': one}}, paper_percent=1.01)
+    ...     path.is_file()
+    True
     """
     figure, (delay, share) = plt.subplots(1, 2, figsize=(9, 3.8), layout='constrained')
-    spread = np.linspace(-0.3, 0.3, len(figures))  # so that equal figures do not hide each other
+    spread = np.linspace(-0.3, 0.3, len(figures))  # equal figures do not hide each other
     styles = zip(figures.items(), spread, COLORS, MARKERS, strict=False)
     for (plate, by_window), shift, color, marker in styles:
         window_ms = np.array([float(name) for name in by_window]) + shift
@@ -212,18 +222,19 @@ def draw_decisions(
 ) -> None:
     """Draw the global decision beside the motion, counterpart of the paper's Fig. 6.
 
-    To the left the whole trials, to the right the start of the motion; a line of bars is a trial.
+    The whole trials are on the left, the start of the motion on the right. A row of bars is a
+    trial.
 
     Parameters
     ----------
     path
         The picture to write.
     time_s, position_m
-        By plate: when the samples were taken and where the platform was, arrays of shape (n,).
+        Times of the samples and positions of the platform for each plate, arrays of shape (n,).
     on
-        By plate: the decision of each trial, arrays of shape (trials, n).
+        The decisions for each plate, arrays of shape (trials, n).
     motion_s
-        By plate: when it started and stopped.
+        When each plate started and stopped.
     """
     figure, axes = plt.subplots(
         1 + len(on),
@@ -274,9 +285,19 @@ def draw_bands(
         The picture to write.
     figures
         By plate and band: ``mean_delay_ms`` and ``sd_delay_ms``; None where one is not defined.
-        The first band is the one that the paper's figures are for.
+        The paper's figures are drawn beside the first band.
     paper
-        By plate: the paper's mean and standard deviation in milliseconds.
+        The paper's mean and standard deviation in milliseconds, by plate.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> one = {'mean_delay_ms': 39.0, 'sd_delay_ms': 2.0}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'bands.png'
+    ...     draw_bands(path, {'400': {'[7, 50] Hz': one}}, {'400': (36.0, 3.9)})
+    ...     path.is_file()
+    True
     """
     figure, axis = plt.subplots(figsize=(8, 4.2), layout='constrained')
     bands = list(next(iter(figures.values())))

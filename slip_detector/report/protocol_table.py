@@ -6,7 +6,7 @@ from typing import Any
 from slip_detector.evaluation.protocol_trials import SCENES, band_name
 from slip_detector.report.text_table import number_text, text_table
 
-#: The claims in words.
+#: What each wanted figure is, in words.
 MEANINGS = {
     'detected_percent': 'trials detected [%]',
     **{
@@ -23,12 +23,12 @@ MEANINGS = {
 
 
 def protocol_table(result: Mapping[str, Any]) -> str:
-    """Lay the figures out, the paper's beside ours, what is wanted at the end.
+    """Return the figures as text: the paper's beside ours, and at the end what is wanted.
 
     Parameters
     ----------
     result
-        Of :func:`slip_detector.evaluation.protocol.run_protocol`.
+        As :func:`slip_detector.evaluation.protocol.run_protocol` returns it.
     """
     plates, seeds = result['plates'], result['seeds']
     blocks = [

@@ -7,22 +7,22 @@ UNDEFINED = '-'
 
 
 def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int = 2) -> str:
-    """Lay rows of text out in columns that are two spaces apart.
+    """Return rows of text as a table whose columns are two spaces apart.
 
     Parameters
     ----------
     rows
-        Each with as many cells as the others.
+        Rows with the same number of cells.
     alignment
-        ``<`` for a column whose cells stand to the left, ``>`` for one whose cells stand to the
-        right, column after column; the last also holds for all columns that follow.
+        One character for each column: ``<`` aligns its cells to the left, ``>`` to the right. The
+        last character holds for all further columns too.
     indent
         Spaces before the first column.
 
     Returns
     -------
     str
-        One line a row, none of which ends with a space.
+        A line for each row, without spaces at its end.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int
 
 
 def number_text(value: float | None, form: str) -> str:
-    """Write a figure in a format of Python's; a dash where it is not defined.
+    """Return a figure in one of Python's formats; a dash where it is not defined.
 
     Examples
     --------

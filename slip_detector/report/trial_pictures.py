@@ -14,7 +14,7 @@ from slip_detector.report.pictures import COLORS, save_picture
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: How much around the start of the motion is shown enlarged.
+#: The time around the start of the motion that is shown enlarged.
 ENLARGED_S = (-0.04, 0.16)
 
 
@@ -47,7 +47,21 @@ def draw_trial(
     motion_s
         When the plate started and stopped; None where nothing moves.
     title
-        What is shown.
+        Title of the picture.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from slip_detector import SlipChain
+    >>> config = ChainConfig(channels=2)
+    >>> volts = np.full((20, 2), 4.3)
+    >>> result = SlipChain(config).update(volts)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial.png'
+    ...     groups = {'all': result.groups[:, 0]}
+    ...     draw_trial(path, np.arange(20) / 380.0, volts, config, groups, result.slip, None)
+    ...     path.is_file()
+    True
     """
     n_groups = len(groups)
     figure, axes = plt.subplots(
@@ -88,7 +102,7 @@ def draw_stages(
 ) -> None:
     """Draw one channel after each stage of the chain, counterpart of the paper's Fig. 2.
 
-    To the left the whole trial, to the right the start of the motion.
+    The whole trial is on the left, the start of the motion on the right.
 
     Parameters
     ----------
@@ -97,16 +111,26 @@ def draw_stages(
     time_s : ndarray, shape (n,)
         When the samples were taken.
     stages
-        By name and unit, first the raw signal, last what is held against the threshold: arrays of
-        shape (n,).
+        The signals after each stage, arrays of shape (n,), by name and unit: first the raw
+        signal, last the level, which is compared with the threshold.
     on : ndarray of bool, shape (n,)
         The channel's decision.
     threshold
-        Of the last stage, in its unit.
+        In the unit of the level.
     motion_s
         When the plate started and stopped.
     title
-        What is shown.
+        Title of the picture.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> time_s, level = np.arange(40) / 380.0, np.linspace(0.0, 1.0, 40)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'stages.png'
+    ...     draw_stages(path, time_s, {'level [V]': level}, level > 0.5, 0.5, (0.05, 0.1), 'ch1')
+    ...     path.is_file()
+    True
     """
     n_rows = len(stages) + 1
     figure, axes = plt.subplots(

@@ -13,12 +13,21 @@ from slip_detector.report.page_data import SearchTrial, Variant
 from slip_detector.tuning.problem import SEARCHED
 from slip_detector.tuning.tracks import Track
 
-#: No recording of a report has less room than this share of it.
+#: Each recording has at least this share of a report's cells.
 LEAST_SHARE = 1 / 32
 
 
 class ChainReplay(NamedTuple):
-    """A chain on all recordings."""
+    """What one chain made of all recordings.
+
+    Attributes
+    ----------
+    chain : ChainConfig
+    outcomes : list of ReplayOutcome
+        One for each recording.
+    overviews : list of Overview
+        One for each recording; empty where no report is written.
+    """
 
     chain: ChainConfig
     outcomes: list[ReplayOutcome]
@@ -28,7 +37,30 @@ class ChainReplay(NamedTuple):
 def replay_tracks(
     chain: ChainConfig, tracks: Sequence[Track], evaluation: EvaluationConfig, shown: bool
 ) -> ChainReplay:
-    """Replay recordings through a chain; with overviews for a report where it is to be shown."""
+    """Replay recordings through a chain.
+
+    Parameters
+    ----------
+    chain
+        The parameters of the chain.
+    tracks
+        The recordings.
+    evaluation
+        What counts as detected.
+    shown
+        Whether overviews for a report are made.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> rows = LabelledRows(np.full((380, 16), 4.3), truth=np.zeros(380, bool))
+    >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
+    >>> replay = replay_tracks(ChainConfig(), [track], EvaluationConfig(), shown=True)
+    >>> replay.outcomes[0].alarms, replay.overviews[0].rows
+    ((), 380)
+    """
     replay = Replay(chain, evaluation)
     outcomes, overviews = [], []
     for track in tracks:
@@ -70,7 +102,35 @@ def write_tuning_report(
     both: dict[str, list[dict[str, Any]]],
     study: Any,
 ) -> list[Path]:
-    """Write the report of a search, and its figures as pictures; return what was written."""
+    """Write the report of a search, and its figures as pictures.
+
+    Parameters
+    ----------
+    page
+        The HTML file to write; None: no page.
+    folder
+        The folder for the pictures; None: no pictures.
+    notes
+        The lines that the command prints.
+    given, tuned
+        Replays of the held-out recordings, followed by those that were tuned on.
+    held
+        The held-out recordings.
+    both
+        Figures of the given and of the tuned chain, by ``held out`` and ``tuned on``.
+    study
+        The study of the search.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ValueError
+        When a file cannot be written; names it.
+    """
     variants = []
     for k, (name, one) in enumerate((('given', given), ('tuned', tuned))):
         rows = {f'all {what}': sides[k] for what, sides in both.items()}

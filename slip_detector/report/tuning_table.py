@@ -5,7 +5,7 @@ from typing import Any
 
 from slip_detector.report.text_table import number_text, text_table
 
-#: The figures that the parameter file and the printed table have, their names there and formats.
+#: Name and format of each figure in the table.
 FIGURES = {
     'slips': ('slips', 'd'),
     'recall': ('recall', '.3f'),
@@ -21,12 +21,18 @@ FIGURES = {
 
 
 def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
-    """Lay the figures of the given and of the tuned chain out beside each other.
+    """Return the figures of the given and of the tuned chain beside each other, as text.
 
     Parameters
     ----------
     given, tuned
-        By the names of :data:`FIGURES`, as :mod:`slip_detector.tuning.verdict` pools them.
+        Figures as :func:`slip_detector.tuning.verdict.pooled_figures` returns them.
+
+    Examples
+    --------
+    >>> given, tuned = ({**dict.fromkeys(FIGURES), 'recall': recall} for recall in (0.8, 0.95))
+    >>> print(comparison_table(given, tuned).splitlines()[2])
+      recall                                         0.800  0.950
     """
     rows = [('', 'given', 'tuned')]
     for name, (title, form) in FIGURES.items():

@@ -25,7 +25,7 @@ def test_a_table_without_gaps_needs_no_legend():
     report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
     assert 'not defined' not in evaluation_tables(report)
     report['sets']['x']['auc_all'] = None
-    assert evaluation_tables(report).endswith('nobody says what moves)')
+    assert evaluation_tables(report).endswith('the motion is not recorded)')
 
 
 def test_what_there_is_nothing_to_tell_of_is_left_out():

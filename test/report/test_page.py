@@ -1,4 +1,4 @@
-"""Reports: what is in the file. How it behaves in a browser is in test_report_browser.py."""
+"""Reports: what is in the file. How it behaves in a browser is in test_page_in_browser.py."""
 
 import json
 import re
@@ -115,7 +115,7 @@ def test_figures_are_in_the_table_and_what_is_undefined_is_said_to_be(page):
 
 
 def test_without_trials_there_is_no_front(tmp_path, page, variants):
-    assert any('5 trials, of which 3 are not beaten' in text for text in page.texts)
+    assert any('5 trials. 3 of them are on the front' in text for text in page.texts)
     assert any('1 are not drawn' in text for text in page.texts)
     report.write_page(tmp_path / 'report.html', 'A title', variants[:1])
     assert 'Trade-off' not in Page(tmp_path / 'report.html').texts

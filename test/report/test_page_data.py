@@ -83,7 +83,7 @@ def test_a_channel_without_samples_has_none_in_the_data():
 
 
 def test_all_recordings_of_a_report_share_the_room(monkeypatch):
-    monkeypatch.setattr(report_data, 'MOST_CELLS', 16 * 1000)
+    monkeypatch.setattr(report_data, 'MOST_BIN_CELLS', 16 * 1000)
     long, short = (
         [scenes.overview('a', scenes.GIVEN, *scenes.volts_and_truth(rows))] for rows in (4000, 300)
     )
