@@ -158,7 +158,7 @@ def figure_text(name: str, value: float | None) -> str:
 
     Examples
     --------
-    >>> figure_text('latency_p90_ms', 41.26), figure_text('recall', 0.95), figure_text('sd_ms', None)
+    >>> figure_text('sd_ms', 41.26), figure_text('recall', 0.95), figure_text('auc', None)
     ('41.3', '0.950', '-')
     """
     if value is None:
