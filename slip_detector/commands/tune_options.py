@@ -18,8 +18,8 @@ def _parser() -> argparse.ArgumentParser:
         prog=NAME,
         description='Search the bands, stop-bands, exponent, windows, threshold, votes and common '
         'mode that catch the slips of labelled recordings soonest without false alarms. Some '
-        'recordings are held out: what is handed back is never worse on them than what was given. '
-        'Ctrl-C keeps what was found, and the same command goes on from there.',
+        'recordings are held out: on these the result is never worse than the given parameters. '
+        'Ctrl-C ends the search with the result so far, and the same command continues it.',
     )
     parser.add_argument(
         'recordings', nargs='*', metavar='RECORDING', help='a recording or a folder of them'
@@ -34,8 +34,8 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument(
         '--config', metavar='FILE',
-        help='a ROS parameter file to begin with: what is not searched stays as it is there; the '
-        f'section {NAME} has the weights (default: the defaults)',
+        help='a ROS parameter file to start from; parameters that are not searched keep their values. Its '
+        f'section {NAME} has the weights (default: the default parameters)',
     )  # fmt: skip
     parser.add_argument(
         '--trials', type=_at_least_one, default=TRIALS, metavar='N',
@@ -51,12 +51,16 @@ def _parser() -> argparse.ArgumentParser:
         'sqlite:///FILE, postgresql://USER@HOST/NAME (default: a journal beside --out)',
     )  # fmt: skip
     parser.add_argument(
-        '--seed', type=int, default=0, metavar='N', help='of the search (default: %(default)s)'
+        '--seed',
+        type=int,
+        default=0,
+        metavar='N',
+        help='seed of the search (default: %(default)s)',
     )
     held = parser.add_mutually_exclusive_group()
     held.add_argument(
         '--hold-out', type=_share, default=1 / 3, metavar='SHARE',
-        help='of the recordings, or of the time of a single one, to hold out (default: a third)',
+        help='share of the recordings, or of the time of a single one, to hold out (default: 1/3)',
     )  # fmt: skip
     held.add_argument(
         '--held-out', action='append', default=[], metavar='RECORDING',
@@ -64,10 +68,10 @@ def _parser() -> argparse.ArgumentParser:
         'repeatable',
     )  # fmt: skip
     add_recording_options(parser)
-    quiet = parser.add_argument_group('only the threshold')
+    quiet = parser.add_argument_group('set only the threshold')
     quiet.add_argument('--quiet', metavar='RECORDING', help='a recording without slip')
     quiet.add_argument(
-        '--false-alarms-per-hour', type=_rate, metavar='R', help='that are allowed, above 0'
+        '--false-alarms-per-hour', type=_rate, metavar='R', help='the allowed rate, above 0'
     )
     return parser
 
@@ -99,7 +103,14 @@ def _rate(text: str) -> float:
 
 
 def arguments_of(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Read the arguments and see that they go together; else leave with the exit code 2."""
+    """Read and check the arguments; end the process with the exit code 2 where they are wrong.
+
+    Examples
+    --------
+    >>> options = arguments_of(['--out', 'tuned.yaml', 'recordings'])
+    >>> options.recordings, options.trials, options.jobs
+    (['recordings'], 200, 1)
+    """
     parser = _parser()
     options = parser.parse_args(argv)
     if (options.quiet is None) != (options.false_alarms_per_hour is None):

@@ -1,1 +1,1 @@
-"""The ROS 2 nodes; the only folder that imports rclpy and messages."""
+"""The ROS 2 nodes; the only room that imports rclpy and message packages."""

@@ -1,4 +1,4 @@
-"""The grasp controller node, an example of how to use ``slip``: slip in, grip force out."""
+"""The grasp controller node, an example of how to use ``slip``: it commands the grip force."""
 
 import time
 
@@ -13,16 +13,21 @@ from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters.grasp import GraspConfig
 
-#: Room for the changes that come while this node is busy: none may be missed.
+#: How many changes are kept while this node is busy, so that it misses none.
 DEPTH = 100
 
 
 class GraspController(Node):
-    """Lets :class:`.GraspLaw` decide at each change of slip, and at a rate.
+    """Commands the grip force of :class:`.GraspLaw` at a fixed rate and at each change of slip.
 
-    What it needs to know of ``slip`` is when not to believe it: while ``slip_valid`` is false, and
-    when either topic has been silent for longer than the deadline that it asks for, whether the
-    detector hangs, was killed, or the network is down.
+    ``slip`` is not relied on while ``slip_valid`` is false, nor when either topic has been silent
+    for longer than ``deadline_s``: the detector may hang or have been killed, or the network may
+    be down.
+
+    Parameters
+    ----------
+    cli_args
+        Arguments of ROS for this node, which go before those of the process.
     """
 
     def __init__(self, cli_args: list[str] | None = None) -> None:
@@ -30,7 +35,7 @@ class GraspController(Node):
         self.config = config = declare(self, GraspConfig)
         self._law = GraspLaw(config)
         self._slip = self._slip_valid = self._trusted = False
-        # Topics that are not heard, and whether both have been.
+        # Topics that are silent now, and whether both have ever been heard.
         self._silent = {'slip', 'slip_valid'}
         self._heard = False
         self._command = self.create_publisher(
@@ -49,7 +54,7 @@ class GraspController(Node):
                     deadline=lambda _, topic=topic: self._on_silence(topic)
                 ),
             )
-        # The grip must not wait for a clock that is set back.
+        # A clock that is set back must not stop the commands.
         self.create_timer(
             1.0 / config.command_hz,
             self._command_grip,
@@ -72,18 +77,18 @@ class GraspController(Node):
             self._command_grip()
 
     def _on_silence(self, topic: str) -> None:
-        """Take note that the deadline of a topic was missed."""
+        """Note that a topic has missed its deadline."""
         if topic not in self._silent:
             self._silent.add(topic)
             self._command_grip()
 
     def _command_grip(self) -> None:
-        """Ask the law and tell the gripper, once the detector has been heard at all."""
+        """Command the force of the law, once both topics of the detector have been heard."""
         self._heard = self._heard or not self._silent
         trusted = self._slip_valid and not self._silent
         if trusted != self._trusted:
             self._trusted = trusted
-            self._say(trusted)
+            self._log_trust(trusted)
         before_n = self._law.force_n
         force_n = self._law.update(time.monotonic(), self._slip, trusted)
         if self._slip and force_n > before_n >= self.config.grip_n:
@@ -93,7 +98,7 @@ class GraspController(Node):
             message.header.stamp = self.get_clock().now().to_msg()
             self._command.publish(message)
 
-    def _say(self, trusted: bool) -> None:
+    def _log_trust(self, trusted: bool) -> None:
         if trusted:
             self.get_logger().info('slip is valid')
             return

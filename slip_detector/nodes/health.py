@@ -1,4 +1,4 @@
-"""How the detector and its input are, in words for those who look after the hand."""
+"""The state of the detector and of its input, in words for those who maintain the hand."""
 
 import math
 from collections import Counter
@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import DetectorConfig
 
-#: Share by which the measured rate may be off before it is a warning, and an error.
+#: Relative errors of the measured rate above which there is a warning, and an error.
 RATE_WARNING, RATE_ERROR = 0.02, 0.05
 
-#: Share of the time that the rows of a second may take before it is a warning, and an error.
+#: Shares of the time spent on rows above which there is a warning, and an error.
 LOAD_WARNING, LOAD_ERROR = 0.5, 0.9
 
-#: Names listed before the rest is only counted.
+#: How many names are listed; of more names only the number is given.
 LISTED = 8
 
 
 class Level(IntEnum):
-    """As ``diagnostic_msgs/DiagnosticStatus`` has them."""
+    """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
 
     OK = 0
     WARN = 1
@@ -31,47 +31,64 @@ class Level(IntEnum):
 
 @dataclass
 class Status:
-    """One line of the diagnostics."""
+    """One line of the diagnostics.
+
+    Examples
+    --------
+    >>> status = Status('input', all_well='380.0 samples a second')
+    >>> status.complain(Level.WARN, '3 samples lost')
+    >>> status.level, status.message
+    (<Level.WARN: 1>, '3 samples lost')
+    """
 
     name: str
     level: Level = Level.OK
-    #: What is wrong, the worst first.
+    #: What is wrong, and how bad it is.
     complaints: list[tuple[Level, str]] = field(default_factory=list)
     values: dict[str, str] = field(default_factory=dict)
-    #: Said when nothing is wrong.
+    #: The message where nothing is wrong.
     all_well: str = ''
 
     def complain(self, level: Level, words: str) -> None:
-        """Note what is wrong."""
+        """Note that something is wrong."""
         self.complaints.append((level, words))
         self.level = max(self.level, level)
 
     @property
     def message(self) -> str:
-        """One line: what is wrong, the worst first, or that all is well."""
+        """What is wrong in one line, the worst first, or ``all_well``."""
         worst_first = sorted(self.complaints, key=lambda complaint: -complaint[0])
         return '; '.join(words for _, words in worst_first) or self.all_well
 
 
 class Health:
-    """Notes what comes in, and sums it up from time to time.
+    """Collects what happens to the rows, and sums it up when asked.
 
-    Noting is cheap, for each row; what there is to compute is computed when it is summed up.
+    Collecting is done for each row and is cheap; everything is computed in the summary.
 
     Parameters
     ----------
     config
-        What the input should be.
+        The detector's parameters, which say what the input should be.
+
+    Examples
+    --------
+    >>> health, rows = Health(DetectorConfig()), np.full((2, 16), 4.3)
+    >>> for second in range(2):
+    ...     health.note_rows(rows, rows > 0.0, second * 10**9, age_s=0.001, spent_s=0.0002)
+    >>> input_status, *_ = health.summary(1.0, silent_s=0.0, slip=False, valid=True)
+    >>> input_status.message
+    '2.0 samples a second, 380 configured: the filters are off by the same 99 %'
     """
 
     def __init__(self, config: DetectorConfig) -> None:
         self.config = config
-        #: Counts since the start, by kind.
+        #: Counts since the start, by kind of event.
         self.totals: Counter[str] = Counter()
         self._totals_before: Counter[str] = Counter()
         self._rows: list[NDArray[np.float64]] = []
         self._valid: list[NDArray[np.bool_]] = []
-        # Of the samples' own times: the last one before this summary's, and the last one.
+        # Stamps of the last sample that an earlier summary counted, and of the last sample.
         self._stamp_before_ns: int | None = None
         self._stamp_ns: int | None = None
         self._rows_between = 0
@@ -86,18 +103,18 @@ class Health:
         age_s: float,
         spent_s: float,
     ) -> None:
-        """Note rows that were decided on.
+        """Note rows that have been through the chain.
 
         Parameters
         ----------
-        rows, valid
-            Volts, and whether they are good; shape (n, channels).
+        rows, valid : ndarray, shape (n, channels)
+            Volts, and whether each of them is good.
         stamp_ns
-            When the last of them was sampled.
+            When the last row was sampled.
         age_s
-            How long ago that was, by the node's clock, when they had been decided on.
+            Time from that stamp to the decision, by the node's clock.
         spent_s
-            How long it took.
+            Time that the node spent on these rows.
         """
         self._rows.append(rows)
         self._valid.append(valid)
@@ -112,7 +129,7 @@ class Health:
         self._longest_s = max(self._longest_s, spent_s)
 
     def restart(self) -> None:
-        """Measure the rate from the next sample on: the stamps have jumped."""
+        """Measure the rate from the next sample on, as the stamps have jumped."""
         self._stamp_before_ns = self._stamp_ns = None
         self._rows_between = 0
 
@@ -124,17 +141,22 @@ class Health:
         Parameters
         ----------
         passed_s
-            Time since then.
+            Time since the last summary.
         silent_s
-            Time since the last row; infinite when there was none yet.
+            Time since the last row; infinite before the first row.
         slip, valid
-            The present state.
+            The present states of ``slip`` and ``slip_valid``.
+
+        Returns
+        -------
+        list of Status
+            Of the input, the channels and the decisions.
         """
-        now = self.totals - self._totals_before
+        since = self.totals - self._totals_before
         statuses = [
-            self._input(now, silent_s),
+            self._input(since, silent_s),
             self._channels(),
-            self._decisions(now, passed_s, slip, valid),
+            self._decisions(since, passed_s, slip, valid),
         ]
         self._totals_before = self.totals.copy()
         self._rows, self._valid = [], []
@@ -144,12 +166,12 @@ class Health:
         return statuses
 
     def rate_hz(self) -> float | None:
-        """Return the rate of the rows since the last summary, by their stamps; None: unknown."""
+        """Return the rate of the rows since the last summary, by their stamps; None if unknown."""
         if self._stamp_ns is None or self._stamp_before_ns is None or not self._rows_between:
             return None
         return self._rows_between * 1e9 / (self._stamp_ns - self._stamp_before_ns)
 
-    def _input(self, now: Counter[str], silent_s: float) -> Status:
+    def _input(self, since: Counter[str], silent_s: float) -> Status:
         config = self.config
         status = Status('input')
         wanted_hz, rate_hz = config.sample_rate_hz, self.rate_hz()
@@ -173,9 +195,9 @@ class Health:
                 )
             status.all_well = f'{rate_hz:.1f} samples a second'
         for kind, words in COMPLAINTS.items():
-            if now[kind]:
+            if since[kind]:
                 level = Level.ERROR if kind in ('channels', 'names', 'field') else Level.WARN
-                status.complain(level, words.format(now[kind]))
+                status.complain(level, words.format(since[kind]))
         status.values = {
             'configured rate [Hz]': f'{wanted_hz:g}',
             'measured rate [Hz]': _number(rate_hz, '.2f'),
@@ -193,7 +215,7 @@ class Health:
         status = Status('channels')
         n_enabled = config.channels - len(disabled)
         if not self._rows:
-            status.complain(Level.ERROR, 'nothing is known of the channels without samples')
+            status.complain(Level.ERROR, 'without samples nothing is known of the channels')
             return status
         rows, valid = np.concatenate(self._rows), np.concatenate(self._valid)
         low, high = config.valid_range_v
@@ -220,12 +242,12 @@ class Health:
         status.all_well = f'all {n_enabled} channels are valid'
         return status
 
-    def _decisions(self, now: Counter[str], passed_s: float, slip: bool, valid: bool) -> Status:
+    def _decisions(self, since: Counter[str], passed_s: float, slip: bool, valid: bool) -> Status:
         status = Status('decisions')
         rows = sum(len(rows) for rows in self._rows)
         load = self._spent_s / passed_s if passed_s > 0 else 0.0
         if not valid:
-            status.complain(Level.ERROR, 'slip_valid is false: slip says nothing')
+            status.complain(Level.ERROR, 'slip_valid is false: slip has no meaning')
         if load > LOAD_WARNING:
             level = Level.ERROR if load > LOAD_ERROR else Level.WARN
             status.complain(
@@ -235,7 +257,7 @@ class Health:
             'slip': 'ON' if slip else 'OFF',
             'slip_valid': 'true' if valid else 'false',
             'onsets': str(self.totals['onsets']),
-            'onsets since the last report': str(now['onsets']),
+            'onsets since the last report': str(since['onsets']),
             'time per row [ms]': _number(self._spent_s / rows * 1e3 if rows else None, '.3f'),
             'longest [ms]': _number(self._longest_s * 1e3 if rows else None, '.3f'),
             'share of the time [%]': f'{100 * load:.1f}',
@@ -244,7 +266,7 @@ class Health:
         return status
 
 
-#: What is said of events that were counted since the last summary.
+#: Messages on events that were counted since the last summary, by kind of event.
 COMPLAINTS: Mapping[str, str] = {
     'bridged': '{} samples lost and bridged with the last one: check cable, network, load',
     'reset': 'restarted {} times: a long gap, or the clock of the samples was set',
@@ -254,7 +276,7 @@ COMPLAINTS: Mapping[str, str] = {
     'field': '{} samples dropped: input_field is not in them',
 }
 
-#: Names of the counts in the values.
+#: Names of the counts in the values of the status.
 COUNT_KEYS: Mapping[str, str] = {
     'bridged': 'lost and bridged',
     'reset': 'restarts',
@@ -264,9 +286,10 @@ COUNT_KEYS: Mapping[str, str] = {
     'field': 'dropped, no such field',
 }
 
-#: How old the samples are when they have been decided on.
+#: Names of the values that tell how old the samples are at their decision.
 AGE_KEYS = ('age of the samples, median [ms]', 'age of the samples, 99 % below [ms]')
 
+#: What to check, by what is wrong with a channel.
 ADVICE: Mapping[str, str] = {
     'not a number': 'the sensor or its driver sends no value',
     'at the lower rail': 'unplugged, broken or overloaded?',
@@ -276,7 +299,13 @@ ADVICE: Mapping[str, str] = {
 
 
 def listed(names: Sequence[str]) -> str:
-    """List names, the first ones only where there are many."""
+    """Return a list of names as text; of many names only the first ones.
+
+    Examples
+    --------
+    >>> listed(['ch1', 'ch2']), listed([f'ch{k}' for k in range(1, 11)])
+    ('ch1, ch2', 'ch1, ch2, ch3, ch4, ch5, ch6, ch7, ch8 and 2 more')
+    """
     if len(names) <= LISTED:
         return ', '.join(names)
     return f'{", ".join(names[:LISTED])} and {len(names) - LISTED} more'

@@ -1,4 +1,4 @@
-"""Samples out of messages of any type."""
+"""Reads samples from messages of any type."""
 
 import contextlib
 import importlib
@@ -17,21 +17,27 @@ _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 
 
 class Input:
-    """What the messages of ``input_type`` hold: rows, their stamp, perhaps names.
+    """Reads the rows of messages of ``input_type``, their stamps and, where there are, names.
+
+    Parameters
+    ----------
+    config
+        The detector's parameters, of which ``input_type`` and ``input_field`` are used.
 
     Attributes
     ----------
     message_class : type
-        Of the messages.
+        The class of the messages.
     has_names : bool
-        Whether a message says the channels' names, in ``name``.
+        Whether the messages have the names of the channels, in the field ``name``.
     replayed : bool
-        Whether the time is: then the middleware's stamps tell how fast, not when.
+        Whether time is replayed from a bag. Then the time at which a message was published, as
+        the middleware gives it, is not the time at which its samples were taken.
 
     Raises
     ------
     ValueError
-        When the type is not installed, or has no such field.
+        When the type is not installed or has no such field.
     """
 
     def __init__(self, config: DetectorConfig) -> None:
@@ -48,20 +54,27 @@ class Input:
         self.has_names = fields.get('name') == 'sequence<string>'
         self.replayed = False
         self._type = config.input_type
-        # Most sensors send these, one for each sample.
+        # Most sensors send such messages, one for each sample.
         self._quick = self.message_class is JointState and config.input_field == 'position'
         self._reader: JointStateReader | None = None
 
     def read(self, raw: bytes, info: dict[str, int]) -> Sample:
         """Return the samples of a serialised message.
 
-        Their stamp is that of its header or, where there is none or it was left empty, when the
-        message was published.
+        Their stamp is that of the header. Where the message has no header, or the stamp is 0, it
+        is the time at which the message was published; None where time is replayed.
+
+        Parameters
+        ----------
+        raw
+            The serialised message.
+        info
+            What the middleware says of the message; ``source_timestamp`` is used.
 
         Raises
         ------
         ValueError
-            When the message cannot be read, or the field is not in it.
+            When the message cannot be read or the field is not in it.
         """
         sample = None if self._reader is None else self._reader.read(raw)
         if sample is None:
@@ -73,7 +86,7 @@ class Input:
     def _read_whole(self, raw: bytes) -> Sample:
         try:
             message = deserialize_message(raw, self.message_class)
-        except RuntimeError:  # Of the middleware; it names places in its own code.
+        except RuntimeError:  # Its text names places in the middleware's code.
             raise ValueError(f'a message is no {self._type}') from None
         rows = self._field(message)
         if self._quick:
@@ -89,12 +102,22 @@ class Input:
 
 
 def message_class(name: str) -> Any:
-    """Return the class of a message type, ``package/msg/Type`` or ``package/Type``.
+    """Return the class of a message type.
+
+    Parameters
+    ----------
+    name
+        ``package/msg/Type`` or ``package/Type``.
 
     Raises
     ------
     ValueError
-        When it is not installed.
+        When the type is not installed.
+
+    Examples
+    --------
+    >>> message_class('sensor_msgs/JointState') is JointState
+    True
     """
     match = _TYPE.fullmatch(name)
     try:

@@ -53,7 +53,7 @@ class JointStateReader:
     Raises
     ------
     ValueError
-        When it has no positions, or was serialised otherwise than Fast DDS does it.
+        When it has no positions, or was not serialised as Fast DDS does it.
     """
 
     def __init__(self, raw: bytes, message: Any) -> None:
@@ -81,7 +81,7 @@ class JointStateReader:
         self._wanted = self._fixed_bytes(raw)
 
     def read(self, raw: bytes) -> Sample | None:
-        """Return the sample of a message; None: it is it differs in other fields too."""
+        """Return the sample of a message; None where it differs in other fields too."""
         if len(raw) < self._end or self._fixed_bytes(raw) != self._wanted:
             return None
         seconds, rest = STAMP.unpack_from(raw, ENCAPSULATION_BYTES)

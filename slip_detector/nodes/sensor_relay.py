@@ -13,11 +13,11 @@ from slip_detector.nodes.diagnostics import Diagnostics
 from slip_detector.nodes.health import Level, Status
 from slip_detector.sources import Source
 
-#: How often it is said how the sensor is, on ``/diagnostics`` and, when something was dropped or
-#: lost, on the log.
+#: Period of the reports on the sensor: on ``/diagnostics``, and on the log where something was
+#: dropped or lost.
 REPORT_S = 1.0
 
-#: Counts of what is as it should be.
+#: The counts that are not of faults.
 GOOD = ('packets', 'samples')
 
 
@@ -27,15 +27,15 @@ class SensorRelay:
     Parameters
     ----------
     node
-        Whose log and diagnostics it is.
+        The node that publishes the diagnostics and writes the log.
     source
-        A live one, not started yet.
+        A live source that has not been started.
     frame_id
-        Of the sensor, in the diagnostics.
+        The sensor's frame, which names it in the diagnostics.
     send
-        Takes the stamp of a sample in nanoseconds, the names of its channels and its volts.
+        Publishes a sample, given its stamp in nanoseconds, the names of its channels and its volts.
     flush
-        Sends what waits for more to come: the sensor has gone.
+        Publishes the samples of an incomplete message; called when the sensor is gone.
     """
 
     def __init__(
@@ -53,12 +53,12 @@ class SensorRelay:
         self._reported_s = time.monotonic()
 
     def run(self, stop: threading.Event) -> None:
-        """Listen until told to stop.
+        """Publish samples until the event is set.
 
         Raises
         ------
         ValueError
-            When a parameter does not allow it.
+            When a parameter does not allow the source to start.
         """
         source, names = self._source, list(self._source.channel_names)
         source.start()
@@ -76,7 +76,7 @@ class SensorRelay:
             source.close()
 
     def _log_state(self, source: Source) -> None:
-        """Say on the log when the sensor comes or goes."""
+        """Write to the log when the sensor comes or goes."""
         if source.state != self._logged_state:
             self._logged_state = source.state
             if source.connected:
@@ -86,7 +86,7 @@ class SensorRelay:
                 self._node.get_logger().warning(source.state)
 
     def _status(self, source: Source) -> Status:
-        """Sum up what came since the last time; say on the log what was dropped or lost."""
+        """Sum up what came since the last report; write to the log what was dropped or lost."""
         since = source.counts - self._reported_counts
         self._reported_counts = source.counts.copy()
         status = sensor_status(source.state, source.connected, since)
@@ -99,14 +99,20 @@ class SensorRelay:
 
 
 def sensor_status(state: str, connected: bool, since: Counter[str]) -> Status:
-    """Return what the diagnostics say of a sensor.
+    """Return the line of the diagnostics on a sensor.
 
     Parameters
     ----------
     state, connected
-        What it is listened to by, or why it is not, and which of the two.
+        As :class:`.Source` has them: whether the sensor is connected, and how or why not.
     since
-        What was counted since the last time.
+        Counts since the last report.
+
+    Examples
+    --------
+    >>> state = 'listening to /dev/ttyACM0 at 115200 baud'
+    >>> sensor_status(state, True, Counter(samples=380, checksum=2)).message
+    'dropped or lost in the last second: checksum 2'
     """
     status = Status('sensor', all_well=state)
     if not connected:
