@@ -11,7 +11,7 @@ from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.recordings import RATE_TOLERANCE, Recording, open_recording
+from slip_detector.recordings import Recording, open_recording, rates_differ
 from slip_detector.recordings.labels import labels_name
 
 Bools = NDArray[np.bool_]
@@ -94,7 +94,9 @@ class RecordingLoader:
             )
         wanted_hz = config.sample_rate_hz
         # One of another rate is resampled, or reading it says what is wrong.
-        rate_hz = wanted_hz if _apart(recording, wanted_hz) else recording.sample_rate_hz
+        rate_hz = recording.sample_rate_hz
+        if rates_differ(rate_hz, wanted_hz):
+            rate_hz = wanted_hz
         return LabelledRecording(
             self._rows(recording),
             rate_hz,
@@ -127,9 +129,10 @@ class RecordingLoader:
             yield LabelledRows(
                 piece.volts, truth, piece.stamps_ns, piece.new_stretch, moving[piece.rows]
             )
-        # The last rows may have been dropped; resampling may end before the last row.
+        # The last rows may have been dropped; resampling may end a row before the last.
+        spare = 1 if rates_differ(recording.sample_rate_hz, wanted_hz) else 0
         left = 0 if moving is None else len(moving) - 1 - last - recording.counts.dropped
-        if moving is not None and left > (1 if _apart(recording, wanted_hz) else 0):
+        if moving is not None and left > spare:
             raise self._other_length(recording, moving)
 
     def _other_length(self, recording: Recording, moving: Bools) -> ValueError:
@@ -176,8 +179,3 @@ class RecordingLoader:
                     f'{", ".join(known)}'
                 )
         return [known.index(name) for name in self.config.motion_columns]
-
-
-def _apart(recording: Recording, wanted_hz: float) -> bool:
-    """Return whether the rates differ by more than the bands and windows can bear."""
-    return abs(recording.sample_rate_hz - wanted_hz) > RATE_TOLERANCE * wanted_hz

@@ -2,7 +2,7 @@
 
 Each trial is a scene of the package, simulated once and run through several chains: the one that
 is asked for, the same with other windows (as the paper's Fig. 4) and the same with wider bands
-and no stop-band above them (as its Fig. 7). PlateTrial k of each plate has the seed k, so that the
+and no stop-band above them (as its Fig. 7). Trial k of each plate has the seed k, so that the
 plates differ in nothing but their spatial period.
 
 Of the paper's Table 2 the means and standard deviations of each plate are at hand, its delays of

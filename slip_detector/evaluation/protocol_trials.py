@@ -11,7 +11,7 @@ from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.paper_figures import paper_figures, trial_delays_ms
 from slip_detector.evaluation.replay import Replay, ReplayOutcome
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.recordings import RATE_TOLERANCE
+from slip_detector.recordings import RATE_TOLERANCE, rates_differ
 from slip_detector.scenes import Scene, find_scene, load_scene
 
 Bools = NDArray[np.bool_]
@@ -148,7 +148,7 @@ def replay_trial(trial: PlateTrial, replay: Replay) -> ReplayOutcome:
     """
     config = replay.chain.config
     rate, wanted = trial.sample_rate_hz, config.sample_rate_hz
-    if abs(rate - wanted) > RATE_TOLERANCE * wanted:
+    if rates_differ(rate, wanted):
         raise ValueError(
             f'the trial has {rate:g} Hz where the parameter sample_rate_hz is {wanted:g} Hz, '
             f'allowed: at most {RATE_TOLERANCE:.0%} apart'

@@ -1,4 +1,4 @@
-"""The rate of rows, from their stamps."""
+"""The rate of rows: from their stamps, and beside that of a chain."""
 
 from typing import Any
 
@@ -6,6 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.stamps import GAP_PERIODS
+
+#: How far a recording's rate may be from that of the chain, as a share of it: beyond, the bands
+#: and windows are no longer those that the configuration speaks of.
+RATE_TOLERANCE = 0.02
+
+
+def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
+    """Return whether a recording's rate is too far from that of the chain.
+
+    Examples
+    --------
+    >>> rates_differ(375.0, 380.0), rates_differ(300.0, 380.0)
+    (False, True)
+    """
+    return abs(rate_hz - chain_rate_hz) > RATE_TOLERANCE * chain_rate_hz
 
 
 def rate_of(times_s: NDArray[Any]) -> 'float | None':

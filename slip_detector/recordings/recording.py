@@ -12,15 +12,12 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.piece import Piece
+from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
 from slip_detector.recordings.resample import Resampler
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-
-#: How far a recording's rate may be from that of the chain, as a share of it: beyond, the bands
-#: and windows are no longer those that the configuration speaks of.
-RATE_TOLERANCE = 0.02
 
 #: Rows read at a time: enough to be fast, and some MB for 100 channels.
 PIECE_ROWS = 8192
@@ -182,7 +179,7 @@ class Recording:
         ([6, 2], 1)
         """
         rate_hz, wanted_hz = self.sample_rate_hz, chain_rate_hz or self.sample_rate_hz
-        apart = abs(rate_hz - wanted_hz) > RATE_TOLERANCE * wanted_hz
+        apart = rates_differ(rate_hz, wanted_hz)
         if apart and not self._resample:
             raise ValueError(
                 f'{self.path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is '

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.recordings.rate import rate_of
+from slip_detector.recordings.rate import RATE_TOLERANCE, rate_of, rates_differ
 
 RATES_HZ = st.floats(0.1, 1e4)
 
@@ -34,3 +34,11 @@ def test_gaps_and_steps_back_do_not_count(rate_hz, places, periods):
 @pytest.mark.parametrize('stamps_s', [[], [1.0], [1.0, 1.0, 1.0], [3.0, 2.0, 1.0]])
 def test_without_two_stamps_that_rise_there_is_no_rate(stamps_s):
     assert rate_of(np.array(stamps_s)) is None
+
+
+@given(st.floats(1.0, 1e6), st.floats(-0.9, 10.0))
+def test_rates_differ_by_more_than_the_tolerance_of_the_chains(chain_rate_hz, off):
+    if abs(abs(off) - RATE_TOLERANCE) > 1e-9:
+        assert rates_differ((1.0 + off) * chain_rate_hz, chain_rate_hz) == (
+            abs(off) > RATE_TOLERANCE
+        )
