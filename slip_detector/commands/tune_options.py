@@ -34,7 +34,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument(
         '--config', metavar='FILE',
-        help='a ROS parameter file to start from; parameters that are not searched keep their values. Its '
+        help='a ROS parameter file to start from: what is not searched keeps its value there; the '
         f'section {NAME} has the weights (default: the default parameters)',
     )  # fmt: skip
     parser.add_argument(

@@ -33,7 +33,8 @@ class SensorRelay:
     frame_id
         The sensor's frame, which names it in the diagnostics.
     send
-        Publishes a sample, given its stamp in nanoseconds, the names of its channels and its volts.
+        Publishes a sample, given its stamp in nanoseconds, the names of its channels and the
+        volts.
     flush
         Publishes the samples of an incomplete message; called when the sensor is gone.
     """
