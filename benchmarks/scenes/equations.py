@@ -10,8 +10,8 @@ import numpy as np
 from slip_detector.chain.compiled import compiled
 from slip_detector.scenes.contact import spread_load
 from slip_detector.scenes.drive import drive_at
+from slip_detector.scenes.free_object import FINGERS
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N, bristle_force
-from slip_detector.scenes.mechanics import FINGERS
 from slip_detector.scenes.roughness import roughness_between
 from slip_detector.scenes.texture import ridges_between
 

@@ -19,15 +19,13 @@ from slip_detector.grasp.objects import SCENE, object_scene
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.scenes import Scene
+from slip_detector.scenes.free_object import FINGERS
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 #: From sample to command, unless told otherwise: what the nodes take, and some more.
 TRANSPORT_S = 5e-3
-
-#: The fingertips that hold the object.
-FINGERS = 2.0
 
 
 class GraspTrial(NamedTuple):

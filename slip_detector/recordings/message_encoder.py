@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from slip_detector.recordings.field_paths import FieldReader
 from slip_detector.recordings.message_layout import begin_of, read_layout
+from slip_detector.recordings.topics import JOINT_STATE
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -27,18 +28,17 @@ class JointStateEncoder:
     """
 
     def __init__(self, typestore: Any, frame_id: str, names: Sequence[str]) -> None:
-        msgtype = 'sensor_msgs/msg/JointState'
         types = typestore.types
         stamp = types['builtin_interfaces/msg/Time'](sec=0, nanosec=0)
-        message = types[msgtype](
+        message = types[JOINT_STATE](
             header=types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame_id),
             name=list(names),
             position=np.zeros(len(names)),
             velocity=np.empty(0),
             effort=np.empty(0),
         )
-        raw = bytes(typestore.serialize_cdr(message, msgtype))
-        layout = read_layout(raw, typestore, msgtype, FieldReader('position'))
+        raw = bytes(typestore.serialize_cdr(message, JOINT_STATE))
+        layout = read_layout(raw, typestore, JOINT_STATE, FieldReader('position'))
         assert layout.stamp_bytes is not None
         self._template = np.frombuffer(raw, np.uint8)
         self._stamp_bytes, self._row_begin = layout.stamp_bytes, begin_of(layout.places[0, 0])

@@ -24,14 +24,13 @@ from slip_detector.scenes.motion import (
     plate_numbers,
 )
 from slip_detector.scenes.rolling import Rolling, rolled_at
-from slip_detector.scenes.sines import sines_at, sines_rate_at
+from slip_detector.scenes.sines import NO_SINES, sines_at, sines_rate_at
 from slip_detector.scenes.steps import Step
 from slip_detector.scenes.taps import TapNumbers, Taps, tap_force_at
 from slip_detector.scenes.tremor import TREMOR_PEAK, HandMotion, Tremor
 
 Floats = NDArray[np.float64]
 
-NO_SINES = np.zeros((3, 0))
 NO_TAPS = TapNumbers(np.zeros(0), 0.0, 1.0)
 NO_ROLLING = np.zeros(0)
 NO_LOAD = np.zeros((2, 0))
@@ -72,10 +71,10 @@ class DriveNumbers(NamedTuple):
     load: Floats = NO_LOAD
     taps: TapNumbers = NO_TAPS
     rolling: Floats = NO_ROLLING
-    force_sines: Floats = NO_SINES
+    force_sines: Floats = np.array(NO_SINES)
     force_sines_from_n: float = 1.0
-    motion_sines: Floats = NO_SINES
-    load_sines: Floats = NO_SINES
+    motion_sines: Floats = np.array(NO_SINES)
+    load_sines: Floats = np.array(NO_SINES)
 
 
 def drive_numbers(

@@ -8,6 +8,9 @@ from slip_detector.parameters.sets import ParameterSet
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 
+#: The fingertips that hold an object, all alike.
+FINGERS = 2.0
+
 
 class ObjectNumbers(NamedTuple):
     """What the compiled code needs of a :class:`FreeObject`."""

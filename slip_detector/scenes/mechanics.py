@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.scenes.contact import HertzNumbers, spread_load
-from slip_detector.scenes.free_object import ObjectNumbers
+from slip_detector.scenes.free_object import FINGERS, ObjectNumbers
 from slip_detector.scenes.friction import (
     LIGHTEST_LOAD_N,
     MOST_ITERATIONS,
@@ -39,8 +39,6 @@ OBJECT_TOLERANCE = 1e-9
 
 #: A patch that the surface passes more slowly than this creeps and does not slide.
 SLIDING_M_S = 1e-4
-
-FINGERS = 2.0  # that hold an object
 
 # Columns of a patch's state, and of what a stage finds for a patch.
 DISPLACEMENT, VELOCITY, DEFLECTION, PASSING = range(4)
