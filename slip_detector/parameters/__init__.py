@@ -1,4 +1,4 @@
-"""One field of a frozen dataclass is one parameter: the machinery and one file for each set."""
+"""Parameters as fields of frozen dataclasses: what all sets share, and one file for each set."""
 
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig

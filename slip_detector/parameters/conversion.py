@@ -1,4 +1,4 @@
-"""Values from YAML, ROS or Python to the type of their parameter, each checked on its own."""
+"""Conversion of values from YAML, ROS or Python to the types of their parameters."""
 
 import contextlib
 import dataclasses
@@ -9,11 +9,12 @@ from typing import Any, get_args
 
 from slip_detector.parameters.fields import allowed, default_of
 
+#: Names of channels and groups, which become parts of topic names.
 NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 
 
 def _number(value: Any, kind: type, where: str) -> Any:
-    """Convert to int or float without losing anything, or say what is wrong."""
+    """Return a value as int or float; raise a ValueError where it is not such a number."""
     if isinstance(value, str) and kind is float:
         # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number.
         with contextlib.suppress(ValueError):
@@ -32,7 +33,7 @@ def _number(value: Any, kind: type, where: str) -> Any:
     return kind(value)
 
 
-def _in_range(value: float, field: 'dataclasses.Field[Any]', where: str) -> None:
+def _check_range(value: float, field: 'dataclasses.Field[Any]', where: str) -> None:
     low, high = field.metadata['low'], field.metadata['high']
     if (low is not None and value < low) or (high is not None and value > high):
         unit = f' {field.metadata["unit"]}' if field.metadata['unit'] else ''
@@ -40,21 +41,22 @@ def _in_range(value: float, field: 'dataclasses.Field[Any]', where: str) -> None
 
 
 def converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
-    """Return a value from YAML, ROS or Python in the type of its parameter.
+    """Return a value from YAML, ROS or Python as the type of its parameter.
 
     Parameters
     ----------
     value
-        As it was given.
+        A value of any type.
     field
-        The description of the parameter.
+        The dataclass field that describes the parameter; see
+        :func:`slip_detector.parameters.fields.parameter`.
     where
-        How a message names the parameter.
+        The name of the parameter in messages.
 
     Raises
     ------
     ValueError
-        When the value has another type or is out of range, on its own.
+        When the value cannot be converted or is out of range.
 
     Examples
     --------
@@ -72,7 +74,7 @@ def converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
         return value
     if isinstance(default, (int, float)):
         value = _number(value, type(default), where)
-        _in_range(value, field, where)
+        _check_range(value, field, where)
         return value
     if isinstance(default, str):
         choices = field.metadata['choices']
@@ -93,7 +95,7 @@ def converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
 def _numbers(
     items: list[Any], default: tuple[Any, ...], field: 'dataclasses.Field[Any]', where: str
 ) -> tuple[Any, ...]:
-    """Convert a list of numbers, or of pairs given flat or nested."""
+    """Return numbers as a tuple, or as a tuple of pairs, which may be given as a flat list."""
     pairs = bool(default) and isinstance(default[0], tuple)
     flat: list[Any] = []
     for item in items:
@@ -104,7 +106,7 @@ def _numbers(
     kind = int if field.name.endswith('_channels') else float
     numbers = [_number(item, kind, where) for item in flat]
     for number in numbers:
-        _in_range(number, field, where)
+        _check_range(number, field, where)
     if pairs:
         if len(numbers) % 2:
             raise ValueError(f'{where} has {len(numbers)} numbers, allowed: pairs [low, high]')

@@ -5,15 +5,15 @@ import dataclasses
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
-#: Below this share of the sample rate a band edge is lost to round-off in float64 sections.
+#: Lowest band edge as a share of the sample rate: a filter with a lower one is lost to round-off.
 LOWEST_EDGE = 1e-5
 
 #: Channels of the paper's fingertip.
 PAPER_CHANNELS = 16
 
-#: The paper's Table 1. Its letters are taken for: T, the units that feel shear across the finger,
-#: of the proximal (P) or the distal (D) sensors; L, the units that feel it along the finger, of
-#: the radial (R) or the ulnar (U) sensors.
+#: The paper's Table 1. We read its letters as follows. T: units that feel shear across the finger,
+#: of the proximal (P) or the distal (D) sensors. L: units that feel shear along the finger, of the
+#: radial (R) or the ulnar (U) sensors.
 PAPER_GROUPS: dict[str, tuple[int, ...]] = {
     'TP': (14, 16, 11, 9),
     'TD': (1, 3, 8, 6),
@@ -179,7 +179,7 @@ class ChainConfig(ParameterSet):
         return self.channel_names or default_channel_names(self.channels)
 
     def samples(self, seconds: float) -> int:
-        """Return how many samples a time is, at least one."""
+        """Return the number of samples in a time, at least one."""
         return max(1, round(seconds * self.sample_rate_hz))
 
     def _default_groups(self) -> dict[str, tuple[int, ...]]:
@@ -278,7 +278,14 @@ class ChainConfig(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class DetectorConfig(ChainConfig):
-    """Parameters of the detector node: the chain's and those of its input and topics."""
+    """Parameters of the detector node: the chain's and those of its input and topics.
+
+    Examples
+    --------
+    >>> config = DetectorConfig(input_type='std_msgs/msg/Float32MultiArray', input_field='data')
+    >>> config.heartbeat_hz, config.threshold
+    (10.0, 0.5)
+    """
 
     NODE = 'slip_detector'
 

@@ -8,7 +8,16 @@ from slip_detector.parameters.sets import ParameterSet
 
 @dataclasses.dataclass(frozen=True)
 class EvaluationConfig(ParameterSet):
-    """Parameters of the evaluation: what counts as detected, and which rows are rows of motion."""
+    """Parameters of the evaluation: what counts as detected, and which rows are rows of motion.
+
+    Examples
+    --------
+    >>> EvaluationConfig(tail_s=0.2).tail_s
+    0.2
+    >>> EvaluationConfig(tail_s=20)
+    Traceback (most recent call last):
+    ValueError: parameter tail_s is 20 s, allowed: 0 to 10 s
+    """
 
     NODE = 'slip_evaluate'
 

@@ -14,15 +14,15 @@ def parameter(
     choices: tuple[str, ...] = (),
     allows: str = '',
 ) -> Any:
-    """Make a dataclass field that describes one parameter.
+    """Return a dataclass field that describes one parameter.
 
-    Conversion and checks need nothing but this description.
+    Conversion and checks use nothing else.
 
     Parameters
     ----------
     default
-        Its type is the parameter's type; a tuple is a list of any length, a tuple of pairs is
-        written as a flat list.
+        The default value; its type is the parameter's type. A tuple is a list in YAML, a tuple
+        of pairs a flat list.
     meaning
         One sentence; it is shown in the ROS descriptor of the parameter and in docs/parameters.md.
     unit
@@ -30,9 +30,9 @@ def parameter(
     low, high
         Inclusive bounds of a number, or of each number of a list.
     choices
-        What a text parameter may say.
+        The allowed values of a text.
     allows
-        What is allowed, in words, where bounds and choices do not tell.
+        What is allowed, in words, where bounds and choices do not say it.
 
     Examples
     --------
@@ -61,7 +61,14 @@ def parameter(
 
 
 def default_of(field: 'dataclasses.Field[Any]') -> Any:
-    """Return the default of a dataclass field, whichever way it is given."""
+    """Return the default of a dataclass field, also where a factory makes it.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters import ChainConfig
+    >>> default_of(ChainConfig.__dataclass_fields__['threshold'])
+    0.5
+    """
     if field.default is not dataclasses.MISSING:
         return field.default
     assert field.default_factory is not dataclasses.MISSING
@@ -69,7 +76,14 @@ def default_of(field: 'dataclasses.Field[Any]') -> Any:
 
 
 def allowed(field: 'dataclasses.Field[Any]') -> str:
-    """Say in words which values a parameter takes."""
+    """Return in words which values a parameter takes.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters import GraspConfig
+    >>> allowed(GraspConfig.__dataclass_fields__['deadline_s'])
+    '0.001 to 60 s'
+    """
     metadata = field.metadata
     if metadata['allows']:
         return str(metadata['allows'])

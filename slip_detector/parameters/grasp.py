@@ -8,7 +8,16 @@ from slip_detector.parameters.sets import ParameterSet
 
 @dataclasses.dataclass(frozen=True)
 class GraspConfig(ParameterSet):
-    """Parameters of the grasp controller."""
+    """Parameters of the grasp controller.
+
+    Examples
+    --------
+    >>> GraspConfig(grip_n=2, limit_n=8).limit_n
+    8.0
+    >>> GraspConfig(grip_n=9, limit_n=8)
+    Traceback (most recent call last):
+    ValueError: parameter grip_n is 9 N, allowed: at most limit_n, 8 N
+    """
 
     NODE = 'grasp_controller'
 

@@ -1,7 +1,7 @@
-"""Read ROS parameter files."""
+"""Reads ROS parameter files."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,9 @@ import yaml
 #: Parameters that rclpy itself declares and reads, on every node.
 OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
-#: By the name of a section of a parameter file, a node's or a command's: the set with all its
-#: parameters. The sets enter themselves when they are defined; a set that is a part of another
-#: (the chain's of the detector's) is a base class of it, and so is replaced by it.
+#: The set of parameters of each section of a parameter file, by the name of the node or command.
+#: A set enters itself when its class is defined. Where one set is a part of another, as the
+#: chain's of the detector's, it is a base class of it and is replaced by it here.
 SECTIONS: dict[str, type[Any]] = {}
 
 
@@ -22,7 +22,13 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        When the file is missing, is not YAML or holds something else; names file and line.
+        When the file is missing, is not YAML or has no names; says which file and line.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters.shared_folder import shared_folder
+    >>> list(read_yaml(shared_folder() / 'config' / 'slip_detector.yaml'))
+    ['/**/slip_detector', '/**/slip_driver']
     """
     try:
         document = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
@@ -45,9 +51,9 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
 def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
     """Read the parameters that a ROS parameter file has for a node.
 
-    The section for all nodes (``/**``) applies, those for the node in any namespace
-    (``/**/node``) and one in a certain namespace. Of the section for all nodes, parameters of
-    other nodes of this package are left out.
+    They come from the section for all nodes (``/**``), from that for the node in any namespace
+    (``/**/node``) and from one for the node in a certain namespace. Parameters in the section for
+    all nodes that only other nodes of this package have are left out.
 
     Parameters
     ----------
@@ -65,17 +71,23 @@ def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        When the file is missing, is not a ROS parameter file, or has the node in several
-        namespaces, of which only a running node knows its own.
+        When the file is missing, is not a ROS parameter file, or has sections for the node in
+        several namespaces: only a running node knows its namespace.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters.shared_folder import shared_folder
+    >>> file = shared_folder() / 'config' / 'slip_detector.yaml'
+    >>> read_parameter_file(file, 'slip_detector')['groups.TP']
+    [14, 16, 11, 9]
     """
     left_out = names_for_others(path, node)
     merged: dict[str, Any] = {}
     of_namespaces: list[str] = []
     for section, parameters in our_sections(path):
-        last = section.rsplit('/', 1)[-1]
-        if last == node and '*' not in section:
+        if node_of(section) == node and '*' not in section:
             of_namespaces.append(section)
-        if last in (node, '**'):
+        if node_of(section) in (node, '**'):
             merged.update(_flattened(parameters))
     if len(of_namespaces) > 1:
         raise ValueError(
@@ -89,7 +101,7 @@ def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
 
 
 def names_for_others(path: str | Path, node: str) -> set[str]:
-    """Return the names that a parameter file gives to all nodes, and only others know.
+    """Return the names in the section for all nodes that are parameters of other nodes only.
 
     Parameters
     ----------
@@ -102,14 +114,23 @@ def names_for_others(path: str | Path, node: str) -> set[str]:
     ------
     ValueError
         When the file is missing or is not a ROS parameter file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import slip_detector.parameters
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / 'all.yaml'
+    ...     _ = file.write_text('/**: {ros__parameters: {grip_n: 2.0, threshold: 0.4}}')
+    ...     names_for_others(file, 'slip_detector')
+    {'grip_n'}
     """
     for_all: set[str] = set()
     for_node: set[str] = set()
-    for section, parameters in _sections(read_yaml(path), str(path)):
-        last = section.rsplit('/', 1)[-1]
-        if last == '**':
+    for section, parameters in sections_of(read_yaml(path), str(path)):
+        if node_of(section) == '**':
             for_all.update(_flattened(parameters))
-        elif last == node:
+        elif node_of(section) == node:
             for_node.update(_flattened(parameters))
     return {
         name
@@ -124,7 +145,7 @@ def nodes_that_know(name: str) -> list[str]:
     Parameters
     ----------
     name
-        Of the parameter; of ``groups.TP`` the part before the point counts.
+        Name of the parameter; of ``groups.TP`` only the part before the point is looked up.
 
     Examples
     --------
@@ -140,36 +161,83 @@ def nodes_that_know(name: str) -> list[str]:
     ]
 
 
-def our_sections(path: str | Path) -> list[tuple[str, Mapping[str, Any]]]:
-    """Read the sections of a ROS parameter file that concern this package.
+def our_sections(path: str | Path) -> list[tuple[str, dict[str, Any]]]:
+    """Read the sections of a ROS parameter file for nodes and commands of this package.
+
+    Returns
+    -------
+    list
+        Full name and parameters of each section.
 
     Raises
     ------
     ValueError
-        When the file is missing, is not a ROS parameter file, or has none; names the file.
+        When the file is missing, is not a ROS parameter file, or has no such section; names the
+        file.
+
+    Examples
+    --------
+    >>> import slip_detector.parameters
+    >>> from slip_detector.parameters.shared_folder import shared_folder
+    >>> [name for name, _ in our_sections(shared_folder() / 'config' / 'grasp.yaml')]
+    ['/**/slip_detector', '/**/grasp_controller', '/**/slip_driver']
     """
     sections = [
         (section, parameters)
-        for section, parameters in _sections(read_yaml(path), str(path))
-        if section.rsplit('/', 1)[-1] in (*SECTIONS, '**')
+        for section, parameters in sections_of(read_yaml(path), str(path))
+        if node_of(section) in (*SECTIONS, '**')
     ]
     if not sections:
         raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(SECTIONS)}')
     return sections
 
 
-def _sections(document: Mapping[str, Any], path: str, namespace: str = '') -> Any:
-    """Yield the full name and the parameters of each node section, nested as ROS allows."""
+def sections_of(
+    document: Mapping[str, Any], path: str, namespace: str = ''
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the full name and the parameters of each section of a ROS parameter file.
+
+    Parameters
+    ----------
+    document
+        The content of the file.
+    path
+        The file, for messages.
+    namespace
+        Where the document is nested: the names around it.
+
+    Raises
+    ------
+    ValueError
+        When a section has no parameters; names the file and the section.
+
+    Examples
+    --------
+    >>> document = {'hand': {'slip_driver': {'ros__parameters': {'seed': 3}}}}
+    >>> list(sections_of(document, 'hand.yaml'))
+    [('hand/slip_driver', {'seed': 3})]
+    """
     for name, content in document.items():
         section = f'{namespace}/{name}' if namespace else str(name)
         if not isinstance(content, Mapping) or not content:
             raise ValueError(f'{path}: section {section} has no ros__parameters')
         if 'ros__parameters' not in content:
-            yield from _sections(content, path, section)
-        elif isinstance(content['ros__parameters'], Mapping):
+            yield from sections_of(content, path, section)
+        elif isinstance(content['ros__parameters'], dict):
             yield section, content['ros__parameters']
         else:
             raise ValueError(f'{path}: section {section} has no names under ros__parameters')
+
+
+def node_of(section: str) -> str:
+    """Return the node that a section is for, without its namespace; ``**``: all nodes.
+
+    Examples
+    --------
+    >>> node_of('/**/slip_detector'), node_of('/**')
+    ('slip_detector', '**')
+    """
+    return section.rsplit('/', 1)[-1]
 
 
 def _flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:

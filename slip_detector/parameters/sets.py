@@ -1,9 +1,8 @@
 """Sets of parameters: one field of a frozen dataclass is one ROS parameter.
 
-The field holds its default, unit, range and meaning; the node, the command lines, the YAML files
-and the core all use its name. Checks that need more than one parameter stand in
-``__post_init__``; an error is a ``ValueError`` of one line that names the parameter, its value and
-what is allowed.
+A field has a default, a unit, a range and a meaning. The nodes, the command lines, the YAML files
+and the core all use its name. Checks that need more than one parameter are in ``__post_init__``.
+An error is a ``ValueError`` of one line with the parameter, its value and what is allowed.
 """
 
 import dataclasses
@@ -22,7 +21,7 @@ ConfigType = TypeVar('ConfigType', bound='ParameterSet')
 
 @dataclasses.dataclass(frozen=True)
 class ParameterSet:
-    """What all sets of parameters share: conversion, checks and YAML.
+    """Base class of all sets of parameters: conversion, checks and YAML.
 
     Examples
     --------
@@ -40,7 +39,7 @@ class ParameterSet:
     NODE = ''
 
     def __init_subclass__(cls) -> None:
-        """Make a set that names its node known as the set of that section."""
+        """Enter a set that names its node as the set of that section."""
         if 'NODE' in cls.__dict__:
             SECTIONS[cls.NODE] = cls
 
@@ -54,12 +53,19 @@ class ParameterSet:
     def from_parameters(
         cls: type[ConfigType], parameters: Mapping[str, Any], where: str = ''
     ) -> ConfigType:
-        """Build from names and values as ROS has them (``groups.TP`` for a nested name).
+        """Build a set from names and values in the form that ROS uses.
+
+        Parameters
+        ----------
+        parameters
+            Values by name; a nested name is written with a point (``groups.TP``).
+        where
+            The beginning of a message, for example the name of a file.
 
         Raises
         ------
         ValueError
-            For an unknown name or a value that is not allowed; ``where`` leads the message.
+            For an unknown name or a value that is not allowed.
         """
         lead = f'{where}: ' if where else ''
         known = {field.name for field in dataclasses.fields(cls)}
@@ -82,7 +88,7 @@ class ParameterSet:
     def from_yaml(cls: type[ConfigType], path: str | Path) -> ConfigType:
         """Read the node's section of a ROS parameter file.
 
-        The whole section is checked, also where this set is a part of it.
+        The whole section is checked, also where this set has only some of its parameters.
 
         Raises
         ------
@@ -93,7 +99,7 @@ class ParameterSet:
         return cls(**{field.name: getattr(whole, field.name) for field in dataclasses.fields(cls)})
 
     def to_parameters(self) -> dict[str, Any]:
-        """Return names and values as ROS has them: flat lists, ``groups.TP`` for nested names."""
+        """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""
         values: dict[str, Any] = {}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
@@ -108,7 +114,7 @@ class ParameterSet:
         return values
 
     def to_yaml(self) -> str:
-        """Write the set as a ROS parameter file that :meth:`from_yaml` and the node read."""
+        """Return the text of a ROS parameter file that :meth:`from_yaml` and the node read."""
         nested: dict[str, Any] = {}
         for name, value in self.to_parameters().items():
             head, _, tail = name.partition('.')
@@ -121,7 +127,7 @@ class ParameterSet:
 
 
 def _hint(name: str, node: str, known: Collection[str]) -> str:
-    """Say what may have been meant by an unknown name."""
+    """Return what the user may have meant by an unknown name."""
     owners = nodes_that_know(name) if node else []
     near = difflib.get_close_matches(name, known, 1)
     if owners and node not in owners:

@@ -1,4 +1,4 @@
-"""The folder with the files that come with the package."""
+"""The folder with the files that come with the package: configurations and scenes."""
 
 from pathlib import Path
 

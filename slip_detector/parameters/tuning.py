@@ -8,9 +8,14 @@ from slip_detector.parameters.sets import ParameterSet
 
 @dataclasses.dataclass(frozen=True)
 class TuneConfig(ParameterSet):
-    """Parameters of the search: what the tuner weighs against each other, in milliseconds.
+    """Parameters of the search: what misses, false alarms and a small area cost, in milliseconds.
 
-    The cost of a chain is the mean latency over the true slips, plus these.
+    These costs are added to the mean latency of a chain over the true slips.
+
+    Examples
+    --------
+    >>> TuneConfig(false_alarm_costs_ms=20).false_alarm_costs_ms
+    20.0
     """
 
     NODE = 'slip_tune'

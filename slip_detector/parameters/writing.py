@@ -1,32 +1,31 @@
-"""Write ROS parameter files, and see beforehand that files can be written."""
+"""Writes ROS parameter files, and checks beforehand that files can be written."""
 
-import copy
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.reading import read_yaml
+from slip_detector.parameters.reading import node_of, read_yaml, sections_of
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a parameter file with other values for the detector.
+    """Return the content of a parameter file with changed values for the detector.
 
     Parameters
     ----------
     given
-        The file to begin with; None: the defaults.
+        The file to start from; None: the defaults of the detector.
     changes
-        By the name of the parameter, as ROS has them (flat lists).
+        New values by the name of the parameter, in the form that ROS uses (flat lists).
 
     Returns
     -------
     dict
-        The whole document: other nodes' sections too, without comments.
+        The whole document, with the sections of other nodes but without comments.
 
     Raises
     ------
@@ -40,45 +39,38 @@ def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dic
     0.25
     """
     if given is None:
-        document = yaml.safe_load(DetectorConfig().to_yaml())
+        document: dict[str, Any] = yaml.safe_load(DetectorConfig().to_yaml())
     else:
-        document = copy.deepcopy(read_yaml(given))
-    sections = list(_sections(document))
-    own = [parameters for name, parameters in sections if _last(name) == DetectorConfig.NODE]
+        document = read_yaml(given)
+    sections = list(sections_of(document, str(given)))
+    own = [parameters for name, parameters in sections if node_of(name) == DetectorConfig.NODE]
     if not own:
         own = [{}]
         document[f'/**/{DetectorConfig.NODE}'] = {'ros__parameters': own[0]}
     for name, parameters in sections:
-        # A section for all nodes may come after the detector's and would win.
-        if _last(name) == '**':
+        # A section for all nodes that comes after the detector's would override it.
+        if node_of(name) == '**':
             parameters.update({key: changes[key] for key in changes if key in parameters})
     own[-1].update(changes)
-    return dict(document)
-
-
-def _last(section: str) -> str:
-    return section.rsplit('/', 1)[-1]
-
-
-def _sections(
-    document: Mapping[str, Any], namespace: str = ''
-) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the name and the parameters of each section, to be changed in place."""
-    for name, content in document.items():
-        section = f'{namespace}/{name}' if namespace else str(name)
-        if isinstance(content, dict) and isinstance(content.get('ros__parameters'), dict):
-            yield section, content['ros__parameters']
-        elif isinstance(content, dict):
-            yield from _sections(content, section)
+    return document
 
 
 def write_file(path: Path, document: Mapping[str, Any], comments: Iterable[str]) -> None:
-    """Write a document with comments above it, whole or not at all.
+    """Write a document with comments above it; the file is never left incomplete.
 
     Raises
     ------
     ValueError
-        When it cannot be written; names it.
+        When the file cannot be written; names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'tuned.yaml'
+    ...     write_file(path, {'slip_detector': {'ros__parameters': {'vote': 2}}}, ['Tuned.'])
+    ...     print(path.read_text().splitlines()[0])
+    # Tuned.
     """
     text = ''.join(f'# {line}'.rstrip() + '\n' for line in comments)
     text += yaml.safe_dump(document, sort_keys=False, default_flow_style=None, allow_unicode=True)
@@ -92,24 +84,30 @@ def write_file(path: Path, document: Mapping[str, Any], comments: Iterable[str])
 
 
 def check_writable(path: Path) -> None:
-    """See that a file can be written before much work is done for it.
+    """Raise an error if a file cannot be written, before much work is done for it.
 
     Raises
     ------
     ValueError
-        When it cannot; names it.
+        When the file cannot be written; names it.
+
+    Examples
+    --------
+    >>> check_writable(Path('no such folder') / 'tuned.yaml')
+    Traceback (most recent call last):
+    ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
     """
     try:
         if path.is_dir():
             raise IsADirectoryError(0, 'is a folder')
-        if path.exists() and not path.is_file():  # What replaces a device would break it.
+        if path.exists() and not path.is_file():  # A device must not be replaced by a file.
             raise OSError(0, 'is no file')
         existed = path.exists()
         with open(path, 'ab'):
             pass
         if not existed:
             path.unlink()
-        with tempfile.TemporaryFile(dir=path.parent):  # A new file takes the place of an old one.
+        with tempfile.TemporaryFile(dir=path.parent):  # A new file will replace the old one.
             pass
     except OSError as error:
         raise ValueError(f'{path}: cannot be written ({error.strerror})') from None
@@ -121,7 +119,14 @@ def writable_folder(folder: Path) -> Path:
     Raises
     ------
     ValueError
-        When it cannot be made; names it.
+        When the folder cannot be made; names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     writable_folder(Path(folder) / 'out').is_dir()
+    True
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

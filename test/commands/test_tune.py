@@ -124,7 +124,7 @@ def test_the_report_marks_the_given_and_the_tuned_in_the_trade_off(case):
         'front.png', 'figures.txt',
     }  # fmt: skip
     text = page.read_text()
-    assert '12 trials, of which' in text
+    assert '12 trials. ' in text
     section = text[text.index('<h2>Trade-off') : text.index('<h2>Filter')]
     assert '<tr><td>given</td>' in section
     assert '<tr><td>tuned</td>' in section
