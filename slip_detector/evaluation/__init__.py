@@ -1,1 +1,1 @@
-"""A recording through the chain: slips matched with alarms, scores, the paper's protocol."""
+"""Recordings run through the chain: slips matched with alarms, scores, the paper's protocol."""

@@ -21,9 +21,9 @@ class EvaluatedRecording(NamedTuple):
     ----------
     outcome : ReplayOutcome
     counts : RecordingCounts
-        Gaps, bad samples and what was lost.
+        Gaps, bad samples and losses.
     observer : Observer or None
-        That was shown the rows, if one was asked for.
+        The observer that was shown the rows, if there was one.
     """
 
     outcome: ReplayOutcome
@@ -37,9 +37,9 @@ def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int
     Returns
     -------
     dict
-        ``bad_samples``: values that are no number; ``gaps``: those that were bridged, with
+        ``bad_samples``: values that are not numbers; ``gaps`` that were bridged, with
         ``bridged_rows``; ``long_gaps``, after which the chain was reset; ``dropped``: rows whose
-        stamp is not after the last one.
+        stamp is not after the one before.
     """
     counts = [one.counts for one in evaluations]
     return {
@@ -52,7 +52,13 @@ def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int
 
 
 def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:
-    """Return the figures of merit of recordings taken together, and what was wrong with them."""
+    """Return the figures of merit of recordings taken together, and what was wrong with them.
+
+    Returns
+    -------
+    dict
+        As :func:`.figures_of_merit` and :func:`recording_counts` return them.
+    """
     several = list(evaluations)
     return {**figures_of_merit([one.outcome for one in several]), **recording_counts(several)}
 
@@ -63,12 +69,27 @@ class Evaluator:
     Parameters
     ----------
     loader
-        Opens the recordings for the chain that is to be run over them.
+        Opens the recordings; it has the parameters of the chain and of the evaluation.
 
     Raises
     ------
     ValueError
         When the chain cannot be built.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig
+    >>> slip = np.arange(760) >= 380
+    >>> ridges = np.where(slip, np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0), 0.0)
+    >>> loader = RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig())
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial.npz'
+    ...     np.savez(path, volts=np.tile(ridges, (16, 1)).T, sample_rate_hz=380.0, slip=slip)
+    ...     figures = recording_figures([Evaluator(loader).evaluate(path)])
+    >>> figures['slips'], figures['missed'], figures['bad_samples']
+    (1, 0, 0)
     """
 
     def __init__(self, loader: RecordingLoader) -> None:
@@ -84,14 +105,15 @@ class Evaluator:
         Parameters
         ----------
         path
-            Of the recording.
+            The recording.
         watch
-            Makes an observer of the replay, given the opened recording; none if not given.
+            Makes an observer of the replay, given the opened recording.
 
         Raises
         ------
         ValueError
-            When it cannot be read, does not suit the chain or has no labels; names the file.
+            When the recording cannot be read, does not suit the chain or has no labels; names
+            the file.
         """
         opened = self._loader.open(path)
         observer = None if watch is None else watch(opened)

@@ -1,4 +1,4 @@
-"""True slips and alarms as they were matched, and the figures that a robot needs of them."""
+"""True slips and alarms with their matches, and the figures that matter to a robot."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ import numpy as np
 #: The stages between a signal and the global decision, in order; the parts of a latency.
 STAGES = ('filter', 'envelope', 'decision', 'vote')
 
-#: In place of a stage: the global decision was ON before the slip began.
+#: Stands in place of a stage where the global decision was ON before the slip began.
 ALREADY_ON = 'already_on'
 
 #: Kinds of alarms.
@@ -18,37 +18,40 @@ TRUE, REPEAT, FALSE = 'true', 'repeat', 'false'
 
 @dataclasses.dataclass(frozen=True)
 class TrueSlip:
-    """A true slip and what became of it. Times are seconds from the start of the recording.
+    """A true slip, its alarm and its latency. Times are seconds from the start of the recording.
 
     Attributes
     ----------
     start_s, end_s : float
-        Of the label: its first row and the first after it.
+        Times of the first row of the label and of the first row after it.
     alarm : int or None
-        Which alarm of the recording is its own; None: it was missed.
+        Number of its alarm in the recording; None where the slip was missed.
     latency_s : float or None
-        From the start to the rise of its alarm; negative where that came before the label.
+        Time from the start to the rise of its alarm; negative where the alarm rises before the
+        label.
     late : bool
         Whether the latency is above ``late_after_s``.
     stages_s : dict or None
-        Where the latency went, by :data:`STAGES`; the parts sum to it. Until a channel of the
-        group that decided has a filtered signal (rectified, to its exponent) above the threshold:
-        ``filter``, which is the filter's delay and the time that the slip takes to be felt; from
-        there until the envelope of one is: ``envelope``; until the level of one is, which turns
-        the channel ON: ``decision``; until the group has its vote: ``vote``. None where there is
-        no latency, the alarm came before the label or the global decision was ON before the slip.
+        The parts of the latency, by :data:`STAGES`; their sum is the latency. ``filter`` ends
+        when a channel of the deciding group has a filtered signal (rectified, to its exponent)
+        above the threshold: it has the delay of the filter and the time until the sensor feels
+        the slip. ``envelope`` ends when the envelope of a channel is above the threshold,
+        ``decision`` when its level is, which turns the channel ON, and ``vote`` when the group is
+        ON. None where there is no latency, where the alarm rises before the label and where the
+        global decision was ON before the slip.
     lost_at : str or None
-        Of a missed slip: the first of :data:`STAGES` that no channel came through while its alarm
-        was looked for, or ``vote`` where channels were ON and no group was; :data:`ALREADY_ON`
-        where the global decision was ON before it began. None where it was not missed.
+        Where a missed slip was lost: the first of :data:`STAGES` after which no channel was above
+        the threshold in the time in which the alarm could rise; ``vote`` where channels were ON
+        but no group; :data:`ALREADY_ON` where the global decision was ON before the slip. None
+        where the slip was not missed.
     on_at_start : bool
         Whether the global decision was ON in the row before the slip.
     on_while : bool
-        Whether the global decision was ON at any time of the slip (the paper's success).
+        Whether the global decision was ON at any time during the slip (the paper's success).
     channel_delays_s : tuple of float or None
-        By enabled channel: from the start to its first ON while the slip lasts.
+        For each enabled channel the time from the start to its first ON during the slip.
     delay_s : float or None
-        Their mean (Eq. 10).
+        Mean of these delays (Eq. 10).
     """
 
     start_s: float
@@ -66,17 +69,17 @@ class TrueSlip:
 
 @dataclasses.dataclass(frozen=True)
 class Alarm:
-    """A time in which the global decision is ON, in seconds from the start of the recording.
+    """An interval in which the global decision is ON.
 
     Attributes
     ----------
     start_s, end_s : float
-        Its first row and the first after it.
+        Times of its first row and of the first row after it, from the start of the recording.
     kind : str
-        ``true``: the alarm of a slip; ``repeat``: one more of a slip that has its alarm; else
-        ``false``.
+        ``true``: the alarm of a slip; ``repeat``: a further alarm of a slip that has one already;
+        ``false``: any other.
     slip : int or None
-        Which slip of the recording it belongs to; None for a false one.
+        Number of its slip in the recording; None for a false alarm.
     """
 
     start_s: float
@@ -88,25 +91,33 @@ class Alarm:
 def event_figures(
     slips: Sequence[TrueSlip], alarms: Sequence[Alarm], quiet_s: float
 ) -> dict[str, Any]:
-    """Return the figures that a robot needs; None where one is not defined.
+    """Return the figures that matter to a robot; None where one is not defined.
 
     Parameters
     ----------
     slips, alarms
-        Of one recording or of several.
+        The slips and alarms of one recording or of several.
     quiet_s
         Time without slip.
 
     Returns
     -------
     dict
-        ``slips``, of which ``matched`` to an alarm, of these ``late``, and ``missed``; ``alarms``,
-        of which ``repeated_alarms`` and ``false_alarms``; ``recall``: the share of the slips that
-        is matched; ``precision``: the share of the alarms that is matched, repetitions left out;
+        ``slips``, with how many of them are ``matched`` to an alarm or ``missed``, and how many
+        of the matched ones are ``late``; ``alarms``, with ``repeated_alarms`` and
+        ``false_alarms``; ``recall``: the share of the slips that are matched; ``precision``: the
+        share of the alarms that are matched, repeated alarms left out;
         ``false_alarms_per_minute`` of the time without slip; ``latency_median_ms``,
-        ``latency_p90_ms``, ``latency_worst_ms`` over the matched slips; ``<stage>_ms``: the mean
-        part of the latency of the matched slips, ``late_<stage>_ms``: of the late ones;
-        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost where.
+        ``latency_p90_ms`` and ``latency_worst_ms`` of the matched slips; ``<stage>_ms``: the mean
+        part of the latency of the matched slips; ``late_<stage>_ms``: the same of the late ones;
+        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
+
+    Examples
+    --------
+    >>> false_alarms = [Alarm(2.0, 2.1, 'false', slip=None), Alarm(5.0, 5.4, 'false', slip=None)]
+    >>> figures = event_figures([], false_alarms, quiet_s=30.0)
+    >>> figures['false_alarms_per_minute'], figures['recall']
+    (4.0, None)
     """
     latencies_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
     matched = len(latencies_ms)

@@ -1,4 +1,4 @@
-"""Rows of a recording with what is known of each: whether there is slip, whether it moves."""
+"""Rows of a recording with their labels: whether there is slip, and whether the robot moves."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 Kinds = NDArray[np.int8]
 Stamps = NDArray[np.int64]
 
-#: Kinds of rows: the robot rests (or it is not known whether it moves), it moves, there is slip.
+#: Kinds of rows: the robot rests, or its motion is not known; the robot moves; there is slip.
 REST, MOTION, SLIP = range(3)
 
 
@@ -23,11 +23,11 @@ class LabelledRows(NamedTuple):
     ----------
     volts : ndarray, shape (n, c)
     truth : ndarray of bool, shape (n,)
-        Label: whether there is slip.
+        The label: whether there is slip.
     stamps_ns : ndarray of int, shape (n,), or None
-        Only asked how long the gap before a new stretch is.
+        Stamps of the rows. They are used only for the length of the gap before a new stretch.
     new_stretch : bool
-        Too many rows are missing before these: the chain is reset.
+        Whether a long gap comes before these rows, so that the chain is reset.
     moving : ndarray of bool, shape (n,), or None
         Whether the robot moves, where that is known.
     """
@@ -40,9 +40,9 @@ class LabelledRows(NamedTuple):
 
     @property
     def kinds(self) -> Kinds:
-        """Which of :data:`REST`, :data:`MOTION` and :data:`SLIP` each row is; shape (n,).
+        """The kind of each row: :data:`REST`, :data:`MOTION` or :data:`SLIP`; shape (n,).
 
-        A row of slip is one whether the robot moves or not.
+        A row with slip is of the kind :data:`SLIP` whether the robot moves or not.
 
         Examples
         --------
@@ -65,9 +65,9 @@ def rows_in_gap(
     Parameters
     ----------
     last_stamps_ns, stamps_ns : ndarray of int, or None
-        Stamps of the last rows before the gap and of the first ones after it.
+        Stamps of the last rows before the gap and of the first rows after it.
     sample_rate_hz
-        Of the recording.
+        Rate of the recording.
 
     Examples
     --------

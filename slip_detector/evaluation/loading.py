@@ -1,4 +1,4 @@
-"""Recordings that a chain can be evaluated or tuned on: opened, checked and read in pieces."""
+"""Opens recordings for an evaluation or a search, checks them, and reads them in pieces."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,9 +23,10 @@ class LabelledRecording(NamedTuple):
     Attributes
     ----------
     rows : iterator of LabelledRows
-        Its pieces, to be read once. Reading them raises ValueError where the file is broken.
+        The pieces of the recording, which can be read once. Reading raises a ValueError where the
+        file is broken.
     sample_rate_hz : float
-        Of these rows.
+        Rate of these rows.
     channel_names : tuple of str
     recording : Recording
         Its ``counts`` are complete when all pieces have been read.
@@ -38,16 +39,27 @@ class LabelledRecording(NamedTuple):
 
 
 class RecordingLoader:
-    """Opens recordings and sees that they suit a chain.
+    """Opens recordings and checks that they suit a chain.
 
     Parameters
     ----------
     chain_config
-        The chain's parameters.
+        The parameters of the chain.
     recording_config
-        Names of the parts of a recording.
+        Where in a recording the samples and labels are.
     config
         What counts as detected, and which rows are rows of motion.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> loader = RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig())
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial.npz'
+    ...     np.savez(path, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
+    ...     opened = loader.open(path)
+    ...     sum(len(piece.volts) for piece in opened.rows)
+    100
     """
 
     def __init__(
@@ -60,19 +72,20 @@ class RecordingLoader:
         self._recording_config = recording_config
 
     def open(self, path: Path, require_truth: bool = True) -> LabelledRecording:
-        """Open a recording and see that it suits the chain.
+        """Open a recording and check that it suits the chain.
 
         Parameters
         ----------
         path
-            Of the recording.
+            The recording.
         require_truth
-            Whether one without labels is refused; else it is taken to have no slip.
+            Whether a recording without labels is refused; else it is taken to have no slip.
 
         Raises
         ------
         ValueError
-            When it cannot be read, does not suit the chain or has no labels; names the file.
+            When the recording cannot be read, does not suit the chain or has no labels; names
+            the file.
         """
         recording = open_recording(path, self._recording_config)
         config = self.chain_config
@@ -93,7 +106,7 @@ class RecordingLoader:
                 f'{labels_name(path)} (--labels: elsewhere)'
             )
         wanted_hz = config.sample_rate_hz
-        # One of another rate is resampled, or reading it says what is wrong.
+        # A recording of another rate is resampled, or reading it raises an error.
         rate_hz = recording.sample_rate_hz
         if rates_differ(rate_hz, wanted_hz):
             rate_hz = wanted_hz
@@ -114,7 +127,7 @@ class RecordingLoader:
         )
 
     def _rows(self, recording: Recording) -> Iterator[LabelledRows]:
-        """Yield the pieces of a recording with its label and whether the robot moves."""
+        """Yield the pieces of a recording with their labels and the motion of the robot."""
         moving = self._moving(recording)
         wanted_hz = self.chain_config.sample_rate_hz
         last = -1
@@ -142,7 +155,7 @@ class RecordingLoader:
         )
 
     def _moving(self, recording: Recording) -> Bools | None:
-        """Tell the rows of motion, shape (n,), from the recording's velocities."""
+        """Return which rows are rows of motion, shape (n,), from the recorded velocities."""
         key, path = self.config.motion_key, recording.path
         if not key:
             return None
@@ -166,7 +179,7 @@ class RecordingLoader:
         return np.asarray(np.linalg.norm(table, axis=1) > self.config.moving_above)
 
     def _columns(self, names: NDArray[Any] | None, n_columns: int, path: Path) -> list[int]:
-        """Look up the configured columns of motion by their names."""
+        """Return the numbers of the configured columns of motion."""
         where = f'{path}: {self.config.motion_key}_names'
         if names is None or names.shape != (n_columns,):
             found = 'is not there' if names is None else f'has the shape {names.shape}'

@@ -1,8 +1,8 @@
-"""Each true slip is matched to at most one alarm, at one threshold or at many at once.
+"""Matches each true slip to at most one alarm, at one threshold or at many at once.
 
-An alarm is the time from a rise of the global decision to its fall; a true slip is an interval of
-the label. Time is counted in rows here, from the first row of the recording, those that are
-missing in a gap counted as well, so that nothing depends on rounding.
+An alarm lasts from a rise of the global decision to its fall; a true slip is an interval of the
+label. Time is counted in rows from the first row of the recording, with the rows that are missing
+in gaps, so that nothing depends on rounding.
 """
 
 from collections.abc import Sequence
@@ -16,24 +16,24 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 
 Ints = NDArray[np.int64]
 
-#: In place of the number of an alarm or of a slip.
+#: Stands in place of the number of an alarm or a slip where there is none.
 NONE = -1
 
 
 class RowInterval(NamedTuple):
-    """Rows from ``start`` to before ``end``."""
+    """The rows from ``start`` up to, but not including, ``end``."""
 
     start: int
     end: int
 
 
 class OnIntervals:
-    """Collects the intervals in which a signal is ON, over any cut of its rows into pieces.
+    """Collects the intervals in which a signal is ON; its rows may come in pieces of any length.
 
     Attributes
     ----------
     edges : list of int
-        Rows at which it rises and falls, in turns.
+        Rows at which the signal rises and falls, in turns.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class OnIntervals:
         return self.edges[known + known % 2 :: 2]
 
     def close(self, end_row: int) -> None:
-        """End the interval that is open, if one is: the rows end before this one."""
+        """End the interval that is open, if there is one, before a row."""
         if self.on:
             self.edges.append(end_row)
 
@@ -86,7 +86,7 @@ class OnIntervals:
 
 
 def tolerance_rows(config: EvaluationConfig, sample_rate_hz: float) -> tuple[int, int]:
-    """Return how many rows an alarm may rise before a slip, and after its end.
+    """Return how many rows before a slip, and how many after its end, its alarm may rise.
 
     Examples
     --------
@@ -99,21 +99,22 @@ def tolerance_rows(config: EvaluationConfig, sample_rate_hz: float) -> tuple[int
 def alarm_windows(
     slips: Sequence[RowInterval], early_rows: int, tail_rows: int
 ) -> tuple[Ints, Ints]:
-    """Return from which row to before which an alarm can belong to each slip.
+    """Return the window of each slip: the rows at which an alarm that belongs to it can rise.
 
-    From ``early_rows`` before the slip's start, but not within the slip before it, to
-    ``tail_rows`` after its end, but not within the next slip.
+    A window begins ``early_rows`` before the slip, but not within the slip before it. It ends
+    ``tail_rows`` after the slip, but before the next slip.
 
     Parameters
     ----------
     slips
-        Rising, without overlap.
+        In the order of time, without overlap.
     early_rows, tail_rows
         At least 0.
 
     Returns
     -------
     lows, highs : ndarray of int, shape (slips,)
+        The first row of each window and the first row after it.
 
     Examples
     --------
@@ -137,17 +138,17 @@ def slip_not_over(row, slip, highs):
 
 @compiled
 def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
-    """Give an alarm to the first slip that it can belong to and that has none yet.
+    """Give an alarm to the first slip that it can belong to and that has no alarm yet.
 
-    The tail of one slip can meet the early part of the next, no further one: so it can belong to
-    ``slip``, the first whose window has not ended, or to the one after that.
+    Windows overlap only where one slip's tail meets the early part of the next. So the alarm can
+    belong to ``slip``, the first whose window has not ended, or to the slip after it.
 
     Parameters
     ----------
     alarm : int
-        Its number, at least 0.
+        Number of the alarm, at least 0.
     row : int
-        Where it rises.
+        The row at which the alarm rises.
     slip : int
         See :func:`slip_not_over`.
     lows : ndarray of int, shape (slips,)
@@ -155,13 +156,13 @@ def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
     alarm_of : ndarray of int, shape (slips, thresholds)
         The number of each slip's alarm at each threshold, ``NONE`` before there is one.
     threshold : int
-        The threshold, by its place, at which the alarm rises.
+        Index of the threshold at which the alarm rises.
 
     Returns
     -------
     int
-        The slip that it belongs to, be it as its alarm or as a repetition; ``NONE`` for a false
-        alarm.
+        The slip that the alarm belongs to, also where it is a repeated alarm; ``NONE`` for a
+        false alarm.
     """
     belongs = NONE
     for s in range(slip, min(slip + 2, lows.size)):
@@ -189,24 +190,24 @@ def match(
 
     An alarm can belong to a slip when it rises within the slip's window, see
     :func:`alarm_windows`. In the order of time each alarm is given to the first slip that it can
-    belong to and that has none yet; no other matching has more pairs.
+    belong to and that has no alarm yet; no other matching has more pairs.
 
     Parameters
     ----------
     slips
-        Rising, without overlap.
+        In the order of time, without overlap.
     rises
-        Rows at which the alarms rise, rising.
+        Rows at which the alarms rise, in the order of time.
     early_rows, tail_rows
         At least 0.
 
     Returns
     -------
     alarm_of : list of int or None
-        By slip: its alarm.
+        The alarm of each slip; None for a missed slip.
     slip_of : list of int or None
-        By alarm: the slip that it belongs to, be it as its alarm or as a repetition; None for a
-        false alarm.
+        The slip that each alarm belongs to, also where it is a repeated alarm; None for a false
+        alarm.
 
     Examples
     --------

@@ -15,7 +15,7 @@ def first_on_delay_s(on: ArrayLike, time_s: ArrayLike, start_s: float) -> float 
     Parameters
     ----------
     on : array_like of bool, shape (n,)
-        Decisions on one channel, group or all.
+        Decisions of a channel or group, or the global ones.
     time_s : array_like, shape (n,)
         Time of each row, rising.
     start_s : float
@@ -37,18 +37,18 @@ def first_on_delay_s(on: ArrayLike, time_s: ArrayLike, start_s: float) -> float 
 
 
 def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | None]:
-    """Return mean and standard deviation of delays, as of the channels in the paper's Eq. 10.
+    """Return mean and standard deviation of delays, as the paper's Eq. 10 does for channels.
 
     Parameters
     ----------
     delays
-        In any unit; None for a channel or a trial without.
+        In any unit; None for a channel or trial without a delay.
 
     Returns
     -------
     mean, sd : float or None
-        Over those that are known; the mean of none and the standard deviation (of the sample:
-        n - 1) of fewer than two are not defined: None.
+        Of the delays that are known, the standard deviation with n - 1. None for the mean of no
+        delay and for the standard deviation of fewer than two.
 
     Examples
     --------
@@ -72,23 +72,28 @@ def percent(part: int, whole: int) -> float | None:
 
 
 def paper_figures(slips: Sequence[TrueSlip], on_rows: int, rest_rows: int) -> dict[str, Any]:
-    """Return the figures that the paper reports of trials, each slip being one.
+    """Return the figures that the paper reports; each slip counts as one of its trials.
 
     Parameters
     ----------
     slips
-        Of one recording or of several; see :func:`trial_delays_ms` for the delay of each.
+        The slips of one recording or of several; :func:`trial_delays_ms` has their delays.
     on_rows
-        Rows without slip in which the global decision is ON, of all recordings together.
+        Number of rows without slip in which the global decision is ON.
     rest_rows
-        Rows without slip.
+        Number of rows without slip.
 
     Returns
     -------
     dict
-        ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1) over the slips; ``success_percent``: the
-        share of the slips while which the global decision is ON; ``false_positive_percent``: the
-        share of the rows without slip in which it is. None where one is not defined.
+        ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1) of the slips; ``success_percent``: the share
+        of the slips during which the global decision is ON; ``false_positive_percent``: the share
+        of the rows without slip in which it is ON. None where one is not defined.
+
+    Examples
+    --------
+    >>> paper_figures([], on_rows=19, rest_rows=1900)['false_positive_percent']
+    1.0
     """
     mean_ms, sd_ms = mean_and_sd(trial_delays_ms(slips))
     return {
@@ -100,5 +105,5 @@ def paper_figures(slips: Sequence[TrueSlip], on_rows: int, rest_rows: int) -> di
 
 
 def trial_delays_ms(slips: Sequence[TrueSlip]) -> list[float | None]:
-    """Return each slip's delay, the mean of those of its channels (Eq. 10); None without one."""
+    """Return the mean delay of the channels in each slip (Eq. 10); None where none is ON."""
     return [None if slip.delay_s is None else slip.delay_s * 1e3 for slip in slips]
