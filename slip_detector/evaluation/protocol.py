@@ -1,43 +1,43 @@
 """The paper's protocol: three plates, ten trials on each, and its figures beside ours.
 
-Each trial is a scene of the package, simulated once and run through several chains: the one that
-is asked for, the same with other windows (as the paper's Fig. 4) and the same with wider bands
-and no stop-band above them (as its Fig. 7). Trial k of each plate has the seed k, so that the
-plates differ in nothing but their spatial period.
+Each trial is a scene of the package, simulated once and run through several chains: the given one,
+the same with other windows (as in the paper's Fig. 4) and the same with wider bands and no
+stop-band above them (as in its Fig. 7). Trial k of each plate has the seed k, so that the plates
+differ only in their spatial period.
 
-Of the paper's Table 2 the means and standard deviations of each plate are at hand, its delays of
-the single trials are not; of Figs. 4 and 7 what they say, not their values. What is not at hand is
-left out.
+From the paper we have the means and standard deviations of each plate (Table 2), but not the
+delays of the single trials, and what Figs. 4 and 7 show, but not their values. What we do not have
+is left out.
 
 ``slip_evaluate --protocol paper --json`` prints one object:
 
 ``seeds``
-    Of the trials of each plate.
+    The seeds of the trials of each plate.
 ``scenes``
-    By plate, which is named by its spatial period in micrometres (``400``, ``440``, ``480``):
-    the scene.
+    The scene of each plate. A plate is named by its spatial period in micrometres (``400``,
+    ``440``, ``480``).
 ``paper``
-    What the paper reports: by plate ``mean_delay_ms`` and ``sd_delay_ms``, and
-    ``false_positive_percent``.
+    What the paper reports: ``mean_delay_ms`` and ``sd_delay_ms`` of each plate under ``plates``,
+    and ``false_positive_percent``.
 ``plates``
-    By plate: ``trial_delays_ms``, the delay of each trial, which is the mean over its channels
-    (Eq. 10) of the time from the last sample at which the plate still stood (Eq. 9) to the
-    channel's first ON before the plate stands again; ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1)
-    over the trials; ``detected``, the trials whose global decision is ON while the plate moves, of
-    ``trials``, and ``success_percent``, their share; ``false_positive_percent``, the share of the
-    time at which the plate stands, of all trials together, that the global decision is ON;
-    ``channels_without_on``, how many channels of all trials have no such ON and hence no part in
+    For each plate: ``trial_delays_ms``, the delay of each trial. It is the mean over the channels
+    (Eq. 10) of the time from the last sample at which the plate still stood (Eq. 9) to the first
+    ON of the channel before the plate stands again. ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1)
+    of the trials; ``detected``, the number of trials whose global decision is ON while the plate
+    moves, out of ``trials``, and ``success_percent``, their share; ``false_positive_percent``, the
+    share of the time at which the plate stands in which the global decision is ON;
+    ``channels_without_on``, how many channels in all trials have no such ON and are left out of
     the means. null where a figure is not defined.
 ``all``
     The same figures over the trials of all plates.
 ``windows``
-    By length of both windows in milliseconds (``20``, ``30``, ``40``): ``plates`` and ``all``.
+    ``plates`` and ``all`` by the length of both windows in milliseconds (``20``, ``30``, ``40``).
 ``bands``
-    By edges of the band-pass in Hz (``10-100``, ``10-150``), without the stop-bands above the
-    configured band: ``plates`` and ``all``.
+    ``plates`` and ``all`` by the edges of the band-pass in Hz (``10-100``, ``10-150``), without
+    the stop-bands above the configured band.
 ``wanted``
-    For each claim: the ``value`` (null where it is not defined), the ``bound`` as text and whether
-    it is ``met``; see :data:`WANTED`.
+    For each wanted figure its ``value`` (null where it is not defined), the ``bound`` as text, and
+    whether it is ``met``; see :data:`WANTED`.
 ``plots``
     The pictures that were written.
 """
@@ -65,7 +65,7 @@ from slip_detector.parameters.detector import ChainConfig
 TRIALS = 10
 
 
-#: What is wanted of the figures that :func:`claims` gives under the same names.
+#: Bounds of the figures that :func:`claims` returns under the same names.
 WANTED: dict[str, Bound] = {
     'detected_percent': Bound(low=100.0),
     **{
@@ -89,15 +89,14 @@ def evaluate_protocol(
     Parameters
     ----------
     plates
-        The trials by plate; those of :data:`SCENES`.
+        The trials of each plate in :data:`SCENES`.
     config
-        The chain's.
+        The parameters of the chain.
 
     Returns
     -------
     dict
-        ``plates``, ``all``, ``windows``, ``bands`` and ``wanted``, as the module's docstring has
-        them.
+        ``plates``, ``all``, ``windows``, ``bands`` and ``wanted``; see the module's docstring.
 
     Raises
     ------
@@ -127,7 +126,7 @@ def claims(result: Mapping[str, Any]) -> dict[str, float | None]:
     Parameters
     ----------
     result
-        ``plates``, ``all``, ``windows`` and ``bands`` of :func:`evaluate_protocol`.
+        ``plates``, ``all``, ``windows`` and ``bands`` as :func:`evaluate_protocol` has them.
     """
     plates, whole = result['plates'], result['all']
     means = [plates[plate]['mean_delay_ms'] for plate in SCENES]
@@ -156,7 +155,7 @@ def _less(a: float | None, b: float | None) -> float | None:
 
 
 def _defined(pick: Callable[[list[float]], float], values: Iterable[float | None]) -> float | None:
-    """Return the least or the most of the values; None where one of them is not defined."""
+    """Return the smallest or largest value; None where one of them is not defined."""
     known: list[float] = []
     for value in values:
         if value is None:
@@ -176,24 +175,25 @@ def run_protocol(
     Parameters
     ----------
     config
-        The chain's.
+        The parameters of the chain.
     trials
-        On each plate.
+        Number of trials on each plate.
     seed
-        Of the first trial; the next have the next.
+        Seed of the first trial; the following trials have the following seeds.
     draw
-        Draws the pictures, given the trials by plate, the chain's parameters and the figures, and
-        returns their paths; none are drawn without.
+        Draws the pictures and returns their paths, given the trials by plate, the parameters of
+        the chain and the figures. None: no pictures.
 
     Returns
     -------
     dict
-        As the module's docstring has it.
+        See the module's docstring.
 
     Raises
     ------
     ValueError
-        When the chain cannot be built, does not suit the scenes, or a picture cannot be written.
+        When the chain cannot be built or does not suit the scenes, or a picture cannot be
+        written.
     """
     seeds = list(range(seed, seed + trials))
     plates = {plate: simulate_trials(scene, seeds) for plate, scene in SCENES.items()}

@@ -1,4 +1,4 @@
-"""Trials of the paper's protocol: simulated once, run through a chain, told in figures."""
+"""The trials of the paper's protocol: their simulation, their way through a chain, figures."""
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,35 +18,36 @@ Bools = NDArray[np.bool_]
 
 Floats = NDArray[np.float64]
 
-#: The plates by their spatial period in micrometres (Section 3), and their scenes.
+#: The scenes of the plates, by the spatial period in micrometres (Section 3).
 SCENES = {'400': 'plate_400um', '440': 'plate_440um', '480': 'plate_480um'}
 
 #: Table 2: mean and standard deviation of the delay over the trials of each plate.
 PAPER_DELAY_MS = {'400': (36.02, 3.91), '440': (41.78, 10.78), '480': (48.90, 9.91)}
 
-#: The paper's share of the time without slip at which its detector was ON.
+#: The share of the time without slip in which the paper's detector was ON.
 PAPER_FALSE_POSITIVE_PERCENT = 1.01
 
 #: Fig. 4: lengths of both windows; the last is the paper's choice.
 WINDOWS_S = (0.02, 0.03, 0.04)
 
-#: Fig. 7: the band-passes that go without the high stop-band.
+#: Fig. 7: the band-passes without the high stop-band.
 BANDS_HZ = ((10.0, 100.0), (10.0, 150.0))
 
 ROWS_PER_READ = 4096
 
 
 class PlateTrial(NamedTuple):
-    """A trial to its end.
+    """All samples of one trial.
 
     Attributes
     ----------
     volts : ndarray, shape (n, c)
     position_m : ndarray, shape (n,)
-        Of the platform.
+        Position of the platform.
     sample_rate_hz : float
     start, end : int
-        The last row at which the plate still stood (Eq. 9), and the first at which it stood again.
+        The last row at which the plate still stood (Eq. 9), and the first row at which it stood
+        again.
     """
 
     volts: Floats
@@ -73,21 +74,27 @@ class PlateTrial(NamedTuple):
 
 
 def plate_trial(volts: Floats, position_m: Floats, sample_rate_hz: float) -> PlateTrial:
-    """Make a trial of all its samples.
+    """Make a trial of its samples.
 
     Parameters
     ----------
     volts : ndarray, shape (n, c)
-        Of the channels.
+        Samples of the channels.
     position_m : ndarray, shape (n,)
-        Of the platform.
+        Positions of the platform.
     sample_rate_hz
-        Of both.
+        Rate of both.
 
     Raises
     ------
     ValueError
         When the position of the platform never changes.
+
+    Examples
+    --------
+    >>> trial = plate_trial(np.zeros((5, 16)), np.array([0, 0, 1e-3, 2e-3, 2e-3]), 380.0)
+    >>> trial.start, trial.end
+    (1, 3)
     """
     moved = np.flatnonzero(np.diff(position_m))
     if not moved.size:
@@ -118,9 +125,9 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
     Parameters
     ----------
     scene
-        Its name or path.
+        Name or path of the scene.
     seeds
-        Of the noise.
+        Seeds of the noise, one for each trial.
 
     Raises
     ------
@@ -136,10 +143,9 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
 
 
 def replay_trial(trial: PlateTrial, replay: Replay) -> ReplayOutcome:
-    """Run a trial through a chain from its first row; the motion of the plate is its one slip.
+    """Run a trial through a chain from its first row; its only slip is the motion of the plate.
 
-    An ON that comes when the plate stands again is none of the motion: such a channel has no
-    delay.
+    A channel that is ON for the first time when the plate stands again has no delay.
 
     Raises
     ------
@@ -162,12 +168,17 @@ def replay_trial(trial: PlateTrial, replay: Replay) -> ReplayOutcome:
 
 
 def plate_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
-    """Return the paper's figures of trials; the keys are in the docstring of the protocol.
+    """Return the paper's figures of merit of some trials.
 
     Parameters
     ----------
     outcomes
-        At least one, of one slip each.
+        At least one, each with one slip.
+
+    Returns
+    -------
+    dict
+        The figures of a plate; see the docstring of :mod:`slip_detector.evaluation.protocol`.
     """
     slips = [slip for one in outcomes for slip in one.slips]
     return {
@@ -191,15 +202,15 @@ def evaluate_plates(
     Parameters
     ----------
     plates
-        The trials by plate, at least one on each; see :func:`simulate_trials` and, for scenes
-        that do not come with the package, :func:`read_trial`.
+        The trials of each plate, at least one; see :func:`simulate_trials`, and
+        :func:`read_trial` for scenes that do not come with the package.
     config
-        The chain's.
+        The parameters of the chain.
 
     Returns
     -------
     dict
-        ``plates`` and ``all``, as the module's docstring has them.
+        ``plates`` and ``all``; see the docstring of :mod:`slip_detector.evaluation.protocol`.
 
     Raises
     ------
@@ -220,17 +231,35 @@ def evaluate_plates(
 
 
 def with_windows(config: ChainConfig, window_s: float) -> ChainConfig:
-    """Return the configuration with both windows of one length."""
+    """Return the configuration with another length of both windows.
+
+    Examples
+    --------
+    >>> with_windows(ChainConfig(), 0.02).decision_window_s
+    0.02
+    """
     return dataclasses.replace(config, envelope_window_s=window_s, decision_window_s=window_s)
 
 
 def with_band(config: ChainConfig, passband_hz: tuple[float, float]) -> ChainConfig:
-    """Return the configuration with another pass-band and no stop-band above its own."""
+    """Return the configuration with another pass-band, without stop-bands above the first one.
+
+    Examples
+    --------
+    >>> with_band(ChainConfig(), (10.0, 100.0)).stopbands_hz
+    ((0.5, 7.0),)
+    """
     top_hz = config.passband_hz[1] or np.inf  # 0: a high-pass, above which there is nothing.
     kept = tuple(pair for pair in config.stopbands_hz if pair[0] < top_hz)
     return dataclasses.replace(config, passband_hz=passband_hz, stopbands_hz=kept)
 
 
 def band_name(name: str) -> str:
-    """Return how a band is called in tables and pictures."""
+    """Return the name of a band in tables and pictures.
+
+    Examples
+    --------
+    >>> band_name('10-100')
+    '[10, 100] Hz, no high stop-band'
+    """
     return f'[{name.replace("-", ", ")}] Hz, no high stop-band'

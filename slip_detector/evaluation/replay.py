@@ -1,6 +1,6 @@
-"""Replay: one chain over a recording, piece by piece, to the figures of the whole.
+"""Runs one chain over a recording, piece by piece, and computes the figures of the whole.
 
-What is kept does not grow with the rows, only with the slips and alarms.
+The memory that this takes grows with the number of slips and alarms, not with the rows.
 """
 
 import dataclasses
@@ -39,22 +39,22 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
-#: Values that the chain is given at a time: what it makes of them is to stay in the cache.
+#: Number of values that the chain is given at a time, so that its results stay in the cache.
 BLOCK_VALUES = 131072
 
-#: The block that begins with a slip is as short: mostly its alarm is in it, and then the rows
-#: after it go without the envelope.
+#: Length of the block that begins with a slip. The alarm is mostly in it, and then the following
+#: rows need no envelope.
 WATCHED_ROWS = 64
 
 
 class Observer(Protocol):
-    """Is shown the rows of a recording while it is replayed, as the overview of a report is."""
+    """Receives the rows of a recording during its replay, as the overview of a report does."""
 
     def add(self, volts: Floats, result: SlipResult, truth: Bools, /) -> None:
-        """Take the next rows, with their level."""
+        """Take the next rows; the result has their level."""
 
     def gap(self, seconds: float, /) -> None:
-        """Learn of the time that is missing before the next rows."""
+        """Take the length of the gap before the next rows."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,15 +65,15 @@ class ReplayOutcome:
     ----------
     rows, slip_rows : int
     moving_rows : int or None
-        None where the recording does not say.
+        Number of rows of motion; None where the recording has no velocities.
     on_rows : int
-        Rows without slip in which the global decision is ON.
+        Number of rows without slip in which the global decision is ON.
     sample_rate_hz : float
-        Of the recording.
+        Rate of the recording.
     slips : tuple of TrueSlip
     alarms : tuple of Alarm
     scores : ScoreCounts or None
-        Of the decision statistic; None where they were not asked for.
+        Scores of the decision statistic; None where they were not asked for.
     """
 
     rows: int
@@ -102,11 +102,18 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Plain numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows``,
-        ``duration_s``; areas under the ROC curve of the decision statistic, of rows with slip
-        against all others, ``auc_all``, and against those of motion, ``auc_moving``; those of
-        :func:`slip_detector.evaluation.paper_figures.paper_figures` and those of
+        Numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows`` and
+        ``duration_s``; areas under the ROC curve of the decision statistic, for rows with slip
+        against all other rows (``auc_all``) and against rows of motion (``auc_moving``); the
+        figures of :func:`slip_detector.evaluation.paper_figures.paper_figures` and of
         :func:`slip_detector.evaluation.events.event_figures`.
+
+    Examples
+    --------
+    >>> rest = LabelledRows(np.full((760, 16), 4.3), truth=np.zeros(760, bool))
+    >>> figures = figures_of_merit([Replay(ChainConfig()).run([rest])])
+    >>> figures['duration_s'], figures['false_alarms'], figures['recall']
+    (2.0, 0, None)
     """
     slips = [slip for one in outcomes for slip in one.slips]
     rows, slip_rows = sum(one.rows for one in outcomes), sum(one.slip_rows for one in outcomes)
@@ -134,12 +141,12 @@ class Replay:
     Parameters
     ----------
     chain_config
-        The chain's parameters.
+        The parameters of the chain.
     config
         What counts as detected.
     scores, stages
-        Whether the outcome has the scores of the ROC curve, and where the time of each detection
-        went: what is left out costs nothing.
+        Whether the outcome has the scores of the ROC curve, and the parts of each latency. What
+        is left out takes no time.
 
     Raises
     ------
@@ -181,16 +188,16 @@ class Replay:
         Parameters
         ----------
         pieces
-            The whole recording, cut in any way.
+            The whole recording, in pieces of any length.
         sample_rate_hz
-            Its own rate, by which rows become times; the chain's if not given.
+            Rate of the recording, which turns rows into times; the chain's rate if not given.
         observer
-            Is shown all rows, and every gap, in their order.
+            Is given all rows and gaps in their order.
 
         Raises
         ------
         ValueError
-            When the shape of a piece is not that of the chain.
+            When the number of channels in a piece is not that of the chain.
         """
         self.chain.reset()
         run = _Run(self, sample_rate_hz or self.chain.config.sample_rate_hz, observer)
@@ -201,14 +208,14 @@ class Replay:
 
 @dataclasses.dataclass
 class _Slip:
-    """What is noted of a slip from its start on.
+    """What is known of a slip so far.
 
     Attributes
     ----------
     start : int
-        Row.
+        Its first row.
     first_on : ndarray of int, shape (c,)
-        Row of the first ON of each enabled channel while it lasts, -1 before.
+        The row of the first ON of each enabled channel during the slip; -1 before it.
     """
 
     start: int
@@ -231,7 +238,7 @@ class _Run:
         disabled = {channel - 1 for channel in chain_config.disabled_channels}
         self._enabled = [c for c in range(chain_config.channels) if c not in disabled]
         self._block_rows = max(BLOCK_VALUES // chain_config.channels, 1)
-        self._row = 0  # of time: those missing in gaps are counted
+        self._row = 0  # with the rows that are missing in gaps
         self._rows = self._slip_rows = self._moving_rows = self._on_rows = 0
         self._moves = False
         self._last_stamps_ns: Stamps | None = None
@@ -274,7 +281,7 @@ class _Run:
         self._end_watch()
 
     def _block(self, volts: Floats, truth: Bools, kinds: Kinds) -> None:
-        """Take rows of which the first ones, or none, have slip, and that of one slip."""
+        """Take rows with at most one slip, which is at their beginning."""
         if truth[0] and not self._labels.on:
             self._begin_slip()
         watching = self._watch is not None and self._watch.watching
@@ -317,7 +324,7 @@ class _Run:
             slip.first_on[waiting[found]] = self._row + channels.argmax(axis=0)[found]
 
     def _follow(self, volts: Floats, result: SlipResult, on: Bools) -> None:
-        """Let the watch have the rows in which the alarm of the last slip may come."""
+        """Give the watch the rows in which the alarm of the last slip may rise."""
         assert self._watch is not None
         n = len(on)
         if not self._labels.on:
@@ -330,7 +337,7 @@ class _Run:
             self._end_watch()
 
     def _end_watch(self) -> None:
-        """Note where the time of the last slip went, up to its alarm or without one."""
+        """Note the parts of the last slip's latency, or where the slip was lost."""
         if self._watch and self._watch.watching:
             slip = self._slips[-1]
             slip.stages = self._watch.stages()

@@ -12,11 +12,11 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Scores of one class differ by less than this share.
+#: Scores in one class differ by less than this share of their value.
 SCORE_RESOLUTION = 2.0**-10
 
-# A class is the exponent of a score, as float64 has it, and the first ten bits of its mantissa; it
-# is 0 below 2^-126, and the last one from 2^129.
+# The number of a class is made of the exponent of a score in float64 and the first ten bits of its
+# mantissa. Scores below 2^-126 are in class 0, scores from 2^129 on in the last class.
 _DROPPED_BITS = 42
 _LOWEST_CLASS = (1023 - 127) << 10
 _CLASSES = 1 << 18
@@ -24,13 +24,14 @@ _CLASSES = 1 << 18
 
 @compiled
 def _count(bits, kinds, table, used):  # type: ignore[no-untyped-def]
-    """Add rows to the table by their kind and the class of their score, given by its bits.
+    """Count rows in the table by their kind and the class of their score.
 
-    ``used`` are the lowest class in use and the one after the highest.
+    ``bits`` are the bits of the scores; ``used`` is the lowest class in use, and the class after
+    the highest one in use.
     """
     low, high = used[0], used[1]
     for k in range(bits.size):
-        # The bits of floats of one sign are ordered as the floats are.
+        # The bits of positive floats have the same order as the floats.
         at = min(max((bits[k] >> _DROPPED_BITS) - _LOWEST_CLASS, 0), _CLASSES - 1)
         table[kinds[k], at] += 1
         low, high = min(low, at), max(high, at + 1)
@@ -38,16 +39,24 @@ def _count(bits, kinds, table, used):  # type: ignore[no-untyped-def]
 
 
 class ScoreCounts:
-    """How many rows of which kind have which score, in memory that does not grow with the rows.
+    """Number of rows of each kind by score, in memory that does not grow with the rows.
 
-    Scores are told apart to :data:`SCORE_RESOLUTION` of their value, from 1e-38 to 3e38.
+    Scores from 1e-38 to 3e38 are resolved to :data:`SCORE_RESOLUTION` of their value.
 
     Attributes
     ----------
     classes : ndarray of int, shape (k,)
-        Classes of scores that occur, rising.
+        The classes of the scores that occur, in rising order.
     counts : ndarray of int, shape (3, k)
-        Rows of the kinds :data:`REST`, :data:`MOTION` and :data:`SLIP` in each.
+        Number of rows of the kinds :data:`REST`, :data:`MOTION` and :data:`SLIP` in each class.
+
+    Examples
+    --------
+    >>> tally = ScoreTally()
+    >>> tally.add([0.1, 2.0], [REST, SLIP])
+    >>> counts = tally.take()
+    >>> counts.auc(), int(ScoreCounts.pooled([counts, counts]).counts.sum())
+    (1.0, 4)
     """
 
     def __init__(self, classes: Ints | None = None, counts: Ints | None = None) -> None:
@@ -56,7 +65,7 @@ class ScoreCounts:
 
     @classmethod
     def pooled(cls, parts: Iterable['ScoreCounts']) -> 'ScoreCounts':
-        """Put the rows of several recordings together."""
+        """Return the counts of several recordings together."""
         tally = ScoreTally()
         for part in parts:
             tally.add_counts(part)
@@ -64,25 +73,25 @@ class ScoreCounts:
 
     @property
     def score(self) -> Floats:
-        """The least score of each class; shape (k,)."""
+        """The lowest score of each class; shape (k,)."""
         bits = (self.classes + _LOWEST_CLASS) << _DROPPED_BITS
         return np.where(self.classes > 0, bits.view(np.float64), 0.0)
 
     def auc(self, against: Iterable[int] = (REST, MOTION)) -> float | None:
         """Return the area under the ROC curve of slip against rows of other kinds.
 
-        Two scores of one class count as a tie. So the area is true to half the share of such
-        pairs, which for scores that spread over an octave is some 1e-4.
+        Two scores in one class count as equal. The error of the area is at most half the share of
+        such pairs, which is about 1e-4 for scores that are spread over an octave.
 
         Parameters
         ----------
         against
-            Kinds of the negatives.
+            The kinds of rows without slip.
 
         Returns
         -------
         float or None
-            0 to 1; None where there is no positive or no negative.
+            0 to 1; None where there are no rows with slip or none of the other kinds.
         """
         positive, negative = self.counts[SLIP], self.counts[list(against)].sum(axis=0)
         pairs = int(positive.sum()) * int(negative.sum())
@@ -97,8 +106,8 @@ class ScoreCounts:
         Returns
         -------
         false_share, true_share, limit : ndarray, shape (k,)
-            Shares of the negatives and of the positives at or above each limit of the score, the
-            highest limit first; NaN where there is none of the kind.
+            Shares of the rows without and with slip whose score is at least each limit, the
+            highest limit first; NaN where there are no such rows.
         """
         positive = np.cumsum(self.counts[SLIP][::-1])
         negative = np.cumsum(self.counts[list(against)].sum(axis=0)[::-1])
@@ -110,7 +119,7 @@ class ScoreCounts:
 
 
 class ScoreTally:
-    """Counts scores as they come; made once and used for one recording after the other.
+    """Counts the scores of a recording; it can be used for one recording after another.
 
     Examples
     --------
@@ -140,14 +149,14 @@ class ScoreTally:
         _count(scores.view(np.int64), kinds, self._table, self._used)
 
     def add_counts(self, counts: ScoreCounts) -> None:
-        """Count the rows that were counted elsewhere."""
+        """Add the rows that another tally has counted."""
         if counts.classes.size:
             self._table[:, counts.classes] += counts.counts
             self._used[0] = min(self._used[0], counts.classes[0])
             self._used[1] = max(self._used[1], counts.classes[-1] + 1)
 
     def take(self) -> ScoreCounts:
-        """Return what has been counted and forget it."""
+        """Return the counts so far and start again from zero."""
         low, high = self._used.tolist()
         table = self._table[:, low:high]
         classes = np.flatnonzero(table.any(axis=0))

@@ -1,9 +1,8 @@
-"""Where the time of a detection goes: filter, envelope, decision, vote.
+"""How the latency of a detection is divided: filter, envelope, decision, vote.
 
-The filtered signal comes from a chain like the one that is watched, with windows of one sample:
-its envelope is the rectified signal to its exponent. It takes over the filters where a slip
-begins and runs no further than the alarm, so that there is no second copy of the algorithm and
-hardly a second run.
+The filtered signal comes from a second chain with windows of one sample: its envelope is the
+rectified signal to its exponent. It takes over the state of the filters where a slip begins and
+runs only until the alarm. So the algorithm is not written twice and hardly runs twice.
 """
 
 import dataclasses
@@ -19,23 +18,23 @@ from slip_detector.parameters.detector import ChainConfig
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
-#: A row that never came.
+#: Stands in place of a row that never came.
 NEVER = np.iinfo(np.int64).max
 
 
 class StageWatch:
-    """Measures where the time goes from the start of one slip to its alarm.
+    """Measures how long each stage takes from the start of a slip to its alarm.
 
     Parameters
     ----------
     config
-        Of the chain that is watched.
+        Parameters of the chain that is watched.
 
     Attributes
     ----------
     watching : bool
-        Whether it is on the way: it wants the chain's envelope. Whoever follows it to the end says
-        so.
+        Whether a slip is being followed, which needs the chain's envelope. :meth:`begin` sets
+        it; the caller clears it at the end.
     """
 
     def __init__(self, config: ChainConfig) -> None:
@@ -55,11 +54,11 @@ class StageWatch:
         Parameters
         ----------
         chain
-            The chain that is watched, whose global decision is OFF.
+            The chain that is watched; its global decision is OFF.
         row
-            When that row is.
+            Number of the first row of the slip.
         """
-        # By the first three stages and channel: the first row at which the signal got through.
+        # The first row above the threshold, for each of the first three stages and each channel.
         self._first = np.full((3, chain.config.channels), NEVER)
         self._start, self._alarm = row, NEVER
         self._filters.take_filters(chain)
@@ -73,11 +72,11 @@ class StageWatch:
         volts : ndarray, shape (n, c)
             At least one row.
         result
-            What the chain made of them, with its envelope.
+            The chain's result for these rows, with the envelope.
         row
-            When the first of them is.
+            Number of the first of these rows.
         rise
-            Index of the row at which the global decision rises, where it does: the end.
+            Index of the row at which the global decision rises; None where it does not.
         """
         n = len(volts) if rise is None else rise + 1
         filtered = self._filters.update(volts[:n], level=False).envelope
@@ -98,8 +97,8 @@ class StageWatch:
         """Return how many rows each stage took, from the slip to the alarm; None without one."""
         if self._alarm == NEVER:
             return None
-        # A later stage may be passed before the one that feeds it: what came before the slip is
-        # still in the windows. Then the earlier stage took no time of its own.
+        # A later stage may be above the threshold before the one that feeds it, as the windows
+        # still hold rows from before the slip. Then the earlier stage takes no time.
         ends = [*self._first[:, self._deciding].min(axis=1).tolist(), self._alarm]
         for k in (2, 1, 0):
             ends[k] = min(ends[k], ends[k + 1])
@@ -107,7 +106,7 @@ class StageWatch:
         return {stage: ends[k] - starts[k] for k, stage in enumerate(STAGES)}
 
     def lost_at(self) -> str:
-        """Return the stage that nothing came through, for a slip without an alarm."""
+        """Return the first stage at which no channel was above the threshold, or the vote."""
         for stage, first in zip(STAGES, self._first, strict=False):
             if (first == NEVER).all():
                 return stage
