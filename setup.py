@@ -34,6 +34,7 @@ setup(
         'pyyaml',
         'matplotlib',
         'pyserial>=3.5',
+        'tqdm',
     ],
     extras_require={
         # A robot may lack Numba: the chain then runs interpreted.
@@ -42,9 +43,12 @@ setup(
         'bags': ['rosbags>=0.11'],
         'ros': ros_wheels('jazzy'),
         'ros-kilted': ros_wheels('kilted'),
-        'tune': ['optuna>=4.0', 'tqdm'],
+        'tune': ['optuna>=4.0'],
+        # slip_evaluate and slip_tune on several machines.
+        'cluster': ['distributed'],
         'test': [
             'colcon-common-extensions',
+            'distributed',
             'hypothesis',
             'mpmath>=1.2',
             'mypy',

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tune.families import search_candidate
-from slip_detector.commands.tune import load_tracks, settings_of
+from slip_detector.commands.tune import settings_of
 from slip_detector.evaluation.labelled_rows import MOTION
 from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.tuning.loading import load_tracks
 from slip_detector.tuning.sweep import VoteStatistics
 from slip_detector.tuning.tracks import Track
 
@@ -54,7 +55,7 @@ def measure_real_recordings(
         When the recordings or the parameters cannot be read; names them.
     """
     settings = settings_of(str(config))
-    tracks = load_tracks([str(folder)], settings)[0]
+    tracks = load_tracks([str(folder)], settings.loader)[0]
     by_seed = {}
     for seed in seeds:
         chains = []

@@ -11,6 +11,9 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn
 
+#: Exit code after Ctrl-C.
+INTERRUPTED = 130
+
 
 class Parser(argparse.ArgumentParser):
     """Says what is wrong with the arguments in one line."""
@@ -18,6 +21,29 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Leave with the exit code 2."""
         self.exit(2, f'{self.prog}: {message} ({self.prog} --help says more)\n')
+
+
+def whole_number(low: int, high: int | None = None) -> Callable[[str], int]:
+    """Return what reads an argument that is a whole number.
+
+    Parameters
+    ----------
+    low, high
+        From and to which it is allowed; without the second there is no end.
+
+    Examples
+    --------
+    >>> whole_number(1)('12')
+    12
+    """
+    allowed = f'a whole number from {low}' if high is None else f'a whole number, {low} to {high}'
+
+    def read(text: str) -> int:
+        if not text.isdecimal() or int(text) < low or (high is not None and int(text) > high):
+            raise argparse.ArgumentTypeError(f'is {text!r}, allowed: {allowed}')
+        return int(text)
+
+    return read
 
 
 def print_text(name: str, text: str) -> int:
@@ -96,4 +122,4 @@ def _start(name: str, module: str) -> int:
 
 def _interrupted(name: str) -> int:
     sys.stderr.write(f'{name}: ended before it was done\n')
-    return 130
+    return INTERRUPTED

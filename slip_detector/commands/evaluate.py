@@ -12,6 +12,8 @@ No ROS here: the chain runs over each recording as the detector node would, from
     and ``alarm_events``, see :class:`slip_detector.evaluation.events.TrueSlip` and ``Alarm``.
 ``all``
     The figures and counts over all sets.
+``not_evaluated``
+    After Ctrl-C: the recordings that it came too early for.
 ``written``
     With ``--plot`` or ``--report``: the files.
 
@@ -28,107 +30,89 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from slip_detector.commands.command_line import Parser, run
+from slip_detector.commands.command_line import INTERRUPTED, Parser, run, whole_number
+from slip_detector.commands.progress import progress_bar
 from slip_detector.commands.recording_options import add_recording_options, with_recording_options
+from slip_detector.commands.worker_options import (
+    add_worker_options,
+    config_for_workers,
+    paths_for_workers,
+    workers_of,
+)
+from slip_detector.commands.workers import Workers
 from slip_detector.evaluation.evaluator import EvaluatedRecording, Evaluator, recording_figures
 from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.writing import check_writable, writable_folder
-from slip_detector.recordings import ENDINGS, is_recording
+from slip_detector.recordings import ENDINGS, recording_sets
 from slip_detector.report.evaluation_tables import evaluation_tables
 
 NAME = 'slip_evaluate'
 
-#: Options of what to read of a recording.
-READING = ('topic', 'field', 'labels', 'resample')
-
+#: Options that are for recordings only.
+OF_RECORDINGS = ('topic', 'field', 'labels', 'resample', 'report', 'jobs', 'cluster')
 
 #: More simulated trials than this are taken for a slip of the keys.
 MOST_TRIALS = 1000
 
 
-def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
-    """Sort files and folders into sets of recordings.
-
-    Parameters
-    ----------
-    arguments
-        Paths: a folder that is no bag stands for all recordings in it, those of one folder belong
-        together.
-
-    Returns
-    -------
-    dict
-        Name of each set, which is that of its folder (the whole path where two folders have the
-        same name), and its files, those of a folder in the order of their names.
-
-    Raises
-    ------
-    ValueError
-        For a folder without recordings or a recording given twice.
-    """
-    by_folder: dict[Path, list[Path]] = {}
-    for argument in map(Path, arguments):
-        folder = argument.is_dir() and not is_recording(argument)
-        files = _recordings_in(argument) if folder else [argument]
-        for file in files:
-            mine = by_folder.setdefault(file.parent.resolve(), [])
-            if file.name in [other.name for other in mine]:
-                raise ValueError(f'{file}: is given twice, allowed: each once')
-            mine.append(file)
-    names = [folder.name for folder in by_folder]
-    return {
-        folder.name if folder.name and names.count(folder.name) == 1 else str(folder): files
-        for folder, files in by_folder.items()
-    }
-
-
-def _recordings_in(folder: Path) -> list[Path]:
-    try:
-        files = sorted(filter(is_recording, folder.iterdir()))
-    except OSError as error:
-        raise ValueError(f'{folder}: cannot be read ({error.strerror})') from None
-    if not files:
-        raise ValueError(f'{folder}: has no recordings, allowed: {", ".join(ENDINGS)} or bags')
-    return files
-
-
 def evaluate(
-    arguments: Sequence[str], evaluator: Evaluator, with_overviews: bool = False
-) -> dict[str, dict[str, EvaluatedRecording]]:
-    """Evaluate sets of recordings.
+    arguments: Sequence[str],
+    evaluator: Evaluator,
+    workers: Workers,
+    with_overviews: bool = False,
+) -> tuple[dict[str, dict[str, EvaluatedRecording]], list[Path]]:
+    """Evaluate sets of recordings, side by side where there are several workers.
 
     Parameters
     ----------
     arguments
-        As :func:`recording_sets` has them.
+        As :func:`slip_detector.recordings.sets.recording_sets` has them.
     evaluator
         Of the chain.
+    workers
+        Who evaluate.
     with_overviews
         Whether what a report shows is gathered.
 
     Returns
     -------
-    dict
-        By the name of the set and that of the file.
+    sets : dict
+        By the name of the set and that of the file, in the order of the arguments.
+    left : list of Path
+        What was not evaluated: none, unless Ctrl-C ended it.
 
     Raises
     ------
     ValueError
         When a recording cannot be evaluated; names it.
+    KeyboardInterrupt
+        When Ctrl-C came before the first was evaluated.
     """
     sets = recording_sets(arguments)
+    files = [file for several in sets.values() for file in several]
     watch = None
     if with_overviews:
         from slip_detector.report.evaluation_report import overview_factory
 
-        watch = overview_factory(evaluator.chain_config, sum(map(len, sets.values())))
-    return {
-        name: {file.name: evaluator.evaluate(file, watch) for file in files}
-        for name, files in sets.items()
+        watch = overview_factory(evaluator.chain_config, len(files))
+    found: dict[Path, EvaluatedRecording] = {}
+    with progress_bar(len(files), 'recording') as bar:
+        try:
+            for place, one in workers.results(partial(evaluator.evaluate, watch=watch), files):
+                found[files[place]] = one
+                bar.update()
+        except KeyboardInterrupt:
+            if not found:
+                raise
+    by_set = {
+        name: {file.name: found[file] for file in several if file in found}
+        for name, several in sets.items()
     }
+    left = [file for file in files if file not in found]
+    return {name: several for name, several in by_set.items() if several}, left
 
 
 def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:
@@ -194,6 +178,7 @@ def _parser() -> Parser:
         metavar='FILE.html',
         help='write the same as a page to look through, with the timelines to zoom into',
     )
+    add_worker_options(parser, 'evaluate recordings side by side')
     add_recording_options(parser)
     protocol = parser.add_argument_group('with --protocol')
     protocol.add_argument(
@@ -204,38 +189,25 @@ def _parser() -> Parser:
     )
     protocol.add_argument(
         '--trials',
-        type=_whole_number(1, MOST_TRIALS),
+        type=whole_number(1, MOST_TRIALS),
         metavar='N',
         help='trials on each plate (default: 10)',
     )
     protocol.add_argument(
         '--seed',
-        type=_whole_number(0, 2**31 - 1),
+        type=whole_number(0, 2**31 - 1),
         metavar='FIRST',
         help='seed of the first trial, the next have the next (default: 0)',
     )
     return parser
 
 
-def _whole_number(low: int, high: int) -> Callable[[str], int]:
-    """Return what reads an argument that is a whole number."""
-
-    def read(text: str) -> int:
-        if not text.isdecimal() or not low <= int(text) <= high:
-            raise argparse.ArgumentTypeError(
-                f'is {text!r}, allowed: a whole number, {low} to {high}'
-            )
-        return int(text)
-
-    return read
-
-
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the arguments and see that they go together."""
     parser = _parser()
     options = parser.parse_args(argv)
-    of_protocol, of_recordings = ('trials', 'seed'), (*READING, 'report')
-    for name in of_recordings if options.protocol else of_protocol:
+    of_protocol = ('trials', 'seed')
+    for name in OF_RECORDINGS if options.protocol else of_protocol:
         if getattr(options, name) is not None:
             what, where = (
                 ('recordings', 'without') if options.protocol else ('simulated trials', 'with')
@@ -254,17 +226,20 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     config = ChainConfig.from_yaml(file) if file else ChainConfig()
     recording_config = RecordingConfig.from_yaml(file) if file else RecordingConfig()
     evaluation_config = EvaluationConfig.from_yaml(file) if file else EvaluationConfig()
-    evaluator = Evaluator(
-        RecordingLoader(
-            config, with_recording_options(recording_config, options), evaluation_config
-        )
+    recording_config = config_for_workers(
+        options, with_recording_options(recording_config, options)
     )
+    evaluator = Evaluator(RecordingLoader(config, recording_config, evaluation_config))
     page = options.report
     if page:  # to be said before an hour of recordings is read
         check_writable(page)
     look = page or options.plot
-    sets = evaluate(options.recordings, evaluator, bool(look))
+    paths = paths_for_workers(options, options.recordings)
+    with workers_of(options) as workers:
+        sets, left = evaluate(paths, evaluator, workers, bool(look))
     report = as_report(sets)
+    if left:
+        report['not_evaluated'] = [str(path) for path in left]
     if look:
         from slip_detector.report.evaluation_report import write_evaluation_report
 
@@ -302,15 +277,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code, see :func:`slip_detector.commands.command_line.run`.
+        Exit code, see :func:`slip_detector.commands.command_line.run`; 130 also where Ctrl-C left
+        recordings that were not evaluated.
     """
     options = _arguments(argv)
+    report: dict[str, Any] = {}
 
     def work() -> str:
-        report, layout = (_of_protocol if options.protocol else _of_recordings)(options)
+        figures, layout = (_of_protocol if options.protocol else _of_recordings)(options)
+        report.update(figures)
         return json.dumps(report, indent=2) if options.json else layout(report)
 
-    return run(NAME, work)
+    code = run(NAME, work)
+    return INTERRUPTED if not code and 'not_evaluated' in report else code
 
 
 if __name__ == '__main__':

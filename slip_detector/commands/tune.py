@@ -10,34 +10,41 @@ import importlib.util
 import shlex
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from slip_detector.commands.command_line import run
-from slip_detector.commands.evaluate import recording_sets
+from slip_detector.commands.progress import progress_bar
 from slip_detector.commands.recording_options import with_recording_options
+from slip_detector.commands.stopper import Stopper
 from slip_detector.commands.tune_options import NAME, arguments_of
+from slip_detector.commands.worker_options import (
+    config_for_workers,
+    paths_for_workers,
+    workers_of,
+)
 from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.parameters.writing import check_writable, with_parameters, write_file
-from slip_detector.recordings import RecordingCounts
+from slip_detector.tuning.file_objective import FileObjective
+from slip_detector.tuning.loading import TrainingFiles, load_tracks
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import SEARCHED, Problem
-from slip_detector.tuning.processes import Stopper, search_in_processes
 from slip_detector.tuning.quiet import quiet_threshold
-from slip_detector.tuning.search import search
-from slip_detector.tuning.tracks import Track, fingerprint, held_out, track_of
+from slip_detector.tuning.search import Point, search
+from slip_detector.tuning.tracks import Track, fingerprint
 from slip_detector.tuning.verdict import judge, pooled_figures
 
 #: Of a run that shows no bar, a line is printed so often.
 LINES = 10
 
-NEEDS = "needs {}, which is not installed: pip install 'slip_detector[tune]'"
+NEEDS_OPTUNA = "needs optuna, which is not installed: pip install 'slip_detector[tune]'"
 
 
 class Settings(NamedTuple):
@@ -47,6 +54,11 @@ class Settings(NamedTuple):
     recording: RecordingConfig = RecordingConfig()
     evaluation: EvaluationConfig = EvaluationConfig()
     tune: TuneConfig = TuneConfig()
+
+    @property
+    def loader(self) -> RecordingLoader:
+        """Opens recordings for the chain."""
+        return RecordingLoader(self.chain, self.recording, self.evaluation)
 
 
 def settings_of(file: str | None) -> Settings:
@@ -67,78 +79,15 @@ def settings_of(file: str | None) -> Settings:
     )
 
 
-def load_tracks(
-    paths: Sequence[str],
-    settings: Settings,
-    labelled: bool = True,
-    but: Sequence[str] = (),
-) -> tuple[list[Track], list[str]]:
-    """Read recordings, or folders of them, into the memory.
-
-    Parameters
-    ----------
-    paths
-        As they were given.
-    settings
-        Of the chain that they must suit, and of what to read.
-    labelled
-        Whether they must have labels.
-    but
-        Recordings, or folders of them, that are left out where they are among those.
-
-    Returns
-    -------
-    tracks : list of Track
-    notes : list of str
-        A line for each recording that is not as it should be: what is missing, bad or lost.
-
-    Raises
-    ------
-    ValueError
-        When one cannot be read or does not suit the chain; names it.
-    """
-    loader = RecordingLoader(settings.chain, settings.recording, settings.evaluation)
-    sets = recording_sets(paths)
-    left_out = {file.resolve() for files in recording_sets(but).values() for file in files}
-    tracks, notes = [], []
-    for name, files in sets.items():
-        for file in files:
-            if file.resolve() in left_out:
-                continue
-            opened = loader.open(file, labelled)
-            shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
-            tracks.append(track_of(shown, opened.rows, opened.sample_rate_hz))
-            faults = _faults(opened.recording.counts)
-            notes += [f'{shown}: {faults}'] if faults else []
-    return tracks, notes
-
-
-def _faults(counts: RecordingCounts) -> str:
-    """Say what was wrong with a recording; empty when nothing was."""
-    many = {
-        'values that are no number': counts.bad_samples,
-        'rows bridged': counts.bridged_rows,
-        'long gaps': counts.stretches - 1,
-        'rows dropped': counts.dropped,
-    }
-    parts = [f'{number} {what}' for what, number in many.items() if number > 0]
-    return ', '.join(parts + ([counts.lost] if counts.lost else []))
-
-
 class Progress:
     """Shows how far the search is and the best so far: a bar, or lines where none can be shown."""
 
     def __init__(self, problem: Problem, study: Any, total: int) -> None:
-        from tqdm import tqdm
-
         self._problem, self._study, self._total = problem, study, total
         self._count = self._said = study.follow()
         self._lowest = np.inf
         self._shown = 'none tells slip so far'
-        self._bar = tqdm(
-            total=total, initial=self._count, unit='trial', disable=not sys.stderr.isatty(),
-            file=sys.stderr, dynamic_ncols=True,
-        )  # fmt: skip
+        self._bar = progress_bar(total, 'trial', self._count)
 
     def __call__(self, count: int) -> None:
         """Show that there are so many trials."""
@@ -172,27 +121,30 @@ def tune(
     problem: Problem,
     where: str,
     trials: int,
-    jobs: int,
     seed: int,
     stop: Callable[[], bool],
+    results: Callable[[Sequence[Point]], Iterator[tuple[int, list[Candidate]]]] | None = None,
 ) -> Any:
-    """Search, in this process or in several, and return the study.
+    """Search and return the study.
+
+    Parameters
+    ----------
+    problem, trials, stop, results
+        As :func:`slip_detector.tuning.search.search` has them.
+    where
+        The study's storage.
+    seed
+        Of its sampler.
 
     Raises
     ------
     ValueError
         When the storage fails; names it.
     """
-    name = problem.study_name()
-    study = problem.study(where, name, seed)
+    study = problem.study(where, problem.study_name(), seed)
     progress = Progress(problem, study, trials)
     try:
-        if jobs == 1:
-            search(problem, study, trials, stop, progress)
-        else:
-            search_in_processes(
-                problem, where, name, trials, jobs, seed + 1, study, stop, progress
-            )
+        search(problem, study, trials, stop, progress, results)
     finally:
         progress.close()
     return study
@@ -208,7 +160,8 @@ def _listed(tracks: Sequence[Track]) -> str:
 
 def _settings(options: Namespace) -> Settings:
     settings = settings_of(options.config)
-    return settings._replace(recording=with_recording_options(settings.recording, options))
+    recording = config_for_workers(options, with_recording_options(settings.recording, options))
+    return settings._replace(recording=recording)
 
 
 def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
@@ -226,7 +179,7 @@ def _set_threshold(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     """Set the threshold from a recording without slip."""
     settings = _settings(options)
     check_writable(options.out)
-    tracks, notes = load_tracks([options.quiet], settings, labelled=False)
+    tracks, notes = load_tracks([options.quiet], settings.loader, labelled=False)
     if len(tracks) != 1:
         raise ValueError(f'{options.quiet}: has {len(tracks)} recordings, allowed: one')
     found = quiet_threshold(
@@ -241,25 +194,27 @@ def _set_threshold(options: Namespace, argv: Sequence[str] | None) -> list[str]:
 
 def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     """Tune, and write what was found."""
-    for module in ('optuna', 'tqdm'):
-        if importlib.util.find_spec(module) is None:
-            raise ValueError(NEEDS.format(module))
+    if importlib.util.find_spec('optuna') is None:
+        raise ValueError(NEEDS_OPTUNA)
     settings = _settings(options)
     for path in (options.out, options.report):
         if path is not None:
             check_writable(path)
-    tracks, notes = load_tracks(options.recordings, settings, but=options.held_out)
+    files = TrainingFiles(
+        paths_for_workers(options, options.recordings),
+        settings.loader,
+        paths_for_workers(options, options.held_out),
+        None if options.held_out else options.hold_out,
+    )
+    training, held, notes = files.load()
     if options.held_out:
-        training = tracks
-        held, more_notes = load_tracks(options.held_out, settings)
+        held, more_notes = load_tracks(options.held_out, settings.loader)
         notes += more_notes
         for part, what in ((training, 'to tune on'), (held, 'held out')):
             if not any(track.slips for track in part):
                 names = ', '.join(track.name for track in part)
                 none = f'{names}: has no slip' if names else 'no recording is left'
                 raise ValueError(f'{none}, allowed: some with slips {what}')
-    else:
-        training, held = held_out(tracks, options.hold_out)
     tuned_on = {fingerprint([track]): track.name for track in training}
     for track in held:
         same = tuned_on.get(fingerprint([track]))
@@ -277,7 +232,12 @@ def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
                 training, settings.chain, before.figures, settings.evaluation, settings.tune
             )
         where = options.storage or f'{options.out}.study.journal'
-        study = tune(problem, where, options.trials, options.jobs, options.seed, stopper)
+        with workers_of(options) as workers:
+            results = partial(workers.results, FileObjective(files, problem).candidates)
+            study = tune(
+                problem, where, options.trials, options.seed, stopper,
+                None if workers.here else results,
+            )  # fmt: skip
         early = ['Stopped early.'] if stopper.stopped else []
         return _finish(options, argv, problem, held, study, notes + early)
 

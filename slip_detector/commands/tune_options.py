@@ -5,8 +5,9 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from slip_detector.commands.command_line import Parser
+from slip_detector.commands.command_line import Parser, whole_number
 from slip_detector.commands.recording_options import add_recording_options
+from slip_detector.commands.worker_options import add_worker_options
 
 NAME = 'slip_tune'
 
@@ -38,13 +39,10 @@ def _parser() -> argparse.ArgumentParser:
         f'section {NAME} has the weights (default: the default parameters)',
     )  # fmt: skip
     parser.add_argument(
-        '--trials', type=_at_least_one, default=TRIALS, metavar='N',
+        '--trials', type=whole_number(1), default=TRIALS, metavar='N',
         help='how many trials the study is to have, earlier runs counted (default: %(default)s)',
     )  # fmt: skip
-    parser.add_argument(
-        '--jobs', type=_at_least_one, default=1, metavar='N',
-        help='processes that search (default: %(default)s)',
-    )  # fmt: skip
+    add_worker_options(parser, 'search')
     parser.add_argument(
         '--storage', metavar='URL',
         help='where the study is kept and shared: the path of a journal (.journal), '
@@ -74,12 +72,6 @@ def _parser() -> argparse.ArgumentParser:
         '--false-alarms-per-hour', type=_rate, metavar='R', help='the allowed rate, above 0'
     )
     return parser
-
-
-def _at_least_one(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f'is {text!r}, allowed: a whole number from 1')
-    return int(text)
 
 
 def _share(text: str) -> float:
@@ -116,7 +108,7 @@ def arguments_of(argv: Sequence[str] | None) -> argparse.Namespace:
     if (options.quiet is None) != (options.false_alarms_per_hour is None):
         parser.error('--quiet and --false-alarms-per-hour go together')
     if options.quiet is not None:
-        for name in ('recordings', 'held_out', 'report', 'plot', 'storage'):
+        for name in ('recordings', 'held_out', 'report', 'plot', 'storage', 'jobs', 'cluster'):
             if getattr(options, name):
                 word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'
                 parser.error(f'--quiet sets only the threshold, allowed: no {word} with it')

@@ -66,6 +66,8 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
 class Evaluator:
     """Runs one chain over recordings, each on its own.
 
+    It keeps nothing of a recording, so that several processes or threads can have it.
+
     Parameters
     ----------
     loader
@@ -95,7 +97,7 @@ class Evaluator:
     def __init__(self, loader: RecordingLoader) -> None:
         self.chain_config = loader.chain_config
         self._loader = loader
-        self._replay = Replay(loader.chain_config, loader.config)
+        self._replay()
 
     def evaluate(
         self, path: Path, watch: Callable[[LabelledRecording], Observer] | None = None
@@ -117,5 +119,8 @@ class Evaluator:
         """
         opened = self._loader.open(path)
         observer = None if watch is None else watch(opened)
-        outcome = self._replay.run(opened.rows, opened.sample_rate_hz, observer)
+        outcome = self._replay().run(opened.rows, opened.sample_rate_hz, observer)
         return EvaluatedRecording(outcome, opened.recording.counts, observer)
+
+    def _replay(self) -> Replay:
+        return Replay(self._loader.chain_config, self._loader.config)

@@ -4,6 +4,7 @@ from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
 from slip_detector.recordings.reading import ENDINGS, is_recording, open_recording
 from slip_detector.recordings.recording import PIECE_ROWS, Recording, RecordingCounts
+from slip_detector.recordings.sets import recording_sets
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [
@@ -16,5 +17,6 @@ __all__ = [
     'is_recording',
     'open_recording',
     'rates_differ',
+    'recording_sets',
     'write_recording',
 ]

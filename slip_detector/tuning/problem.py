@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.objective import Candidate, CandidateFigures
+from slip_detector.tuning.objective import Candidate, CandidateFigures, Objective
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track, fingerprint
 
@@ -56,6 +56,30 @@ class Problem:
             self.config.to_parameters(),
         )
         return f'{self.config.NODE}-{hashlib.sha256(repr(asked).encode()).hexdigest()[:16]}'
+
+    def objective(self) -> Objective:
+        """Return what chains cost on the tracks."""
+        return Objective(self.tracks, self.evaluation, self.config, self.figures)
+
+    def candidates_at(self, objective: Objective, point: dict[str, Any]) -> list[Candidate]:
+        """Return the chain at a point of the space with the best threshold for each vote.
+
+        Parameters
+        ----------
+        objective
+            See :meth:`objective`.
+        point
+            See :meth:`slip_detector.tuning.space.SearchSpace.distributions`.
+
+        Returns
+        -------
+        list of Candidate
+            The cheapest first; none where there is no such chain or it never is ON.
+        """
+        try:
+            return objective.best(SearchSpace(self.given).chain(point))
+        except ValueError:  # no such filter
+            return []
 
     def study(self, where: str | None, name: str, seed: int) -> 'Study':
         """Open the study of this problem; see :class:`slip_detector.tuning.study.Study`."""

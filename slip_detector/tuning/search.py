@@ -1,15 +1,25 @@
-"""A search in this process: trial after trial of a study."""
+"""A search: trial after trial of a study.
+
+Trials are asked for in batches, and a batch is told to the study when all of it is done, in the
+order in which it was asked for. So what a search finds does not depend on how many processes
+work on a batch, nor on which of them is first.
+"""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from slip_detector.tuning.objective import Candidate, Objective
+from slip_detector.tuning.objective import Candidate
 from slip_detector.tuning.problem import SEARCHED, Problem
 from slip_detector.tuning.space import SearchSpace
 
 if TYPE_CHECKING:
     from slip_detector.tuning.study import Study
+
+#: Trials that are asked for at once: as many processes have something to do.
+BATCH = 8
+
+Point = dict[str, Any]
 
 
 def search(
@@ -18,8 +28,9 @@ def search(
     trials: int,
     stop: Callable[[], bool],
     progress: Callable[[int], None],
+    results: Callable[[Sequence[Point]], Iterator[tuple[int, list[Candidate]]]] | None = None,
 ) -> None:
-    """Try chains in this process until the study has so many trials.
+    """Try chains until the study has so many trials.
 
     Parameters
     ----------
@@ -28,11 +39,14 @@ def search(
     study
         To take part in.
     trials
-        How many the study is to have, those of other workers and of earlier runs counted.
+        How many the study is to have, those of other searches and of earlier runs counted.
     stop
-        Asked before each trial.
+        Asked after each trial.
     progress
-        Told how many there are after each.
+        Told how many there are after each, and after each batch.
+    results
+        Yields the candidates at each of some points, see :meth:`.problem.Problem.candidates_at`,
+        with the place of the point, in any order. If not given, they are found in this process.
 
     Raises
     ------
@@ -40,16 +54,29 @@ def search(
         When the storage fails; names it.
     """
     space = SearchSpace(problem.given)
-    objective = Objective(problem.tracks, problem.evaluation, problem.config, problem.figures)
+    if results is None:
+        objective = problem.objective()
+
+        def results(points: Sequence[Point]) -> Iterator[tuple[int, list[Candidate]]]:
+            for place, point in enumerate(points):
+                yield place, problem.candidates_at(objective, point)
+
     starts = space.starts()
     count = study.follow()
     while not stop() and count < trials:
-        trial = study.ask(starts[count] if count < len(starts) else None)
-        try:
-            found = objective.best(space.chain(trial.params))
-        except ValueError:  # no such filter
-            found = []
-        study.tell(trial, found[0].cost_ms if found else None, {'found': list(map(_kept, found))})
+        batch = [
+            study.ask(starts[k] if k < len(starts) else None)
+            for k in range(count, min(count + BATCH, trials))
+        ]
+        found = {}
+        for place, candidates in results([trial.params for trial in batch]):
+            found[place] = candidates
+            progress(count + len(found))
+            if stop():
+                break
+        for place, candidates in sorted(found.items()):
+            cost_ms = candidates[0].cost_ms if candidates else None
+            study.tell(batch[place], cost_ms, {'found': list(map(_kept, candidates))})
         count = study.follow()
         progress(count)
 

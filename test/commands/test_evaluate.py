@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slip_detector.commands import evaluate as evaluation
-from slip_detector.commands.evaluate import main, recording_sets
+from slip_detector.commands.evaluate import main
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay, figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
@@ -144,21 +144,6 @@ def test_an_interrupt_is_one_line(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(evaluation, 'evaluate', interrupted)
     assert main([str(write(tmp_path / 'a.npz'))]) == 130
     assert capsys.readouterr() == ('', 'slip_evaluate: ended before it was done\n')
-
-
-def test_files_of_one_folder_are_one_set_and_folders_are_sorted(tmp_path):
-    for name in ('x/b.npz', 'x/a.csv', 'x/notes.txt', 'y/c.npz', 'z/x/d.npz'):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
-    x, y, zx = tmp_path / 'x', tmp_path / 'y', tmp_path / 'z' / 'x'
-    given_files = [str(x / 'b.npz'), str(y / 'c.npz'), str(y / '..' / 'x' / 'a.csv')]
-    assert {k: [f.name for f in v] for k, v in recording_sets(given_files).items()} == {
-        'x': ['b.npz', 'a.csv'],
-        'y': ['c.npz'],
-    }
-    assert recording_sets([str(x)]) == {'x': [x / 'a.csv', x / 'b.npz']}
-    # Two folders of one name are told apart.
-    assert list(recording_sets([str(x), str(y), str(zx)])) == [str(x), 'y', str(zx)]
 
 
 def test_the_folder_one_stands_in_has_its_name_too(capsys, tmp_path, monkeypatch):

@@ -34,7 +34,7 @@ ROSDEP_KEYS = {
 
 #: What only PyPI has (see rosdep_keys.txt); what needs it says how to install it. lz4 comes with
 #: rosbags.
-WITHOUT_KEY = {'lz4', 'optuna', 'rosbags'}
+WITHOUT_KEY = {'distributed', 'lz4', 'optuna', 'rosbags'}
 
 
 def imported(paths):

@@ -14,7 +14,8 @@ def test_a_search_finds_what_costs_less_and_keeps_the_rest_of_the_chain():
     study = asked.study(None, 'a', seed=1)
     counts = []
     search(asked, study, 25, lambda: False, counts.append)
-    assert counts == list(range(1, 26))
+    assert counts == sorted(counts)
+    assert set(counts) == set(range(1, 26))
     best = asked.best(study)
     free = Objective(asked.tracks, asked.evaluation, asked.config)
     assert best.cost_ms < free.as_it_is(given_chain).cost_ms - 20.0
@@ -23,3 +24,31 @@ def test_a_search_finds_what_costs_less_and_keeps_the_rest_of_the_chain():
             assert getattr(best.chain, field.name) == getattr(given_chain, field.name)
     choice = asked.choice(study)
     assert choice.cost_ms <= best.cost_ms + best.error_ms
+
+
+def test_the_order_in_which_a_batch_is_done_changes_nothing():
+    asked = problem([track(1)])
+    objective = asked.objective()
+
+    def in_order(points):
+        return [
+            (place, asked.candidates_at(objective, point)) for place, point in enumerate(points)
+        ]
+
+    found = []
+    for results in (None, in_order, lambda points: in_order(points)[::-1]):
+        study = asked.study(None, 'a', seed=1)
+        search(asked, study, 20, lambda: False, lambda count: None, results)
+        found.append(
+            [(trial.params, trial.values, trial.user_attrs['found']) for trial in study.trials]
+        )
+    assert len(found[0]) > 15
+    assert found[0] == found[1] == found[2]
+
+
+def test_a_wish_to_stop_leaves_the_rest_of_a_batch_untold():
+    asked = problem([track(1)])
+    study = asked.study(None, 'a', seed=1)
+    counts = []
+    search(asked, study, 20, lambda: len(counts) >= 3, counts.append)
+    assert len(study.trials) == 3

@@ -1,0 +1,187 @@
+"""One function called with many arguments: in this process, in several, or on a Dask cluster."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    as_completed,
+)
+from types import TracebackType
+from typing import Any, TypeVar
+
+#: So many times in a row processes may die before any call of theirs has ended. Dask gives up a
+#: call that has ended as many workers.
+MOST_DEATHS = 3
+
+#: A scheduler has so long to answer.
+CONNECT_TIMEOUT_S = 10.0
+
+NEEDS_DISTRIBUTED = (
+    "--cluster needs distributed, which is not installed: pip install 'slip_detector[cluster]'"
+)
+
+Argument = TypeVar('Argument')
+Result = TypeVar('Result')
+
+
+class Workers:
+    """Calls a function with many arguments.
+
+    It is a context: processes and connection are opened on the way in and closed on the way out,
+    when calls that still run are given up. What a worker that dies had not finished is called
+    again elsewhere.
+
+    Parameters
+    ----------
+    jobs
+        How many processes of this machine; with one, the calls are made in this process.
+    cluster
+        Address of the scheduler of a Dask cluster, which takes the place of these processes.
+
+    Raises
+    ------
+    ValueError
+        On the way in, when the cluster cannot be reached; names it.
+
+    Examples
+    --------
+    >>> with Workers(jobs=1) as workers:
+    ...     dict(workers.results(abs, [3, -4]))
+    {0: 3, 1: 4}
+    """
+
+    def __init__(self, jobs: int = 1, cluster: str | None = None) -> None:
+        self._jobs, self._cluster = jobs, cluster
+        self._executor: Executor | None = None
+        self._given_up: tuple[type[BaseException], ...] = ()
+        self._not_mine = multiprocessing.active_children()
+
+    @property
+    def here(self) -> bool:
+        """Whether the calls are made in this process."""
+        return self._jobs == 1 and self._cluster is None
+
+    def __enter__(self) -> 'Workers':
+        if self._cluster is not None:
+            self._connect(self._cluster)
+        elif self._jobs > 1:
+            self._executor = _processes(self._jobs)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._executor is None:
+            return
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        if self._cluster is not None:
+            self._client.close()
+            return
+        mine = [one for one in multiprocessing.active_children() if one not in self._not_mine]
+        for process in mine:
+            process.terminate()
+        for process in mine:
+            process.join()
+
+    def results(
+        self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
+    ) -> Iterator[tuple[int, Result]]:
+        """Yield what a function returns, with the place of the argument, as the calls end.
+
+        Parameters
+        ----------
+        function
+            That can be pickled, as its arguments and results, unless the calls are made here.
+        arguments
+            One for each call.
+
+        Raises
+        ------
+        ValueError
+            When the function raises it, processes keep dying or the cluster is lost.
+        """
+        if self._executor is None:
+            for place, argument in enumerate(arguments):
+                yield place, function(argument)
+            return
+        left, deaths = dict(enumerate(arguments)), 0
+        while left:
+            calls = self._submit(function, left)
+            for call in as_completed(calls):
+                try:
+                    result = call.result()
+                except BrokenExecutor:  # a process has died, and these calls with it
+                    continue
+                except CancelledError:
+                    raise ValueError(f'cluster {self._cluster}: was lost') from None
+                except self._given_up as error:
+                    raise ValueError(f'cluster {self._cluster}: {error}') from None
+                deaths = 0
+                del left[calls[call]]
+                yield calls[call], result
+            if left:
+                deaths += 1
+                if deaths == MOST_DEATHS:
+                    raise ValueError(
+                        f'worker processes died {deaths} times before any had a result, allowed: '
+                        f'fewer --jobs than {self._jobs} where memory is short'
+                    )
+                self._executor = _processes(self._jobs)
+
+    def _submit(
+        self, function: Callable[[Argument], Result], left: dict[int, Argument]
+    ) -> dict['Future[Result]', int]:
+        assert self._executor is not None
+        calls = {}
+        # Ctrl-C goes to all processes of a terminal. This one alone is to hear it: what is blocked
+        # as the others start stays so for them, and comes here later.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            for place, argument in left.items():
+                calls[self._executor.submit(function, argument)] = place
+        except BrokenExecutor:  # what was not taken is left for the next processes
+            pass
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        return calls
+
+    def _connect(self, address: str) -> None:
+        try:
+            from distributed import Client
+            from distributed.scheduler import KilledWorker
+        except ImportError:
+            raise ValueError(NEEDS_DISTRIBUTED) from None
+        try:
+            self._client: Any = Client(address, timeout=CONNECT_TIMEOUT_S)
+        except (OSError, ValueError) as error:
+            raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
+        self._executor = self._client.get_executor(pure=False)
+        self._given_up = (KilledWorker,)
+
+
+def _processes(jobs: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(
+        jobs, multiprocessing.get_context('spawn'), initializer=_end_with_parent
+    )
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it has ended, however that came."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()

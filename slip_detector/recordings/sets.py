@@ -1,0 +1,58 @@
+"""Recordings named on a command line, sorted into sets by their folders."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from slip_detector.recordings.reading import ENDINGS, is_recording
+
+
+def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
+    """Sort files and folders into sets of recordings.
+
+    Parameters
+    ----------
+    arguments
+        Paths: a folder that is no bag stands for all recordings in it, those of one folder belong
+        together.
+
+    Returns
+    -------
+    dict
+        Name of each set, which is that of its folder (the whole path where two folders have the
+        same name), and its files, those of a folder in the order of their names.
+
+    Raises
+    ------
+    ValueError
+        For a folder without recordings or a recording given twice.
+
+    Examples
+    --------
+    >>> sets = recording_sets(['left/a.npz', 'right/a.npz', 'left/b.mcap'])
+    >>> {name: [file.name for file in files] for name, files in sets.items()}
+    {'left': ['a.npz', 'b.mcap'], 'right': ['a.npz']}
+    """
+    by_folder: dict[Path, list[Path]] = {}
+    for argument in map(Path, arguments):
+        folder = argument.is_dir() and not is_recording(argument)
+        files = _recordings_in(argument) if folder else [argument]
+        for file in files:
+            mine = by_folder.setdefault(file.parent.resolve(), [])
+            if file.name in [other.name for other in mine]:
+                raise ValueError(f'{file}: is given twice, allowed: each once')
+            mine.append(file)
+    names = [folder.name for folder in by_folder]
+    return {
+        folder.name if folder.name and names.count(folder.name) == 1 else str(folder): files
+        for folder, files in by_folder.items()
+    }
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    try:
+        files = sorted(filter(is_recording, folder.iterdir()))
+    except OSError as error:
+        raise ValueError(f'{folder}: cannot be read ({error.strerror})') from None
+    if not files:
+        raise ValueError(f'{folder}: has no recordings, allowed: {", ".join(ENDINGS)} or bags')
+    return files

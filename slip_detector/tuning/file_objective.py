@@ -1,0 +1,59 @@
+"""What a search asks of other processes: they read the recordings themselves."""
+
+import dataclasses
+import threading
+from typing import Any
+
+from slip_detector.tuning.loading import TrainingFiles
+from slip_detector.tuning.objective import Candidate, Objective
+from slip_detector.tuning.problem import Problem
+
+#: The objective that this process had last, by its problem's name: the next trial wants it again.
+_last: tuple[str, Objective | None] = ('', None)
+
+#: A worker of a cluster may call from several threads; an objective works for one at a time.
+_one_at_a_time = threading.Lock()
+
+
+class FileObjective:
+    """The objective of a problem whose recordings are read by the process that is asked.
+
+    It is a few kilobytes to send.
+
+    Parameters
+    ----------
+    files
+        Where the recordings are, for every process.
+    problem
+        With the tracks that were read from them.
+    """
+
+    def __init__(self, files: TrainingFiles, problem: Problem) -> None:
+        self._files, self._name = files, problem.study_name()
+        self._problem = dataclasses.replace(problem, tracks=[])
+
+    def candidates(self, point: dict[str, Any]) -> list[Candidate]:
+        """Return the candidates at a point; see :meth:`.problem.Problem.candidates_at`.
+
+        Raises
+        ------
+        ValueError
+            When the recordings cannot be read or are others than those of the problem.
+        """
+        with _one_at_a_time:
+            return self._problem.candidates_at(self._objective(), point)
+
+    def _objective(self) -> Objective:
+        global _last  # noqa: PLW0603
+        name, objective = _last
+        if objective is None or name != self._name:
+            _last = ('', None)  # not both in the memory
+            problem = dataclasses.replace(self._problem, tracks=self._files.load()[0])
+            if problem.study_name() != self._name:
+                raise ValueError(
+                    f'{", ".join(self._files.paths)}: a worker finds other recordings there, '
+                    'allowed: paths that are the same for all workers'
+                )
+            objective = problem.objective()
+            _last = (self._name, objective)
+        return objective

@@ -1,0 +1,18 @@
+"""Recordings of a command line, by their folders."""
+
+from slip_detector.recordings.sets import recording_sets
+
+
+def test_files_of_one_folder_are_one_set_and_folders_are_sorted(tmp_path):
+    for name in ('x/b.npz', 'x/a.csv', 'x/notes.txt', 'y/c.npz', 'z/x/d.npz'):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    x, y, zx = tmp_path / 'x', tmp_path / 'y', tmp_path / 'z' / 'x'
+    given_files = [str(x / 'b.npz'), str(y / 'c.npz'), str(y / '..' / 'x' / 'a.csv')]
+    assert {k: [f.name for f in v] for k, v in recording_sets(given_files).items()} == {
+        'x': ['b.npz', 'a.csv'],
+        'y': ['c.npz'],
+    }
+    assert recording_sets([str(x)]) == {'x': [x / 'a.csv', x / 'b.npz']}
+    # Two folders of one name are told apart.
+    assert list(recording_sets([str(x), str(y), str(zx)])) == [str(x), 'y', str(zx)]

@@ -1,0 +1,44 @@
+"""Recordings read for a search."""
+
+import numpy as np
+import pytest
+
+from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.tuning.loading import TrainingFiles, load_tracks
+from support.tuning_cases import CHAIN, slips, write
+
+LOADER = RecordingLoader(CHAIN, RecordingConfig(recording_truth_key='label'), EvaluationConfig())
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for seed, name in enumerate('abc'):
+        write(tmp_path / f'{name}.npz', seed)
+    return tmp_path
+
+
+def test_tracks_hold_the_rows_and_slips_of_their_files(folder):
+    (track, *others), notes = load_tracks([str(folder)], LOADER)
+    volts, truth = slips(0)
+    np.testing.assert_array_equal(track.volts, volts)
+    np.testing.assert_array_equal(track.kinds == 2, truth)
+    assert [one.name for one in others] == ['b.npz', 'c.npz']
+    assert notes == []
+
+
+def test_what_is_wrong_with_a_recording_is_noted(tmp_path):
+    volts, truth = slips(0)
+    volts[5, 0] = np.nan
+    np.savez(tmp_path / 'a.npz', volts=volts, label=truth, sample_rate_hz=380.0)
+    assert load_tracks([str(tmp_path)], LOADER)[1] == ['a.npz: 1 values that are no number']
+
+
+def test_a_share_or_those_named_are_held_out(folder):
+    training, held, _ = TrainingFiles([str(folder)], LOADER, share=1 / 3).load()
+    assert [track.name for track in training] == ['a.npz', 'b.npz']
+    assert [track.name for track in held] == ['c.npz']
+    training, held, _ = TrainingFiles([str(folder)], LOADER, [str(folder / 'b.npz')]).load()
+    assert [track.name for track in training] == ['a.npz', 'c.npz']
+    assert held == []
