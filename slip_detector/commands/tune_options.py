@@ -100,8 +100,8 @@ def arguments_of(argv: Sequence[str] | None) -> argparse.Namespace:
     Examples
     --------
     >>> options = arguments_of(['--out', 'tuned.yaml', 'recordings'])
-    >>> options.recordings, options.trials, options.jobs
-    (['recordings'], 200, 1)
+    >>> options.recordings, options.trials, options.seed
+    (['recordings'], 200, 0)
     """
     parser = _parser()
     options = parser.parse_args(argv)
