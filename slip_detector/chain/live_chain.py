@@ -4,6 +4,7 @@ import dataclasses
 import threading
 from collections import deque
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,18 +28,44 @@ OF_THE_DECISION = (
     'groups',
 )
 
+#: What is changed within this time of a first change is built at once.
+GATHER_S = 0.1
+
 #: With these, the rows kept are no longer rows of this input.
 OF_THE_INPUT = ('sample_rate_hz', 'channels')
+
+
+class Ready(NamedTuple):
+    """A chain that may take the place of the running one.
+
+    Attributes
+    ----------
+    chain : SlipChain or None
+        None: only parameters that the chain does not have were changed.
+    config : ChainConfig
+        The whole configuration.
+    settled : tuple of int or None
+        Rows seen and resets when it was fed with the rows kept; None: it goes on with the state of
+        the running one.
+    """
+
+    chain: SlipChain | None
+    config: ChainConfig
+    settled: tuple[int, int] | None = None
 
 
 class LiveChain:
     """A :class:`SlipChain` for a stream of rows, whose configuration can be replaced.
 
-    Parameters of the decision alone (threshold, vote, groups, ...) are replaced at once, and the
-    filters keep their state. For any other a new chain is built in a thread beside the running
-    one and fed with the rows of the last ``HISTORY_S``. :meth:`swap` puts it in the place of the
-    running one, between two rows: it decides as if it had run for that long. Where the rate or
-    the number of channels changes, it starts without any rows.
+    Rows may come in one thread while another changes the configuration: no row waits for filters
+    to be designed or a chain to be built. :meth:`change` orders a chain and :meth:`swap` puts it
+    in the place of the running one, between two rows.
+
+    For parameters of the decision alone (threshold, vote, groups, ...) the chain is ready at once,
+    and goes on with the state of the filters. For any other it is built in a thread of its own,
+    after ``GATHER_S`` in which more may be ordered, and fed with the rows of the last
+    ``HISTORY_S``: it decides as if it had run for that long. Where the rate or the number of
+    channels changes, it starts without any rows.
 
     Parameters
     ----------
@@ -50,7 +77,7 @@ class LiveChain:
     Examples
     --------
     >>> chain = LiveChain(ChainConfig(channels=2), on_built=lambda: None)
-    >>> chain.change(ChainConfig(channels=2, threshold=0.1))
+    >>> chain.change(ChainConfig(channels=2, threshold=0.1)) and chain.swap()
     True
     >>> chain.update(np.zeros((5, 2)), level=False).slip.shape
     (5,)
@@ -60,98 +87,113 @@ class LiveChain:
         self.config = config
         self._chain = SlipChain(config)
         self._on_built = on_built
+        # Held for the rows, and for what takes no longer than a row.
+        self._lock = threading.Lock()
         self._history: deque[NDArray[np.float64]] = deque()
         self._kept_rows = config.samples(HISTORY_S)
         self._rows_in_history = 0
         # Since the last reset.
         self._rows_seen = 0
         self._resets = 0
-        # The last of these is the one wanted; what others build is thrown away.
-        self._orders = 0
-        self._built: tuple[int, SlipChain, int, int] | None = None
+        # What is to be built, and whether a thread is waiting to build it.
+        self._ordered: ChainConfig | None = None
+        self._gathering = False
+        self._ready: Ready | None = None
 
     def update(self, rows: NDArray[np.float64], *, level: bool) -> SlipResult:
         """Take the next rows, shape (n, c), and decide on each."""
-        self._history.append(rows)
-        self._rows_seen += len(rows)
-        self._rows_in_history += len(rows)
-        while self._rows_in_history - len(self._history[0]) >= self._kept_rows:
-            self._rows_in_history -= len(self._history.popleft())
-        return self._chain.update(rows, envelope=False, level=level)
+        with self._lock:
+            self._history.append(rows)
+            self._rows_seen += len(rows)
+            self._rows_in_history += len(rows)
+            while self._rows_in_history - len(self._history[0]) >= self._kept_rows:
+                self._rows_in_history -= len(self._history.popleft())
+            return self._chain.update(rows, envelope=False, level=level)
 
     def reset(self) -> None:
         """Forget all rows: the next row is the first."""
-        self._chain.reset()
-        self._forget()
+        with self._lock:
+            self._chain.reset()
+            self._forget()
 
     def change(self, config: ChainConfig) -> bool:
-        """Replace the configuration; return whether it holds from the next row on.
+        """Order another configuration; return whether :meth:`swap` may be called for it at once.
 
-        Else a chain is being built, and :meth:`swap` is to be called when it is.
+        Else a chain is built, and it may be called then. What was ordered before and has not been
+        put in place never is.
         """
-        differ = {
-            field.name
-            for field in dataclasses.fields(ChainConfig)
-            if getattr(config, field.name) != getattr(self.config, field.name)
-        }
-        self._orders += 1
-        self._built = None
-        if differ <= set(OF_THE_DECISION):
-            if differ:
-                chain = SlipChain(config)
-                chain.state = self._chain.state
-                self._chain = chain
-            self.config = config
-            return True
-        settle_on = [] if differ & set(OF_THE_INPUT) else list(self._history)
-        threading.Thread(
-            target=self._build,
-            args=(self._orders, config, settle_on, self._rows_seen, self._resets),
-            daemon=True,
-        ).start()
-        return False
+        with self._lock:
+            differ = self._differ(config)
+            decision_only = differ <= set(OF_THE_DECISION)
+            chain = SlipChain(config) if differ and decision_only else None
+            self._ready = Ready(chain, config) if decision_only else None
+            self._ordered = None if decision_only else config
+            gather = not decision_only and not self._gathering
+            self._gathering |= gather
+        if gather:
+            timer = threading.Timer(GATHER_S, self._build)
+            timer.daemon = True
+            timer.start()
+        return decision_only
 
     def swap(self) -> bool:
-        """Put the chain that was built last in the place of the running one.
+        """Put what was ordered last in the place of the running chain.
 
         Returns
         -------
         bool
-            False when there is none, or another has been ordered since.
+            False when it is not ready, or is in place already.
         """
-        if self._built is None or self._built[0] != self._orders:
-            return False
-        _, chain, seen, resets = self._built
-        self._built = None
-        config = chain.config
-        same_input = all(getattr(config, n) == getattr(self.config, n) for n in OF_THE_INPUT)
-        if not same_input:
+        with self._lock:
+            if self._ready is None:
+                return False
+            (chain, config, settled), self._ready = self._ready, None
+            if settled is not None:
+                assert chain is not None
+                self._catch_up(chain, *settled)
+            elif chain is not None:
+                chain.state = self._chain.state
+            self._chain, self.config = chain or self._chain, config
+            self._kept_rows = config.samples(HISTORY_S)
+            return True
+
+    def _differ(self, config: ChainConfig) -> set[str]:
+        """Return the parameters of the chain that differ from the running ones."""
+        return {
+            field.name
+            for field in dataclasses.fields(ChainConfig)
+            if getattr(config, field.name) != getattr(self.config, field.name)
+        }
+
+    def _build(self) -> None:
+        """Build what has been ordered, and say so if nothing else has been ordered meanwhile."""
+        with self._lock:
+            self._gathering = False
+            config = self._ordered
+            if config is None:
+                return
+            same_input = not self._differ(config) & set(OF_THE_INPUT)
+            settle_on = list(self._history) if same_input else []
+            seen, resets = self._rows_seen, self._resets
+        chain = SlipChain(config)
+        if settle_on:
+            chain.update(np.concatenate(settle_on), envelope=False, level=False)
+        with self._lock:
+            if config is not self._ordered:
+                return
+            self._ordered, self._ready = None, Ready(chain, config, (seen, resets))
+        self._on_built()
+
+    def _catch_up(self, chain: SlipChain, seen: int, resets: int) -> None:
+        """Feed a chain that has been built with the rows that have come since."""
+        if self._differ(chain.config) & set(OF_THE_INPUT):
             self._forget()
         elif resets != self._resets:
             chain.reset()
             seen = 0
         if self._rows_seen > seen:
-            # The rows that came while it was built.
             behind = np.concatenate(list(self._history))[seen - self._rows_seen :]
             chain.update(behind, envelope=False, level=False)
-        self._chain, self.config = chain, config
-        self._kept_rows = config.samples(HISTORY_S)
-        return True
-
-    def _build(
-        self,
-        order: int,
-        config: ChainConfig,
-        settle_on: list[NDArray[np.float64]],
-        seen: int,
-        resets: int,
-    ) -> None:
-        chain = SlipChain(config)
-        if settle_on:
-            chain.update(np.concatenate(settle_on), envelope=False, level=False)
-        if order == self._orders:
-            self._built = (order, chain, seen, resets)
-            self._on_built()
 
     def _forget(self) -> None:
         self._history.clear()

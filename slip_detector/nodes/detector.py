@@ -1,11 +1,15 @@
 """The detector node: samples in, slip out."""
 
+import functools
+import threading
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 
@@ -32,11 +36,32 @@ LOG_PERIOD_NS = 1_000_000_000
 FIXED = ('autostart',)
 
 
+Arguments = ParamSpec('Arguments')
+Returned = TypeVar('Returned')
+
+
+def _exclusive(
+    method: 'Callable[Concatenate[Detector, Arguments], Returned]',
+) -> 'Callable[Concatenate[Detector, Arguments], Returned]':
+    """Let a method wait until no other thread is in one of these."""
+
+    @functools.wraps(method)
+    def run(self: 'Detector', /, *words: Arguments.args, **named: Arguments.kwargs) -> Returned:
+        with self._lock:
+            return method(self, *words, **named)
+
+    return run
+
+
 class Detector(LifecycleNode):
     """Runs the chain on each sample and publishes what changed.
 
     A managed node: *configure* builds the chain and the topics, *activate* subscribes to the
     input. Inactive, it publishes nothing and has no subscription and no timer.
+
+    Samples and timers come in one thread, services in another, and chains are built in a third:
+    what several threads use is used by one at a time. Filters are designed and chains are built
+    outside of that.
 
     Parameters
     ----------
@@ -51,11 +76,11 @@ class Detector(LifecycleNode):
         self._check(self.config)
         follow_changes(self, lambda: self.config, self._check, self._take)
         self._logged_ns: dict[str, int] = {}
+        self._lock = threading.RLock()
         self._outputs: Outputs | None = None
+        self._input: Input | None = None
         self._subscription: Any = None
         self._timers_made: list[Timer] = []
-        # A thread that has built a chain wakes the executor, which swaps it in between two rows.
-        self._built = self.create_guard_condition(self._swap)
         answer_impossible_transitions(self)
         if self.config.autostart:
             self.trigger_configure()
@@ -63,10 +88,11 @@ class Detector(LifecycleNode):
 
     # The life of the node.
 
+    @_exclusive
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the chain and the topics."""
         config = self.config
-        self._chain = LiveChain(config, self._built.trigger)
+        self._chain = LiveChain(config, self._on_built)
         self._health = Health(config)
         self._outputs = Outputs(self, config)
         disabled = len(config.disabled_channels)
@@ -76,6 +102,7 @@ class Detector(LifecycleNode):
         )
         return TransitionCallbackReturn.SUCCESS
 
+    @_exclusive
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe to the input."""
         self._chain.reset()
@@ -85,21 +112,23 @@ class Detector(LifecycleNode):
         self._start_timers()
         return TransitionCallbackReturn.SUCCESS
 
+    @_exclusive
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish that slip is not valid, and nothing after it."""
         self._stop_timers()
-        self.destroy_subscription(self._subscription)
-        self._subscription = None
+        self._deafen()
         self._diagnostics.destroy()
         self._topics.withdraw()
         return TransitionCallbackReturn.SUCCESS
 
+    @_exclusive
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Take the topics down."""
         self._topics.destroy()
         self._outputs = None
         return TransitionCallbackReturn.SUCCESS
 
+    @_exclusive
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Take down what there is, from any state."""
         if self._subscription is not None:
@@ -118,11 +147,23 @@ class Detector(LifecycleNode):
         return self._outputs
 
     def _listen(self) -> None:
-        self._input = Input(self._running)
-        self._input.replayed = self._time_is_replayed()
+        self._input = source = Input(self._running)
+        source.replayed = self._time_is_replayed()
         self._subscription = self.create_subscription(
-            self._input.message_class, 'voltages', self._on_voltages, sensor_qos(), raw=True
+            source.message_class,
+            'voltages',
+            functools.partial(self._on_voltages, source),
+            sensor_qos(),
+            # Each sample would wake who waits for events, and there are none: such a quality of
+            # service goes with any publisher's.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
         )
+
+    def _deafen(self) -> None:
+        """Take no more samples, not even those that the other thread has taken already."""
+        self.destroy_subscription(self._subscription)
+        self._subscription = self._input = None
 
     def _forget_input(self) -> None:
         """Forget names, frame and stamps of the samples that came before."""
@@ -137,18 +178,30 @@ class Detector(LifecycleNode):
     def _time_is_replayed(self) -> bool:
         return bool(self.get_parameter('use_sim_time').value)
 
+    def _now_ns(self) -> int:
+        """Return the time by the node's clock; that of the machine costs a tenth of it."""
+        return self.get_clock().now().nanoseconds if self._replayed else time.time_ns()
+
     # Timers. A clock that is set back, or that is not published, must not stop the heartbeat. Only
-    # the timeout follows the clock, where time is replayed.
+    # the timeout follows the clock, where time is replayed. A timer that another thread has just
+    # stopped may still be called.
+
+    @_exclusive
+    def _beat(self) -> None:
+        if self._timers_made:
+            self._topics.beat()
 
     def _start_timers(self) -> None:
         config = self._running
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         # When a look last found some input, by the clock that the timeout follows.
         self._looked_ns, self._given_up = 0, False
-        self._replayed = self._input.replayed = self._time_is_replayed()
+        self._replayed = self._time_is_replayed()
+        if self._input is not None:
+            self._input.replayed = self._replayed
         self._timeout_clock = self.get_clock() if self._replayed else steady
         self._timers_made = [
-            self.create_timer(1 / config.heartbeat_hz, self._topics.beat, clock=steady),
+            self.create_timer(1 / config.heartbeat_hz, self._beat, clock=steady),
             self.create_timer(
                 config.input_timeout_s / LOOKS,
                 self._look_for_input,
@@ -163,8 +216,11 @@ class Detector(LifecycleNode):
             self.destroy_timer(timer)
         self._timers_made = []
 
+    @_exclusive
     def _look_for_input(self) -> None:
         """Withdraw the decisions when no sample comes any more."""
+        if not self._timers_made:
+            return
         now_ns = self._timeout_clock.now().nanoseconds
         if self._heard or now_ns < self._looked_ns:  # heard, or the clock was set back
             self._heard, self._looked_ns, self._given_up = False, now_ns, False
@@ -177,8 +233,11 @@ class Detector(LifecycleNode):
             self._log('silent', 'no input any more')
             self._topics.withdraw()
 
+    @_exclusive
     def _report(self) -> None:
         """Publish the diagnostics."""
+        if not self._timers_made:
+            return
         now_s = time.monotonic()
         health, topics = self._health, self._topics
         health.totals['onsets'] = topics.onsets
@@ -208,17 +267,23 @@ class Detector(LifecycleNode):
     def _take(self, config: DetectorConfig) -> None:
         """Run on other parameters: at once, or when their chain has been built."""
         self.config = config
-        if self._outputs is None:
-            return
-        before = self._running
-        if self._chain.change(config):
-            self._rearrange(before)
+        if self._outputs is not None and self._chain.change(config):
+            self._swap()
 
-    def _swap(self) -> None:
-        before = self._running
-        if self._outputs is not None and self._chain.swap():
+    def _on_built(self) -> None:
+        if self._swap():
             self.get_logger().info('the new filters have taken over')
-            self._rearrange(before)
+
+    @_exclusive
+    def _swap(self) -> bool:
+        """Put the chain that is ready in place, between two rows; return whether there was one."""
+        if self._outputs is None:
+            return False
+        before = self._running
+        if not self._chain.swap():
+            return False
+        self._rearrange(before)
+        return True
 
     def _rearrange(self, before: DetectorConfig) -> None:
         """Adapt all that depends on parameters to those that the chain runs on now."""
@@ -231,7 +296,7 @@ class Detector(LifecycleNode):
         if self._subscription is None:
             return
         if differ & {'input_type', 'input_field'}:
-            self.destroy_subscription(self._subscription)
+            self._deafen()
             self._listen()
         if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
             self._forget_input()
@@ -243,10 +308,13 @@ class Detector(LifecycleNode):
 
     # The input.
 
-    def _on_voltages(self, raw: bytes, info: dict[str, int]) -> None:
+    @_exclusive
+    def _on_voltages(self, source: Input, raw: bytes, info: dict[str, int]) -> None:
         """Check the samples of a message, run them through the chain, publish what changed."""
         began_s = time.perf_counter()
-        config, source = self._chain.config, self._input
+        if source is not self._input:
+            return
+        config = self._chain.config
         try:
             rows, at_ns, names, frame_id = source.read(raw, info)
         except ValueError as error:
@@ -264,7 +332,7 @@ class Detector(LifecycleNode):
             return
         if at_ns is None:
             # Replayed, and without times of their own: one after the other, whenever they come.
-            at_ns = self.get_clock().now().nanoseconds
+            at_ns = self._now_ns()
         else:
             arrival = self._stamp_grid.arrive(at_ns, n)
             if not arrival.accepted:
@@ -287,7 +355,7 @@ class Detector(LifecycleNode):
         if listened:
             topics.show_envelope(at_ns, self._frame_id, result)
         self._heard_s = time.monotonic()
-        age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
+        age_s = (self._now_ns() - at_ns) * 1e-9
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 

@@ -1,24 +1,29 @@
 """An executor that takes samples straight from the middleware."""
 
-import itertools
+import sys
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 
-from rclpy.executors import (
-    ExternalShutdownException,
-    ShutdownException,
-    SingleThreadedExecutor,
-    TimeoutException,
-)
+from rclpy.clock import ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerGuardCondition
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
-from slip_detector.nodes.rclpy_internals import WaitSet, call, take_messages, waking_guards
+from slip_detector.nodes.rclpy_internals import WaitSet, call_if_due, held, receiver, until_due_ns
 
-#: Messages taken in a row before timers and services are looked after.
+#: Messages of a topic taken in a row before other topics and timers are looked after.
 AT_MOST = 32
 
-#: Services are looked after this often while messages are waited for.
-POLL_NS = 50_000_000
+#: The other thread looks this often whether all is to end, should a wake-up get lost.
+LONGEST_WAIT_S = 0.5
+
+#: Longest time for which one thread keeps another waiting that has something to do; Python's own
+#: is 5 ms.
+SWITCH_S = 0.5e-3
 
 
 class SampleExecutor(SingleThreadedExecutor):
@@ -26,9 +31,12 @@ class SampleExecutor(SingleThreadedExecutor):
 
     For each message rclpy's executor gathers all entities of the nodes (a managed node has a
     dozen services), makes a task, a coroutine and a wait set, and wakes itself twice: several
-    times the cost of the message. Here only the subscriptions are waited for, until the next
-    timer is due, and a message or a timer goes straight to its callback. All else is left to
-    rclpy, at least every ``POLL_NS``; and altogether, while there is no subscription.
+    times the cost of the message. Here the thread that spins waits for messages only, until the
+    next timer is due, and a message or a timer goes straight to its callback.
+
+    All else is left to rclpy in a thread beside: services, events, guard conditions. However long
+    one of these takes, no message waits for it. What the callbacks of both threads use needs a
+    lock.
 
     Parameters
     ----------
@@ -38,17 +46,34 @@ class SampleExecutor(SingleThreadedExecutor):
 
     def __init__(self, nodes: Sequence[Node]) -> None:
         super().__init__(context=nodes[0].context)
+        self._of_samples = nodes
+        # Entities have come or gone since they were gathered. A signal triggers the guard too.
+        self._changed = True
+        self._guard_of_samples = SignalHandlerGuardCondition(self.context)
+        self._held = ExitStack()
+        self._receivers: dict[int, Callable[[], None]] = {}
+        self._timers: list[Timer] = []
+        self._due_ns: float = 0.0
+        self._due_may_move = False
+        self._others: threading.Thread | None = None
+        self._stop = False
+        self._failure: Exception | None = None
         for node in nodes:
             self.add_node(node)
-        self._of_samples = nodes
-        # Looked after in turn: all at once would keep the samples waiting.
-        self._next_nodes = itertools.cycle(nodes)
-        self._poll_ns = POLL_NS // len(nodes)
-        self._polled_ns = 0
-        self._wait_set = WaitSet(self.context)
+
+    def can_execute(self, entity: object) -> bool:
+        """Return whether something is done in the thread beside, which rclpy asks."""
+        return not isinstance(entity, Subscription | Timer) and bool(super().can_execute(entity))
+
+    def wake(self) -> None:
+        """Look again at what there is to wait for: a node has made or destroyed something."""
+        self._changed = True
+        if not self._stop:
+            self._guard_of_samples.trigger()
+        super().wake()
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Wait for something to do, and do it.
+        """Wait for messages and timers, and do what there is to do.
 
         Parameters
         ----------
@@ -59,46 +84,74 @@ class SampleExecutor(SingleThreadedExecutor):
         ------
         ExternalShutdownException
             When the context was shut down meanwhile.
+        Exception
+            Of a callback, in whichever thread.
         """
-        nodes = self._of_samples
-        subscriptions = [subscription for node in nodes for subscription in node.subscriptions]
-        if not subscriptions:
-            super().spin_once(timeout_sec)
-            return
-        of_nodes = [guard for node in nodes for guard in node.guards]
-        timers = [timer for node in nodes for timer in node.timers]
-        due_ns = [timer.time_until_next_call() for timer in timers]
+        if self._others is None:
+            sys.setswitchinterval(SWITCH_S)
+            self._others = threading.Thread(target=self._do_others, daemon=True)
+            self._others.start()
+        if self._changed:
+            self._gather()
+        elif self._due_may_move:
+            self._find_due()
+        due_ns = self._due_ns - time.monotonic_ns()
         if timeout_sec is not None:
-            due_ns.append(round(timeout_sec * 1e9))
-        with_messages, triggered = self._wait_set.wait(
-            subscriptions,
-            [*of_nodes, *waking_guards(self)],
-            max(0, min([self._poll_ns, *due_ns])),
-        )
+            due_ns = min(due_ns, timeout_sec * 1e9)
+        with_messages = self._wait_set.wait(max(0, int(due_ns)))
+        if self._failure is not None:
+            raise self._failure
         if not self.context.ok():
             raise ExternalShutdownException
-        for guard in of_nodes:
-            if guard in triggered:
-                guard.trigger()  # For rclpy, which is to call its callback.
-        for subscription in with_messages:
-            take_messages(subscription, AT_MOST)
-        if triggered:
-            self._execute_others(nodes)
-            return  # It may have changed subscriptions and timers.
-        for timer in timers:
-            if timer.is_ready():
-                call(timer)
-        if time.monotonic_ns() - self._polled_ns >= self._poll_ns:
-            self._polled_ns = time.monotonic_ns()
-            self._execute_others([next(self._next_nodes)])
+        for pointer in with_messages:
+            self._receivers[pointer]()
+        if time.monotonic_ns() >= self._due_ns or self._due_may_move:
+            for timer in self._timers:
+                call_if_due(timer)
+            self._find_due()
 
-    def _execute_others(self, nodes: Sequence[Node]) -> None:
-        """Let rclpy do what is ready."""
-        while True:
-            try:
-                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0, nodes=nodes)
-            except (TimeoutException, ShutdownException):
-                return
-            handler()
-            if handler.exception() is not None:
-                raise handler.exception()
+    def shutdown(self, timeout_sec: float | None = None) -> bool:
+        """End the thread beside, then what rclpy ends."""
+        self._stop = True
+        if self._others is not None:
+            self.create_task(lambda: None)  # It returns from its wait.
+            self._others.join(timeout_sec)
+        self._held.close()
+        self._guard_of_samples.destroy()
+        return bool(super().shutdown(timeout_sec))
+
+    def _gather(self) -> None:
+        """Take note of all that is waited for, and keep it from being taken down meanwhile."""
+        self._changed = False  # What changes from here on is gathered the next time.
+        nodes = self._of_samples
+        stack = ExitStack()
+        subscriptions = held((each for node in nodes for each in node.subscriptions), stack)
+        self._timers = held((each for node in nodes for each in node.timers), stack)
+        guards = held([self._guard_of_samples], stack)
+        self._wait_set = WaitSet(subscriptions, guards, self.context)
+        self._held.close()
+        self._held = stack
+        self._receivers = {each.handle.pointer: receiver(each, AT_MOST) for each in subscriptions}
+        # A clock that is published may be set at any time.
+        self._due_may_move = any(
+            timer.clock.clock_type == ClockType.ROS_TIME for timer in self._timers
+        )
+        self._find_due()
+
+    def _find_due(self) -> None:
+        """Find out when the next timer is due, as :func:`time.monotonic_ns` has it."""
+        untils_ns = [until_due_ns(timer) for timer in self._timers]
+        of_active_ns = [until_ns for until_ns in untils_ns if until_ns is not None]
+        self._due_ns = time.monotonic_ns() + min(of_active_ns, default=float('inf'))
+
+    def _do_others(self) -> None:
+        """Let rclpy do what is not for the thread that spins."""
+        try:
+            while not self._stop and self.context.ok():
+                super().spin_once(LONGEST_WAIT_S)
+        except ExternalShutdownException:
+            pass
+        except Exception as failure:
+            if self.context.ok():
+                self._failure = failure
+                self._guard_of_samples.trigger()

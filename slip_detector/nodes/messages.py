@@ -35,10 +35,13 @@ def time_message(nanoseconds: int) -> Time:
 
 
 def sensor_qos() -> QoSProfile:
-    """Return the profile of samples: best effort, with room for a stall of the reader."""
+    """Return the profile of samples: best effort, with room for a stall of the reader.
+
+    It is a second at 1 kHz.
+    """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=100,
+        depth=1000,
         reliability=ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.VOLATILE,
     )

@@ -9,13 +9,14 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
-from typing import Any, NoReturn
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, suppress
+from typing import Any, NoReturn, TypeVar
 
 import rclpy
 from lifecycle_msgs.srv import ChangeState
 from rclpy.context import Context
-from rclpy.executors import Executor
+from rclpy.exceptions import InvalidHandle
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
@@ -23,6 +24,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
+
+Entity = TypeVar('Entity', Subscription, Timer, GuardCondition)
 
 #: Longest time for the middleware to be taken down; normally it takes some hundredths of a second.
 SHUTDOWN_S = 0.4
@@ -65,75 +68,104 @@ class WaitSet:
     ``rclpy.impl.implementation_singleton``, made for so many subscriptions, guard conditions,
     timers, clients, services and events of a context, and on the ``handle`` of an entity, whose
     ``pointer`` is in the list of those that are ready.
+
+    Parameters
+    ----------
+    subscriptions, guards
+        None of them may be taken down while they are waited for: see :func:`held`.
+    context
+        Theirs.
     """
 
-    def __init__(self, context: Context) -> None:
-        self._make = _internal(rclpy_implementation, 'WaitSet')
-        self._context = context
-        self._made: Any = None
-        self._sizes = (0, 0)
-
-    def wait(
+    def __init__(
         self,
         subscriptions: Sequence[Subscription],
         guards: Sequence[GuardCondition],
-        timeout_ns: int,
-    ) -> tuple[list[Subscription], list[GuardCondition]]:
-        """Return the subscriptions with messages and the triggered guards, at most a time later.
+        context: Context,
+    ) -> None:
+        make = _internal(rclpy_implementation, 'WaitSet')
+        self._made = make(len(subscriptions), len(guards), 0, 0, 0, 0, context.handle)
+        self._subscriptions = [subscription.handle for subscription in subscriptions]
+        self._guards = [guard.handle for guard in guards]
+
+    def wait(self, timeout_ns: int) -> list[int]:
+        """Return the pointers of the subscriptions with messages, at most a time later.
 
         What has triggered a guard is over with that: the wait takes it.
         """
-        sizes = (len(subscriptions), len(guards))
-        if self._made is None or sizes != self._sizes:
-            self._made = self._make(*sizes, 0, 0, 0, 0, self._context.handle)
-            self._sizes = sizes
         made = self._made
         made.clear_entities()
-        for subscription in subscriptions:
-            made.add_subscription(subscription.handle)
-        for guard in guards:
-            made.add_guard_condition(guard.handle)
+        for subscription in self._subscriptions:
+            made.add_subscription(subscription)
+        for guard in self._guards:
+            made.add_guard_condition(guard)
         made.wait(timeout_ns)
-        with_messages = made.get_ready_entities('subscription')
-        triggered = made.get_ready_entities('guard_condition')
-        return (
-            [entity for entity in subscriptions if entity.handle.pointer in with_messages],
-            [entity for entity in guards if entity.handle.pointer in triggered],
-        )
+        with_messages: list[int] = made.get_ready_entities('subscription')
+        return with_messages
 
 
-def waking_guards(executor: Executor) -> list[GuardCondition]:
-    """Return the guards that wake an executor: something is to be waited for, or a signal came.
+def held(entities: Iterable[Entity], until: ExitStack) -> list[Entity]:
+    """Return the entities that are not taken down yet, and put that off for them.
 
-    Relies on ``Executor._guard`` and ``Executor._sigint_gc``.
+    Another thread may take an entity down at any time. Relies on its ``handle``, which stays while
+    it is entered as a context.
+
+    Parameters
+    ----------
+    entities
+        Subscriptions, timers or guard conditions.
+    until
+        When it is closed, they may be taken down.
     """
-    return [_internal(executor, '_guard'), _internal(executor, '_sigint_gc')]
+    kept = []
+    for entity in entities:
+        with suppress(InvalidHandle):
+            until.enter_context(entity.handle)
+            kept.append(entity)
+    return kept
 
 
-def take_messages(subscription: Subscription, at_most: int) -> None:
-    """Give the messages that have come to the callback of their subscription, at once.
+def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
+    """Return what gives the messages that have come to the callback of their subscription.
 
     Relies on ``Subscription._callback_type``, which says whether the callback takes the
     middleware's information too, and on ``take_message`` of the handle: a message and its
     information, or None.
     """
     kind = _internal(subscription, '_callback_type')
-    with_info = kind is subscription.CallbackType.WithMessageInfo
+    taken_by_callback = 2 if kind is subscription.CallbackType.WithMessageInfo else 1
     take, message_type = subscription.handle.take_message, subscription.msg_type
-    for _ in range(at_most):
-        taken = take(message_type, subscription.raw)
-        if taken is None:
-            return
-        subscription.callback(*(taken if with_info else taken[:1]))
+    raw, callback = subscription.raw, subscription.callback
+
+    def receive() -> None:
+        for _ in range(at_most):
+            taken = take(message_type, raw)
+            if taken is None:
+                return
+            callback(*taken[:taken_by_callback])
+
+    return receive
 
 
-def call(timer: Timer) -> None:
+def until_due_ns(timer: Timer) -> int | None:
+    """Return the time until a timer is due; None where it is never.
+
+    Relies on ``time_until_next_call`` of the handle, which answers for a timer that is
+    :func:`held` while another thread takes it down.
+    """
+    until_ns: int | None = timer.handle.time_until_next_call()
+    return until_ns
+
+
+def call_if_due(timer: Timer) -> None:
     """Give a timer that is due its next time, and call its callback.
 
-    Relies on ``call_timer`` of the handle.
+    Relies on ``is_timer_ready`` and ``call_timer`` of the handle, also for a timer that is
+    :func:`held`.
     """
-    timer.handle.call_timer()
-    timer.callback()
+    if timer.handle.is_timer_ready():
+        timer.handle.call_timer()
+        timer.callback()
 
 
 def ignore_what_a_signal_leaves(initialised: Callable[[], bool]) -> None:
@@ -155,19 +187,26 @@ def ignore_what_a_signal_leaves(initialised: Callable[[], bool]) -> None:
     sys.unraisablehook = on_unraisable
 
 
-def shut_down(nodes: Sequence[Node], code: int) -> None:
-    """Take nodes and context down, or leave with the exit code where that takes too long.
+def shut_down(takedowns: Sequence[Callable[[], object]], code: int) -> None:
+    """Take everything down, the context last, or leave with the exit code where that takes long.
 
     The middleware hangs now and then while it is taken down; that must not keep the process. The
     alarm is for a hang that lets no other thread of Python run.
+
+    Parameters
+    ----------
+    takedowns
+        Of executor and nodes, in their order.
+    code
+        Exit code of a process that is left before all is down.
     """
     bound = threading.Timer(SHUTDOWN_S, os._exit, (code,))
     bound.daemon = True
     bound.start()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_REAL, 2 * SHUTDOWN_S)
-    for node in nodes:
-        node.destroy_node()
+    for takedown in takedowns:
+        takedown()
     rclpy.try_shutdown()
 
 

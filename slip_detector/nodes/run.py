@@ -9,8 +9,8 @@ from typing import Any, NoReturn
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
-#: A node with nothing to do looks this often whether it is to end: one was once seen not to end on
-#: SIGTERM, as if the wake-up that rclpy sends had been lost.
+#: A node with nothing to do looks this often whether it is to end. On a signal rclpy first wakes
+#: whatever waits and then takes the context down: a wait that begins in between is not woken.
 LONGEST_WAIT_S = 0.5
 
 
@@ -39,28 +39,30 @@ def run(executable: str) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
     import rclpy
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
     from rclpy.utilities import remove_ros_args
 
     from slip_detector.nodes.executor import SampleExecutor
     from slip_detector.nodes.rclpy_internals import ignore_what_a_signal_leaves, shut_down
 
     ignore_what_a_signal_leaves(lambda: initialised)
-    nodes: list[Any] = []
+    takedowns: list[Callable[[], object]] = []
     try:
         _check_files(sys.argv)
         make = _maker(executable)
         rclpy.init()
         initialised = True
         nodes = make(_arguments_of_each(sys.argv, remove_ros_args(sys.argv)))
-        executor: Any
-        if executable == 'slip_detector':
-            executor = SampleExecutor(nodes)
-        else:
-            # These wait for events too, which the executor for samples only looks at now and then.
+        takedowns = [node.destroy_node for node in nodes]
+        executor: Executor
+        if executable == 'grasp_controller':
+            # What it is told of slip and what of its deadlines is for one thread.
             executor = SingleThreadedExecutor()
             for node in nodes:
                 executor.add_node(node)
+        else:
+            executor = SampleExecutor(nodes)
+            takedowns.insert(0, executor.shutdown)
         while rclpy.ok():
             executor.spin_once(timeout_sec=LONGEST_WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -80,7 +82,7 @@ def run(executable: str) -> int:
         # A second signal (ros2 launch sends two) must not break into the cleaning up.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
-        shut_down(nodes, code)
+        shut_down(takedowns, code)
     return code
 
 

@@ -1,12 +1,8 @@
 """The threads in which the drivers of a process send, beside the one that spins their nodes."""
 
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-
-#: Longest time for which the spinning thread keeps a due sample waiting; Python's own is 5 ms.
-SWITCH_S = 0.5e-3
 
 
 class Scheduler:
@@ -44,7 +40,6 @@ class Scheduler:
 
     def start(self) -> None:
         """Start all that was added."""
-        sys.setswitchinterval(SWITCH_S)
         if self._tasks:
             self._threads.append(self._thread(self._run_tasks))
         for thread in self._threads:

@@ -8,12 +8,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.chain import live_chain
 from slip_detector.chain.live_chain import HISTORY_S, LiveChain
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 
 CONFIG = ChainConfig(sample_rate_hz=400.0, channels=4, stopbands_hz=[0.5, 7.0])
 KEPT = round(HISTORY_S * 400.0)
+
+
+#: Time to gather changes, instead of a tenth of a second for each example.
+SHORT_S = 0.002
+
+
+@pytest.fixture(autouse=True, scope='module')
+def _gathered_for_a_short_time():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(live_chain, 'GATHER_S', SHORT_S)
+        yield
 
 
 def noise(n, seed=0, channels=4):
@@ -44,6 +56,7 @@ def test_a_new_threshold_and_vote_hold_from_the_next_row_and_leave_the_levels_al
     bed = Bed()
     flags = [bed.chain.update(rows[:at], level=False).flags]
     assert bed.change(threshold=threshold, vote=vote)
+    assert bed.chain.swap()
     after = bed.chain.update(rows[at:], level=True)
     flags.append(after.flags)
     wanted_before = SlipChain(CONFIG).update(rows)
@@ -132,12 +145,60 @@ def test_of_several_changes_the_last_one_counts():
     np.testing.assert_array_equal(bed.levels(rows[200:]), wanted)
 
 
+def test_what_is_changed_within_a_short_time_is_built_once(monkeypatch):
+    monkeypatch.setattr(live_chain, 'GATHER_S', 0.5)
+    built = []
+
+    class Counted(SlipChain):
+        def __init__(self, config):
+            built.append(config)
+            super().__init__(config)
+
+    monkeypatch.setattr(live_chain, 'SlipChain', Counted)
+    bed = Bed()
+    del built[:]
+    config = CONFIG
+    for values in ({'gain': 10.0}, {'threshold': 2.0}, {'passband_hz': (20.0, 100.0)}):
+        config = dataclasses.replace(config, **values)
+        assert not bed.chain.change(config)
+    assert bed.built.wait(60.0)
+    assert built == [config]
+    assert bed.chain.swap()
+    assert bed.chain.config == config
+
+
+def test_rows_come_in_one_thread_while_another_changes_the_configuration():
+    rows = noise(4000)
+    bed = Bed()
+    results = []
+
+    def run():
+        results.extend(bed.chain.update(row[None], level=True) for row in rows)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    swaps = 0
+    while thread.is_alive():
+        for values in ({'threshold': 1e-6}, {'gain': 50.0}, {'gain': 100.0, 'threshold': 0.5}):
+            if bed.change(**values) or bed.built.wait(1.0):
+                swaps += bed.chain.swap()
+    thread.join()
+    assert len(results) == len(rows)
+    assert all(np.isfinite(result.level).all() for result in results)
+    assert swaps
+    # As if the configuration of the end had always been there.
+    wanted = SlipChain(bed.chain.config).update(np.concatenate([rows, rows])).level[-100:]
+    np.testing.assert_allclose(bed.levels(rows)[-100:], wanted, rtol=1e-4)
+
+
 def test_taking_a_change_back_before_it_was_built_leaves_all_as_it_was():
     rows = noise(300)
     bed = Bed()
     bed.levels(rows[:200])
     bed.change(gain=10.0)
     assert bed.change(gain=CONFIG.gain)
+    assert bed.chain.swap()
+    assert not bed.built.wait(50 * SHORT_S)
     assert not bed.chain.swap()
     np.testing.assert_array_equal(
         bed.levels(rows[200:]), SlipChain(CONFIG).update(rows).level[200:]

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
@@ -14,6 +15,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_msgs.msg import Bool
 
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.nodes.health import COUNT_KEYS
 from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import default_of
@@ -151,6 +153,82 @@ def test_the_ordinary_service_takes_them_one_by_one(bench):
     assert [result.successful for result in results] == [True, False, True]
     assert 'allowed: all, mean' in results[1].reason
     assert value_of(bench, 'vote') == 'mean'
+
+
+#: Each is allowed whatever the others still are.
+OTHERS = {
+    'gain': 50.0,
+    'passband_hz': [8.0, 60.0],
+    'passband_degree': 2,
+    'stopbands_hz': [0.5, 6.0, 60.0, 170.0],
+    'stopband_degree': 6,
+    'stopband_ripple_db': 0.02,
+    'stopband_attenuation_db': 45.0,
+    'rectify': 'half',
+    'exponent': 2,
+    'envelope_window_s': 0.05,
+    'decision_window_s': 0.03,
+    'threshold': 0.4,
+    'vote': 3,
+    'groups.TP': [9, 11, 14, 16],
+    'valid_range_v': [0.0, 4.9],
+    'flat_after_s': 2.0,
+    'max_gap_s': 0.2,
+    'input_timeout_s': 5.0,
+}
+
+
+def test_no_sample_is_lost_while_all_parameters_are_loaded_one_by_one(bench):
+    reports = bench.listen(DiagnosticArray, '/diagnostics', 100)
+    process = bench.start('slip_detector')
+    driven = {'loop': 'true', 'wait_for_subscribers': 1}
+    bench.start('slip_driver', parameters=driven)
+    rate_hz = DetectorConfig().sample_rate_hz
+
+    def counted(more_samples):
+        """Return the counts of the input when so many samples more have come."""
+        wanted = (int(counts[-1]['samples']) if counts else 0) + more_samples
+        del reports[:]
+
+        def newest():
+            found = [
+                {pair.key: pair.value for pair in status.values}
+                for report in reports
+                for status in report.status
+                if status.name == 'slip_detector: input'
+            ]
+            return found[-1] if found and int(found[-1]['samples']) >= wanted else None
+
+        bench.wait_for(newest, f'{wanted} samples')
+        counts.append(newest())
+
+    counts = []
+    counted(rate_hz)
+    dump = DetectorConfig().to_parameters()
+    for values in (dump, dump | OTHERS, dump):
+        built = process.log().count('new filters have taken over')
+        before = {name: value_of(bench, name) for name in OTHERS}
+        request = SetParameters.Request(
+            parameters=[
+                Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+            ]
+        )
+        results = ask(bench, SetParameters, 'set_parameters', request).results
+        refused = [
+            name for name, result in zip(values, results, strict=True) if not result.successful
+        ]
+        assert refused == ['autostart']
+        assert {name: value_of(bench, name) for name in OTHERS} == {
+            name: values[name] for name in OTHERS
+        }
+        if any(before[name] != values[name] for name in OTHERS):
+            bench.wait_for(
+                lambda built=built: process.log().count('new filters have taken over') > built,
+                'the new filters',
+            )
+        counted(rate_hz)
+    for key in COUNT_KEYS.values():
+        assert counts[-1][key] == counts[0][key], (key, process.log())
 
 
 def test_heartbeat_and_topics_change_too(bench):

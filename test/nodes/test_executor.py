@@ -90,8 +90,8 @@ def test_timers_services_and_guards_are_served_while_nothing_comes(bench, spun):
     request = GetParameters.Request(names=['number'])
     (value,) = bench.ask(GetParameters, 'spun/get_parameters', request).values
     assert value.integer_value == 7
-    # All in the one thread that spins.
-    assert set(ticks) == set(woken)
+    # Timers with the messages, all else beside them.
+    assert len(set(ticks)) == len(set(woken)) == len({*ticks, *woken}) / 2 == 1
 
 
 def test_a_timer_is_not_kept_waiting_by_messages_without_end(bench, spun):

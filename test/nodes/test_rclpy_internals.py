@@ -3,6 +3,8 @@
 import signal
 import subprocess
 import sys
+import time
+from contextlib import ExitStack
 
 import pytest
 
@@ -11,7 +13,6 @@ rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 from lifecycle_msgs.msg import State, Transition  # noqa: E402
 from lifecycle_msgs.srv import ChangeState  # noqa: E402
 from rclpy.clock import Clock, ClockType  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.lifecycle import LifecycleNode  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
@@ -20,13 +21,15 @@ from slip_detector.nodes.messages import event_qos  # noqa: E402
 from slip_detector.nodes.rclpy_internals import (  # noqa: E402
     WaitSet,
     answer_impossible_transitions,
-    call,
+    call_if_due,
     given_parameters,
-    take_messages,
-    waking_guards,
+    held,
+    receiver,
+    until_due_ns,
 )
 
 DEADLINE_NS = 60 * 10**9
+WAIT_NS = 10**7
 
 
 @pytest.fixture
@@ -77,15 +80,17 @@ def test_messages_are_waited_for_and_go_to_the_callback(context, node, with_info
             Bool, 'said', lambda message: taken.append((message.data, None)), event_qos()
         )
     publisher = node.create_publisher(Bool, 'said', event_qos())
-    wait_set = WaitSet(context)
-    assert wait_set.wait([subscription], [], 0) == ([], [])
+    wait_set, receive = WaitSet([subscription], [], context), receiver(subscription, at_most=2)
+    assert wait_set.wait(0) == []
     while not subscription.get_publisher_count() or not publisher.get_subscription_count():
-        wait_set.wait([subscription], [], 10**7)
+        wait_set.wait(10**7)
     for said in (True, False, True):
         publisher.publish(Bool(data=said))
     while len(taken) < 3:
-        assert wait_set.wait([subscription], [], DEADLINE_NS) == ([subscription], [])
-        take_messages(subscription, 2)
+        assert wait_set.wait(DEADLINE_NS) == [subscription.handle.pointer]
+        before = len(taken)
+        receive()
+        assert len(taken) <= before + 2
     assert [said for said, _ in taken] == [True, False, True]
     if with_info:
         stamps_ns = [info['source_timestamp'] for _, info in taken]
@@ -95,33 +100,53 @@ def test_messages_are_waited_for_and_go_to_the_callback(context, node, with_info
 
 def test_a_guard_ends_the_wait_and_the_wait_takes_what_triggered_it(context, node):
     guard, other = (node.create_guard_condition(lambda: None) for _ in range(2))
-    wait_set = WaitSet(context)
+    wait_set = WaitSet([], [guard, other], context)
+    began_s = time.monotonic()
     guard.trigger()
-    assert wait_set.wait([], [guard, other], DEADLINE_NS) == ([], [guard])
-    assert wait_set.wait([], [guard, other], 0) == ([], [])
-    assert wait_set.wait([], [other], 0) == ([], [])
+    assert wait_set.wait(DEADLINE_NS) == []
+    assert time.monotonic() - began_s < DEADLINE_NS * 1e-9
+    # Else this would end at once.
+    began_s = time.monotonic()
+    wait_set.wait(WAIT_NS)
+    assert time.monotonic() - began_s > 0.5e-9 * WAIT_NS
 
 
-def test_an_executor_is_woken_by_its_guards_when_there_is_more_to_wait_for(context, node):
-    executor = SingleThreadedExecutor(context=context)
-    wait_set = WaitSet(context)
-    guards = waking_guards(executor)
-    assert len(guards) == 2
-    assert executor.add_node(node)
-    _, triggered = wait_set.wait([], guards, DEADLINE_NS)
-    assert len(triggered) == 1
-    executor.shutdown()
+def test_what_is_held_is_taken_down_when_it_is_no_longer_held(node):
+    steady = Clock(clock_type=ClockType.STEADY_TIME)
+    timers = [node.create_timer(3600.0, lambda: None, clock=steady) for _ in range(3)]
+    first, second, third = timers
+    node.destroy_timer(first)
+    with ExitStack() as stack:
+        assert held(timers, stack) == [second, third]
+        node.destroy_timer(second)
+        assert until_due_ns(second) > 0
+        call_if_due(second)
+        with ExitStack() as late:
+            # Who comes now does not get it any more.
+            assert held(timers, late) == [third]
+        assert until_due_ns(second) > 0
+    with pytest.raises(RuntimeError):
+        until_due_ns(second)
+    assert until_due_ns(third) > 0
 
 
-def test_a_timer_that_is_called_is_due_again_a_period_later(node):
+def test_a_timer_is_called_when_it_is_due_and_is_due_again_a_period_later(node):
     called = []
     steady = Clock(clock_type=ClockType.STEADY_TIME)
-    timer = node.create_timer(3600.0, lambda: called.append(None), clock=steady)
-    before_ns = timer.time_since_last_call()
-    call(timer)
-    assert called == [None]
-    assert timer.time_until_next_call() > 3600 * 10**9 - before_ns
-    assert not timer.is_ready()
+    timer = node.create_timer(0.01, lambda: called.append(None), clock=steady)
+    early = node.create_timer(3600.0, lambda: called.append(None), clock=steady)
+    while until_due_ns(timer) > 0:
+        call_if_due(early)
+    assert not called
+    call_if_due(timer)
+    assert len(called) == 1
+    assert 0 < until_due_ns(early) <= 3600 * 10**9
+    timer.timer_period_ns = 3600 * 10**9
+    timer.reset()
+    call_if_due(timer)
+    assert len(called) == 1
+    timer.cancel()
+    assert until_due_ns(timer) is None
 
 
 @pytest.mark.parametrize(
@@ -129,8 +154,7 @@ def test_a_timer_that_is_called_is_due_again_a_period_later(node):
     [
         ('_parameter_overrides', given_parameters),
         ('_service_change_state', answer_impossible_transitions),
-        ('_guard', waking_guards),
-        ('_callback_type', lambda subscription: take_messages(subscription, 1)),
+        ('_callback_type', lambda subscription: receiver(subscription, 1)),
     ],
 )
 def test_what_a_version_of_rclpy_has_changed_is_named(name, use):
@@ -145,11 +169,10 @@ HANGING = """
 import time
 from slip_detector.nodes.rclpy_internals import shut_down
 
-class Hanging:
-    def destroy_node(self):
-        {hang}
+def hanging():
+    {hang}
 
-shut_down([Hanging()], 7)
+shut_down([hanging], 7)
 print('all is down')
 """
 
