@@ -9,12 +9,10 @@ from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from slip_detector.report.pictures import COLORS
+from slip_detector.report.pictures import COLORS, save_picture
 
 #: Of sample rates, or of methods.
 MARKERS = ('o', 's', '^', 'D', 'v', 'P')
-
-DOTS_PER_INCH = 120
 
 
 def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
@@ -81,8 +79,7 @@ def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
     for axis in (work, low):
         axis.grid(color='0.9', linewidth=0.5)
         axis.set_axisbelow(True)
-    figure.savefig(path, dpi=DOTS_PER_INCH)
-    plt.close(figure)
+    save_picture(figure, path)
 
 
 def draw_scenes_precision(path: Path, figures: Mapping[str, Any]) -> None:
@@ -150,5 +147,4 @@ def draw_scenes_precision(path: Path, figures: Mapping[str, Any]) -> None:
                label='a stretch about the onset')
     )  # fmt: skip
     figure.legend(handles=handles, loc='outside upper center', ncols=len(handles), frameon=False)
-    figure.savefig(path, dpi=DOTS_PER_INCH)
-    plt.close(figure)
+    save_picture(figure, path)

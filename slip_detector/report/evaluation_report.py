@@ -7,12 +7,9 @@ from slip_detector.evaluation.evaluator import EvaluatedRecording, recording_fig
 from slip_detector.evaluation.loading import LabelledRecording
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.evaluation_pictures import draw_evaluation
-from slip_detector.report.overview import MOST_CELLS, Overview, events_of
+from slip_detector.report.overview import Overview, cells_of_each, events_of
 from slip_detector.report.page import write_page, write_pictures
 from slip_detector.report.page_data import Variant
-
-#: Each overview has at least this many cells, however many recordings share a report.
-LEAST_CELLS = 2**15
 
 
 def overview_factory(
@@ -27,7 +24,7 @@ def overview_factory(
     recordings
         How many recordings the report has; they share its cells.
     """
-    cells = max(MOST_CELLS // recordings, LEAST_CELLS)
+    cells = cells_of_each(recordings)
 
     def overview(opened: LabelledRecording) -> Overview:
         name = opened.recording.path.name

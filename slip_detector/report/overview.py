@@ -30,6 +30,9 @@ BEFORE_S, AFTER_S = 0.15, 0.3
 #: Bins that are kept at most, times the number of channels.
 MOST_CELLS = 2**20
 
+#: Each overview has at least this many cells, however many recordings share a report.
+LEAST_CELLS = 2**15
+
 #: How many single rows are kept at most for each bin. A report may show fewer of them: which ones
 #: matter most is known only after the last row.
 ROWS_PER_BIN = 4
@@ -86,6 +89,17 @@ class Snippet(NamedTuple):
     start: int
     volts: Volts
     codes: Codes
+
+
+def cells_of_each(recordings: int) -> int:
+    """Return how many cells the overview of each recording has at most where some share a report.
+
+    Examples
+    --------
+    >>> cells_of_each(1) == MOST_CELLS, cells_of_each(1000) == LEAST_CELLS
+    (True, True)
+    """
+    return max(MOST_CELLS // recordings, LEAST_CELLS)
 
 
 def level_codes(result: SlipResult, threshold: float) -> Codes:

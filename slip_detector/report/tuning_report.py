@@ -7,14 +7,11 @@ from typing import Any, NamedTuple
 from slip_detector.evaluation.replay import Replay, ReplayOutcome, figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.report.overview import MOST_CELLS, Overview, events_of
+from slip_detector.report.overview import Overview, cells_of_each, events_of
 from slip_detector.report.page import write_page, write_pictures
 from slip_detector.report.page_data import SearchTrial, Variant
 from slip_detector.tuning.problem import SEARCHED
 from slip_detector.tuning.tracks import Track
-
-#: Each recording has at least this share of a report's cells.
-LEAST_SHARE = 1 / 32
 
 
 class ChainReplay(NamedTuple):
@@ -66,7 +63,7 @@ def replay_tracks(
     for track in tracks:
         overview = None
         if shown:
-            cells = max(MOST_CELLS // len(tracks), round(LEAST_SHARE * MOST_CELLS))
+            cells = cells_of_each(len(tracks))
             overview = Overview(
                 track.name, chain, most_cells=cells, sample_rate_hz=track.sample_rate_hz
             )
