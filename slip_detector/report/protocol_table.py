@@ -37,7 +37,7 @@ def protocol_table(result: Mapping[str, Any]) -> str:
         'Delay [ms] from the start of the plate to the first ON, mean over the channels (Eq. 10)',
         text_table(_delays(result)),
         "False positives: share of the time at which the plate stands. The paper's delays of the "
-        'single trials are not at hand.',
+        'single trials are not known.',
         'Mean delay [ms] by the length of both windows (as Fig. 4)',
         text_table(
             _variants(result, {f'{name} ms': part for name, part in result['windows'].items()})

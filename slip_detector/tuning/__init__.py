@@ -1,1 +1,1 @@
-"""The search for parameters on labelled recordings, and the verdict on what was held out."""
+"""The search for parameters on labelled recordings, and the verdict on held-out recordings."""

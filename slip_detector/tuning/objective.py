@@ -1,4 +1,4 @@
-"""What a chain costs on labelled recordings, with the best threshold of each vote."""
+"""The cost of a chain on labelled recordings, with the best threshold of each vote."""
 
 import dataclasses
 import math
@@ -20,37 +20,43 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: A threshold is judged with its neighbours, so many steps of
-#: :data:`slip_detector.tuning.sweep.STEP` to
-#: each side: a tenth of the amplitude is what contact and sensor vary by from day to day.
+#: A threshold is judged together with this many neighbours on each side, which are steps of
+#: :data:`slip_detector.tuning.space.STEP`: contact and sensor change by about a tenth of the
+#: amplitude from day to day.
 NEIGHBOURS = 3
 
-#: How sure it must be that a chain is better than one nearer to the given: a search has many
-#: chances to be lucky.
+#: Confidence that is needed to prefer a chain to one nearer to the given chain. It is high, as the
+#: best of many chains may only be lucky.
 CONFIDENCE = 0.99
 
-#: Areas under the ROC curve that differ by less are the same.
+#: Areas under the ROC curve that differ by less than this count as equal.
 AUC_STEP = 1e-3
 
-#: What gets worse than with the given parameters counts so many times.
+#: Factor on the cost of whatever is worse than with the given parameters.
 WORSE_COUNTS = 10.0
 
 
 class CandidateFigures(NamedTuple):
-    """What counts of a chain on some tracks.
+    """The figures of a chain that the search compares.
 
     Attributes
     ----------
     median_ms : float
-        Median latency over all slips, a missed one being later than any.
+        Median latency of all slips, where a missed slip counts as infinitely late.
     missed : float
-        Share of the slips.
+        Share of the slips that are missed.
     false_alarms_per_minute : float
-        Of the time without slip.
+        In the time without slip.
     auc : float or None
-        Of the decision statistic; see :meth:`Objective.auc`.
+        Area under the ROC curve of the decision statistic; see :meth:`Objective.auc`.
     latency_ms : float or None
         Median latency of the slips that are not missed.
+
+    Examples
+    --------
+    >>> given = CandidateFigures(50.0, 0.0, 1.0, auc=0.9, latency_ms=50.0)
+    >>> CandidateFigures(40.0, 0.1, 1.0, auc=0.9, latency_ms=38.0).worse_than(given)
+    ['missed 10 against 0 %']
     """
 
     median_ms: float
@@ -60,7 +66,7 @@ class CandidateFigures(NamedTuple):
     latency_ms: float | None
 
     def worse_than(self, other: 'CandidateFigures') -> list[str]:
-        """Say, a line each, in which of latency, misses, false alarms and area these are worse."""
+        """Return a text for each of latency, misses, false alarms and area that is worse."""
         pairs = {
             'median latency': (self.median_ms, other.median_ms, 'ms'),
             'missed': (100.0 * self.missed, 100.0 * other.missed, '%'),
@@ -81,14 +87,14 @@ class CandidateFigures(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """A chain with its threshold and vote, what it costs and why.
+    """A chain with its threshold and vote, and its cost.
 
     Attributes
     ----------
     chain : ChainConfig
     cost_ms : float
     error_ms : float
-        What so few slips and false alarms leave open of it; by Student's t.
+        Error of the cost, by Student's t: few slips tell little.
     figures : CandidateFigures
     """
 
@@ -99,18 +105,30 @@ class Candidate(NamedTuple):
 
 
 class Objective:
-    """What a chain costs on labelled tracks.
+    """The cost of chains on labelled tracks.
 
     Parameters
     ----------
     tracks
-        With at least one slip and some time without.
+        Tracks with at least one slip and some time without slip.
     evaluation
         What counts as detected.
     config
-        The weights.
+        The weights of the cost.
     given
-        What must not get worse; None: nothing is held against it.
+        Figures that must not get worse; None: any figures are allowed.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> slip = np.arange(760) >= 380
+    >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
+    >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
+    >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
+    >>> given = Objective([track], EvaluationConfig(), TuneConfig()).as_it_is(ChainConfig())
+    >>> given.figures.missed, given.figures.false_alarms_per_minute
+    (0.0, 0.0)
     """
 
     def __init__(
@@ -128,7 +146,7 @@ class Objective:
     def best(self, chain: ChainConfig) -> list[Candidate]:
         """Return a chain with the best threshold for each vote, the cheapest vote first.
 
-        Votes at which it never is ON are left out.
+        Votes with which the chain is never ON are left out.
 
         Raises
         ------
@@ -147,7 +165,7 @@ class Objective:
         return sorted(candidates, key=lambda one: one.cost_ms)
 
     def as_it_is(self, chain: ChainConfig) -> Candidate:
-        """Return what a chain costs with its own threshold and vote.
+        """Return the cost of a chain with its own threshold and vote.
 
         Raises
         ------
@@ -162,9 +180,9 @@ class Objective:
     def statistics(
         self, chain: ChainConfig, votes: Sequence[Vote]
     ) -> Mapping[Vote, Sequence[Floats]]:
-        """Return what is held against the threshold by vote and track, shapes (n,).
+        """Return the decision statistic, by vote and track: arrays of shape (n,).
 
-        The next call may overwrite it.
+        It is compared with the threshold. The next call may overwrite it.
         """
         one_pass = VoteStatistics(chain, votes)
         tracks = [
@@ -174,16 +192,16 @@ class Objective:
         return {vote: [one[v] for one in tracks] for v, vote in enumerate(votes)}
 
     def sweep(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
-        """Return what becomes of the tracks at each threshold; see :func:`sweep_thresholds`."""
+        """Return latencies and false alarms at each threshold; see :func:`sweep_thresholds`."""
         return sweep_thresholds(statistic, self._tracks, limits, self._evaluation)
 
     def auc(self, statistic: Sequence[Floats], threshold: float) -> float | None:
-        """Return the area under the ROC curve of rows with slip against rows of motion without.
+        """Return the area under the ROC curve of rows with slip against rows of motion.
 
-        Where no row is known to be one of motion, it is against all rows without slip.
+        Where no motion is known, it is against all rows without slip.
         """
         for part, track in zip(statistic, self._tracks, strict=True):
-            # Divided as in the chain: the same scores as in an evaluation, to the bit.
+            # The chain divides too: so the scores are those of an evaluation, to the bit.
             self._tally.add(part / threshold, track.kinds)
         scores = self._tally.take()
         return scores.auc([MOTION] if scores.counts[MOTION].any() else (REST, MOTION))
@@ -196,7 +214,7 @@ class Objective:
         at: int,
         event_cost_ms: float,
     ) -> Candidate:
-        """Add up what a chain costs at one of the thresholds of a sweep, the chain's own."""
+        """Return the cost of a chain at its own threshold, which is one of a sweep."""
         auc = self.auc(statistic, chain.threshold)
         cost_ms = event_cost_ms + self._config.auc_costs_ms * (1.0 - (auc or 0.0))
         latencies_ms = sweep.latencies_ms[:, at]
@@ -211,7 +229,7 @@ class Objective:
         return Candidate(chain, cost_ms, self._error_ms(sweep, at), figures)
 
     def _event_costs_ms(self, sweep: ThresholdSweep) -> Floats:
-        """Return what slips and alarms cost at each of T thresholds, shape (T,)."""
+        """Return the cost of slips and alarms at each of T thresholds, shape (T,)."""
         config, given = self._config, self._given
         late_ms = self._late_ms(sweep)
         false_costs = config.false_alarm_costs_ms
@@ -227,9 +245,10 @@ class Objective:
         return np.asarray(costs)
 
     def _error_ms(self, sweep: ThresholdSweep, at: int) -> float:
-        """Return by how much more a chain may cost and still be as good, at ``CONFIDENCE``.
+        """Return the error of the mean latency by Student's t, at ``CONFIDENCE``.
 
-        It is the error of the mean latency by Student's t: of one slip alone nothing is known.
+        A chain whose cost is higher by less than this counts as equally good. With one slip the
+        error is infinite.
         """
         late_ms = self._late_ms(sweep)[:, at]
         if late_ms.size < 2:
@@ -238,12 +257,12 @@ class Objective:
         return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
 
     def _late_ms(self, sweep: ThresholdSweep) -> Floats:
-        """Return the latencies with what a missed slip counts for; shape (slips, T)."""
+        """Return the latencies, with the cost of a miss for missed slips; shape (slips, T)."""
         return np.fmin(sweep.latencies_ms, self._config.missed_costs_ms)
 
 
 def _with_neighbours(costs: Floats) -> Floats:
-    """Return the mean of each cost and those of the thresholds around it; shape (T,)."""
+    """Return the mean of each cost and of the costs of the neighbouring thresholds; shape (T,)."""
     width = 2 * NEIGHBOURS + 1
     padded = np.pad(costs, NEIGHBOURS, mode='edge')
     return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))

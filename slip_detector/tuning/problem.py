@@ -1,4 +1,4 @@
-"""What a search is asked, and what its study answers."""
+"""The problem of a search: what is tuned, on what, and how the result is chosen."""
 
 import dataclasses
 import hashlib
@@ -15,7 +15,7 @@ from slip_detector.tuning.tracks import Track, fingerprint
 if TYPE_CHECKING:
     from slip_detector.tuning.study import Study
 
-#: What of a chain a trial may change, and keeps.
+#: The parameters of a chain that a search changes.
 SEARCHED = (
     'common_mode', 'passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s',
     'decision_window_s', 'threshold', 'vote',
@@ -24,20 +24,20 @@ SEARCHED = (
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """What is searched.
+    """The problem of a search.
 
     Attributes
     ----------
     tracks : list of Track
-        To tune on.
+        The recordings to tune on.
     given : ChainConfig
-        What is tuned.
+        The chain that is tuned.
     figures : CandidateFigures or None
-        What must not get worse.
+        Figures that must not get worse.
     evaluation : EvaluationConfig
         What counts as detected.
     config : TuneConfig
-        The weights.
+        The weights of the cost.
     """
 
     tracks: list[Track]
@@ -88,7 +88,7 @@ class Problem:
         return Study(where, name, SearchSpace(self.given).distributions(), seed)
 
     def candidates(self, trial: Any) -> list[Candidate]:
-        """Return what a finished trial of the study found, a vote each, the cheapest first."""
+        """Return the chains that a finished trial found, one for each vote, cheapest first."""
         return [
             Candidate(
                 dataclasses.replace(self.given, **noted['parameters']),
@@ -100,16 +100,16 @@ class Problem:
         ]
 
     def best(self, study: 'Study') -> Candidate | None:
-        """Return the cheapest of all; None where no trial found any."""
+        """Return the cheapest chain of all; None where no trial found one."""
         found = [self.candidates(trial)[0] for trial in study.trials]
         return min(found, key=lambda one: one.cost_ms, default=None)
 
     def choice(self, study: 'Study') -> Candidate | None:
-        """Return the result of a search: of what is as good as the best, the nearest to the given.
+        """Return the result of a search; None where no trial found a chain.
 
-        As good is what costs no more than the best and its error: the fewer slips there are, the
-        less a search among many chains can tell the good from the lucky, and the closer it stays
-        to what was given.
+        It is the chain nearest to the given one, of all chains that cost no more than the best
+        one and its error. So with few slips, which cannot tell a good chain from a lucky one, the
+        result stays close to the given chain.
         """
         best = self.best(study)
         if best is None:
@@ -128,7 +128,7 @@ class Problem:
         return choice
 
     def _worse(self, found: Candidate, best: Candidate) -> bool:
-        """Return whether a chain is worse than the given one in what the best is not."""
+        """Return whether a chain is worse than the given one in more figures than the best is."""
         if self.figures is None:
             return False
         return len(found.figures.worse_than(self.figures)) > len(

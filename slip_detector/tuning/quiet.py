@@ -1,9 +1,8 @@
-"""Set a threshold from a recording without slip, and say how sure that much data lets one be.
+"""Sets a threshold from a recording without slip, with confidence bounds of the false alarms.
 
-What counts is alarms, not rows, and alarms come in clusters: one disturbance makes several. So
-time is cut into blocks that are longer than what the windows remember. Blocks with an alarm are
-taken to be independent of each other (Poisson), and each to have as many alarms as those that were
-seen.
+Alarms are counted, not rows. Alarms come in clusters, as one disturbance causes several. Therefore
+time is divided into blocks that are longer than the windows. Blocks with an alarm are taken to be
+independent of each other (Poisson), and each to have as many alarms as the observed ones.
 """
 
 import dataclasses
@@ -21,38 +20,43 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: How sure the bounds are.
+#: Confidence of the bounds.
 CONFIDENCE = 0.95
 
-#: A block is so many times as long as both windows together, and at least this long.
+#: Length of a block in lengths of both windows together, and its least length.
 WINDOWS_PER_BLOCK = 5.0
 SHORTEST_BLOCK_S = 1.0
 
-#: The tail is fitted to this share of the blocks, the loudest, and to no fewer than so many.
+#: The tail is fitted to the blocks with the highest peaks: this share of them, at least so many.
 TAIL_SHARE = 0.1
 LEAST_PEAKS = 30
 
-#: No rate is extrapolated to less than one in so many times the length of the recording.
+#: The lowest rate that is extrapolated to is one alarm in this many lengths of the recording.
 FURTHEST = 20.0
 
 RESAMPLES = 200
 
 
 class QuietThreshold(NamedTuple):
-    """A threshold and what is known of its false alarms.
+    """A threshold with the rate of its false alarms.
 
     Attributes
     ----------
     chain : ChainConfig
-        The given one with the threshold.
+        The given chain with this threshold.
     hours : float
-        Of the recording.
+        Length of the recording.
     alarms : int
-        At this threshold in the recording.
+        Number of alarms in the recording at this threshold.
     per_hour : tuple of float
-        From and to what rate of false alarms the data allow, at ``CONFIDENCE``.
+        Bounds of the rate of false alarms, at ``CONFIDENCE``.
     extrapolated : bool
-        Whether the rate lies beyond what the recording can show by counting.
+        Whether the rate is too low to be shown by counting in this recording.
+
+    Examples
+    --------
+    >>> print(QuietThreshold(ChainConfig(threshold=0.4), 2.0, 3, (0.4, 3.9), extrapolated=False))
+    threshold 0.4, 3 false alarms in 2 h: 0.4 to 3.9 an hour at 95% confidence
     """
 
     chain: ChainConfig
@@ -78,27 +82,40 @@ class QuietThreshold(NamedTuple):
 def quiet_threshold(
     track: Track, chain: ChainConfig, per_hour: float, random: np.random.Generator
 ) -> QuietThreshold:
-    """Return the lowest threshold that keeps to a rate of false alarms.
+    """Return the lowest threshold whose rate of false alarms is low enough.
 
     Where counting can show the rate, it is the lowest threshold at which the upper bound of the
-    rate is at most that. A lower rate is extrapolated: a generalised Pareto distribution is fitted
-    to the peaks of the loudest blocks, in amplitude, and its bounds are those of resampled blocks.
+    rate is at most the allowed rate. For a lower rate a generalised Pareto distribution is fitted
+    to the highest peaks of the blocks, in amplitude; the bounds come from resampled blocks.
 
     Parameters
     ----------
     track
-        Without slip.
+        A recording without slip.
     chain
-        Its threshold does not matter.
+        The chain; its threshold is not used.
     per_hour
-        False alarms that are allowed.
+        Allowed rate of false alarms.
     random
-        For the resampling.
+        Generator for the resampling.
 
     Raises
     ------
     ValueError
-        When the recording has slip, is too short for the rate, or the chain never moves; names it.
+        When the recording has slip or is too short for the rate, or the chain gives 0 throughout;
+        names the recording.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> random = np.random.default_rng(0)
+    >>> noise = 0.01 * random.standard_normal((380 * 60, 16))
+    >>> rows = LabelledRows(noise, truth=np.zeros(380 * 60, bool))
+    >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
+    >>> found = quiet_threshold(track, ChainConfig(), per_hour=600.0, random=random)
+    >>> found.per_hour[1] <= 600.0, found.extrapolated
+    (True, False)
     """
     if track.slips:
         start_s = track.slips[0].start / track.sample_rate_hz
@@ -121,12 +138,12 @@ def quiet_threshold(
         )
     sweep = sweep_thresholds([statistic], [track], limits, EvaluationConfig())
     peaks = _peaks(statistic, track, chain)
-    # Alarms per block that has one: a cluster.
+    # The size of a cluster: alarms per block that has an alarm.
     loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])
     cluster = np.where(loud > 0, sweep.false_alarms / np.maximum(loud, 1), 1.0)
     cluster = np.maximum(cluster, 1.0)
     upper = stats.chi2.ppf(CONFIDENCE, 2 * (loud + 1)) / 2 / hours * cluster
-    # From here on upwards the bound holds: at low thresholds all is one alarm without end.
+    # The lowest threshold from which on the bound holds: low ones give one endless alarm.
     holds = np.flatnonzero(upper > per_hour)
     first = int(holds[-1]) + 1 if holds.size else 0
     if first < limits.size:
@@ -180,7 +197,7 @@ def _peaks(statistic: Floats, track: Track, chain: ChainConfig) -> Floats:
 
 
 def _tail(amplitude: Floats) -> tuple[float, float, float, float]:
-    """Fit the tail of the peaks: from where, the share above it, shape and scale."""
+    """Fit the tail of the peaks; return its start, the share above it, shape and scale."""
     start = float(np.quantile(amplitude, 1.0 - TAIL_SHARE))
     above = amplitude[amplitude > start] - start
     shape, _, scale = stats.genpareto.fit(above, floc=0.0)

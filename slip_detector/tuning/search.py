@@ -82,9 +82,9 @@ def search(
 
 
 def _kept(found: Candidate) -> dict[str, Any]:
-    """Return what a study keeps of a chain, in the types of JSON."""
+    """Return what a study stores of a chain, in types of JSON."""
     whole = found.chain.to_parameters()
-    # JSON has no infinity: what is not known is as large as can be.
+    # JSON has no infinity; the largest float takes its place.
     largest = sys.float_info.max
     figures = found.figures._asdict()
     return {

@@ -1,7 +1,7 @@
-"""What is searched: chains around the given one, and the votes and thresholds of each.
+"""The search space: chains around the given one, and the votes and thresholds of each.
 
-Votes and thresholds are no part of a point of the space: all of them come from one pass of the
-chain (:mod:`slip_detector.tuning.sweep`), so a trial is one point with the best of them.
+A point of the space has no vote and no threshold: one pass of the chain gives the figures of all
+of them (:mod:`slip_detector.tuning.sweep`), and a trial takes the best.
 """
 
 import dataclasses
@@ -19,17 +19,18 @@ from slip_detector.tuning.tracks import Track
 Floats = NDArray[np.float64]
 Vote = str | int
 
-#: Edges as shares of the sample rate: the lowest and highest low edge of the pass-band, and the
-#: highest edge of all. A pass-band that would end above it is a high-pass.
+#: Edges as shares of the sample rate: lowest and highest low edge of the pass-band, and the
+#: highest edge of any band. A pass-band that would end above that is a high-pass.
 LOWEST_LOW, HIGHEST_LOW, HIGHEST = 1 / 400, 0.3, 0.48
 
-#: The width of the pass-band; the paper's has 2.8 octaves.
+#: Narrowest and widest pass-band in octaves; the paper's has 2.8 octaves.
 OCTAVES = (0.5, 6.0)
 
-#: The stop-bands at the sides of the pass-band, as wide as the paper's: 0.5 to 7 and 50 to 180 Hz.
+#: High edge over low edge of the stop-bands below and above the pass-band, as in the paper: 0.5 to
+#: 7 Hz and 50 to 180 Hz.
 BELOW, ABOVE = 7.0 / 0.5, 180.0 / 50.0
 
-#: A stop-band around the mains takes this off at each side.
+#: Half the width of a stop-band around the mains frequency.
 NOTCH_HALF_WIDTH_HZ = 5.0
 MAINS_HZ = (50.0, 60.0)
 
@@ -39,20 +40,20 @@ STOPBANDS = ('given', 'none', 'below', 'above', 'both')
 
 COMMON_MODES = ('none', 'median', 'mean')
 
-#: Fewer channels than this have nothing in common that is not the signal.
+#: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3
 
-#: Groups up to this size are tried with every k-of-n, larger ones with shares of their size.
+#: Groups up to this size are tried with every k of n, larger ones with these shares of n.
 ALL_COUNTS = 6
 SHARES = (1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8)
 
-#: Thresholds are so far apart in amplitude (the level to the power of 1 / exponent).
+#: Ratio of neighbouring thresholds in amplitude (the level to the power of 1 / exponent).
 STEP = 1.03
 
-#: No threshold is further than this, in amplitude, below the highest that does anything.
+#: Largest ratio, in amplitude, of the highest threshold to the lowest.
 RANGE = 1000.0
 
-#: Of every so many rows one tells where the thresholds begin.
+#: One of this many rows is used to find the lowest threshold.
 STRIDE = 16
 
 
@@ -62,7 +63,16 @@ class SearchSpace:
     Parameters
     ----------
     given
-        The chain that is tuned; what is not searched stays as it is.
+        The chain that is tuned; parameters that are not searched keep their values.
+
+    Examples
+    --------
+    >>> space = SearchSpace(ChainConfig())
+    >>> point = space.point(ChainConfig())
+    >>> point['passband_low_hz'], point['stopbands']
+    (7.0, 'given')
+    >>> space.chain({**point, 'passband_octaves': 3.0, 'stopbands': 'none'}).passband_hz
+    (7.0, 56.0)
     """
 
     def __init__(self, given: ChainConfig) -> None:
@@ -101,7 +111,7 @@ class SearchSpace:
         Raises
         ------
         ValueError
-            When there is no such chain.
+            When its parameters do not go together.
         """
         low_hz = rounded(point['passband_low_hz'])
         high_hz = rounded(low_hz * 2.0 ** point['passband_octaves'])
@@ -112,7 +122,7 @@ class SearchSpace:
             passband_hz=(low_hz, high_hz),
             stopbands_hz=self._stopbands(point, low_hz, high_hz),
             exponent=point['exponent'],
-            # Rounding must not leave less than a sample.
+            # A rounded window must not be shorter than a sample.
             envelope_window_s=max(rounded(point['envelope_window_s']), self._window_s[0]),
             decision_window_s=max(rounded(point['decision_window_s']), self._window_s[0]),
             common_mode=point['common_mode'],
@@ -134,7 +144,7 @@ class SearchSpace:
         return tuple(pairs)
 
     def point(self, chain: ChainConfig) -> dict[str, Any]:
-        """Return the point of the space that is nearest to a chain: where a search may start."""
+        """Return the point of the space that is nearest to a chain."""
         low_hz, high_hz = chain.passband_hz
         octaves = math.log2(high_hz / low_hz) if high_hz else OCTAVES[1]
         return {
@@ -151,7 +161,7 @@ class SearchSpace:
         }
 
     def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
-        """Return how far two points are apart: 1 is one way through, or another choice."""
+        """Return the distance of two points: 1 for another choice, or for a parameter's range."""
         low, high = self._window_s
         spans = {
             'passband_low_hz': math.log(self._low_hz[1] / self._low_hz[0]),
@@ -167,7 +177,7 @@ class SearchSpace:
         return math.hypot(*steps)
 
     def starts(self) -> list[dict[str, Any]]:
-        """Return where a search begins: at the given chain and at the paper's."""
+        """Return the points where a search begins: the given chain and the paper's."""
         points = [self.point(self._given), self.point(ChainConfig())]
         return points if points[0] != points[1] else points[:1]
 
@@ -189,24 +199,33 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
 
 
 def thresholds(statistic: Sequence[Floats], tracks: Sequence[Track], exponent: int) -> Floats:
-    """Return the thresholds of a vote that are worth a look, rising, evenly spaced in amplitude.
+    """Return the thresholds of a vote to try, in rising order, evenly spaced in amplitude.
 
-    They reach from the level that half of the rows without slip have to where nothing is ON, and
-    are rounded: the threshold of a result is one that was tried.
+    They reach from the median of the rows without slip to the value at which nothing is ON. They
+    are rounded first and then tried, so that the threshold of a result is one that was tried.
 
     Parameters
     ----------
     statistic
-        By track, shapes (n,).
+        The decision statistic of each track, shapes (n,).
     tracks
         At least one.
     exponent
-        The chain's.
+        The exponent of the chain.
 
     Returns
     -------
     ndarray
-        Empty where the statistic is 0 throughout, or infinite anywhere.
+        Empty where the statistic is 0 throughout or infinite anywhere.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> rows = LabelledRows(np.zeros((20, 1)), truth=np.zeros(20, bool))
+    >>> tracks = [track_of('rest', [rows], sample_rate_hz=100.0)]
+    >>> thresholds([np.linspace(0.95, 1.0, 20)], tracks, exponent=1)
+    array([0.9709, 1.    ])
     """
     top = max((float(part.max()) for part in statistic if part.size), default=0.0)
     if not 0.0 < top < math.inf:
@@ -228,7 +247,7 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 
 
 def rounded(value: float) -> float:
-    """Round to four significant digits: more would only make the file hard to read.
+    """Round to four significant digits, which keeps the parameter file readable.
 
     Examples
     --------
@@ -239,7 +258,7 @@ def rounded(value: float) -> float:
 
 
 def _rounded_up(value: float) -> float:
-    """Round to four significant digits, to what is not less."""
+    """Round up to four significant digits."""
     near = rounded(value)
     step = 10.0 ** (math.floor(math.log10(value)) - 3)
     return near if near >= value else rounded(near + step)

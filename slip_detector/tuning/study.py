@@ -1,8 +1,8 @@
-"""The study of a search: what all its workers have tried, in one of Optuna's storages.
+"""The study of a search: the trials of all its workers, in one of Optuna's storages.
 
-Trials are asked of a copy in memory and written in one piece when they are done. That is some ten
-times faster than a storage that takes parameter by parameter, and what a killed worker had not
-finished leaves no trace. Workers read each other's trials before they ask for the next.
+A worker asks a copy of the study in memory for its next trial, and writes the finished trial to
+the storage in one piece. That is about ten times faster than to write each parameter, and a worker
+that is killed leaves no unfinished trial. Workers read each other's trials before the next one.
 """
 
 import contextlib
@@ -15,16 +15,16 @@ from typing import Any, TypeVar
 import optuna
 from optuna.trial import FrozenTrial, TrialState
 
-#: A storage that is locked by another worker is asked again for so long.
+#: How long a worker waits for a storage that another worker has locked.
 PATIENCE_S = 30.0
 
-#: Trials by chance before the sampler has an opinion; the starting points come on top.
+#: Number of trials at random points before the sampler learns from results.
 STARTUP_TRIALS = 12
 
 #: Endings of a path that is a journal; with a ``://`` it is the URL of a database.
 JOURNALS = ('.journal', '.log', '.jsonl')
 
-#: Packages whose errors tell of a database.
+#: Packages whose errors are errors of a database.
 DATABASES = ('sqlalchemy', 'sqlite3', 'psycopg', 'psycopg2')
 
 Result = TypeVar('Result')
@@ -37,12 +37,18 @@ def open_storage(where: str) -> Any:
     ----------
     where
         The URL of a database (``sqlite:///study.db``, ``postgresql://user@host/study``), or the
-        path of a journal, which is made where it is missing.
+        path of a journal, which is made if it does not exist.
 
     Raises
     ------
     ValueError
         When it is neither or cannot be opened; names it.
+
+    Examples
+    --------
+    >>> open_storage('study.txt')
+    Traceback (most recent call last):
+    ValueError: storage study.txt: is not known, allowed: a path that ends in .journal, ...
     """
     from optuna.storages import JournalStorage, RDBStorage
     from optuna.storages.journal import JournalFileBackend
@@ -64,13 +70,13 @@ def _patience(url: str) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def _in_one_line(where: str) -> Iterator[None]:
-    """Turn what the storages raise, each in its own way, into a line that names the storage."""
+    """Turn the errors of all kinds of storages into one line that names the storage."""
     try:
         yield
     except (OSError, ValueError, KeyError, ImportError, optuna.exceptions.OptunaError) as error:
         raise ValueError(f'storage {where}: {_first_line(error)}') from None
     except Exception as error:
-        # SQLAlchemy, which is not always there, and the drivers below it.
+        # SQLAlchemy, which may not be installed, and the drivers that it uses.
         if type(error).__module__.split('.')[0] in DATABASES:
             raise ValueError(f'storage {where}: {_first_line(error)}') from None
         raise
@@ -87,18 +93,26 @@ class Study:
     Parameters
     ----------
     where
-        The storage; see :func:`open_storage`. None: in memory, of this process alone.
+        The storage; see :func:`open_storage`. None: in the memory of this process only.
     name
-        Of the study in its storage: another question must have another.
+        Name of the study in its storage; each problem needs a name of its own.
     distributions
-        Of the space, by name.
+        The distributions of the search space, by name.
     seed
-        Of the sampler. Workers of one study want different ones.
+        Seed of the sampler, different for each worker of a study.
 
     Raises
     ------
     ValueError
         When the storage cannot be opened; names it.
+
+    Examples
+    --------
+    >>> x = optuna.distributions.FloatDistribution(0.0, 1.0)
+    >>> study = Study(None, 'example', {'x': x}, seed=0)
+    >>> study.tell(study.ask({'x': 0.5}), cost=3.0, found={})
+    >>> [(trial.params, trial.value) for trial in study.trials]
+    [({'x': 0.5}, 3.0)]
     """
 
     def __init__(
@@ -118,7 +132,7 @@ class Study:
         self.follow()
 
     def follow(self) -> int:
-        """Take over what other workers have found; return how many trials there are in all."""
+        """Read the trials of other workers; return the number of all trials."""
         if self._shared is None:
             return len(self._mine.get_trials(deepcopy=False))
         shared = self._shared
@@ -136,7 +150,7 @@ class Study:
         return self._mine.ask(self._distributions)
 
     def tell(self, trial: 'optuna.Trial', cost: float | None, found: dict[str, Any]) -> None:
-        """Note what a trial gave; a cost of None is that of a point where there is no chain."""
+        """Store the result of a trial; its cost is None where the point has no chain."""
         for key, value in {**found, 'worker': self._worker}.items():
             trial.set_user_attr(key, value)
         if cost is None:
@@ -149,11 +163,11 @@ class Study:
 
     @property
     def trials(self) -> list[FrozenTrial]:
-        """All trials with a cost that this worker knows of."""
+        """All trials with a cost that this worker has read."""
         return self._mine.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
 
     def _patiently(self, act: Callable[[], Result]) -> Result:
-        """Do something with the storage; one that is locked may be free in a moment."""
+        """Call a function that uses the storage, again and again while the storage is locked."""
         deadline_s = time.monotonic() + PATIENCE_S
         while True:
             try:

@@ -1,9 +1,8 @@
-"""All thresholds and votes of a chain from one pass over labelled rows.
+"""The figures of all thresholds and votes of a chain from one pass over labelled rows.
 
-Neither needs another pass of the filters. For each vote the chain gives one number a row that is
-held against the threshold, and a rise of the global decision at a threshold is a rise of that
-number through it. So the rows are run through once, and of each row only those thresholds are
-touched that its number passes.
+For each vote the chain gives one number for each row, the decision statistic, which is compared
+with the threshold. The global decision rises where this number rises above the threshold. So the
+filters run once, and in each row only the thresholds are touched that the number passes.
 """
 
 import dataclasses
@@ -30,29 +29,38 @@ from slip_detector.tuning.tracks import Track
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Rows that the chain takes at a time: what it makes of them stays in the cache.
+#: Number of rows that the chain is given at a time, so that its results stay in the cache.
 ROWS_PER_CALL = 2048
 
 
 class VoteStatistics:
-    """Runs a chain over tracks and keeps, for each vote, what is held against the threshold.
+    """Runs a chain over tracks and returns the decision statistic of each vote.
 
     Parameters
     ----------
     config
-        The chain's; its threshold and vote do not matter.
+        Parameters of the chain; its threshold and vote are not used.
     votes
-        Each ``all``, ``mean`` or a count of channels.
+        Each is ``all``, ``mean`` or a number of channels.
 
     Raises
     ------
     ValueError
         When the chain cannot be built.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> rows = LabelledRows(np.full((5, 16), 4.3), truth=np.zeros(5, bool))
+    >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
+    >>> VoteStatistics(ChainConfig(), ['all', 'mean']).of(track).shape
+    (2, 5)
     """
 
     def __init__(self, config: ChainConfig, votes: Sequence[Vote]) -> None:
-        # At a threshold of 1 the statistic is in the unit of the level. The chain's own vote is
-        # not asked for: it has the one that costs least.
+        # At a threshold of 1 the statistic has the unit of the level. The chain's own decision is
+        # not used, so it has the vote that takes the least time.
         self._chain = SlipChain(dataclasses.replace(config, vote='all', threshold=1.0))
         self._votes = tuple(votes)
 
@@ -64,12 +72,13 @@ class VoteStatistics:
         track
             Of n rows.
         room
-            What an earlier call returned for it, to be overwritten: new memory costs time.
+            The array that an earlier call returned for this track, to be overwritten: new memory
+            takes time.
 
         Returns
         -------
         ndarray, shape (votes, n)
-            A chain with that vote is ON at a threshold where, and only where, this is above it.
+            A chain with that vote is ON exactly where this is above its threshold.
         """
         shape = (len(self._votes), len(track.volts))
         out = room if room is not None and room.shape == shape else np.empty(shape)
@@ -89,11 +98,11 @@ class VoteStatistics:
 def _sweep(statistic, limits, first_row, lows, highs, state, rises, false_alarms):
     """Follow the rises of a statistic through all thresholds over one piece of a track.
 
-    ``state``: how many thresholds the row before was above, and the first slip whose window has
-    not ended. An alarm is known by the row at which it rises.
+    ``state`` is the number of thresholds below the value of the row before, and the first slip
+    whose window has not ended. An alarm is identified by the row at which it rises.
     """
     above, slip = state[0], state[1]
-    # Rows between the same two thresholds, as most are, cost two comparisons.
+    # Most rows stay between the same two thresholds, which takes two comparisons.
     low = limits[above - 1] if above > 0 else -np.inf
     high = limits[above] if above < limits.size else np.inf
     for r in range(statistic.size):
@@ -117,12 +126,12 @@ def _sweep(statistic, limits, first_row, lows, highs, state, rises, false_alarms
 
 
 class ThresholdSweep(NamedTuple):
-    """What becomes of tracks at each of T thresholds of one vote.
+    """Latencies and false alarms at each of T thresholds of one vote.
 
     Attributes
     ----------
     latencies_ms : ndarray, shape (slips, T)
-        Of each true slip; NaN where it is missed.
+        Latency of each true slip; NaN where it is missed.
     false_alarms : ndarray of int, shape (T,)
     quiet_s : float
         Time without slip.
@@ -134,12 +143,12 @@ class ThresholdSweep(NamedTuple):
 
     @property
     def false_alarms_per_minute(self) -> Floats:
-        """Of the time without slip; shape (T,)."""
+        """False alarms per minute of the time without slip; shape (T,)."""
         return np.asarray(60.0 * self.false_alarms / self.quiet_s)
 
     @property
     def missed(self) -> Floats:
-        """Share of the slips; shape (T,)."""
+        """Share of the slips that are missed; shape (T,)."""
         return np.asarray(np.isnan(self.latencies_ms).mean(axis=0))
 
 
@@ -154,13 +163,24 @@ def sweep_thresholds(
     Parameters
     ----------
     statistic
-        By track, shapes (n,), of one vote.
+        The decision statistic of one vote for each track, shapes (n,).
     tracks
-        With some time without slip in all.
+        The tracks, of which at least one has rows without slip.
     limits
-        Thresholds, rising.
+        Thresholds in rising order.
     config
         What counts as detected.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> slip = np.array([False, False, True, True, True])
+    >>> track = track_of('trial', [LabelledRows(np.zeros((5, 1)), slip)], sample_rate_hz=100.0)
+    >>> statistic, limits = np.array([0.0, 0.2, 0.2, 0.6, 0.9]), np.array([0.1, 0.5, 1.0])
+    >>> sweep = sweep_thresholds([statistic], [track], limits, EvaluationConfig())
+    >>> sweep.latencies_ms, sweep.false_alarms
+    (array([[nan, 10., nan]]), array([1, 0, 0]))
     """
     false_alarms = np.zeros(limits.size, np.int64)
     latencies_ms = [np.zeros((0, limits.size))]

@@ -1,4 +1,4 @@
-"""Labelled recordings in memory, as the tuner goes over them again and again."""
+"""Labelled recordings in memory, as each trial of a search goes over all of them."""
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,22 +12,21 @@ from slip_detector.evaluation.matching import OnIntervals, RowInterval
 
 Floats = NDArray[np.float64]
 
-#: Where one recording is cut in two, so much is left out at the start of the second part: what
-#: the two share is in neither.
+#: Where one recording is cut in two, this much between the parts is in neither of them.
 MARGIN_S = 1.0
 
 
 class TrackPiece(NamedTuple):
-    """Rows that follow each other.
+    """Consecutive rows of a track.
 
     Attributes
     ----------
     begin, end : int
-        Their places in the track's arrays.
+        Indices of the first row and of the row after the last in the track's arrays.
     first_row : int
-        When the first is, in rows from the start, those that are missing in gaps counted.
+        Number of the first row in the recording, with the rows that are missing in gaps.
     new_stretch : bool
-        Whether the chain is reset before.
+        Whether the chain is reset before these rows.
     """
 
     begin: int
@@ -49,9 +48,9 @@ class Track(NamedTuple):
         Whether the robot moves, rows of slip included; None where the recording does not say.
     pieces : tuple of TrackPiece
     slips : tuple of RowInterval
-        True slips, in rows counted as ``first_row``.
+        True slips, in rows that are counted like ``first_row``.
     sample_rate_hz : float
-        Its own, by which rows become times.
+        Rate of the recording, which turns rows into times.
     """
 
     name: str
@@ -80,7 +79,7 @@ class Track(NamedTuple):
             yield self._rows(slice(begin, end), stamps_ns.astype(np.int64), new_stretch)
 
     def part(self, name: str, first: int, last: int) -> 'Track':
-        """Return the rows at the places from ``first`` to before ``last`` as a track."""
+        """Return the rows from index ``first`` up to, but not including, ``last`` as a track."""
         rows = [
             self._rows(slice(max(begin, first), min(end, last)), None, new_stretch)
             for begin, end, _, new_stretch in self.pieces
@@ -98,21 +97,21 @@ class Track(NamedTuple):
 
 
 def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -> Track:
-    """Read a recording into the memory.
+    """Read a recording into memory.
 
     Parameters
     ----------
     name
-        What errors and reports call it.
+        The name of the recording in errors and reports.
     pieces
-        The whole recording, cut in any way.
+        The whole recording, in pieces of any length.
     sample_rate_hz
-        Its own rate.
+        Rate of the recording.
 
     Raises
     ------
     ValueError
-        When it has no rows; names it.
+        When the recording has no rows; names it.
 
     Examples
     --------
@@ -153,13 +152,20 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
 
 
 def _joined(moving: Sequence[NDArray[np.bool_] | None]) -> NDArray[np.bool_] | None:
-    """Put together what the pieces of a recording, all of them or none, say of its motion."""
+    """Join the motion of all pieces; None where the recording has no velocities."""
     known = [part for part in moving if part is not None]
     return np.concatenate(known) if known else None
 
 
 def fingerprint(tracks: Sequence[Track]) -> str:
-    """Return a number of what the tracks hold, whatever their files are called."""
+    """Return a hash of the content of tracks, which does not depend on their names.
+
+    Examples
+    --------
+    >>> rows = [LabelledRows(np.zeros((4, 1)), truth=np.zeros(4, bool))]
+    >>> fingerprint([track_of('a', rows, 2.0)]) == fingerprint([track_of('b', rows, 2.0)])
+    True
+    """
     digest = hashlib.sha256()
     for track in tracks:
         digest.update(repr((track.volts.shape, track.pieces, track.sample_rate_hz)).encode())
@@ -169,18 +175,18 @@ def fingerprint(tracks: Sequence[Track]) -> str:
 
 
 def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
-    """Part recordings into those that are tuned on and those that are held out.
+    """Divide recordings into those that are tuned on and those that are held out.
 
-    Of several with slip the last of every so many is held out, and likewise of those without. One
-    alone is cut in two between two slips, near the place that leaves the share; what comes within
-    ``MARGIN_S`` after the cut is in neither part.
+    Of several recordings with slip every n-th is held out, and likewise of those without slip. A
+    single one is cut in two between two slips, as near to the share as possible; the
+    ``MARGIN_S`` after the cut are in neither part.
 
     Parameters
     ----------
     tracks
-        In their order.
+        The recordings in their order.
     share
-        Of the recordings, or of the time of one, to hold out: above 0, below 1.
+        Share of the recordings, or of the time of a single one, to hold out: above 0, below 1.
 
     Returns
     -------
@@ -190,7 +196,14 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
     Raises
     ------
     ValueError
-        When there are not slips enough for both; names what there is.
+        When there are too few slips for both; names the recordings.
+
+    Examples
+    --------
+    >>> rows = [LabelledRows(np.zeros((4, 1)), truth=np.array([False, True, True, False]))]
+    >>> training, held = held_out([track_of(name, rows, 2.0) for name in 'abc'], share=1 / 3)
+    >>> [track.name for track in training], [track.name for track in held]
+    (['a', 'b'], ['c'])
     """
     with_slip = [track for track in tracks if track.slips]
     if not with_slip:
@@ -225,15 +238,15 @@ def _cut_in_two(track: Track, share: float) -> tuple[list[Track], list[Track]]:
         )
     margin = round(MARGIN_S * track.sample_rate_hz)
     wanted = (1.0 - share) * len(track.volts)
-    # The margin begins in the middle of what lies between two slips, as far as it fits.
-    rooms = [
+    # The margin is centred between the two slips; it is shorter where they are close together.
+    cuts = [
         (int(end) + int(start)) // 2 - min(margin, (int(start) - int(end)) // 2) // 2
         for end, start in zip(ends[:-1], starts[1:], strict=True)
     ]
-    k = int(np.argmin([abs(room - wanted) for room in rooms]))
-    after = rooms[k] + min(margin, (int(starts[k + 1]) - int(ends[k])) // 2)
+    k = int(np.argmin([abs(cut - wanted) for cut in cuts]))
+    after = cuts[k] + min(margin, (int(starts[k + 1]) - int(ends[k])) // 2)
     n = len(track.volts)
     rate = track.sample_rate_hz
-    training = track.part(f'{track.name} to {rooms[k] / rate:.1f} s', 0, rooms[k])
+    training = track.part(f'{track.name} to {cuts[k] / rate:.1f} s', 0, cuts[k])
     held = track.part(f'{track.name} from {after / rate:.1f} s', after, n)
     return [training], [held]

@@ -1,4 +1,4 @@
-"""What a search hands back: judged on held-out recordings, with its figures."""
+"""The verdict of a search: the best chain found or the given one, by held-out recordings."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -13,13 +13,14 @@ from slip_detector.tuning.tracks import Track
 
 
 class Verdict(NamedTuple):
-    """The result of a search, and why it is this one.
+    """The chain that a search returns.
 
     Attributes
     ----------
     chain : ChainConfig
+        The best chain found, or the given one.
     kept : str
-        Why the given parameters are kept; empty where they are not.
+        Why the given chain is kept; empty where it is not.
     """
 
     chain: ChainConfig
@@ -27,10 +28,19 @@ class Verdict(NamedTuple):
 
 
 def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
-    """Decide on the held-out recordings between the given chain and the best found.
+    """Choose between the given chain and the best one found, by the held-out recordings.
 
-    The latter is chosen where it costs less there and, unless ``trade`` is set, none of
-    median latency, misses and false alarms is worse.
+    The best one is chosen where it costs less on them and where, unless ``trade`` is set, none of
+    median latency, misses, false alarms and area under the ROC curve is worse.
+
+    Parameters
+    ----------
+    problem
+        The problem of the search.
+    held
+        The held-out recordings.
+    best
+        The best chain found; None where none was found.
     """
     given = problem.given
     if best is None:
@@ -54,11 +64,23 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
 
 
 def pooled_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
-    """Return the figures of recordings together.
+    """Return the figures of recordings taken together.
 
-    They are those of :func:`slip_detector.evaluation.replay.figures_of_merit` and
-    ``latency_median_all_ms``: the
-    median over all slips, a missed one being later than any; None where that is a missed one.
+    Returns
+    -------
+    dict
+        The figures of :func:`slip_detector.evaluation.replay.figures_of_merit`, and
+        ``latency_median_all_ms``: the median latency of all slips, where a missed slip counts as
+        infinitely late; None where the median is infinite.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.evaluation.replay import Replay
+    >>> quiet = LabelledRows(np.full((380, 16), 4.3), truth=np.arange(380) >= 190)
+    >>> figures = pooled_figures([Replay(ChainConfig()).run([quiet])])
+    >>> figures['missed'], figures['latency_median_all_ms']
+    (1, None)
     """
     latencies_ms = [
         np.inf if slip.latency_s is None else slip.latency_s * 1e3
