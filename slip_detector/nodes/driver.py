@@ -6,16 +6,15 @@ import time
 from collections.abc import Iterator
 from functools import partial
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Header
+from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
-from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
+from slip_detector.nodes.joint_states import JointStateWriter
+from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.scheduler import Scheduler
 from slip_detector.nodes.sensor_relay import SensorRelay
@@ -59,11 +58,13 @@ class Driver(Node):
         super().__init__('slip_driver', cli_args=cli_args)
         self.config = config = declare(self, DriverConfig)
         source = open_source(config, now_ns=lambda: self.get_clock().now().nanoseconds)
-        self._voltages = Voltages(self, config.samples_per_message)
+        self._voltages = Voltages(self, config.frame_id, config.samples_per_message)
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
         self._has_object = source.has_object
-        self._position_names = ['object' if source.has_object else 'platform']
+        self._position_writer = JointStateWriter(
+            config.frame_id, ['object' if source.has_object else 'platform']
+        )
         self._grip_n: float | None = None
         if source.has_object:
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
@@ -99,8 +100,8 @@ class Driver(Node):
         for due_s in self._wait_for_subscribers():
             if stop.wait(max(0.0, due_s - time.monotonic())):
                 return
-        frame_id = self.config.frame_id
-        SensorRelay(self, source, frame_id, self._send, self._voltages.flush).run(stop)
+        voltages, frame_id = self._voltages, self.config.frame_id
+        SensorRelay(self, source, frame_id, voltages.publish, voltages.flush).run(stop)
 
     def _wait_for_subscribers(self) -> Iterator[float]:
         """Wait for the subscribers and the grip that were asked for; yields when to be resumed."""
@@ -171,18 +172,12 @@ class Driver(Node):
             if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
                 self._last_truth = bool(samples.truth[i])
                 self._truth.publish(Bool(data=self._last_truth))
-            header = self._send(first_stamp_ns + taken_ns[i], names, volts)
+            stamp_ns = first_stamp_ns + taken_ns[i]
+            self._voltages.publish(stamp_ns, names, volts)
             if samples.position_m is not None:
-                position = [float(samples.position_m[i])]
                 self._position.publish(
-                    JointState(header=header, name=self._position_names, position=position)
+                    self._position_writer.written(stamp_ns, samples.position_m[i : i + 1])
                 )
-
-    def _send(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> Header:
-        """Publish a sample; returns its header."""
-        header = Header(stamp=time_message(stamp_ns), frame_id=self.config.frame_id)
-        self._voltages.publish(header, names, volts)
-        return header
 
     def _wait(self, due_s: float) -> Iterator[float]:
         """Yield when a sample is due; warn when the driver is resumed much later."""

@@ -1,10 +1,15 @@
-"""Reads serialised JointState messages faster than rclpy does."""
+"""Reads and writes serialised JointState messages faster than rclpy does."""
 
 import struct
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+
+from slip_detector.nodes.messages import time_message
 
 #: The first bytes of a message that was serialised with the least significant byte first.
 LITTLE_ENDIAN = b'\x00\x01'
@@ -13,6 +18,11 @@ LITTLE_ENDIAN = b'\x00\x01'
 ENCAPSULATION_BYTES = 4
 
 STAMP = struct.Struct('<iI')
+
+#: Where the stamp ends and the texts begin.
+TEXTS = ENCAPSULATION_BYTES + STAMP.size
+
+DOUBLES = np.dtype('<f8')
 
 
 class Sample(NamedTuple):
@@ -61,34 +71,106 @@ class JointStateReader:
             raise ValueError('not little-endian CDR')
         self._names, self._frame_id = list(message.name), str(message.header.frame_id)
         self._n = len(message.position)
-        fixed = list(range(len(LITTLE_ENDIAN)))
-        place = ENCAPSULATION_BYTES + STAMP.size
-
-        def pass_by(size: int, text: int = 0) -> None:
-            nonlocal place
-            place += -(place - ENCAPSULATION_BYTES) % size
-            fixed.extend(range(place, place + size + text))
-            place += size + text
-
-        for text in (self._frame_id, None, *self._names):
-            pass_by(4, 0 if text is None else len(text.encode()) + 1)
-        pass_by(4)
-        self._fixed = np.array(fixed)
-        self._begin = place + -(place - ENCAPSULATION_BYTES) % 8
+        texts, self._begin = places(self._frame_id, self._names)
+        self._fixed = np.array([*range(len(LITTLE_ENDIAN)), *texts])
         self._end = self._begin + 8 * self._n
         if not self._n or raw[self._begin : self._end] != message.position.tobytes():
             raise ValueError('the positions are not where they should be')
         self._wanted = self._fixed_bytes(raw)
+        # The same texts and lengths with whatever stands between them: mostly always the same.
+        self._as_before = raw[TEXTS : self._begin]
 
     def read(self, raw: bytes) -> Sample | None:
-        """Return the sample of a message; None where it differs in other fields too."""
-        if len(raw) < self._end or self._fixed_bytes(raw) != self._wanted:
+        """Return the sample of a message; None: it differs in other fields too."""
+        if len(raw) < self._end or not raw.startswith(LITTLE_ENDIAN):
             return None
+        between = raw[TEXTS : self._begin]
+        if between != self._as_before:
+            if self._fixed_bytes(raw) != self._wanted:
+                return None
+            self._as_before = between
         seconds, rest = STAMP.unpack_from(raw, ENCAPSULATION_BYTES)
-        row = np.frombuffer(raw, '<f8', self._n, self._begin).astype(np.float64)
-        at_ns = seconds * 1_000_000_000 + rest
-        return Sample(row.reshape(1, self._n), at_ns, self._names, self._frame_id)
+        row = np.frombuffer(raw, DOUBLES, self._n, self._begin)
+        # A copy, as what is read from bytes cannot be written to.
+        rows = np.array(row, np.float64, ndmin=2)
+        return Sample(rows, seconds * 1_000_000_000 + rest, self._names, self._frame_id)
 
     def _fixed_bytes(self, raw: bytes) -> bytes:
         content: bytes = np.frombuffer(raw, np.uint8)[self._fixed].tobytes()
         return content
+
+
+class JointStateWriter:
+    """Writes messages that differ in stamp and numbers only.
+
+    Parameters
+    ----------
+    frame_id, names
+        Of all messages.
+    efforts
+        Whether they have efforts, one for each position.
+    """
+
+    def __init__(self, frame_id: str, names: Sequence[str], efforts: bool = False) -> None:
+        n = len(names)
+        numbers = np.arange(1.0, 2 * n + 1)
+        message = JointState(
+            name=names, position=numbers[:n], effort=numbers[n:] if efforts else []
+        )
+        message.header.frame_id = frame_id
+        raw: bytes = serialize_message(message)
+        # Behind the positions: so many velocities, none, and so many efforts.
+        _, begin = places(frame_id, names)
+        end = begin + 8 * n
+        self._position = slice(begin, end)
+        self._effort = slice(end + 8, end + 8 + 8 * n if efforts else end + 8)
+        found = raw[self._position] + raw[self._effort]
+        self._raw: bytearray | None = None
+        if raw.startswith(LITTLE_ENDIAN) and found == numbers[: n + n * efforts].tobytes():
+            self._raw = bytearray(raw)
+        # For a middleware that serialises in another way.
+        self._message = message
+
+    def written(
+        self,
+        stamp_ns: int,
+        position: NDArray[np.float64],
+        effort: NDArray[np.float64] | None = None,
+    ) -> bytes | JointState:
+        """Return a message that a publisher takes."""
+        if self._raw is None:
+            self._message.header.stamp = time_message(stamp_ns)
+            self._message.position = position
+            self._message.effort = [] if effort is None else effort
+            return self._message
+        STAMP.pack_into(self._raw, ENCAPSULATION_BYTES, *divmod(stamp_ns, 1_000_000_000))
+        self._raw[self._position] = position.tobytes()
+        if effort is not None:
+            self._raw[self._effort] = effort.tobytes()
+        return bytes(self._raw)
+
+
+def places(frame_id: str, names: Sequence[str]) -> tuple[list[int], int]:
+    """Return where a serialised message has its texts and lengths, and where its positions begin.
+
+    Returns
+    -------
+    fixed : list of int
+        The bytes of frame, names, their lengths and the number of positions, without those of
+        alignment.
+    begin : int
+        Of the positions.
+    """
+    fixed: list[int] = []
+    place = TEXTS
+
+    def pass_by(size: int, text: int = 0) -> None:
+        nonlocal place
+        place += -(place - ENCAPSULATION_BYTES) % size
+        fixed.extend(range(place, place + size + text))
+        place += size + text
+
+    for text in (frame_id, None, *names):
+        pass_by(4, 0 if text is None else len(text.encode()) + 1)
+    pass_by(4)
+    return fixed, place + -(place - ENCAPSULATION_BYTES) % 8

@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.result import SlipResult
+from slip_detector.nodes.joint_states import JointStateWriter
 from slip_detector.nodes.messages import (
     event_qos,
     heartbeat_qos,
@@ -46,6 +47,8 @@ class Outputs:
         self._slip = self._publisher(Bool, 'slip', beat)
         self._slip_valid = self._publisher(Bool, 'slip_valid', beat)
         self._onset = self._publisher(Header, 'slip_onset', event_qos())
+        self._frame_id = ''
+        self._writer: JointStateWriter | None = None
         self._envelope = self._publisher(JointState, '~/envelope', sensor_qos())
         groups = config.groups if config.publish_groups else ()
         channels = config.names if config.publish_channels else ()
@@ -123,14 +126,11 @@ class Outputs:
 
     def show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
         """Publish what is held against the threshold, of the last row."""
-        self._envelope.publish(
-            JointState(
-                header=Header(stamp=time_message(at_ns), frame_id=frame_id),
-                name=self._names,
-                position=result.level[-1],
-                effort=result.channels[-1].astype(np.float64),
-            )
-        )
+        if self._writer is None or frame_id != self._frame_id:
+            self._frame_id = frame_id
+            self._writer = JointStateWriter(frame_id, self._names, efforts=True)
+        effort = result.channels[-1].astype(np.float64)
+        self._envelope.publish(self._writer.written(at_ns, result.level[-1], effort))
 
     def beat(self) -> None:
         """Repeat ``slip`` and ``slip_valid``."""

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
+from slip_detector.nodes.joint_states import JointStateWriter
 from slip_detector.nodes.messages import sensor_qos
 from slip_detector.recordings.field_paths import BATCH_LABELS
 
@@ -20,15 +21,17 @@ class Voltages:
     ----------
     node
         The driver.
+    frame_id
+        Of the messages that say it.
     samples_per_message
         1: a ``JointState`` for each, with stamp and names; more: so many in a
         ``Float32MultiArray``, which has neither.
     """
 
-    def __init__(self, node: Node, samples_per_message: int) -> None:
-        self._per_message = samples_per_message
-        # One message for all samples: to make one takes as long as to send it.
-        self._message = JointState()
+    def __init__(self, node: Node, frame_id: str, samples_per_message: int) -> None:
+        self._frame_id, self._per_message = frame_id, samples_per_message
+        self._names: list[str] = []
+        self._writer: JointStateWriter | None = None
         self._rows: list[NDArray[np.float64]] = []
         self._publisher = node.create_publisher(
             JointState if samples_per_message == 1 else Float32MultiArray,
@@ -46,19 +49,17 @@ class Voltages:
         """Whether the next sample goes out at once: it is alone, or the last of its message."""
         return len(self._rows) + 1 >= self._per_message
 
-    def publish(self, header: Header, names: list[str], volts: NDArray[np.float64]) -> None:
+    def publish(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> None:
         """Publish a sample, or keep it for the message it goes with."""
         if self._per_message > 1:
             self._rows.append(volts)
             if len(self._rows) == self._per_message:
                 self.flush()
             return
-        message = self._message
-        message.header = header
-        if message.name != names:
-            message.name = names
-        message.position = array('d', volts.tobytes())
-        self._publisher.publish(message)
+        if self._writer is None or names != self._names:
+            self._names = names
+            self._writer = JointStateWriter(self._frame_id, names)
+        self._publisher.publish(self._writer.written(stamp_ns, volts))
 
     def flush(self) -> None:
         """Publish the samples that were kept, however few."""

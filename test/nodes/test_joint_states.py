@@ -12,8 +12,9 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
+from slip_detector.nodes import joint_states
 from slip_detector.nodes.inputs import Input
-from slip_detector.nodes.joint_states import JointStateReader
+from slip_detector.nodes.joint_states import JointStateReader, JointStateWriter
 from slip_detector.nodes.messages import stamp_ns, time_message
 from slip_detector.parameters.detector import DetectorConfig
 
@@ -72,6 +73,34 @@ def test_a_message_that_differs_in_stamp_and_numbers_is_alike(first, data):
     sample = reader.read(serialize_message(second))
     assert sample is not None
     assert_same(sample, second)
+
+
+@given(texts, st.lists(texts, min_size=1, max_size=4), st.booleans(), st.data())
+def test_what_is_written_is_what_rclpy_serialises(frame_id, names, efforts, data):
+    writer = JointStateWriter(frame_id, names, efforts=efforts)
+    rows = st.lists(numbers, min_size=len(names), max_size=len(names)).map(np.array)
+    for _ in range(2):
+        at_ns, position = data.draw(st.integers(0, 10**18)), data.draw(rows)
+        effort = data.draw(rows) if efforts else None
+        raw = writer.written(at_ns, position, effort)
+        assert isinstance(raw, bytes)
+        read = deserialize_message(raw, JointState)
+        assert (list(read.name), read.header.frame_id) == (names, frame_id)
+        assert stamp_ns(read.header.stamp) == at_ns
+        np.testing.assert_array_equal(read.position, position)
+        np.testing.assert_array_equal(read.effort, effort if efforts else [])
+        assert not read.velocity
+
+
+def test_where_a_middleware_serialises_in_another_way_messages_are_made(monkeypatch):
+    monkeypatch.setattr(
+        joint_states, 'serialize_message', lambda message: b'\1' + serialize_message(message)
+    )
+    writer = JointStateWriter('tip', ['a', 'b'], efforts=True)
+    message = writer.written(5, np.array([1.0, 2.0]), np.array([0.0, 1.0]))
+    assert message == JointState(
+        header=a_message(at_ns=5).header, name=['a', 'b'], position=[1.0, 2.0], effort=[0.0, 1.0]
+    )
 
 
 def test_what_pads_a_message_may_be_anything():
