@@ -1,1 +1,1 @@
-"""The command lines."""
+"""The command lines: their options, and what they print and write."""

@@ -1,7 +1,7 @@
-"""What the command lines share: errors of one line, output that may not be read to its end.
+"""What the command lines share: errors of one line, exit codes, and output into a closed pipe.
 
-The commands start here, as loading what they compute with takes a second in which Ctrl-C is to be
-no traceback either: nothing heavy is imported.
+The commands start here. Loading the modules that they compute with takes a second, in which Ctrl-C
+must not end in a traceback either: therefore this module imports nothing large.
 """
 
 import argparse
@@ -16,20 +16,26 @@ INTERRUPTED = 130
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong with the arguments in one line."""
+    """A parser that says in one line what is wrong with the arguments.
+
+    Examples
+    --------
+    >>> Parser(prog='slip_tune').prog
+    'slip_tune'
+    """
 
     def error(self, message: str) -> NoReturn:
-        """Leave with the exit code 2."""
+        """End the process with the exit code 2."""
         self.exit(2, f'{self.prog}: {message} ({self.prog} --help says more)\n')
 
 
 def whole_number(low: int, high: int | None = None) -> Callable[[str], int]:
-    """Return what reads an argument that is a whole number.
+    """Return a function that reads an argument that is a whole number.
 
     Parameters
     ----------
     low, high
-        From and to which it is allowed; without the second there is no end.
+        The smallest and the largest allowed number; None: any number from ``low`` on.
 
     Examples
     --------
@@ -47,24 +53,30 @@ def whole_number(low: int, high: int | None = None) -> Callable[[str], int]:
 
 
 def print_text(name: str, text: str) -> int:
-    """Print; a reader that stops early, like ``head``, is no error, a full disk is.
+    """Print a text; a full disk is an error, but a reader that stops early, like ``head``, is not.
 
     Parameters
     ----------
     name
-        Of the command.
+        Name of the command.
     text
-        What to print.
+        The text to print.
 
     Returns
     -------
     int
         The exit code: 0, or 1 after an error, which is one line on stderr.
+
+    Examples
+    --------
+    >>> print_text('slip_tune', 'Written: tuned.yaml')
+    Written: tuned.yaml
+    0
     """
     try:
         print(text, flush=True)
     except OSError as error:
-        # What is left in the buffer must not fail again when the interpreter flushes it.
+        # The interpreter flushes the rest of the buffer at its end: that must not fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
             return 0
@@ -79,9 +91,9 @@ def run(name: str, work: Callable[[], str]) -> int:
     Parameters
     ----------
     name
-        Of the command.
+        Name of the command.
     work
-        Returns the text to print. A ValueError is an error of the user's.
+        Returns the text to print; raises a ValueError where the user has made an error.
 
     Returns
     -------

@@ -1,19 +1,20 @@
-"""Evaluate the chain on recordings: how soon it finds the slips, and what it takes for one.
+"""The command ``slip_evaluate``: how soon the chain finds slips, and where it finds none.
 
-No ROS here: the chain runs over each recording as the detector node would, from its first row.
+It uses no ROS: the chain runs over each recording from the first row, as in the detector node.
 
 ``slip_evaluate --json RECORDING...`` prints one object:
 
 ``sets``
-    By the name of each set, which is a folder: the figures of all its recordings together, see
-    :func:`slip_detector.evaluation.replay.figures_of_merit`; what was wrong with them, see
-    :func:`slip_detector.evaluation.evaluator.recording_counts`; and under ``recordings``, by the
-    name of each file, the same of it alone, with what was ``lost`` of it and its ``slip_events``
-    and ``alarm_events``, see :class:`slip_detector.evaluation.events.TrueSlip` and ``Alarm``.
+    For each set of recordings, by the name of its folder: the figures of all its recordings
+    together, see :func:`slip_detector.evaluation.replay.figures_of_merit`, and what was wrong
+    with them, see :func:`slip_detector.evaluation.evaluator.recording_counts`. Under
+    ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
+    part of a damaged file could not be read), ``slip_events`` and ``alarm_events``, see
+    :class:`slip_detector.evaluation.events.TrueSlip` and ``Alarm``.
 ``all``
     The figures and counts over all sets.
 ``not_evaluated``
-    After Ctrl-C: the recordings that it came too early for.
+    After Ctrl-C: the recordings that were not evaluated.
 ``written``
     With ``--plot`` or ``--report``: the files.
 
@@ -54,7 +55,7 @@ NAME = 'slip_evaluate'
 #: Options that are for recordings only.
 OF_RECORDINGS = ('topic', 'field', 'labels', 'resample', 'report', 'jobs', 'cluster')
 
-#: More simulated trials than this are taken for a slip of the keys.
+#: A larger number of simulated trials is taken for a typing error.
 MOST_TRIALS = 1000
 
 
@@ -69,27 +70,27 @@ def evaluate(
     Parameters
     ----------
     arguments
-        As :func:`slip_detector.recordings.sets.recording_sets` has them.
+        Files and folders, see :func:`slip_detector.recordings.sets.recording_sets`.
     evaluator
-        Of the chain.
+        Evaluates each recording.
     workers
-        Who evaluate.
+        The processes that evaluate.
     with_overviews
-        Whether what a report shows is gathered.
+        Whether overviews for a report are gathered.
 
     Returns
     -------
     sets : dict
-        By the name of the set and that of the file, in the order of the arguments.
+        The evaluated recordings by the names of set and file, in the order of the arguments.
     left : list of Path
-        What was not evaluated: none, unless Ctrl-C ended it.
+        The recordings that were not evaluated; empty unless Ctrl-C was pressed.
 
     Raises
     ------
     ValueError
         When a recording cannot be evaluated; names it.
     KeyboardInterrupt
-        When Ctrl-C came before the first was evaluated.
+        When Ctrl-C was pressed before the first recording was evaluated.
     """
     sets = recording_sets(arguments)
     files = [file for several in sets.values() for file in several]
@@ -116,7 +117,18 @@ def evaluate(
 
 
 def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:
-    """Return all figures as plain numbers and text, as the module's docstring has them."""
+    """Return all figures as numbers and texts for JSON.
+
+    Parameters
+    ----------
+    sets
+        The evaluated recordings by the names of set and file.
+
+    Returns
+    -------
+    dict
+        ``sets`` and ``all``; see the module's docstring.
+    """
     return {
         'sets': {
             name: {
@@ -142,8 +154,8 @@ def _parser() -> Parser:
     parser = Parser(
         prog=NAME,
         description='Run the slip chain over labelled recordings and print how well it does: '
-        'areas under the ROC curve, delays, success rate and false positives as the paper has '
-        'them, and slips and alarms matched one to one, with the latency and where its time went. '
+        'areas under the ROC curve; delays, success rate and false positives as in the paper; '
+        'slips and alarms matched one to one, with the latencies and their parts by stage. '
         'Or, with --protocol paper, simulate the trials of the paper and print delays, success '
         'rate and false positives beside those that it reports, and for each figure what is '
         'wanted and whether it is met. The exit code is 0 whatever the figures are.',
@@ -157,9 +169,9 @@ def _parser() -> Parser:
     parser.add_argument(
         '--config',
         metavar='FILE',
-        help='a ROS parameter file with the sections slip_detector, slip_driver (names of the '
-        f'parts of a recording) and {NAME} (what counts as detected, how to tell motion); else '
-        'the defaults',
+        help='a ROS parameter file with the sections slip_detector, slip_driver (where in a '
+        f'recording the samples and labels are) and {NAME} (what counts as detected, and the rows '
+        'of motion); default: the default parameters',
     )
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.add_argument(
@@ -176,7 +188,7 @@ def _parser() -> Parser:
         '--report',
         type=Path,
         metavar='FILE.html',
-        help='write the same as a page to look through, with the timelines to zoom into',
+        help='write the same as an HTML page with timelines that can be zoomed',
     )
     add_worker_options(parser, 'evaluate recordings side by side')
     add_recording_options(parser)
@@ -184,8 +196,8 @@ def _parser() -> Parser:
     protocol.add_argument(
         '--protocol',
         choices=('paper',),
-        help='simulate, in place of recordings, the protocol of the paper: the plates of 400, 440 '
-        'and 480 um, the same trials through the chain, through others of its windows and bands',
+        help='simulate the protocol of the paper instead of reading recordings: plates of 400, 440'
+        ' and 480 um, and the same trials with other windows and bands of the chain',
     )
     protocol.add_argument(
         '--trials',
@@ -197,13 +209,13 @@ def _parser() -> Parser:
         '--seed',
         type=whole_number(0, 2**31 - 1),
         metavar='FIRST',
-        help='seed of the first trial, the next have the next (default: 0)',
+        help='seed of the first trial; the next trials have the next seeds (default: 0)',
     )
     return parser
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Read the arguments and see that they go together."""
+    """Read and check the arguments."""
     parser = _parser()
     options = parser.parse_args(argv)
     of_protocol = ('trials', 'seed')
@@ -221,7 +233,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
-    """Return the figures of the recordings, and what lays them out."""
+    """Return the figures of the recordings, and the function that prints them as tables."""
     file = options.config
     config = ChainConfig.from_yaml(file) if file else ChainConfig()
     recording_config = RecordingConfig.from_yaml(file) if file else RecordingConfig()
@@ -231,16 +243,16 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     )
     evaluator = Evaluator(RecordingLoader(config, recording_config, evaluation_config))
     page = options.report
-    if page:  # to be said before an hour of recordings is read
+    if page:  # an error is reported before an hour of recordings is read
         check_writable(page)
-    look = page or options.plot
+    shown = page or options.plot
     paths = paths_for_workers(options, options.recordings)
     with workers_of(options) as workers:
-        sets, left = evaluate(paths, evaluator, workers, bool(look))
+        sets, left = evaluate(paths, evaluator, workers, bool(shown))
     report = as_report(sets)
     if left:
         report['not_evaluated'] = [str(path) for path in left]
-    if look:
+    if shown:
         from slip_detector.report.evaluation_report import write_evaluation_report
 
         written = write_evaluation_report(sets, config, page, options.plot)
@@ -249,8 +261,8 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
 
 
 def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
-    """Return the figures of the paper's protocol, and what lays them out."""
-    # Who evaluates recordings need not load the simulation.
+    """Return the figures of the paper's protocol, and the function that prints them as tables."""
+    # The simulation is loaded only where it is needed.
     from slip_detector.evaluation import protocol
     from slip_detector.report.protocol_table import protocol_table
 

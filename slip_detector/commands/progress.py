@@ -1,4 +1,4 @@
-"""A bar that shows how far a command is."""
+"""The progress bar of a command."""
 
 import sys
 from typing import Any
@@ -7,14 +7,20 @@ from tqdm import tqdm
 
 
 def progress_bar(total: int, unit: str, done: int = 0) -> 'tqdm[Any]':
-    """Return a bar on stderr; it is disabled where that is no terminal.
+    """Return a progress bar on stderr; it is disabled where stderr is not a terminal.
 
     Parameters
     ----------
     total, done
-        How many there are and how many of them are done.
+        Number of all steps, and of those that are done.
     unit
-        What is counted.
+        Name of a step, for example ``trial``.
+
+    Examples
+    --------
+    >>> with progress_bar(total=200, unit='trial', done=50) as bar:
+    ...     bar.n
+    50
     """
     bar: tqdm[Any] = tqdm(
         total=total, initial=done, unit=unit, disable=not sys.stderr.isatty(), file=sys.stderr,

@@ -7,7 +7,15 @@ from slip_detector.parameters.recording import RecordingConfig
 
 
 def add_recording_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say where in a recording the rows and labels are."""
+    """Add the options that say where in a recording the rows and labels are.
+
+    Examples
+    --------
+    >>> parser = argparse.ArgumentParser()
+    >>> add_recording_options(parser)
+    >>> parser.parse_args(['--topic', '/left/voltages']).topic
+    '/left/voltages'
+    """
     group = parser.add_argument_group('what to read of a recording')
     group.add_argument(
         '--topic', metavar='NAME', help='topic of a bag that has the rows (default: voltages)'
@@ -28,19 +36,25 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
         '--resample',
         action='store_true',
         default=None,
-        help='bring a recording of another rate to that of the chain',
+        help='resample a recording whose rate is not that of the chain',
     )
 
 
 def with_recording_options(
     config: RecordingConfig, options: argparse.Namespace
 ) -> RecordingConfig:
-    """Return the configuration with what the options of :func:`add_recording_options` say.
+    """Return the configuration with the values of the options of :func:`add_recording_options`.
 
     Raises
     ------
     ValueError
         When a value is not allowed.
+
+    Examples
+    --------
+    >>> options = argparse.Namespace(topic='/taxels', field=None, labels=None, resample=None)
+    >>> with_recording_options(RecordingConfig(), options).recording_topic
+    '/taxels'
     """
     given = {
         f'recording_{name}': getattr(options, name)

@@ -1,4 +1,4 @@
-"""Ctrl-C as a wish to stop."""
+"""Ctrl-C as a request to stop soon."""
 
 import contextlib
 import signal
@@ -8,7 +8,7 @@ from types import FrameType
 
 
 class Stopper:
-    """Notes a first SIGINT, and lets a second one through.
+    """Notes the first SIGINT; the second one raises a KeyboardInterrupt.
 
     Examples
     --------
@@ -23,12 +23,12 @@ class Stopper:
         self.stopped = False
 
     def __call__(self) -> bool:
-        """Return whether to stop."""
+        """Return whether SIGINT has come."""
         return self.stopped
 
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
-        """Take SIGINT as a wish to stop."""
+        """Note SIGINT within this context."""
         before = signal.signal(signal.SIGINT, self._note)
         try:
             yield

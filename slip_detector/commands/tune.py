@@ -1,8 +1,7 @@
-"""Tune the chain on labelled recordings, some of them held out: the command ``slip_tune``.
+"""The command ``slip_tune``: it tunes the chain on labelled recordings, some of them held out.
 
-No ROS here. The search is :mod:`slip_detector.tuning.search`, its memory
-:mod:`slip_detector.tuning.study`; what it results in is judged on the recordings that the search
-has not seen.
+It uses no ROS. :mod:`slip_detector.tuning.search` searches, and :mod:`slip_detector.tuning.study`
+stores the trials. The result is judged on recordings that the search has not seen.
 """
 
 import datetime
@@ -41,14 +40,14 @@ from slip_detector.tuning.search import Point, search
 from slip_detector.tuning.tracks import Track, fingerprint
 from slip_detector.tuning.verdict import judge, pooled_figures
 
-#: Of a run that shows no bar, a line is printed so often.
+#: How many lines tell the progress of a search where no bar can be shown.
 LINES = 10
 
 NEEDS_OPTUNA = "needs optuna, which is not installed: pip install 'slip_detector[tune]'"
 
 
 class Settings(NamedTuple):
-    """What a parameter file says that tuning needs; without a file the defaults."""
+    """The sets of parameters that tuning needs."""
 
     chain: ChainConfig = ChainConfig()
     recording: RecordingConfig = RecordingConfig()
@@ -62,12 +61,17 @@ class Settings(NamedTuple):
 
 
 def settings_of(file: str | None) -> Settings:
-    """Read a parameter file; without one it is the defaults.
+    """Read the sets of parameters from a file; without a file return the defaults.
 
     Raises
     ------
     ValueError
-        When it cannot be read or holds what is not allowed; names it.
+        When the file cannot be read or has a value that is not allowed; names it.
+
+    Examples
+    --------
+    >>> settings_of(None).tune.missed_costs_ms
+    500.0
     """
     if file is None:
         return Settings()
@@ -80,7 +84,15 @@ def settings_of(file: str | None) -> Settings:
 
 
 class Progress:
-    """Shows how far the search is and the best so far: a bar, or lines where none can be shown."""
+    """Shows the progress of a search and the best chain so far, as a bar or as lines.
+
+    Parameters
+    ----------
+    problem, study
+        Of the search.
+    total
+        Number of trials that the study is to have.
+    """
 
     def __init__(self, problem: Problem, study: Any, total: int) -> None:
         self._problem, self._study, self._total = problem, study, total
@@ -90,7 +102,7 @@ class Progress:
         self._bar = progress_bar(total, 'trial', self._count)
 
     def __call__(self, count: int) -> None:
-        """Show that there are so many trials."""
+        """Show the number of trials so far."""
         best = self._problem.best(self._study)
         if best is not None and best.cost_ms < self._lowest:
             self._lowest = best.cost_ms
@@ -103,12 +115,20 @@ class Progress:
             sys.stderr.write(f'{count} of {self._total} trials, {self._shown}\n')
 
     def close(self) -> None:
-        """Leave the bar as it is."""
+        """End the bar as it is."""
         self._bar.close()
 
 
 def in_short(found: Candidate) -> str:
-    """Say in few words what a chain does."""
+    """Return the figures of a chain as a short text.
+
+    Examples
+    --------
+    >>> from slip_detector.tuning.objective import CandidateFigures
+    >>> figures = CandidateFigures(41.0, 0.05, 1.5, auc=0.95, latency_ms=40.0)
+    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))
+    'costs 91.0 ms, latency 40.0 ms, 5% missed, 1.5 false/min'
+    """
     counts = found.figures
     latency = '-' if counts.latency_ms is None else f'{counts.latency_ms:.1f} ms'
     return (
@@ -125,16 +145,16 @@ def tune(
     stop: Callable[[], bool],
     results: Callable[[Sequence[Point]], Iterator[tuple[int, list[Candidate]]]] | None = None,
 ) -> Any:
-    """Search and return the study.
+    """Run a search that shows its progress, and return the study.
 
     Parameters
     ----------
     problem, trials, stop, results
-        As :func:`slip_detector.tuning.search.search` has them.
+        As :func:`slip_detector.tuning.search.search` takes them.
     where
-        The study's storage.
+        The storage of the study.
     seed
-        Of its sampler.
+        Seed of the study's sampler.
 
     Raises
     ------
@@ -151,7 +171,7 @@ def tune(
 
 
 def _listed(tracks: Sequence[Track]) -> str:
-    """Name tracks, and say how much they hold."""
+    """Return the names of tracks, with the number of their slips and their length."""
     n = sum(len(track.slips) for track in tracks)
     minutes = sum(track.duration_s for track in tracks) / 60.0
     names = ', '.join(track.name for track in tracks)
@@ -165,7 +185,7 @@ def _settings(options: Namespace) -> Settings:
 
 
 def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
-    """Return what stands at the top of the file: when, how, and the given lines."""
+    """Return the comments at the top of the file: date, command, and the given lines."""
     now = datetime.datetime.now(datetime.timezone.utc)
     words = sys.argv[1:] if argv is None else argv
     return [
@@ -176,7 +196,7 @@ def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
 
 
 def _set_threshold(options: Namespace, argv: Sequence[str] | None) -> list[str]:
-    """Set the threshold from a recording without slip."""
+    """Set the threshold from a recording without slip; return the lines to print."""
     settings = _settings(options)
     check_writable(options.out)
     tracks, notes = load_tracks([options.quiet], settings.loader, labelled=False)
@@ -193,7 +213,7 @@ def _set_threshold(options: Namespace, argv: Sequence[str] | None) -> list[str]:
 
 
 def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
-    """Tune, and write what was found."""
+    """Search and write the result; return the lines to print."""
     if importlib.util.find_spec('optuna') is None:
         raise ValueError(NEEDS_OPTUNA)
     settings = _settings(options)
@@ -250,7 +270,7 @@ def _finish(
     study: Any,
     notes: Sequence[str],
 ) -> list[str]:
-    """Judge the best found and write the files."""
+    """Judge the best chain found and write the files; return the lines to print."""
     from slip_detector.report.tuning_report import replay_tracks, write_tuning_report
     from slip_detector.report.tuning_table import comparison_table
 

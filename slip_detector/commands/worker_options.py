@@ -1,4 +1,4 @@
-"""The options of the commands that can work on many things side by side."""
+"""The options of the commands that can use several processes or a cluster."""
 
 import argparse
 import dataclasses
@@ -11,14 +11,21 @@ from slip_detector.parameters.recording import RecordingConfig
 
 
 def add_worker_options(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add the options that say how many work, and where.
+    """Add the options for the number of processes, or for a cluster.
 
     Parameters
     ----------
     parser
-        Of the command.
+        The parser of the command.
     what
-        What the processes do.
+        What the processes do, for the help.
+
+    Examples
+    --------
+    >>> parser = argparse.ArgumentParser()
+    >>> add_worker_options(parser, 'search')
+    >>> parser.parse_args(['--jobs', '4']).jobs
+    4
     """
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
@@ -37,12 +44,12 @@ def workers_of(options: argparse.Namespace) -> Workers:
 
 
 def paths_for_workers(options: argparse.Namespace, paths: Sequence[str]) -> list[str]:
-    """Return paths as the workers are to be given them: a cluster's stand in other folders."""
+    """Return paths for the workers: absolute for a cluster, whose workers run in other folders."""
     return [os.path.abspath(path) for path in paths] if options.cluster else list(paths)
 
 
 def config_for_workers(options: argparse.Namespace, config: RecordingConfig) -> RecordingConfig:
-    """Return what describes a recording with its paths as :func:`paths_for_workers` has them."""
+    """Return the configuration with the path of the labels as the workers need it."""
     labels = config.recording_labels
     if not labels:
         return config

@@ -1,4 +1,4 @@
-"""One function called with many arguments: in this process, in several, or on a Dask cluster."""
+"""Calls of one function with many arguments, in this process, in several or on a Dask cluster."""
 
 import multiprocessing
 import os
@@ -16,11 +16,11 @@ from concurrent.futures import (
 from types import TracebackType
 from typing import Any, TypeVar
 
-#: So many times in a row processes may die before any call of theirs has ended. Dask gives up a
-#: call that has ended as many workers.
+#: How many times in a row processes may die before a call ends. Dask also gives up a call during
+#: which this number of workers has died.
 MOST_DEATHS = 3
 
-#: A scheduler has so long to answer.
+#: How long a scheduler may take to answer.
 CONNECT_TIMEOUT_S = 10.0
 
 NEEDS_DISTRIBUTED = (
@@ -34,21 +34,21 @@ Result = TypeVar('Result')
 class Workers:
     """Calls a function with many arguments.
 
-    It is a context: processes and connection are opened on the way in and closed on the way out,
-    when calls that still run are given up. What a worker that dies had not finished is called
-    again elsewhere.
+    It is a context manager: processes or connection are opened when the context is entered and
+    closed when it is left; calls that still run then are given up. The calls of a worker that dies
+    are made again by another.
 
     Parameters
     ----------
     jobs
-        How many processes of this machine; with one, the calls are made in this process.
+        Number of processes on this machine; with one, the calls are made in this process.
     cluster
-        Address of the scheduler of a Dask cluster, which takes the place of these processes.
+        Address of the scheduler of a Dask cluster, which is used instead of such processes.
 
     Raises
     ------
     ValueError
-        On the way in, when the cluster cannot be reached; names it.
+        On entering the context, when the cluster cannot be reached; names it.
 
     Examples
     --------
@@ -96,19 +96,20 @@ class Workers:
     def results(
         self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
     ) -> Iterator[tuple[int, Result]]:
-        """Yield what a function returns, with the place of the argument, as the calls end.
+        """Yield the index of each argument and the result of its call, in the order of the ends.
 
         Parameters
         ----------
         function
-            That can be pickled, as its arguments and results, unless the calls are made here.
+            The function to call. It, its arguments and its results must be picklable unless the
+            calls are made in this process.
         arguments
             One for each call.
 
         Raises
         ------
         ValueError
-            When the function raises it, processes keep dying or the cluster is lost.
+            When the function raises one, processes keep dying or the cluster is lost.
         """
         if self._executor is None:
             for place, argument in enumerate(arguments):
@@ -143,13 +144,13 @@ class Workers:
     ) -> dict['Future[Result]', int]:
         assert self._executor is not None
         calls = {}
-        # Ctrl-C goes to all processes of a terminal. This one alone is to hear it: what is blocked
-        # as the others start stays so for them, and comes here later.
+        # Ctrl-C goes to all processes of a terminal, but only this one shall react. A signal that
+        # is blocked while the others start stays blocked in them; here it is only delayed.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             for place, argument in left.items():
                 calls[self._executor.submit(function, argument)] = place
-        except BrokenExecutor:  # what was not taken is left for the next processes
+        except BrokenExecutor:  # the remaining arguments are left for the next processes
             pass
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -176,7 +177,7 @@ def _processes(jobs: int) -> ProcessPoolExecutor:
 
 
 def _end_with_parent() -> None:
-    """End this process when the one that started it has ended, however that came."""
+    """End this process as soon as the one that started it has ended for any reason."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 

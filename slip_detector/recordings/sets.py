@@ -1,4 +1,4 @@
-"""Recordings named on a command line, sorted into sets by their folders."""
+"""Sorts the recordings of a command line into sets by their folders."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,14 +12,13 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
     Parameters
     ----------
     arguments
-        Paths: a folder that is no bag stands for all recordings in it, those of one folder belong
-        together.
+        Paths of recordings, and of folders of recordings. The recordings in one folder are a set.
 
     Returns
     -------
     dict
-        Name of each set, which is that of its folder (the whole path where two folders have the
-        same name), and its files, those of a folder in the order of their names.
+        The files of each set by its name, which is the name of the folder, or its path where two
+        folders have the same name. The files of a given folder are in the order of their names.
 
     Raises
     ------

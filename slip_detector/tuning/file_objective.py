@@ -1,4 +1,4 @@
-"""What a search asks of other processes: they read the recordings themselves."""
+"""The objective of a search in other processes, which read the recordings themselves."""
 
 import dataclasses
 import threading
@@ -8,7 +8,7 @@ from slip_detector.tuning.loading import TrainingFiles
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import Problem
 
-#: The objective that this process had last, by its problem's name: the next trial wants it again.
+#: The last objective of this process and the name of its problem, for the next trial.
 _last: tuple[str, Objective | None] = ('', None)
 
 #: A worker of a cluster may call from several threads; an objective works for one at a time.
@@ -16,16 +16,16 @@ _one_at_a_time = threading.Lock()
 
 
 class FileObjective:
-    """The objective of a problem whose recordings are read by the process that is asked.
+    """The objective of a problem whose recordings are read by the process that needs them.
 
-    It is a few kilobytes to send.
+    It can be sent to another process and then takes a few kilobytes.
 
     Parameters
     ----------
     files
-        Where the recordings are, for every process.
+        The recordings, whose paths must be the same for every process.
     problem
-        With the tracks that were read from them.
+        The problem, with the tracks that were read from these files.
     """
 
     def __init__(self, files: TrainingFiles, problem: Problem) -> None:
@@ -38,7 +38,7 @@ class FileObjective:
         Raises
         ------
         ValueError
-            When the recordings cannot be read or are others than those of the problem.
+            When the recordings cannot be read or are not those of the problem.
         """
         with _one_at_a_time:
             return self._problem.candidates_at(self._objective(), point)
@@ -47,7 +47,7 @@ class FileObjective:
         global _last  # noqa: PLW0603
         name, objective = _last
         if objective is None or name != self._name:
-            _last = ('', None)  # not both in the memory
+            _last = ('', None)  # there may not be enough memory for two
             problem = dataclasses.replace(self._problem, tracks=self._files.load()[0])
             if problem.study_name() != self._name:
                 raise ValueError(

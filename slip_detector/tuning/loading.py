@@ -1,4 +1,4 @@
-"""Recordings read into the memory for a search, here or in another process."""
+"""Reads recordings into memory for a search, in this process or in another."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,29 +14,43 @@ def load_tracks(
     labelled: bool = True,
     but: Sequence[str] = (),
 ) -> tuple[list[Track], list[str]]:
-    """Read recordings, or folders of them, into the memory.
+    """Read recordings into memory.
 
     Parameters
     ----------
     paths
-        As they were given.
+        Recordings and folders of recordings.
     loader
         Opens them for the chain that is tuned.
     labelled
         Whether they must have labels.
     but
-        Recordings, or folders of them, that are left out where they are among those.
+        Recordings and folders of recordings to leave out.
 
     Returns
     -------
     tracks : list of Track
     notes : list of str
-        A line for each recording that is not as it should be: what is missing, bad or lost.
+        A line for each recording with faults: bad samples, gaps and losses.
 
     Raises
     ------
     ValueError
-        When one cannot be read or does not suit the chain; names it.
+        When a recording cannot be read or does not suit the chain; names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from pathlib import Path
+    >>> from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig
+    >>> loader = RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig())
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     rows = {'volts': np.full((100, 16), 4.3), 'slip': np.zeros(100)}
+    ...     np.savez(Path(folder) / 'rest.npz', sample_rate_hz=380.0, **rows)
+    ...     tracks, notes = load_tracks([folder], loader)
+    >>> [track.name for track in tracks], notes
+    (['rest.npz'], [])
     """
     sets = recording_sets(paths)
     left_out = {file.resolve() for files in recording_sets(but).values() for file in files}
@@ -54,9 +68,9 @@ def load_tracks(
 
 
 def _faults(counts: RecordingCounts) -> str:
-    """Say what was wrong with a recording; empty when nothing was."""
+    """Return what was wrong with a recording, as a text; empty where nothing was."""
     many = {
-        'values that are no number': counts.bad_samples,
+        'values that are not numbers': counts.bad_samples,
         'rows bridged': counts.bridged_rows,
         'long gaps': counts.stretches - 1,
         'rows dropped': counts.dropped,
@@ -66,18 +80,18 @@ def _faults(counts: RecordingCounts) -> str:
 
 
 class TrainingFiles(NamedTuple):
-    """The recordings that are tuned on, by their paths.
+    """The files that are tuned on.
 
     Attributes
     ----------
     paths : sequence of str
-        Recordings, or folders of them.
+        Recordings and folders of recordings.
     loader : RecordingLoader
         Opens them.
     left_out : sequence of str
-        Those of them that are held out by name.
+        Recordings and folders of recordings that are held out by name.
     share : float or None
-        Of the recordings to hold out; None: only those that are left out by name are.
+        Share of the recordings to hold out; None where they are held out by name.
     """
 
     paths: Sequence[str]
@@ -86,19 +100,19 @@ class TrainingFiles(NamedTuple):
     share: float | None = None
 
     def load(self) -> tuple[list[Track], list[Track], list[str]]:
-        """Read them.
+        """Read the files.
 
         Returns
         -------
         training, held : list of Track
-            The second is empty where they are held out by name.
+            ``held`` is empty where recordings are held out by name.
         notes : list of str
             See :func:`load_tracks`.
 
         Raises
         ------
         ValueError
-            When one cannot be read or they have not slips enough; names it.
+            When a recording cannot be read or there are too few slips; names the recordings.
         """
         tracks, notes = load_tracks(self.paths, self.loader, but=self.left_out)
         training, held = (tracks, []) if self.share is None else held_out(tracks, self.share)

@@ -58,7 +58,7 @@ class Problem:
         return f'{self.config.NODE}-{hashlib.sha256(repr(asked).encode()).hexdigest()[:16]}'
 
     def objective(self) -> Objective:
-        """Return what chains cost on the tracks."""
+        """Return the objective, which computes the cost of chains on the tracks."""
         return Objective(self.tracks, self.evaluation, self.config, self.figures)
 
     def candidates_at(self, objective: Objective, point: dict[str, Any]) -> list[Candidate]:
@@ -74,7 +74,7 @@ class Problem:
         Returns
         -------
         list of Candidate
-            The cheapest first; none where there is no such chain or it never is ON.
+            The cheapest first; empty where the chain cannot be built or is never ON.
         """
         try:
             return objective.best(SearchSpace(self.given).chain(point))

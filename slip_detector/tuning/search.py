@@ -1,8 +1,8 @@
-"""A search: trial after trial of a study.
+"""A search, one batch of trials after another.
 
-Trials are asked for in batches, and a batch is told to the study when all of it is done, in the
-order in which it was asked for. So what a search finds does not depend on how many processes
-work on a batch, nor on which of them is first.
+A search asks the study for a batch of trials and tells it their results when all are done, in the
+order in which it asked for them. So the result of a search does not depend on the number of
+processes that work on a batch, nor on which of them is first.
 """
 
 import sys
@@ -16,7 +16,7 @@ from slip_detector.tuning.space import SearchSpace
 if TYPE_CHECKING:
     from slip_detector.tuning.study import Study
 
-#: Trials that are asked for at once: as many processes have something to do.
+#: Number of trials in a batch, which is the largest number of processes that are useful.
 BATCH = 8
 
 Point = dict[str, Any]
@@ -30,23 +30,23 @@ def search(
     progress: Callable[[int], None],
     results: Callable[[Sequence[Point]], Iterator[tuple[int, list[Candidate]]]] | None = None,
 ) -> None:
-    """Try chains until the study has so many trials.
+    """Try chains until the study has a number of trials.
 
     Parameters
     ----------
     problem
-        What is searched.
+        The problem of the search.
     study
-        To take part in.
+        The study that the trials belong to.
     trials
-        How many the study is to have, those of other searches and of earlier runs counted.
+        Number of trials that the study is to have, with those of other searches and earlier runs.
     stop
-        Asked after each trial.
+        Returns whether to stop; called after each trial.
     progress
-        Told how many there are after each, and after each batch.
+        Called with the number of trials so far, after each trial and each batch.
     results
-        Yields the candidates at each of some points, see :meth:`.problem.Problem.candidates_at`,
-        with the place of the point, in any order. If not given, they are found in this process.
+        Yields the index of each of some points and the candidates there, see
+        :meth:`.problem.Problem.candidates_at`, in any order. None: this process finds them.
 
     Raises
     ------

@@ -165,4 +165,4 @@ def test_a_bad_sample_and_a_gap_are_counted(tmp_path, capsys):
     np.savez(tmp_path / 'a.npz', volts=volts, label=truth, sample_rate_hz=380.0)
     words = ['--config', tmp_path / 'given.yaml', '--out', tmp_path / 'o.yaml', '--trials', 2]
     run(tmp_path / 'a.npz', *words)
-    assert 'a.npz: 1 values that are no number' in capsys.readouterr().out
+    assert 'a.npz: 1 values that are not numbers' in capsys.readouterr().out

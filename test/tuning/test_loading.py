@@ -32,7 +32,7 @@ def test_what_is_wrong_with_a_recording_is_noted(tmp_path):
     volts, truth = slips(0)
     volts[5, 0] = np.nan
     np.savez(tmp_path / 'a.npz', volts=volts, label=truth, sample_rate_hz=380.0)
-    assert load_tracks([str(tmp_path)], LOADER)[1] == ['a.npz: 1 values that are no number']
+    assert load_tracks([str(tmp_path)], LOADER)[1] == ['a.npz: 1 values that are not numbers']
 
 
 def test_a_share_or_those_named_are_held_out(folder):
