@@ -45,7 +45,7 @@ RUN_BY = {
         '::test_a_detector_with_the_parameters_of_the_readme_tells_its_slip'
     ),
     'ros2 topic echo /slip': (
-        'test/nodes/test_detector_node.py::test_every_topic_says_what_the_chain_decides'
+        'test/nodes/test_detector.py::test_every_topic_says_what_the_chain_decides'
     ),
     'ros2 bag record': (
         'test/nodes/test_demo.py::test_the_recording_is_the_trial_with_its_labels'
@@ -73,7 +73,7 @@ RUN_BY = {
         'test/package/test_installed.py::test_every_executable_is_where_ros2_run_looks'
     ),
     'ros2 run slip_detector slip_detector': (
-        'test/nodes/test_detector_node.py::test_every_topic_says_what_the_chain_decides'
+        'test/nodes/test_detector.py::test_every_topic_says_what_the_chain_decides'
     ),
     'ros2 launch slip_detector slip_detector.launch.py': (
         'test/launch/test_launch_slip_detector.py::TestTopics'
