@@ -1,7 +1,7 @@
 """Reads ROS parameter files."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,22 +30,48 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     >>> list(read_yaml(shared_folder() / 'config' / 'slip_detector.yaml'))
     ['/**/slip_detector', '/**/slip_driver']
     """
+    document = parse_yaml(path, yaml.safe_load)
+    if not isinstance(document, dict):
+        raise ValueError(f'{path}: is not a YAML file of names and values')
+    return {str(name): value for name, value in document.items()}
+
+
+def parse_yaml(path: str | Path, parse: Callable[[str], Any]) -> Any:
+    """Return what a parser makes of the text of a YAML file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    parse
+        A parser of PyYAML.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be read or is not YAML; says which file and line.
+
+    Examples
+    --------
+    >>> parse_yaml('no such file.yaml', yaml.safe_load)
+    Traceback (most recent call last):
+    ValueError: no such file.yaml: cannot be read (No such file or directory)
+    """
     try:
-        document = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+        return parse(Path(path).read_text(encoding='utf-8'))
     except OSError as error:
         raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
     except UnicodeDecodeError:
         raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
     except ValueError as error:  # for example an impossible date
         raise ValueError(f'{path}: is not YAML ({error})') from None
+    except RecursionError:
+        raise ValueError(f'{path}: is nested too deeply') from None
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
         line = f' line {mark.line + 1}' if mark else ''
         problem = getattr(error, 'problem', None) or 'cannot be parsed'
         raise ValueError(f'{path}:{line} is not YAML ({problem})') from None
-    if not isinstance(document, dict):
-        raise ValueError(f'{path}: is not a YAML file of names and values')
-    return {str(name): value for name, value in document.items()}
 
 
 def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Recordings in bags: a topic with the rows, and perhaps one that says where there is slip."""
+"""Recordings in bags: a topic with the rows, and perhaps a topic that tells where slip is."""
 
 from collections.abc import Callable, Iterator
 from itertools import islice
@@ -25,29 +25,30 @@ Stamps = NDArray[np.int64]
 
 T = TypeVar('T')
 
-#: Topic that is read if none is named.
+#: The topic that is read where no other is configured.
 TOPIC = 'voltages'
 
-#: Messages that are decoded first: they tell the rate, and how many samples a message has.
+#: Number of messages that are decoded first, for the rate and the samples in a message.
 FIRST_MESSAGES = 1024
 
 
 class BagRecording(Recording):
-    """A bag: the folder of one, or one of its files.
+    """A recording in a bag.
 
     Parameters
     ----------
     path
-        Of the folder or the file.
+        The folder of the bag, or one of its files.
     config
         Topics of the rows and of the truth, and the field that has the channels.
     labels
-        That a person wrote, if any: then no topic is asked for the truth.
+        Labels that a person wrote, which are used instead of a topic with the truth; None: no
+        such labels.
 
     Raises
     ------
     ValueError
-        When there is no such topic or field, or no sample; names the bag and what it has.
+        When there is no such topic or field, or no sample; names the bag and its topics.
     """
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
@@ -99,9 +100,9 @@ class BagRecording(Recording):
             yield Samples(decoded.volts, stamps_ns, truth)
         if self._storage.lost:
             end_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
-            all_of_them = self._storage.counts.get(self._topic.name, 0)
-            missing = all_of_them - messages
-            much = f'{missing} of {all_of_them} messages on' if missing > 0 else 'what followed on'
+            recorded = self._storage.counts.get(self._topic.name, 0)
+            missing = recorded - messages
+            much = f'{missing} of {recorded} messages on' if missing > 0 else 'what followed on'
             self.counts.lost = (
                 f'{"; ".join(self._storage.lost)}: {much} {self._topic.name} is lost, '
                 f'{messages} messages up to {end_s:.3f} s are read'
@@ -129,8 +130,8 @@ class BagRecording(Recording):
     def _stamps(self, decoded: MessageRows, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.
 
-        A message with several samples has one stamp, that of the last; the others are spread
-        evenly over the time from the message before, or, after a gap, over their periods.
+        A message with several samples has the stamp of the last one. The others are spread evenly
+        over the time since the message before or, after a gap, over their nominal periods.
         """
         ends_ns, samples = decoded.stamps_ns, decoded.samples
         if (samples == 1).all():
@@ -147,10 +148,10 @@ class BagRecording(Recording):
         return np.asarray(np.repeat(ends_ns, samples) - back_ns)
 
     def _truth(self) -> 'Callable[[Stamps, Stamps], Bools] | None':
-        """Return a function of the stamps of rows and their delays until receipt: their truth.
+        """Return a function that gives the truth of rows; None where the bag does not tell it.
 
-        A Bool has no stamp: it holds for the rows that were received after it. Positions have
-        stamps, as the rows have.
+        It takes the stamps of the rows and their delays until receipt. A Bool has no stamp: it
+        holds for the rows that were received after it. Positions have stamps, as the rows have.
         """
         if self._labels is not None:
             return None
@@ -175,7 +176,7 @@ class BagRecording(Recording):
         return None
 
     def _naming(self, act: Callable[[], T]) -> T:
-        """Call a function; an error that it raises gets the path of the bag in front."""
+        """Call a function and put the path of the bag in front of its errors."""
         try:
             return act()
         except ValueError as error:
@@ -199,14 +200,14 @@ class BagRecording(Recording):
         )
 
     def _beside(self, config: RecordingConfig, parameter: str, msgtype: str) -> 'Topic | None':
-        """Find a topic that labels the rows, in their namespace before any other."""
+        """Find a topic that labels the rows, first in their namespace, then in any other."""
         name = getattr(config, parameter)
         alike = [topic for topic in self._storage.topics if topic.msgtype == msgtype]
         full = f'{self._topic.name.rpartition("/")[0]}/{name}'
         found = [topic for topic in alike if topic.name == full]
         found = found or [topic for topic in alike if _is_named(topic.name, name)]
         if len(found) == 1:
-            # A topic without messages says nothing.
+            # A topic without messages is not used.
             return found[0] if self._storage.counts.get(found[0].name, 1) else None
         if name == getattr(RecordingConfig, parameter):
             return None
@@ -217,7 +218,7 @@ class BagRecording(Recording):
         )
 
     def _usual_field(self, topic: Topic) -> str:
-        """Return the field that has the channels in messages of a usual type."""
+        """Return the field with the channels in messages of a common type."""
         if topic.msgtype == JOINT_STATE:
             return 'position'
         if topic.msgtype.endswith('MultiArray'):

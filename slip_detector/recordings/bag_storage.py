@@ -1,4 +1,4 @@
-"""The messages of a bag: read by rosbags where it is whole, else what is left of its files."""
+"""Reads the messages of a bag with rosbags, and of a damaged one from what is left of it."""
 
 import contextlib
 import re
@@ -25,13 +25,13 @@ _DAMAGED: dict[str, type[DamagedMcap | DamagedDatabase]] = {
 #: Endings of the files of a bag.
 BAG_ENDINGS = tuple(_DAMAGED)
 
-#: Ending of a file that the recorder compressed as a whole.
+#: Ending of a file that the recorder has compressed as a whole.
 _COMPRESSED = '.zstd'
 
 #: Bytes that are copied at a time.
 _STEP = 1 << 20
 
-#: The byte of a database at which the length of its pages stands.
+#: The byte of a database at which the size of its pages is written.
 _PAGE_SIZE_AT = 16
 
 
@@ -61,18 +61,18 @@ class BagStorage:
     Attributes
     ----------
     topics : list of Topic
-        Sorted by their names.
+        Sorted by name.
     counts : dict
-        How many messages each topic has, by its name, where the bag says so.
+        Number of messages of each topic, by its name, where the bag has it.
     lost : list of str
-        What could not be read, after a reading.
+        What could not be read in the last reading.
 
     Raises
     ------
     ValueError
-        When nothing of it can be read; names it.
+        When nothing can be read; names the file.
     OSError
-        When it is missing.
+        When the path does not exist.
     """
 
     def __init__(self, path: Path) -> None:
@@ -106,7 +106,7 @@ class BagStorage:
                     yield message
                 if last_ns >= 0:
                     return
-                # rosbags leaves out a topic of which metadata.yaml says other than the files.
+                # rosbags leaves out a topic on which metadata.yaml and the files disagree.
             except Exception as error:  # Damage raises an error when it is reached.
                 why = ' '.join(str(error).split())
                 self.lost.append(f'{self._path.name} is damaged ({why})')
@@ -146,7 +146,7 @@ def _topic(connection: Any) -> Topic:
 
 
 def _metadata(path: Path) -> dict[str, Any]:
-    """Read the metadata of a bag; empty where the recorder wrote none, or they are damaged."""
+    """Return the metadata of a bag; empty where they are missing or damaged."""
     try:
         document = yaml.safe_load((path / METADATA).read_text(encoding='utf-8'))
         return dict(document['rosbag2_bagfile_information'])
@@ -155,7 +155,7 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _decompressed(raw: bytes) -> bytes:
-    """Decompress a message; a damaged one becomes empty, and the decoder leaves it out."""
+    """Return a message decompressed; a damaged one is empty, and the decoder leaves it out."""
     try:
         return bytes(zstd().decompress(raw))
     except Exception:
@@ -163,7 +163,7 @@ def _decompressed(raw: bytes) -> bytes:
 
 
 def _counts(metadata: dict[str, Any]) -> list[tuple[str, int]]:
-    """Return how many messages each topic has; nothing where the metadata do not say."""
+    """Return the number of messages of each topic; empty where the metadata do not have it."""
     try:
         return [
             (str(topic['topic_metadata']['name']), int(topic['message_count']))
@@ -183,10 +183,10 @@ def _files(path: Path) -> list[Path]:
 
 
 def _readable(file: Path, folder: Path) -> Path:
-    """Return the file itself, or a copy in the folder that can be read.
+    """Return the file itself, or a copy of it in the folder that can be read.
 
-    A file that was compressed as a whole is decompressed up to where it is damaged. A database is
-    cut to whole pages, as SQLite fills a cut page with zeros and takes them for content.
+    A file that was compressed as a whole is decompressed up to the damage. A database is cut to
+    whole pages: SQLite fills an incomplete page with zeros and reads them as content.
     """
     if file.suffix == _COMPRESSED:
         unpacked = folder / file.stem
@@ -194,7 +194,7 @@ def _readable(file: Path, folder: Path) -> Path:
         with (
             open(file, 'rb') as packed,
             open(unpacked, 'wb') as plain,
-            contextlib.suppress(Exception),  # What came before the cut is kept.
+            contextlib.suppress(Exception),  # The part before the damage is kept.
         ):
             while part := packed.read(_STEP):
                 plain.write(decompress(part))

@@ -1,4 +1,4 @@
-"""The compressions of bags, undone part by part."""
+"""Decompression of bags, one part after another."""
 
 import importlib
 import sys
@@ -13,7 +13,7 @@ def zstd() -> Any:
 
 
 def decompressor(compression: str) -> Any:
-    """Return a function that decompresses a stream, called with one part after the other.
+    """Return a function that decompresses a stream; it takes one part after another.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def decompressor(compression: str) -> Any:
     Raises
     ------
     ValueError
-        When the compression is another.
+        When the compression is not known.
 
     Examples
     --------

@@ -19,7 +19,7 @@ from slip_detector.recordings.truth import as_truth
 
 TIME = 'time_s'
 
-#: Stamps are 64-bit whole numbers of nanoseconds.
+#: Largest time: stamps are nanoseconds in 64 bits.
 MOST_S = 9e9
 
 
@@ -36,16 +36,16 @@ class CsvRecording(Recording):
     Parameters
     ----------
     path
-        Of the file.
+        The file.
     config
-        Name of the column of labels.
+        Name of the column with the labels.
     labels
-        That a person wrote, if any.
+        Labels that a person wrote; None: no such labels.
 
     Raises
     ------
     ValueError
-        When a line or a column is missing or not what it should be; names it.
+        When a line or a column is missing or wrong; names it.
     """
 
     named = True
@@ -96,7 +96,7 @@ class CsvRecording(Recording):
 
     @contextlib.contextmanager
     def _open(self) -> 'Iterator[csv._reader]':  # type: ignore[name-defined]
-        """Open the file and name it where it is no text."""
+        """Open the file; an error names it."""
         try:
             # Spreadsheets begin the file with a byte order mark.
             with open(self.path, newline='', encoding='utf-8-sig') as file:
@@ -112,7 +112,7 @@ class CsvRecording(Recording):
         with self._open() as lines:
             next(lines)
             for line in lines:
-                if not line:  # an empty line, as many programs leave at the end
+                if not line:  # many programs write an empty line at the end
                     continue
                 where = f'{self.path}: line {lines.line_num}'
                 try:
@@ -130,7 +130,7 @@ class CsvRecording(Recording):
 
 
 def _nanoseconds(text: str, where: str) -> int:
-    """Convert seconds as text without loss: float64 has no nanoseconds of today's date."""
+    """Convert seconds from text to nanoseconds; float64 would lose the digits of a date."""
     seconds = decimal.Decimal(text.strip().replace('_', ''))
     if not seconds.is_finite() or abs(seconds) >= MOST_S:
         raise ValueError(f'{where}: {TIME} is {text.strip()}, allowed: below {MOST_S:g} s')

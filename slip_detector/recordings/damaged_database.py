@@ -1,4 +1,4 @@
-"""SQLite databases of bags that were cut off: their rows, until a page is missing."""
+"""Reads SQLite databases of bags that were cut off, up to the first missing page."""
 
 import contextlib
 import sqlite3
@@ -15,15 +15,15 @@ class DamagedDatabase:
     Parameters
     ----------
     path
-        Of the file; cut to whole pages, as SQLite takes the rest of a page for content.
+        The file, with whole pages only: SQLite reads an incomplete page as content.
     name
-        By which messages call it: the file may be a copy.
+        The name of the file in messages; the file may be a copy.
 
     Attributes
     ----------
     topics : list of Topic
     lost : str
-        What is known of where the file is cut off; empty if it is not, so far.
+        Where the file is cut off, as far as it is known; empty while no damage was found.
     """
 
     def __init__(self, path: Path, name: str) -> None:

@@ -1,8 +1,8 @@
-"""MCAP files that were cut off or damaged: the messages that can still be read.
+"""Reads the messages of MCAP files that were cut off or damaged.
 
-rosbags refuses a file without its end. The package mcap reads it, but hands out no chunk that is
-cut, as the last one of a recorder that died is; here each record is read up to the cut, also in a
-compressed chunk.
+rosbags refuses a file without its end. The package mcap reads it, but returns nothing of a chunk
+that is cut, and when a recorder dies its last chunk is cut. Here each record is read up to the
+cut, in compressed chunks too.
 """
 
 import contextlib
@@ -18,10 +18,10 @@ from slip_detector.recordings.topics import Message, Topic
 _RECORD = struct.Struct('<BQ')
 _MAGIC = b'\x89MCAP0\r\n'
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
-#: Ends the messages; an index follows.
+#: The record after the last message; an index follows.
 _DATA_END = 15
 
-#: Bytes that are decompressed at a time: what comes before a damaged place is kept.
+#: Bytes that are decompressed at a time; those before a damaged place are kept.
 _STEP = 1 << 14
 
 
@@ -31,15 +31,15 @@ class DamagedMcap:
     Parameters
     ----------
     path
-        Of the file.
+        The file.
     name
-        By which messages call it: the file may be a copy.
+        The name of the file in messages; the file may be a copy.
 
     Attributes
     ----------
     topics : list of Topic
     lost : str
-        Where the file is cut off or damaged; empty if it is neither, so far.
+        Where the file is cut off or damaged; empty while no damage was found.
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -70,7 +70,7 @@ class DamagedMcap:
                     yield topic.name, received_ns, record[22:]
 
     def _records(self) -> Iterator[tuple[int, bytes]]:
-        """Yield kind and content of the records, those in chunks too, up to the cut."""
+        """Yield kind and content of the records, in chunks too, up to the cut."""
         self.lost = ''
         size = self._path.stat().st_size
         with open(self._path, 'rb') as file:
@@ -106,7 +106,7 @@ def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, b
         return False
     right = whole and len(content) == length and checksum in (0, zlib.crc32(content))
     if whole and len(content) == length and not right:
-        return False  # Some byte in it is wrong, and nothing says which.
+        return False  # Some byte is wrong, and it is not known which one.
     begin = 0
     while begin + _RECORD.size <= len(content):
         kind, n = _RECORD.unpack_from(content, begin)
@@ -127,7 +127,7 @@ def _decompressed(data: bytes, compression: str) -> Iterator[bytes]:
     for begin in range(0, len(data), _STEP):
         try:
             yield decompress(data[begin : begin + _STEP])
-        except Exception:  # Each library has its own exceptions; what came before is kept.
+        except Exception:  # Each library has its own exceptions; the parts before are kept.
             return
 
 

@@ -1,6 +1,6 @@
-"""Numbers out of messages: what a field path like ``pillars[].fz`` selects, as rows of floats.
+"""Reads the numbers that a field path like ``pillars[].fz`` selects in messages.
 
-A message is any object with the fields as attributes: one of rclpy or one read from a bag.
+A message is any object with the fields as attributes, of rclpy or from a bag.
 """
 
 import dataclasses
@@ -25,9 +25,9 @@ class _PathStep(NamedTuple):
     Attributes
     ----------
     name : str
-        Of the field.
+        Name of the field.
     element : int, '' or None
-        Which element of a list; '' for all of them; None: the field as it is.
+        Index in a list; '' for all elements; None for the field itself.
     """
 
     name: str
@@ -66,7 +66,7 @@ class FieldReader:
     def __init__(self, path: str) -> None:
         self.path = path
         self._steps = [_step(part, path) for part in path.split('.')]
-        # The path of one name, in messages of one sample each, is read by a shorter way.
+        # A path of one name is read in a faster way where a message has one sample.
         self._only = path if len(self._steps) == 1 and self._steps[0].element is None else ''
 
     def __call__(self, message: Any) -> Floats:
@@ -98,7 +98,7 @@ class FieldReader:
         return np.asarray(rows.reshape(1, -1) if rows.ndim == 1 else rows)
 
     def _collect(self, message: Any, k: int, where: str, values: list[Any]) -> None:
-        """Append the numbers that the steps from the k-th on select in a message."""
+        """Append the numbers that the path, from its k-th step on, selects in a message."""
         step = self._steps[k]
         known = field_names(message)
         if step.name not in known:
@@ -139,7 +139,7 @@ class FieldReader:
         return [(f'{where}[{index}]', value[int(index)])]
 
     def _numbers(self, value: Any, where: str) -> Floats:
-        """Convert what a path ends in."""
+        """Return the numbers at the end of a path."""
         inner = field_names(value)
         if inner:
             raise ValueError(
@@ -148,7 +148,7 @@ class FieldReader:
             )
         if isinstance(value, (str, bytes)):
             raise ValueError(f'field {self.path}: {where} is text, allowed: numbers')
-        # numpy takes an array of rclpy (array.array) by its buffer.
+        # NumPy reads an array of rclpy (array.array) by its buffer.
         array = np.asarray(value)
         if array.dtype.kind not in 'fiub':
             names = field_names(value[0]) if len(value) else []
@@ -157,7 +157,7 @@ class FieldReader:
         return array.astype(np.float64).reshape(-1)
 
     def _as_laid_out(self, values: Floats, layout: Any) -> Floats:
-        """Give samples that came together a row each."""
+        """Return the samples of a batch as rows."""
         if [dimension.label for dimension in layout.dim] != BATCH_LABELS:
             return values
         samples, channels = (int(dimension.size) for dimension in layout.dim)
@@ -180,11 +180,21 @@ def _step(part: str, path: str) -> _PathStep:
 
 
 def field_names(message: Any) -> list[str]:
-    """Return the names of a message's fields, in their order; none for what is no message."""
+    """Return the names of a message's fields in their order; empty for other objects.
+
+    Examples
+    --------
+    >>> @dataclasses.dataclass
+    ... class Vector:
+    ...     x: float
+    ...     y: float
+    >>> field_names(Vector(1.0, 2.0)), field_names(3.0)
+    (['x', 'y'], [])
+    """
     if hasattr(message, 'get_fields_and_field_types'):  # rclpy's
         return list(message.get_fields_and_field_types())
     if dataclasses.is_dataclass(message):
-        # rosbags has the type's own name among them.
+        # In classes of rosbags the type's name is among the fields.
         names = [field.name for field in dataclasses.fields(message)]
         return [name for name in names if not name.startswith('__')]
     return []

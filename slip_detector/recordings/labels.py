@@ -1,12 +1,15 @@
 """Labels of true slip that a person wrote: a file of intervals beside the recording."""
 
 import itertools
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
+
+from slip_detector.parameters.reading import parse_yaml
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -19,7 +22,7 @@ KEY = 'slip_s'
 
 
 class SlipInterval(NamedTuple):
-    """A time with slip, in seconds from the first sample, and where that was written."""
+    """An interval with slip in seconds from the first sample, and its line in the file."""
 
     start_s: float
     end_s: float
@@ -32,9 +35,15 @@ class Labels:
     Parameters
     ----------
     path
-        Where they come from.
+        The file.
     intervals
-        In the order of their times, without overlap.
+        The intervals in the order of time, without overlap.
+
+    Examples
+    --------
+    >>> labels = Labels(Path('trial.labels.yaml'), [SlipInterval(1.0, 2.5, line=1)])
+    >>> labels.at(np.array([999_999_999, 1_000_000_000, 2_500_000_000]))
+    array([False,  True, False])
     """
 
     def __init__(self, path: Path, intervals: list[SlipInterval]) -> None:
@@ -42,12 +51,12 @@ class Labels:
         self._edges_ns = np.rint([edge * 1e9 for one in intervals for edge in one[:2]])
 
     def at(self, after_ns: Stamps) -> Bools:
-        """Return where there is slip: from each start on, up to but without its end.
+        """Return whether there is slip at each time: from each start up to, but not at, its end.
 
         Parameters
         ----------
         after_ns : ndarray of int, shape (n,)
-            Time from the first sample on, in nanoseconds.
+            Times since the first sample, in nanoseconds.
         """
         return np.asarray(np.searchsorted(self._edges_ns, after_ns, side='right') % 2 == 1)
 
@@ -57,7 +66,7 @@ class Labels:
         Raises
         ------
         ValueError
-            When one does; names its line.
+            When an interval does; names its line.
         """
         for one in self.intervals:
             if one.end_s > end_s:
@@ -68,8 +77,14 @@ class Labels:
 
 
 def labels_name(recording: Path) -> str:
-    """Return what the file of labels of a recording is called."""
-    # What follows a dot in the name of a folder is no ending.
+    """Return the name of the file with the labels of a recording.
+
+    Examples
+    --------
+    >>> labels_name(Path('recordings/trial.mcap'))
+    'trial.labels.yaml'
+    """
+    # In the name of a folder, the part after a dot is not an ending.
     return f'{recording.name if recording.is_dir() else recording.stem}{ENDING}'
 
 
@@ -79,19 +94,24 @@ def find_labels(setting: str, recording: Path) -> 'Path | None':
     Parameters
     ----------
     setting
-        A file, a folder of such files, or '': beside the recording.
+        A file or a folder of such files; '': the file beside the recording.
     recording
         Path of the recording.
 
     Returns
     -------
     Path or None
-        None where no file was asked for and none is beside the recording.
+        None where no file is configured and none is beside the recording.
 
     Raises
     ------
     ValueError
-        When the folder has none for this recording.
+        When the folder has no labels for this recording.
+
+    Examples
+    --------
+    >>> find_labels('by_hand.yaml', Path('trial.mcap')).name
+    'by_hand.yaml'
     """
     name = labels_name(recording)
     if not setting:
@@ -111,7 +131,7 @@ def read_labels(path: Path) -> Labels:
     Parameters
     ----------
     path
-        Of a YAML file with a list ``slip_s`` of pairs of seconds from the first sample on.
+        A YAML file with a list ``slip_s`` of pairs of seconds from the first sample.
 
     Raises
     ------
@@ -132,19 +152,7 @@ def read_labels(path: Path) -> Labels:
     >>> labels.at(np.array([0, 1_000_000_000, 2_500_000_000]))
     array([False,  True, False])
     """
-    try:
-        node = yaml.compose(path.read_text(encoding='utf-8'), Loader=yaml.SafeLoader)
-    except OSError as error:
-        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
-    except UnicodeDecodeError:
-        raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
-    except RecursionError:
-        raise ValueError(f'{path}: is nested too deeply, allowed: a list of pairs') from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        line = f' line {mark.line + 1}' if mark else ''
-        problem = getattr(error, 'problem', None) or 'cannot be parsed'
-        raise ValueError(f'{path}:{line} is not YAML ({problem})') from None
+    node = parse_yaml(path, partial(yaml.compose, Loader=yaml.SafeLoader))
     intervals = sorted(_interval(item, path) for item in _items(node, path))
     for before, one in itertools.pairwise(intervals):
         if one.start_s < before.end_s:
@@ -192,7 +200,7 @@ def _interval(node: yaml.Node, path: Path) -> SlipInterval:
 
 
 def _time(node: yaml.Node, where: str) -> float:
-    """Read a number as it is written: YAML 1.1 would make 90 of 1:30, and 8 of 010."""
+    """Return a number as it is written; YAML 1.1 would read 1:30 as 90 and 010 as 8."""
     text = node.value if isinstance(node, yaml.ScalarNode) and node.style is None else ''
     try:
         number = float(text)

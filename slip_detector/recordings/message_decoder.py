@@ -1,4 +1,4 @@
-"""Serialised messages (CDR) of one topic as rows; those of one layout are decoded all at once."""
+"""Decodes serialised messages (CDR) of one topic to rows, all messages of one layout at once."""
 
 import struct
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from slip_detector.recordings.message_layout import MessageLayout, channel_names
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-#: After so many layouts, messages of others are decoded one by one.
+#: Number of layouts that are kept; messages with further layouts are decoded one by one.
 MOST_LAYOUTS = 32
 
 
@@ -24,11 +24,11 @@ class MessageRows(NamedTuple):
     ----------
     volts : ndarray, shape (n, c)
     stamps_ns : ndarray of int, shape (m,)
-        Of the m messages.
+        Stamps of the m messages.
     samples : ndarray of int, shape (m,)
-        How many rows each message has; n in all.
+        Number of rows in each message; their sum is n.
     which : ndarray of int, shape (m,)
-        Which of the messages these are; one that cannot be decoded, or has other channels or
+        Indices of these messages. A message that cannot be decoded, or has other channels or
         names than the first one, is left out.
     """
 
@@ -39,7 +39,7 @@ class MessageRows(NamedTuple):
 
 
 class _LayoutGroup(NamedTuple):
-    """Messages of one layout: which, their (m, samples, channels), stamps and names."""
+    """Messages of one layout: indices, volts (m, samples, channels), stamps and names."""
 
     which: NDArray[np.intp]
     volts: Floats
@@ -53,18 +53,18 @@ class MessageDecoder:
     Parameters
     ----------
     typestore
-        Of rosbags, with the definition of the type.
+        The type store of rosbags that defines the type.
     msgtype
-        Name of the type, as ``sensor_msgs/msg/JointState``.
+        Name of the type, for example ``sensor_msgs/msg/JointState``.
     field
         Path of the field whose numbers are the channels.
 
     Attributes
     ----------
     channels : int
-        Of the first message; 0 before it.
+        Number of channels in the first message; 0 before it.
     names : tuple of str
-        What it calls them; empty where it does not.
+        Names of the channels in the first message; empty where it has none.
     """
 
     def __init__(self, typestore: Any, msgtype: str, field: str) -> None:
@@ -81,7 +81,7 @@ class MessageDecoder:
         -------
         rows : ndarray, shape (samples, channels)
         stamp_ns : int or None
-            Of its header, where it has one.
+            Stamp of the header; None where the message has none.
         names : tuple of str
 
         Raises
@@ -101,11 +101,11 @@ class MessageDecoder:
         Raises
         ------
         ValueError
-            When the bytes are no such message.
+            When the bytes are not such a message.
         """
         try:
             return self._typestore.deserialize_cdr(raw, self._msgtype)
-        except Exception as error:  # The decoder is code that rosbags makes from the definition.
+        except Exception as error:  # rosbags generates the decoder from the definition.
             raise ValueError(f'a message is no {self._msgtype} ({error})') from None
 
     def many(self, raws: Sequence[bytes], received_ns: Sequence[int]) -> MessageRows:
@@ -116,12 +116,12 @@ class MessageDecoder:
         raws
             The messages, oldest first.
         received_ns
-            When each was received: its stamp where it has no header.
+            When each was received; it is the stamp of a message without a header.
 
         Raises
         ------
         ValueError
-            As :meth:`one`, for the first messages; when none has any channels.
+            As :meth:`one`, before any message was decoded; when no message has channels.
         """
         try:
             received = np.array(received_ns, dtype=np.int64)
@@ -189,7 +189,7 @@ class MessageDecoder:
         return groups
 
     def _alone(self, raw: bytes, received_ns: Stamps, i: int) -> _LayoutGroup | None:
-        """Decode one message; None where it cannot be done, but others could be before."""
+        """Decode one message; return None where that fails and others were decoded before."""
         try:
             rows, stamp_ns, names = self.one(raw)
         except ValueError:
@@ -202,7 +202,7 @@ class MessageDecoder:
     def _make_layout(self, raw: bytes) -> MessageLayout | None:
         """Return the layout of a message; None where it cannot be found.
 
-        Decoding such a message on its own says what is wrong with it.
+        Such a message is then decoded alone, which raises an error that says what is wrong.
         """
         if sum(map(len, self._layouts.values())) >= MOST_LAYOUTS:
             return None

@@ -1,4 +1,4 @@
-"""Rows as serialised messages (CDR), all at once."""
+"""Serialises many rows at once as messages (CDR)."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,16 +15,16 @@ Stamps = NDArray[np.int64]
 
 
 class JointStateEncoder:
-    """Serialises rows as messages of JointState, which all have one layout.
+    """Serialises rows as JointState messages, which all have the same layout.
 
     Parameters
     ----------
     typestore
-        Of rosbags.
+        The type store of rosbags.
     frame_id
-        Of the header of each.
+        Frame in the header of each message.
     names
-        Of the channels.
+        Names of the channels.
     """
 
     def __init__(self, typestore: Any, frame_id: str, names: Sequence[str]) -> None:

@@ -1,9 +1,9 @@
-"""Where the numbers of a serialised message (CDR) stand.
+"""The places of the numbers in a serialised message (CDR).
 
-That depends only on the type of the message and on the lengths of the texts and lists in it. So it
-is found once, by reading a message in which each number is its own place through a
-:class:`~slip_detector.recordings.field_paths.FieldReader`; every message with the same texts and
-lengths has its numbers at the same places.
+They depend only on the type of the message and on the lengths of its texts and lists. They are
+found once: a :class:`~slip_detector.recordings.field_paths.FieldReader` reads a message in which
+each number is replaced by its own place. Every message with the same texts and lengths has its
+numbers at the same places.
 """
 
 import struct
@@ -18,10 +18,10 @@ Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-#: CDR begins with four bytes; the second says whether the least significant byte is first.
+#: CDR begins with four bytes; the second one tells the byte order.
 HEADER_BYTES = 4
 
-#: Types of numbers, by the names that message definitions have for them.
+#: NumPy's types of numbers by their names in message definitions.
 DTYPES = {
     'bool': '?',
     'byte': 'u1',
@@ -34,28 +34,28 @@ DTYPES = {
 }
 _CODES = list(dict.fromkeys(DTYPES.values()))
 
-#: A place is the number of its type's code times this, plus the byte at which it begins. float64
-#: holds that exactly for messages below 4 GB.
+#: A place is the index of its type times this, plus the byte at which the number begins. float64
+#: holds it exactly for messages below 4 GB.
 _TYPE_STEP = 2.0**32
 
 
 class MessageLayout(NamedTuple):
-    """Where the numbers of one field, and the stamp, stand in messages that are alike.
+    """The places of a field's numbers, and of the stamp, in messages with the same layout.
 
     Attributes
     ----------
     fixed : ndarray of int, shape (k,)
-        Which bytes are texts and lengths: messages are alike if they agree in these.
+        Indices of the bytes of texts and lengths, which are the same in these messages.
     fixed_bytes : ndarray of uint8, shape (k,)
-        What these bytes are.
+        These bytes.
     places : ndarray, shape (samples, channels)
         Type and place of each number of the field.
     stamp_bytes : tuple of int, or None
-        Where the seconds and the nanoseconds of the header's stamp begin.
+        First bytes of the seconds and the nanoseconds of the header's stamp; None: no header.
     byte_order : str
         ``<`` or ``>``.
     names : tuple of str
-        Of the channels, where the message names them.
+        Names of the channels; empty where the message has none.
     """
 
     fixed: NDArray[np.intp]
@@ -119,7 +119,7 @@ def read_layout(raw: bytes, typestore: Any, msgtype: str, field: FieldReader) ->
     raw
         The message.
     typestore
-        Of rosbags, with the definition of the type.
+        The type store of rosbags that defines the type.
     msgtype
         Name of the type.
     field
@@ -149,7 +149,7 @@ def read_layout(raw: bytes, typestore: Any, msgtype: str, field: FieldReader) ->
 
 
 def channel_names(message: Any, channels: int) -> tuple[str, ...]:
-    """Return the names that a message gives its channels, as JointState does; else none."""
+    """Return the names of the channels in a message, as JointState has them; else empty."""
     names = getattr(message, 'name', ())
     if isinstance(names, str) or len(names) != channels:
         return ()
@@ -157,7 +157,7 @@ def channel_names(message: Any, channels: int) -> tuple[str, ...]:
 
 
 class _LayoutReader:
-    """Reads a serialised message with places instead of its numbers."""
+    """Reads a serialised message as one with places instead of numbers."""
 
     def __init__(self, raw: bytes, typestore: Any) -> None:
         self._raw, self._typestore = raw, typestore
@@ -166,8 +166,8 @@ class _LayoutReader:
         self.fixed: list[int] = list(range(HEADER_BYTES))
 
     def message(self, msgtype: str, real: bool = False) -> Any:
-        """Return a message of places; ``real``: of the numbers themselves, which become fixed."""
-        # The layout of a MultiArray says what its data are: it has to be the same in all messages.
+        """Return a message with places, or, with ``real``, with its numbers, which are fixed."""
+        # The layout of a MultiArray tells the shape of its data, so it must be the same in all.
         real = real or msgtype == 'std_msgs/msg/MultiArrayLayout'
         definition = self._typestore.get_msgdef(msgtype)
         values = [self._value(description, real) for _, description in definition.fields]

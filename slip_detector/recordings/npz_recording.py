@@ -1,7 +1,7 @@
-"""Recordings in npz files, read from their archive in pieces.
+"""Recordings in npz files, which are read in pieces.
 
-numpy.load would take all rows at once: 170 MB for an hour of 16 channels at 380 Hz, where pieces
-take 2 MB and the driver has its first sample at once.
+numpy.load would read all rows at once: 170 MB for an hour of 16 channels at 380 Hz. Pieces take
+2 MB, and the driver has its first sample at once.
 """
 
 import contextlib
@@ -23,32 +23,33 @@ from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
 from slip_detector.recordings.truth import as_truth
 
-#: Name of the array of stamps that recordings written here have.
+#: Name of the array of stamps in recordings that this package has written.
 STAMPS_KEY = 'stamps_ns'
 
-#: What a damaged archive raises; zipfile has RuntimeErrors for what it cannot undo.
+#: Errors of a damaged archive; zipfile raises RuntimeErrors for encryptions and compressions that
+#: it does not know.
 _BROKEN = (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, UnicodeError)
 
-#: What NumPy raises for a damaged array.
+#: Errors that NumPy raises for a damaged array.
 _BAD_ARRAY = (ValueError, SyntaxError, TypeError, tokenize.TokenError)
 
 
 class NpzRecording(Recording):
-    """An npz file: rows, their rate, and perhaps a label and stamps, as arrays with names.
+    """An npz file with arrays of the rows and their rate, and perhaps of labels and stamps.
 
     Parameters
     ----------
     path
-        Of the file.
+        The file.
     config
         Names of the arrays.
     labels
-        That a person wrote, if any.
+        Labels that a person wrote; None: no such labels.
 
     Raises
     ------
     ValueError
-        When the file is damaged or an array is missing or not what it should be; names both.
+        When the file is damaged, or an array is missing or wrong; names both.
     """
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
@@ -93,7 +94,7 @@ class NpzRecording(Recording):
         self.channel_names = default_channel_names(channels)
 
     def _arrays(self, archive: zipfile.ZipFile) -> 'dict[str, _RowArray]':
-        """Open the arrays that have something for each row."""
+        """Open the arrays that have a value for each row."""
         return {key: _RowArray(archive, key) for key in self._keys if key in self._names}
 
     def read(self) -> Iterator[Samples]:
@@ -128,9 +129,9 @@ class NpzRecording(Recording):
 
 @contextlib.contextmanager
 def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
-    """Open the archive and name the file where it is damaged."""
+    """Open the archive; an error names the file."""
     try:
-        # A member that is still open would keep a file open that zipfile itself has opened.
+        # zipfile would keep a file that it has opened itself open with an open member.
         with open(path, 'rb') as stream, zipfile.ZipFile(stream) as archive:
             yield archive
     except _BROKEN:
@@ -140,18 +141,18 @@ def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
 
 
 class _BadArrayError(Exception):
-    """A member of the archive is no array of numbers or texts."""
+    """A member of the archive is not an array of numbers or texts."""
 
 
 class _RowArray:
-    """An array in the archive whose rows are read from the first one on.
+    """An array in the archive whose rows are read one after another.
 
     Parameters
     ----------
     archive
         The open archive.
     name
-        Of the array.
+        Name of the array.
 
     Attributes
     ----------
@@ -177,13 +178,13 @@ class _RowArray:
 
     @property
     def n_rows(self) -> int:
-        """Return how many rows there are; a label may come as a column."""
+        """Number of rows."""
         return self.shape[0] if self.shape else 1
 
     def read(self, n: int) -> NDArray[Any]:
         """Return the next n rows."""
         first, self._next = self._next, self._next + n
-        if self._fortran and len(self.shape) > 1:  # Its rows are not one after the other.
+        if self._fortran and len(self.shape) > 1:  # The rows are not contiguous.
             if self._whole is None:
                 self._whole = _whole(self._archive, self._name)
             return self._whole[first : self._next]

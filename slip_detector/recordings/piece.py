@@ -1,4 +1,4 @@
-"""Rows of a recording as the chain gets them."""
+"""A piece of a recording as it is given to the chain."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ Bools = NDArray[np.bool_]
 
 
 class Piece(NamedTuple):
-    """Rows as the chain gets them, evenly spaced within a stretch.
+    """Consecutive rows as they are given to the chain, evenly spaced within a stretch.
 
     Attributes
     ----------
@@ -19,9 +19,10 @@ class Piece(NamedTuple):
     stamps_ns : ndarray of int, shape (n,)
     truth : ndarray of bool, shape (n,), or None
     new_stretch : bool
-        Whether the chain is reset before it: the first piece, one after a long gap.
+        Whether the chain is reset before these rows: in the first piece and after a long gap.
     rows : ndarray of int, shape (n,)
-        Which row of the recording each is, counted from 0; a bridged row is the one before it.
+        Number of each row in the recording, from 0; a row that bridges a gap has the number of
+        the row before it.
     """
 
     volts: Floats

@@ -26,8 +26,8 @@ def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
 def rate_of(times_s: NDArray[Any]) -> 'float | None':
     """Return the rate at which rows were taken.
 
-    It is that of the steps between them, without those that are gaps or backwards: jitter of the
-    stamps is averaged, missing rows do not count.
+    It is the inverse of the mean step between rows. Gaps and steps backwards are left out, and the
+    jitter of the stamps is averaged.
 
     Parameters
     ----------

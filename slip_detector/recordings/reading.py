@@ -1,4 +1,4 @@
-"""Open recordings, whatever kind of file they are."""
+"""Opens recordings of all kinds of files."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ ENDINGS = ('.npz', '.csv', *BAG_ENDINGS)
 
 
 def is_recording(path: 'str | Path') -> bool:
-    """Return whether a path is one recording, by its ending or as a folder that is a bag.
+    """Return whether a path is a recording: a file with such an ending, or the folder of a bag.
 
     Examples
     --------
@@ -41,12 +41,12 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     path
         The file or the folder of a bag.
     config
-        Names of the parts of the recording; the defaults if not given.
+        Where in the recording the samples and labels are; the defaults if not given.
 
     Raises
     ------
     ValueError
-        When it is missing, broken or lacks a part; names the file and the part.
+        When the file is missing or broken or lacks a part; names the file and the part.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
         if path.suffix == '.csv':
             return CsvRecording(path, config, labels)
         if path.suffix in BAG_ENDINGS or path.is_dir():
-            # rosbags is needed by those who read bags only.
+            # rosbags is needed only for bags.
             from slip_detector.recordings.bag_recording import BagRecording
 
             return BagRecording(path, config, labels)

@@ -1,4 +1,4 @@
-"""What all recordings have in common: pieces of rows, treated by their stamps as the node does."""
+"""Base class of all recordings; it treats gaps in the stamps as the detector node does."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -19,30 +19,31 @@ Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-#: Rows read at a time: enough to be fast, and some MB for 100 channels.
+#: Number of rows read at a time: fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
 
 
 @dataclasses.dataclass
 class RecordingCounts:
-    """What was counted while a recording was read; complete when its pieces have been read.
+    """Counts of a reading, which are complete when all pieces have been read.
 
     Attributes
     ----------
     rows : int
-        Rows given, bridged ones included.
+        Rows that were returned, with those that bridge gaps.
     bridged_rows : int
-        Rows that were missing in short gaps and are repeated from the row before.
+        Rows that were missing in short gaps and repeat the row before.
     gaps : int
         Short gaps that were bridged.
     stretches : int
         Runs of rows between long gaps; at least one.
     bad_samples : int
-        Values that are not a number or infinite.
+        Values that are NaN or infinite.
     dropped : int
-        Rows left out: a stamp not after the last one, other channels than the first message.
+        Rows that were left out, as their stamp is not after the one before or their channels are
+        not those of the first message.
     lost : str
-        One line on what of a damaged bag could not be read; empty when all could.
+        One line on the part of a damaged bag that could not be read; empty where all was read.
     """
 
     rows: int = 0
@@ -55,9 +56,9 @@ class RecordingCounts:
 
 
 class Recording:
-    """A recording that is read in pieces, however long it is; see :func:`open_recording`.
+    """A recording that is read in pieces; see :func:`open_recording`.
 
-    Each kind of file has a class of its own that gives the rows.
+    Each kind of file has a class of its own that reads the rows.
 
     Attributes
     ----------
@@ -69,7 +70,7 @@ class Recording:
     has_truth : bool
         Whether it is known where there is slip.
     counts : RecordingCounts
-        Of the last reading.
+        Counts of the last reading.
     """
 
     path: Path
@@ -94,7 +95,7 @@ class Recording:
         raise NotImplementedError
 
     def array(self, name: str) -> 'NDArray[Any] | None':
-        """Return another array of the file by its name, as it is; None where there is none."""
+        """Return another array of the file by its name; None where there is none."""
         return None
 
     def array_names(self) -> list[str]:
@@ -102,7 +103,7 @@ class Recording:
         return []
 
     def rows(self) -> Iterator[Samples]:
-        """Yield all rows as they were recorded, with the labels that a person wrote, if any.
+        """Yield all rows as they were recorded, with the labels, if there are any.
 
         Yields
         ------
@@ -112,7 +113,7 @@ class Recording:
         Raises
         ------
         ValueError
-            When the file is broken or the labels do not suit it; names the file and the place.
+            When the file is broken or a label ends after the recording; names file and place.
         """
         self.counts = RecordingCounts()
         labels = self._labels
@@ -141,8 +142,8 @@ class Recording:
     ) -> Iterator[Piece]:
         """Yield the rows as the detector node gives them to its chain.
 
-        A stamp that is not after the last one is dropped, a gap of up to ``max_gap_s`` is bridged
-        with the last row, and after a longer one a new stretch begins.
+        A row whose stamp is not after the one before is dropped. A gap of up to ``max_gap_s`` is
+        bridged with the row before it; after a longer one a new stretch begins.
 
         Parameters
         ----------
@@ -195,7 +196,7 @@ class Recording:
             yield piece
 
     def _stretches(self, rate_hz: float, max_gap_s: float) -> Iterator[Piece]:
-        """Yield the rows with gaps bridged and stretches parted."""
+        """Yield the rows with bridged gaps, a piece for each stretch."""
         grid = StampGrid(1 / rate_hz, max_gap_s)
         first = 0
         last: Piece | None = None
@@ -209,13 +210,13 @@ class Recording:
                 last = part
 
     def _mended(self, piece: Piece, last: 'Piece | None', grid: StampGrid) -> list[Piece]:
-        """Drop, bridge and part the rows of a piece; ``last`` is the one before it."""
+        """Drop rows, bridge gaps and separate stretches; ``last`` is the piece before."""
         mended = grid.mend(piece.stamps_ns)
         self.counts.gaps += mended.gaps
         self.counts.bridged_rows += mended.bridged
         self.counts.dropped += mended.dropped
         rows, which, places = Samples(*piece[:3]), piece.rows, mended.places
-        if last is not None:  # Its last row may be what bridges the first gap.
+        if last is not None:  # Its last row may bridge the first gap.
             rows = Samples(*last[:3]).take(slice(-1, None)).then(rows)
             which = np.concatenate([last.rows[-1:], which])
             places = places + 1

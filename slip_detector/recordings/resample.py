@@ -12,24 +12,24 @@ Floats = NDArray[np.float64]
 #: Zero crossings of the sinc on either side of a row.
 LOBES = 16
 
-#: The filter's edge as a share of half of the lower rate. From there on it falls; above half of
-#: the lower rate it is 70 dB down.
+#: The filter's edge as a share of half of the lower rate. Above half of the lower rate the gain is
+#: below -70 dB.
 EDGE = 0.8
 
 
 class Resampler:
-    """Interpolates rows with a windowed sinc, which also removes what the new rate cannot hold.
+    """Interpolates rows with a windowed sinc, a low-pass for the lower of the two rates.
 
-    Within a stretch rows are taken to be evenly spaced, as the chain takes them. The weights of
-    each row add up to one: a baseline stays what it is, to the bit. Before the first row and after
-    the last one of a stretch the input is taken to be constant. In place of a bad value (not a
-    number, infinite) the last good one of its channel is interpolated, and the rows nearest to it
-    are bad. The result does not depend on how the rows are cut into pieces.
+    Rows are taken to be evenly spaced within a stretch, and constant before its first and after
+    its last row. The weights of each row add up to one, so that a constant baseline keeps its
+    value to the bit. In place of a bad value (NaN, infinity) the last good value of its channel is
+    interpolated, and the nearest rows are marked as bad. The result does not depend on how the
+    rows are cut into pieces.
 
     Parameters
     ----------
     from_hz, to_hz
-        Rates of the rows that come in and go out.
+        Rates of the input and of the output.
 
     Examples
     --------
@@ -65,11 +65,11 @@ class Resampler:
             yield from self._some(stretch, end=True)
 
     def _some(self, stretch: '_Stretch', end: bool) -> 'Iterator[Piece]':
-        """Yield the rows for which all rows that they need have come."""
+        """Yield the output rows whose input rows are all there."""
         half, step = self._half, self._step
         if end:
             stretch.hold_last(half)
-        # Row j stands at the place j * step among the rows that came in, and needs `half` more.
+        # Output row j is at place j * step of the input and needs `half` more input rows.
         last = stretch.known - 1 if end else stretch.known - 1 - half
         j = np.arange(stretch.given, int(np.floor(last / step)) + 2)
         places = j * step
@@ -90,9 +90,9 @@ class Resampler:
     def _interpolated(self, stretch: '_Stretch', base: NDArray[np.int64], rest: Floats) -> Floats:
         """Return the weighted sums around the places, (m, c).
 
-        They are summed tap by tap: in the same order, hence to the same bits, for any number of
-        rows. What is summed are the differences from the row before the place: so a channel that
-        repeats one value still does.
+        They are added up tap by tap, in the same order for any number of rows, which gives the
+        same bits. The terms are differences from the row before the place, so that a channel that
+        repeats one value keeps it.
         """
         total = np.zeros(len(base))
         before = stretch.good_at(base)
@@ -115,9 +115,9 @@ class _Stretch:
         self._piece = piece
         self._bad = ~np.isfinite(piece.volts)
         self._good = _held(piece.volts, self._bad, None)
-        # As if the first row had been there before.
+        # The input before the first row is taken to be that row.
         self._good = np.concatenate([np.repeat(self._good[:1], half, axis=0), self._good])
-        self._first = 0  # place of the first row that is kept
+        self._first = 0  # place of the first row in memory
         self.known = len(piece.volts)
         self.given = 0
         self._new = True
@@ -153,7 +153,7 @@ class _Stretch:
     def piece(
         self, base: NDArray[np.int64], volts: Floats, after_ns: NDArray[np.int64]
     ) -> 'Piece':
-        """Make a piece of rows that stand at or after those at the places."""
+        """Make a piece of rows that are at, or just after, the rows at the places."""
         at = base - self._first
         truth = self._piece.truth
         new, self._new = self._new and self._piece.new_stretch, False
@@ -166,7 +166,7 @@ class _Stretch:
         )
 
     def forget(self, place: int) -> None:
-        """Drop what rows from the place on do not need."""
+        """Drop the rows that are not needed from a place on."""
         n = min(place, self.known) - self._first
         if n <= 0:
             return

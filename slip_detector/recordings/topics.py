@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 BOOL = 'std_msgs/msg/Bool'
 
-#: Parts the definitions of several types in one text.
+#: Separates the definitions of several types in one text.
 _RULE = '=' * 80 + '\n'
 
 
@@ -16,11 +16,11 @@ class Topic(NamedTuple):
     ----------
     name : str
     msgtype : str
-        As ``sensor_msgs/msg/JointState``.
+        For example ``sensor_msgs/msg/JointState``.
     encoding : str
-        Of the definition: ``ros2msg``, ``ros2idl`` or '' where there is none.
+        Format of the definition: ``ros2msg``, ``ros2idl``, or '' where there is no definition.
     definition : str
-        Of the type.
+        Definition of the type.
     """
 
     name: str
@@ -39,7 +39,7 @@ def typestore_of(topic: Topic) -> Any:
     Raises
     ------
     ValueError
-        When the bag does not define the type and it is none of ROS itself, or the definition is
+        When the bag does not define the type and ROS does not have it, or the definition is
         broken.
     """
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore

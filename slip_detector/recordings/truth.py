@@ -1,4 +1,4 @@
-"""What a recording itself says of slip: labels, states that change, positions that move."""
+"""The truth in a recording: labels, states that change, or positions that move."""
 
 from pathlib import Path
 from typing import Any
@@ -21,12 +21,17 @@ def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
     key
         Name of the array or column.
     path
-        Of the recording.
+        The recording.
 
     Raises
     ------
     ValueError
         When a label is neither, such as NaN or a text; names the file and the label.
+
+    Examples
+    --------
+    >>> as_truth(np.array([0.0, 1.0]), 'slip', Path('trial.npz'))
+    array([False,  True])
     """
     if label.dtype.kind == 'b':
         return label.reshape(-1)
@@ -37,16 +42,16 @@ def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
 
 
 def states_at(changes_ns: Stamps, states: Bools, at_ns: Stamps) -> Bools:
-    """Return the state that the last change at or before each time left.
+    """Return the state at each time: that of the last change at or before it.
 
     Parameters
     ----------
     changes_ns : ndarray of int, shape (k,)
-        When the state was published, rising.
+        Times at which the state was published, in rising order.
     states : ndarray of bool, shape (k,)
-        What was published.
+        The states.
     at_ns : ndarray of int, shape (n,)
-        The times that are asked for.
+        The times for which the state is wanted.
 
     Returns
     -------
@@ -65,15 +70,15 @@ def states_at(changes_ns: Stamps, states: Bools, at_ns: Stamps) -> Bools:
 
 
 class PlatformMotion:
-    """When a position changes (the paper's Eq. 9), from positions that come in pieces.
+    """Finds the times at which a position changes (the paper's Eq. 9).
 
-    Between two messages with different positions there is motion, both ends included: the last
-    sample at which the platform still stood is the first of the slip.
+    There is motion between two messages with different positions, at both of their times too: so
+    the last sample at which the platform still stood is the first sample of the slip.
 
     Parameters
     ----------
     still_m
-        A step of the position up to this is rest.
+        A step of the position up to this counts as rest.
 
     Examples
     --------
@@ -100,7 +105,7 @@ class PlatformMotion:
         starts = stamps_ns[np.flatnonzero(edges == 1)].tolist()
         ends = stamps_ns[np.flatnonzero(edges == -1)].tolist()
         if starts and self._edges_ns and starts[0] <= self._edges_ns[-1]:
-            del starts[0], self._edges_ns[-1]  # It goes on where the last piece ended.
+            del starts[0], self._edges_ns[-1]  # The motion at the end of the last piece continues.
             self._edges_ns.append(ends.pop(0))
         for start, end in zip(starts, ends, strict=True):
             self._edges_ns += [start, end]

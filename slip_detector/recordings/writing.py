@@ -1,4 +1,4 @@
-"""Write recordings: bags, npz and csv, by the ending of the path."""
+"""Writes recordings as bags, npz or csv files, by the ending of the path."""
 
 import csv
 import os
@@ -34,17 +34,17 @@ def write_recording(
     Parameters
     ----------
     path
-        Its ending says what is written: .npz, .csv, .mcap or .db3; none, a folder that is a bag
-        (MCAP with metadata.yaml, as ``ros2 bag record`` leaves it). In bags the rows are on
-        ``voltages``, a truth is on ``slip_truth`` and a position on ``platform_position``.
+        The new file: .npz, .csv, .mcap or .db3. Without an ending it is the folder of a bag (MCAP
+        with metadata.yaml, as ``ros2 bag record`` writes it). In bags the rows are on
+        ``voltages``, the truth on ``slip_truth`` and the position on ``platform_position``.
     pieces
-        The rows, at least one, with a truth in all of them or in none.
+        The rows, at least one, with the truth in all pieces or in none.
     sample_rate_hz
-        Their rate; only an npz has a place for it.
+        Rate of the rows; it is written to npz only.
     channel_names
-        One for each channel; an npz has no place for them.
+        A name for each channel; they are not written to npz.
     frame_id
-        Of the messages in a bag.
+        Frame of the messages in a bag.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def write_recording(
         raise ValueError(f'{path}: is there already, allowed: a new path')
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # It appears under its name when it is complete, so no failure leaves half a recording.
+        # The file gets its name when it is complete, so a failure leaves no incomplete recording.
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as folder:
             writers[path.suffix](Path(folder) / path.name)
             os.replace(Path(folder) / path.name, path)
@@ -106,7 +106,7 @@ def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> N
                 piece.stamps_ns.tolist(), piece.volts.tolist(), truth, strict=True
             ):
                 sign, (seconds, rest) = '-' * (stamp_ns < 0), divmod(abs(stamp_ns), 1_000_000_000)
-                # What float's repr says, float reads back to the bit.
+                # repr writes a float so that it is read back to the bit.
                 lines.writerow([f'{sign}{seconds}.{rest:09d}', *map(repr, row), *slip])
 
 
@@ -120,7 +120,7 @@ def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> 
 
 
 def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], frame_id: str) -> None:
-    """Write the folder of a bag, or only the file of its messages."""
+    """Write the folder of a bag, or only the file with its messages."""
     rosbag2 = load_rosbags()
     plugin = rosbag2.StoragePlugin[_PLUGINS.get(path.suffix, 'MCAP')]
     folder = path.with_suffix('')
@@ -133,7 +133,7 @@ def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], fram
 def _write_messages(
     writer: Any, pieces: Iterable[Samples], names: Sequence[str], frame_id: str
 ) -> None:
-    """Write the topics as the driver publishes them, received at their stamps."""
+    """Write the topics as the driver publishes them; messages are received at their stamps."""
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -169,7 +169,7 @@ def _write_messages(
         for stamp_ns, row, slip, position in zip(
             stamps_ns, rows.many(piece.volts, piece.stamps_ns), truth, positions, strict=True
         ):
-            # A reader takes a state to hold for what was received after it.
+            # A state holds for the messages that are received after it.
             if slip is not None and slip != last:
                 last = slip
                 writer.write(truth_topic, stamp_ns, bools[slip])
@@ -179,9 +179,9 @@ def _write_messages(
 
 
 def _qualities() -> tuple[Any, Any]:
-    """Return the driver's qualities of service, of samples and of states.
+    """Return the quality of service that the driver has for samples and for states.
 
-    ``ros2 bag play`` offers what the bag says: a late subscriber gets the last state.
+    ``ros2 bag play`` offers it again, so that a late subscriber gets the last state.
     """
     from rosbags import interfaces
 

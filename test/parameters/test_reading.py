@@ -5,7 +5,7 @@ import pytest
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.reading import names_for_others, read_parameter_file
+from slip_detector.parameters.reading import names_for_others, read_parameter_file, read_yaml
 from support.config_cases import SETS, message_of
 
 
@@ -217,3 +217,9 @@ def test_a_parameter_of_another_node_is_refused_in_a_nodes_own_section(write):
     message = message_of(DriverConfig.from_yaml, path)
     assert message.endswith('threshold = 0.7; it is a parameter of slip_detector')
     assert DetectorConfig.from_yaml(path).threshold == 0.7
+
+
+def test_a_file_that_is_nested_too_deeply_is_named(tmp_path):
+    path = tmp_path / 'deep.yaml'
+    path.write_text('[' * 5000)
+    assert message_of(read_yaml, path) == f'{path}: is nested too deeply'
