@@ -141,7 +141,7 @@ class Objective:
         self._tracks, self._evaluation, self._config = tracks, evaluation, config
         self._given = given
         self._tally = ScoreTally()
-        self._rooms: list[Floats | None] = [None] * len(tracks)
+        self._outs: list[Floats | None] = [None] * len(tracks)
 
     def best(self, chain: ChainConfig) -> list[Candidate]:
         """Return a chain with the best threshold for each vote, the cheapest vote first.
@@ -186,9 +186,9 @@ class Objective:
         """
         one_pass = VoteStatistics(chain, votes)
         tracks = [
-            one_pass.of(track, room) for track, room in zip(self._tracks, self._rooms, strict=True)
+            one_pass.of(track, out) for track, out in zip(self._tracks, self._outs, strict=True)
         ]
-        self._rooms = [*tracks]
+        self._outs = [*tracks]
         return {vote: [one[v] for one in tracks] for v, vote in enumerate(votes)}
 
     def sweep(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:

@@ -64,14 +64,14 @@ class VoteStatistics:
         self._chain = SlipChain(dataclasses.replace(config, vote='all', threshold=1.0))
         self._votes = tuple(votes)
 
-    def of(self, track: Track, room: Floats | None = None) -> Floats:
+    def of(self, track: Track, out: Floats | None = None) -> Floats:
         """Return the statistic of each row of a track in the level's unit.
 
         Parameters
         ----------
         track
             Of n rows.
-        room
+        out
             The array that an earlier call returned for this track, to be overwritten: new memory
             takes time.
 
@@ -81,7 +81,8 @@ class VoteStatistics:
             A chain with that vote is ON exactly where this is above its threshold.
         """
         shape = (len(self._votes), len(track.volts))
-        out = room if room is not None and room.shape == shape else np.empty(shape)
+        if out is None or out.shape != shape:
+            out = np.empty(shape)
         for begin, end, _, new_stretch in track.pieces:
             if new_stretch:
                 self._chain.reset()

@@ -99,7 +99,6 @@ def test_the_best_threshold_is_found_for_each_vote():
     tracks = [track(1), track(2)]
     objective = Objective(tracks, EvaluationConfig(), TuneConfig())
     found = objective.best(CHAIN)
-    assert [one.chain.vote for one in found[:1]] != []
     assert {one.chain.vote for one in found} == {'all', 'mean', 1}
     assert [one.cost_ms for one in found] == sorted(one.cost_ms for one in found)
     best = found[0]

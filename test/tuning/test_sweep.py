@@ -61,7 +61,7 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
             assert sweep.quiet_s == sum(one.quiet_s for one in outcomes)
 
 
-def test_a_room_is_used_again_and_changes_nothing():
+def test_an_array_that_is_overwritten_gets_the_same_statistic():
     config = ChainConfig(channels=2, stopbands_hz=())
     volts = np.random.default_rng(0).standard_normal((5000, 2))
     track = track_of('a', [LabelledRows(volts, np.zeros(5000, bool))], 380.0)
