@@ -125,9 +125,10 @@ class JointStateWriter:
         self._position = slice(begin, end)
         self._effort = slice(end + 8, end + 8 + 8 * n if efforts else end + 8)
         found = raw[self._position] + raw[self._effort]
-        self._raw: bytearray | None = None
+        self._raw: memoryview | None = None
         if raw.startswith(LITTLE_ENDIAN) and found == numbers[: n + n * efforts].tobytes():
-            self._raw = bytearray(raw)
+            # A view: as many bytes have to be written as there are, or it is an error.
+            self._raw = memoryview(bytearray(raw))
         # For a middleware that serialises in another way.
         self._message = message
 

@@ -92,6 +92,13 @@ def test_what_is_written_is_what_rclpy_serialises(frame_id, names, efforts, data
         assert not read.velocity
 
 
+@pytest.mark.parametrize('position', [[1.0], [1.0, 2.0, 3.0], np.ones(2, np.float32)])
+def test_numbers_that_do_not_fill_a_message_are_an_error(position):
+    writer = JointStateWriter('tip', ['a', 'b'])
+    with pytest.raises(ValueError, match='assignment'):
+        writer.written(5, np.asarray(position))
+
+
 def test_where_a_middleware_serialises_in_another_way_messages_are_made(monkeypatch):
     monkeypatch.setattr(
         joint_states, 'serialize_message', lambda message: b'\1' + serialize_message(message)
