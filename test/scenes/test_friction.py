@@ -257,8 +257,6 @@ def test_the_slope_of_a_patch_is_what_its_surface_feels(skin, law, load_n, v, x,
 
 # What is refused.
 
-WELL = {'damping_n_s_m': 0.3, 'mass_kg': 0.0}
-
 
 @given(st.floats(0.01, 1.0), st.floats(1.01, 3.0), decades(1e-4, 1.0), st.floats(0.01, 10.0))
 def test_the_steepest_fall_is_that_of_the_stribeck_curve(kinetic, more, stribeck_m_s, load_n):
