@@ -24,6 +24,6 @@ def progress_bar(total: int, unit: str, done: int = 0) -> 'tqdm[Any]':
     """
     bar: tqdm[Any] = tqdm(
         total=total, initial=done, unit=unit, disable=not sys.stderr.isatty(), file=sys.stderr,
-        dynamic_ncols=True,
+        dynamic_ncols=True, mininterval=0.0,
     )  # fmt: skip
     return bar

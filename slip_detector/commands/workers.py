@@ -83,10 +83,11 @@ class Workers:
     ) -> None:
         if self._executor is None:
             return
-        self._executor.shutdown(wait=False, cancel_futures=True)
         if self._cluster is not None:
+            self._executor.shutdown(wait=False)
             self._client.close()
             return
+        self._executor.shutdown(wait=False, cancel_futures=True)
         mine = [one for one in multiprocessing.active_children() if one not in self._not_mine]
         for process in mine:
             process.terminate()

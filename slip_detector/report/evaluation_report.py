@@ -1,6 +1,7 @@
 """The report of an evaluation: the overviews of its recordings, the page and the pictures."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 from slip_detector.evaluation.evaluator import EvaluatedRecording, recording_figures
@@ -24,13 +25,13 @@ def overview_factory(
     recordings
         How many recordings the report has; they share its cells.
     """
-    cells = cells_of_each(recordings)
+    # Of a function that other processes find by its name.
+    return partial(_overview, config, cells_of_each(recordings))
 
-    def overview(opened: LabelledRecording) -> Overview:
-        name = opened.recording.path.name
-        return Overview(name, config, opened.channel_names, cells, opened.sample_rate_hz)
 
-    return overview
+def _overview(config: ChainConfig, cells: int, opened: LabelledRecording) -> Overview:
+    name = opened.recording.path.name
+    return Overview(name, config, opened.channel_names, cells, opened.sample_rate_hz)
 
 
 def write_evaluation_report(

@@ -1,0 +1,93 @@
+"""``slip_evaluate`` with several processes: the same figures, progress, and what Ctrl-C leaves."""
+
+import fcntl
+import json
+import os
+import pty
+import signal
+import struct
+import subprocess
+import sys
+import termios
+from pathlib import Path
+
+import pytest
+
+from slip_detector.commands.evaluate import main
+from support.evaluation_cases import complaint, write
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_any_number_of_jobs_gives_the_same_figures_and_report(capsys, tmp_path):
+    paths = [write(tmp_path / f'{name}.npz', seed) for seed, name in enumerate('abc')]
+    outputs, pages = [], []
+    for jobs in ('1', '2'):
+        page = tmp_path / 'page.html'
+        words = [*map(str, paths), '--jobs', jobs, '--json', '--report', str(page)]
+        assert main(words) == 0
+        shown = capsys.readouterr()
+        assert shown.err == ''
+        outputs.append(shown.out)
+        pages.append(page.read_text(encoding='utf-8'))
+    assert list(json.loads(outputs[0])['sets'][tmp_path.name]['recordings']) == [
+        'a.npz', 'b.npz', 'c.npz',
+    ]  # fmt: skip
+    assert outputs[1] == outputs[0]
+    assert pages[1] == pages[0]
+
+
+def test_what_is_wrong_with_a_recording_is_said_as_without_jobs(capsys, tmp_path):
+    good = write(tmp_path / 'a.npz')
+    bad = tmp_path / 'no.npz'
+    assert complaint(capsys, good, bad, '--jobs', 2) == complaint(capsys, good, bad)
+
+
+@pytest.mark.parametrize('jobs', ['1', '2'])
+def test_a_terminal_shows_how_many_are_done_and_an_interrupt_leaves_these(tmp_path, jobs):
+    paths = [write(tmp_path / f'{name}.npz', seed) for seed, name in enumerate('ab')]
+    # Who opens it waits without an end for somebody who writes.
+    endless = tmp_path / 'endless.npz'
+    os.mkfifo(endless)
+    mine, its = pty.openpty()
+    fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 80, 0, 0))
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'slip_detector.commands.evaluate', *map(str, [*paths, endless]),
+         '--jobs', jobs, '--json'],
+        stdout=subprocess.PIPE, stderr=its, env={**os.environ, 'PYTHONPATH': str(ROOT)},
+    )  # fmt: skip
+    os.close(its)
+    try:
+        shown = ''
+        while '2/3' not in shown:
+            shown += os.read(mine, 4096).decode()
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        os.close(mine)
+    assert process.returncode == 130
+    report = json.loads(out)
+    assert list(report['sets'][tmp_path.name]['recordings']) == ['a.npz', 'b.npz']
+    assert report['not_evaluated'] == [str(endless)]
+
+
+def test_an_interrupt_is_said_in_the_tables(capsys, tmp_path, monkeypatch):
+    def interrupted(self, function, arguments):
+        yield 0, function(arguments[0])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr('slip_detector.commands.workers.Workers.results', interrupted)
+    paths = [write(tmp_path / f'{name}.npz') for name in 'ab']
+    assert main([*map(str, paths)]) == 130
+    assert capsys.readouterr().out.splitlines()[-1] == f'Stopped early, not evaluated: {paths[1]}'
+
+
+def test_processes_and_a_cluster_exclude_each_other_and_the_protocol(capsys, tmp_path):
+    words = [write(tmp_path / 'a.npz'), '--jobs', 2, '--cluster', 'tcp://127.0.0.1:8786']
+    assert complaint(capsys, *words, code=2).startswith(
+        'argument --cluster: not allowed with argument --jobs'
+    )
+    assert complaint(capsys, '--protocol', 'paper', '--jobs', 2, code=2).startswith(
+        '--jobs is for recordings, allowed: without --protocol'
+    )
