@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from benchmarks.scenes.integrators import METHODS
+from slip_detector.scenes.free_object import FINGERS, STANDARD_GRAVITY_M_S2
 
 #: Touched, held, slid over, held, let go.
 STEPS = [
@@ -55,7 +56,7 @@ def moving(*velocities_m_s: float, seconds: float = 0.1) -> list[dict[str, float
 
 def held(mass_kg: float) -> dict[str, Any]:
     """Return a scene in which an object is gripped, lifted, held and let slip."""
-    grip_n = 1.5 * mass_kg * 9.80665 / (2 * 0.6)
+    grip_n = 1.5 * mass_kg * STANDARD_GRAVITY_M_S2 / (FINGERS * 0.6)
     return {
         'steps': [
             {'duration_s': 0.1, 'force_n': grip_n},
