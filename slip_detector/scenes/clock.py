@@ -1,4 +1,4 @@
-"""The clock that the sensor samples by."""
+"""The clock of the sensor."""
 
 import dataclasses
 
@@ -8,7 +8,7 @@ from slip_detector.parameters.sets import ParameterSet
 
 @dataclasses.dataclass(frozen=True)
 class Clock(ParameterSet):
-    """A sensor whose clock does not run at the rate that it says.
+    """A sensor whose clock does not run at its nominal rate.
 
     Examples
     --------
@@ -18,5 +18,5 @@ class Clock(ParameterSet):
     """
 
     rate_ratio: float = parameter(
-        1.01, 'True rate of the samples over the rate it says.', low=0.1, high=10.0
+        1.01, 'True rate of the samples over the nominal rate.', low=0.1, high=10.0
     )

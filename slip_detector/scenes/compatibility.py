@@ -1,4 +1,4 @@
-"""Which parts of a scene go together."""
+"""Checks that the parts of a scene go together."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,21 +15,27 @@ from slip_detector.scenes.tremor import TREMOR_PEAK
 
 
 def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: float) -> None:
-    """Refuse parts that do not go together.
+    """Raise an error for parts that do not go together.
 
     Parameters
     ----------
     parts
-        The parts that are named, by their names.
+        The parts of the scene by their names.
     steps
-        What is done, one after the other.
+        The steps of the scene.
     true_rate_hz
-        At which the samples are taken.
+        Rate at which the samples are taken.
 
     Raises
     ------
     ValueError
-        Names the part, what is wrong with it beside the others, and what is allowed.
+        Names the part, what is wrong with it, and what is allowed.
+
+    Examples
+    --------
+    >>> check_parts({'object': {}}, [Step()], true_rate_hz=380.0)
+    Traceback (most recent call last):
+    ValueError: object: falls without friction, allowed: with the part friction
     """
     electronics: Electronics = parts.get('electronics', Electronics())
     friction: Friction | None = parts.get('friction')
@@ -62,16 +68,16 @@ def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: f
 
 
 def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction') -> None:
-    """Refuse a normal force under which the skin would chatter.
+    """Raise an error for a normal force under which the skin would chatter.
 
     Parameters
     ----------
     parts
-        The parts that are named, by their names; friction among them.
+        The parts of the scene by their names; friction is one of them.
     force_n
         Largest normal force.
     where
-        What the error names.
+        Beginning of the error message.
 
     Raises
     ------
@@ -84,7 +90,7 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
 
 
 def _largest_force_n(parts: Mapping[str, Any], steps: Sequence[Step]) -> float:
-    """Return the largest normal force that the steps and the disturbances can bring about."""
+    """Return the largest normal force that steps and disturbances can cause."""
     motion: Motion = parts.get('motion', Motion())
     ratio = motion.ringing_damping
     overshoot = math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) if ratio < 1.0 else 0.0

@@ -1,4 +1,4 @@
-"""How the normal force spreads over the taxels."""
+"""The distribution of the normal force over the taxels."""
 
 import dataclasses
 from typing import NamedTuple
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 class HertzNumbers(NamedTuple):
-    """What the compiled code needs of a :class:`Contact`."""
+    """The numbers of a :class:`Contact` for compiled code."""
 
     squared_radius_at_1n_m2: float
     taxel_area_m2: float
@@ -46,11 +46,11 @@ class Contact(ParameterSet):
     )
 
     def numbers(self) -> HertzNumbers:
-        """Return what the compiled code needs."""
+        """Return the numbers for compiled code."""
         return HertzNumbers(self.radius_at_1n_m**2, self.taxel_area_m2)
 
     def largest_load_n(self, force_n: float) -> float:
-        """Return the load of a taxel in the middle of the contact: the largest there is."""
+        """Return the largest load of a taxel, which is in the middle of the contact."""
         out = np.zeros(1)
         spread_load(force_n, 0.0, 0.0, np.zeros((1, 2)), self.numbers(), 0.0, out)
         return float(out[0])
@@ -67,16 +67,16 @@ def spread_load(force_n, centre_x_m, centre_y_m, positions_m, hertz, rest_patche
     force_n : float
         Normal force.
     centre_x_m, centre_y_m : float
-        Where the fingertip touches.
+        Centre of the contact.
     positions_m : ndarray, shape (channels, 2)
-        Of the taxels.
+        Positions of the taxels.
     hertz : HertzNumbers
-        Of the contact.
+        The numbers of the contact.
     rest_patches : float
-        Number of patches of the skin between the taxels.
+        Number of patches of skin between the taxels.
     loads_n : ndarray, shape (channels,) or (channels + 1,)
-        Is filled. Its place beyond the taxels gets the load of a patch of the skin between them:
-        all such patches together carry what the taxels do not.
+        Is filled. An element after those of the taxels gets the load of a patch between them;
+        these patches together carry the rest of the force.
     """
     n = positions_m.shape[0]
     if not force_n > 0.0:

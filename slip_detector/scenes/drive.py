@@ -1,7 +1,7 @@
-"""What is done to the fingertip, all parts together, at one instant or at many.
+"""What acts on the fingertip at one instant or at many: forces and motion of all parts together.
 
-One compiled function serves a scene, which asks for all the instants of a read at once, and an
-integrator that asks for one after the other.
+The same compiled function serves a scene, which calls it for all instants of a read at once, and
+an integrator, which calls it for one instant after another.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,31 +37,31 @@ NO_LOAD = np.zeros((2, 0))
 
 
 class DriveNumbers(NamedTuple):
-    """What is done to the fingertip, for compiled code; the defaults are parts left out.
+    """What acts on the fingertip, for compiled code; the defaults stand for absent parts.
 
     Attributes
     ----------
     force : ForceNumbers
-        The normal force that the steps ask for.
+        The normal force of the steps.
     plate : ndarray, shape (4, k)
-        The plate's motion; rows as the fields of
+        The plate's motion; its rows are the fields of
         :class:`slip_detector.scenes.motion.PlateNumbers`.
     centre_x_m, centre_y_m : float
-        Where the contact is at rest.
+        Centre of the contact at rest.
     load : ndarray, shape (2, k)
-        Force on the object; rows as the fields of
+        Force on the object; its rows are the fields of
         :class:`slip_detector.scenes.motion.LoadNumbers`.
     taps : TapNumbers
-        Of this part.
+        The numbers of the taps.
     rolling : ndarray, shape (6,)
         The fields of :class:`slip_detector.scenes.rolling.RollingNumbers`.
     force_sines, motion_sines : ndarray, shape (3, k)
-        The tremor, in newtons and, on a plate, metres; rows as the fields of
+        The tremor, in newtons and, on a plate, metres; the rows are the fields of
         :class:`slip_detector.scenes.sines.Sines`.
     force_sines_from_n : float
-        The normal force from which on the tremor's force acts in full.
+        Above this normal force the tremor's force acts in full.
     load_sines : ndarray, shape (3, k)
-        Inertia of the object in a hand that trembles, in newtons.
+        Inertial force of the object in a trembling hand, in newtons.
     """
 
     force: ForceNumbers
@@ -80,14 +80,14 @@ class DriveNumbers(NamedTuple):
 def drive_numbers(
     parts: Mapping[str, Any], steps: Sequence[Step], of_tremor: np.random.Generator
 ) -> DriveNumbers:
-    """Collect what is done to the fingertip; parts that are not named stay left out.
+    """Collect what acts on the fingertip.
 
     Parameters
     ----------
     parts
-        The parts that are named, by their names.
+        The parts of the scene by their names.
     steps
-        What is done, one after the other.
+        The steps of the scene.
     of_tremor
         Generator of the tremor of one trial.
 
@@ -121,16 +121,16 @@ def drive_numbers(
             motion_sines=np.array(sines),
         )
         if free_object:
-            # Seen from a hand that trembles, the object's mass pulls the other way.
+            # In the frame of the trembling hand the object's inertia acts against the motion.
             inertia_n = free_object.mass_kg * sines.amplitude * sines.angular_rate_rad_s**2
             numbers = numbers._replace(load_sines=np.array(sines._replace(amplitude=inertia_n)))
     return numbers
 
 
 class Drive(NamedTuple):
-    """What is done to the fingertip at some instants.
+    """What acts on the fingertip at some instants.
 
-    Each is a float, or an array of the shape of the instants.
+    Each field is a float, or an array with the shape of the instants.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class Drive(NamedTuple):
     centre_x_m, centre_y_m
         Centre of the contact.
     velocity_m_s, position_m
-        Of the surface; 0 where an object finds its own way.
+        Velocity and position of the surface; 0 where the surface is that of a free object.
     load_n
         Force on the object; 0 where there is none.
     """
@@ -154,7 +154,7 @@ class Drive(NamedTuple):
 
 @compiled
 def normal_force_at(t, side, numbers):
-    """Return the normal force with what taps and tremor add to it; never negative.
+    """Return the normal force with taps and tremor; never negative.
 
     Parameters and return value as those of :func:`drive_at`; in newtons.
     """
@@ -162,7 +162,7 @@ def normal_force_at(t, side, numbers):
     if numbers.taps.begins_s.size:
         force = force + tap_force_at(t, side, numbers.taps)
     if numbers.force_sines.size:
-        # A hand that does not touch does not press: its tremor grows with the contact force.
+        # Without contact there is no force: the tremor grows with the contact force.
         share = np.minimum(force / numbers.force_sines_from_n, 1.0)
         force = force + share * sines_at(t, numbers.force_sines)
     return np.maximum(force, 0.0)
@@ -170,22 +170,22 @@ def normal_force_at(t, side, numbers):
 
 @compiled
 def drive_at(t, side, numbers):
-    """Return what is done to the fingertip at one instant or at many.
+    """Return what acts on the fingertip at one instant or at many.
 
     Parameters
     ----------
     t : float or ndarray, shape (n,)
         The instants in seconds.
     side : as ``t``
-        A time within the smooth piece that is meant, as at a corner two pieces meet; elsewhere
-        the instant itself.
+        At a corner, where two smooth pieces meet, a time within the wanted piece; elsewhere the
+        instant itself.
     numbers : DriveNumbers
-        Of the scene.
+        The numbers of the scene.
 
     Returns
     -------
     Drive
-        Each field as ``t``.
+        Its fields have the shape of ``t``.
     """
     none = 0.0 * t
     force = normal_force_at(t, side, numbers)

@@ -11,7 +11,16 @@ from slip_detector.parameters.sets import ParameterSet
 
 @dataclasses.dataclass(frozen=True)
 class Drops(ParameterSet):
-    """Samples that are lost on the way, one at a time or several in a row."""
+    """Samples that are lost on the way, one at a time or several in a row.
+
+    Examples
+    --------
+    >>> Drops(share=0.01, burst_samples=3).burst_samples
+    3.0
+    >>> Drops(share=0.6)
+    Traceback (most recent call last):
+    ValueError: parameter share is 0.6, allowed: at most 0.5 with a burst_samples of 1, ...
+    """
 
     share: float = parameter(0.01, 'Share of the samples that are lost.', low=0.0, high=0.99)
     burst_samples: float = parameter(
@@ -35,9 +44,9 @@ class LossyLink:
     Parameters
     ----------
     drops
-        How many are lost.
+        Share and length of the losses.
     trial
-        Generator; one number is drawn for each sample.
+        Generator of the trial; one number is drawn for each sample.
 
     Examples
     --------
@@ -51,12 +60,12 @@ class LossyLink:
     def __init__(self, drops: Drops, trial: np.random.Generator) -> None:
         self._trial = trial
         self._goes_on = 1.0 - 1.0 / drops.burst_samples
-        # The stationary share of this Markov chain is the share that is asked for.
+        # With this probability the stationary share of the Markov chain is the wanted share.
         self._begins = drops.share / ((1.0 - drops.share) * drops.burst_samples)
         self._lost = False
 
     def kept(self, n: int) -> NDArray[np.bool_]:
-        """Say of each of the next ``n`` samples whether it arrives, shape (n,)."""
+        """Return whether each of the next ``n`` samples arrives, shape (n,)."""
         kept = np.ones(n, dtype=np.bool_)
         if self._begins:
             for i, draw in enumerate(self._trial.random(n).tolist()):

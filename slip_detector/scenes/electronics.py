@@ -14,7 +14,13 @@ Floats = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class Electronics(ParameterSet):
-    """The electronics of one fingertip; its seed draws how its channels differ."""
+    """The electronics of one fingertip; its seed draws the differences between the channels.
+
+    Examples
+    --------
+    >>> Electronics(adc_bits=12, rails_v=(0, 3.3)).rails_v
+    (0.0, 3.3)
+    """
 
     fingertip_seed: int = parameter(
         1, 'Seed of the differences between channels: one seed is one fingertip.', low=0
@@ -86,17 +92,17 @@ class Electronics(ParameterSet):
 class Frontend:
     """The electronics of one fingertip, from loads in newtons to the volts of a sample.
 
-    What a taxel feels becomes ``baseline_v + normal_v_n * normal load + shear_v_n * shear load``;
-    :meth:`sample` adds what the electronics do to it. A part that is zero draws and computes
-    nothing.
+    The voltage of a taxel is ``baseline_v + normal_v_n * normal load + shear_v_n * shear load``;
+    :meth:`sample` adds drift, noise, rails and converter. Nothing is drawn or computed for a
+    property that is zero.
 
     Parameters
     ----------
     electronics
-        Its properties.
+        The properties of the electronics.
     noise
         Generator of the trial. Two children are always spawned from it, for the drift and for
-        the noise, in this order: leaving one out leaves the bits of the other as they are.
+        the noise, in this order, so that the bits of one do not depend on the other.
 
     Attributes
     ----------
@@ -131,15 +137,15 @@ class Frontend:
         self._wandered_v = np.zeros(PAPER_CHANNELS)
 
     def sample(self, clean_v: Floats, sample_period_s: float) -> Floats:
-        """Sample clean voltages: drift, noise, rails and converter, in this order.
+        """Sample clean voltages: add drift and noise, then apply rails and converter.
 
-        Call it with consecutive rows, it carries the drift on; any cut of the rows into calls
+        It is called with consecutive rows and continues the drift; any cut of the rows into calls
         gives the same bits.
 
         Parameters
         ----------
         clean_v : ndarray, shape (n, 16)
-            What the channels would read, after their low-pass.
+            Voltages after the low-pass, without drift and noise.
         sample_period_s
             Time from row to row; the baselines are at ``baseline_v`` one period before the
             first row, and drift from there.
@@ -166,6 +172,6 @@ class Frontend:
         if electronics.adc_bits:
             top_code = 2**electronics.adc_bits - 1
             share = np.rint((volts - low_v) / (high_v - low_v) * top_code) / top_code
-            # This form gives both rails exactly; rails that nearly meet need the clip.
+            # This form gives both rails exactly; the clip is for rails that are nearly equal.
             volts = np.clip(low_v * (1.0 - share) + high_v * share, low_v, high_v)
         return np.asarray(volts, dtype=np.float64)

@@ -14,7 +14,13 @@ Floats = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class Faults(ParameterSet):
-    """Channels that fail."""
+    """Channels that fail.
+
+    Examples
+    --------
+    >>> Faults(dead_channels=[3], flat_channels=[5], from_s=2).dead_channels
+    (3,)
+    """
 
     from_s: float = parameter(0.0, 'When they fail.', unit='s', low=0.0, high=1e6)
     dead_channels: tuple[int, ...] = parameter(
@@ -34,7 +40,7 @@ class Faults(ParameterSet):
     )
 
     def __post_init__(self) -> None:
-        """Check that some channel fails, and each in one way only."""
+        """Check that at least one channel fails, and each in one way only."""
         super().__post_init__()
         failing: set[int] = set()
         for name in ('dead_channels', 'flat_channels', 'noisy_channels'):
@@ -53,11 +59,11 @@ class Faults(ParameterSet):
 
 
 class FaultyChannels:
-    """The faults of one trial, in two places of the electronics.
+    """The faults of one trial, before and after the converter.
 
     A bad joint adds noise to the analog voltage, which rails and converter then limit and
-    quantise: :meth:`before_converter`. A dead or a flat channel repeats one code without any
-    noise, which no analog voltage does: :meth:`after_converter`.
+    quantise: :meth:`before_converter`. A dead or a flat channel repeats one code without noise:
+    :meth:`after_converter`.
 
     Parameters
     ----------
@@ -66,7 +72,7 @@ class FaultyChannels:
     trial
         Generator of the noise.
     lowest_v
-        What a dead channel reads: the lower rail.
+        Voltage of a dead channel: the lower rail.
 
     Examples
     --------
@@ -89,12 +95,12 @@ class FaultyChannels:
         self._held_v: Floats | None = None
 
     def before_converter(self, clean_v: Floats, time_s: Floats) -> Floats:
-        """Add the noise of the noisy channels; call it with consecutive rows.
+        """Add the noise of the noisy channels; it is called with consecutive rows.
 
         Parameters
         ----------
         clean_v : ndarray, shape (n, 16)
-            What the channels would read.
+            Voltages without that noise.
         time_s : ndarray, shape (n,)
             When each row is sampled.
 
@@ -112,12 +118,12 @@ class FaultyChannels:
         return volts
 
     def after_converter(self, volts: Floats, time_s: Floats) -> Floats:
-        """Overwrite the dead and the flat channels; call it with consecutive rows.
+        """Overwrite the dead and the flat channels; it is called with consecutive rows.
 
         Parameters
         ----------
         volts : ndarray, shape (n, 16)
-            Samples as the converter gives them.
+            Samples of the converter.
         time_s : ndarray, shape (n,)
             When each row was sampled.
 

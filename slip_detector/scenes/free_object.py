@@ -13,7 +13,7 @@ FINGERS = 2.0
 
 
 class ObjectNumbers(NamedTuple):
-    """What the compiled code needs of a :class:`FreeObject`."""
+    """The numbers of a :class:`FreeObject` for compiled code."""
 
     mass_kg: float
     length_m: float
@@ -22,7 +22,7 @@ class ObjectNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class FreeObject(ParameterSet):
-    """What is between two fingertips; both are alike, and one of them has the sensor.
+    """An object between two equal fingertips, one of which has the sensor.
 
     Examples
     --------
@@ -47,5 +47,5 @@ class FreeObject(ParameterSet):
     )
 
     def numbers(self) -> ObjectNumbers:
-        """Return what the compiled code needs."""
+        """Return the numbers for compiled code."""
         return ObjectNumbers(self.mass_kg, self.length_m, self.rest_patches)

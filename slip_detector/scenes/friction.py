@@ -9,10 +9,10 @@ velocity w of the surface against the skin,
 
 with two additions, without which the model would create energy or hold without a load:
 
-- sigma1(w) = sigma1 / (1 + sigma1 |w| / g(w)): with a constant one the bristles' damper could do
-  work once sigma1 |w| > 4 g(w) (Olsson 1996 lets it fall with w for the same reason).
-- r(z) = (z - clip(z, -Z, Z)) / tau with Z = mu_s N / sigma0: bristles bent further than the load
-  can hold let go, also while nothing slides.
+- sigma1(w) = sigma1 / (1 + sigma1 |w| / g(w)): with a constant sigma1 the damper of the bristles
+  could do work where sigma1 |w| > 4 g(w). In Olsson 1996 it falls with w for the same reason.
+- r(z) = (z - clip(z, -Z, Z)) / tau with Z = mu_s N / sigma0: bristles that are bent further than
+  the load can hold relax, also where nothing slides.
 """
 
 import dataclasses
@@ -26,28 +26,28 @@ from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.skin import SkinNumbers
 
-#: Least load in g(w), which must not be zero: the friction under it (less than a thousandth of a
-#: millinewton) is too small for a taxel.
+#: Least load in g(w), which must not be zero. The friction under it, less than a micronewton, is
+#: too small for a taxel.
 LIGHTEST_LOAD_N = 1e-6
 
-#: Newton's method on a stage ends when a step changes the velocity by less than this share of
-#: it: it squares the error with each step, so what is left is about the square of this.
+#: Newton's method on a stage ends when a step changes the velocity by less than this share. Each
+#: step squares the error, so the remaining error is about the square of this.
 TOLERANCE = 1e-6
 
-#: A balance of forces below this share of them is taken for zero.
+#: A balance of forces below this share of the forces counts as zero.
 ROUND_OFF = 1e-15
 
 #: Skin without load is at rest when its displacement (m) and velocity (m/s) are below this.
 AT_REST = 1e-15
 
-#: Ten times as many steps as Newton's method was ever seen to take.
+#: Ten times the largest number of steps that Newton's method was seen to take.
 MOST_ITERATIONS = 200
 
 COULOMB, LUGRE = 1, 2
 
 
 class FrictionNumbers(NamedTuple):
-    """What the compiled code needs of a :class:`Friction`."""
+    """The numbers of a :class:`Friction` for compiled code."""
 
     model: int
     kinetic: float
@@ -61,7 +61,7 @@ class FrictionNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Friction(ParameterSet):
-    """LuGre friction with Stribeck effect, or Coulomb's, on the patch over each taxel."""
+    """LuGre friction with Stribeck effect, or Coulomb friction, on the patch over each taxel."""
 
     model: str = parameter(
         'lugre',
@@ -112,7 +112,7 @@ class Friction(ParameterSet):
             )
 
     def numbers(self) -> FrictionNumbers:
-        """Return what the compiled code needs."""
+        """Return the numbers for compiled code."""
         return FrictionNumbers(
             COULOMB if self.model == 'coulomb' else LUGRE,
             self.kinetic_coefficient,
@@ -125,9 +125,9 @@ class Friction(ParameterSet):
         )
 
     def steepest_fall_n_s_m(self, load_n: float) -> float:
-        """Return how steeply sliding friction falls with velocity at most, under a normal load.
+        """Return the steepest fall of sliding friction with velocity under a normal load.
 
-        g(w) falls steepest at w = v_s / sqrt(2).
+        g(w) is steepest at w = v_s / sqrt(2).
 
         Examples
         --------
@@ -158,7 +158,7 @@ def bristle_force(w, z, load, law):
 
 @compiled
 def _drop(ratio):
-    """Return exp(-ratio^2); the exponential is left out where it is 1, as it takes long."""
+    """Return exp(-ratio^2); where it is 1 the exponential is not computed, to save time."""
     squared = ratio * ratio
     return np.exp(-squared) if squared > 1e-17 else 1.0
 
@@ -200,7 +200,7 @@ def _bristle_stage(w, z, load, step, law):
 
 @compiled
 def _guess(available, impedance, w, z, load, step, law):
-    """Solve the stage with g(w) and sigma1(w) held at w: then it is a quadratic in w >= 0."""
+    """Solve the stage with g(w) and sigma1(w) of one w, which gives a quadratic in w >= 0."""
     drop = (law.static - law.kinetic) * _drop(w / law.stribeck_m_s)
     per_level = 1.0 / (load * (law.kinetic + drop))
     damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * w * per_level)
@@ -221,9 +221,9 @@ def _guess(available, impedance, w, z, load, step, law):
 def lugre_stage(available, impedance, w_last, z, load, step, law):
     """Find the velocity w at which available - impedance w is the friction force.
 
-    An implicit step asks this of each patch. On the side of w that the balance at w = 0 has the
-    sign of, the balance passes through zero, so Newton's method, kept between two ends and helped
-    by bisection, always finds w.
+    An implicit step solves this for each patch. w has the sign of the balance at w = 0, and the
+    balance passes through zero on that side. So Newton's method between two bounds, with bisection
+    where it would leave them, always finds w.
 
     Returns
     -------
@@ -291,32 +291,32 @@ def skin_stage(v, x, u, z, w_last, load, step, skin, law):
         force = most if available > 0.0 else -most
         return (available - force) / impedance, force, 0.0, 0.0
     w, force, slope, after = lugre_stage(available, impedance, w_last, z, load, step, law)
-    # Friction and skin in series: the skin gives way to the surface.
+    # Friction and skin act in series.
     return w, force, slope * impedance / (slope + impedance), after
 
 
 def check_solvable(
     friction: 'Friction', skin: SkinNumbers, load_n: float, where: str = 'friction'
 ) -> None:
-    """Refuse parameters under which the motion of the skin is not determined.
+    """Raise an error for parameters that do not determine the motion of the skin.
 
     Parameters
     ----------
     friction
-        Between skin and surface.
+        Friction between skin and surface.
     skin
-        Over one taxel.
+        The skin over one taxel.
     load_n
         Largest normal load of a taxel.
     where
-        What the error names.
+        Beginning of the error message.
 
     Raises
     ------
     ValueError
         When friction falls with velocity faster than the skin's damping rises: each patch would
-        stick and slip by itself, at a rhythm that no step resolves; and, on skin without mass and
-        damping, when nothing determines how fast a patch moves while it lets go.
+        stick and slip by itself, too fast for any step. Also on skin without mass and damping,
+        where nothing determines how fast a patch moves while it lets go.
 
     Examples
     --------

@@ -14,7 +14,13 @@ Floats = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class Hum(ParameterSet):
-    """Mains hum, the same on all channels."""
+    """Mains hum, the same on all channels.
+
+    Examples
+    --------
+    >>> Hum(frequency_hz=60, harmonics=[0.0, 0.3]).harmonics
+    (0.0, 0.3)
+    """
 
     frequency_hz: float = parameter(50.0, 'Frequency of the mains.', unit='Hz', low=1.0, high=1e3)
     amplitude_v: float = parameter(
@@ -31,14 +37,14 @@ class HumVoltage:
     Parameters
     ----------
     hum
-        Its properties.
+        The properties of the hum.
     trial
-        Generator of the phases: of the fundamental first, then of each harmonic.
+        Generator of the phases, first of the fundamental, then of each harmonic.
 
     Attributes
     ----------
     sines : Sines
-        In volts; the fundamental and the harmonics that are not zero.
+        The fundamental and the harmonics that are not zero, in volts.
 
     Examples
     --------
@@ -59,5 +65,5 @@ class HumVoltage:
         self.sines = Sines(amplitude_v[not_zero], rate_rad_s[not_zero], phase_rad[not_zero])
 
     def volts(self, time_s: Floats) -> Floats:
-        """Return what is added to every channel at each time, shape (n,)."""
+        """Return the hum of every channel at each time, shape (n,)."""
         return np.asarray(sines_at(time_s, self.sines), dtype=np.float64)

@@ -1,10 +1,10 @@
-"""The mechanics of the simulated fingertip, stepped as fast as a live driver needs it.
+"""The mechanics of the simulated fingertip, fast enough for a live driver.
 
-The stepper is the two-stage singly diagonally implicit Runge-Kutta method of second order that is
-L-stable (Alexander 1977): stiff bristles do not shorten its steps. As the patches act on each
-other only through the surface that moves over them, each stage of each patch is one equation for
-one velocity. An object in the grip adds one equation for its own velocity. A part that a scene
-does not name has empty arrays in the :class:`Plan`.
+The integrator is the two-stage singly diagonally implicit Runge-Kutta method of second order that
+is L-stable (Alexander 1977), so stiff bristles do not shorten its steps. The patches of skin act
+on each other only through the surface that moves over them. Therefore each stage of each patch is
+one equation for one velocity. An object in the grip adds one equation for its own velocity. An
+absent part of a scene has empty arrays in the :class:`Plan`.
 """
 
 from typing import NamedTuple
@@ -27,7 +27,7 @@ from slip_detector.scenes.texture import RidgeNumbers, ridges_between
 
 Floats = NDArray[np.float64]
 
-#: Where in a step its two stages are; the first is its diagonal too.
+#: The times of the two stages as shares of a step; the first is also the method's diagonal.
 STAGES = (1.0 - np.sqrt(0.5), 1.0)
 DIAGONAL = STAGES[0]
 
@@ -37,23 +37,23 @@ CARRY = (1.0 - DIAGONAL) / DIAGONAL
 #: Newton's method on the object ends when a step changes its velocity by less than this share.
 OBJECT_TOLERANCE = 1e-9
 
-#: A patch that the surface passes more slowly than this creeps and does not slide.
+#: Below this velocity of the surface against the skin a patch creeps and does not slide.
 SLIDING_M_S = 1e-4
 
-# Columns of a patch's state, and of what a stage finds for a patch.
+# Columns of a patch's state, and of the solution of a stage for a patch.
 DISPLACEMENT, VELOCITY, DEFLECTION, PASSING = range(4)
 FOUND_PASSING, FOUND_FORCE, FOUND_SLOPE, FOUND_DEFLECTION = range(4)
 
 # The object's state.
 POSITION, SPEED, LOST = range(3)
 
-# The ledger: work done on the friction, energy that its bristles store, and the least that the
-# difference of the two has ever been.
+# The ledger: work done on the friction, energy stored in its bristles, and the smallest difference
+# of the two so far.
 WORK, STORED, LEAST = range(3)
 
 
 class Plan(NamedTuple):
-    """What does not change while a scene runs.
+    """What the integrator needs and does not change while a scene runs.
 
     Attributes
     ----------
@@ -61,14 +61,14 @@ class Plan(NamedTuple):
         Step of the integrator.
     steps_per_sample : int
     decay : float
-        What is left of the low-pass filter's state after a step; negative without one.
+        Factor on the low-pass filter's state in a step; negative without a filter.
     positions_m : ndarray, shape (channels, 2)
     patches : ndarray, shape (patches,)
-        The number of patches of skin that each stands for; empty without friction.
+        The number of equal patches of skin that each element stands for; empty without friction.
     normal_v_n, shear_v_n : ndarray, shape (channels,)
-        Sensitivities.
+        Sensitivities of the channels.
     hertz, skin, friction, ridges, rough, body
-        Numbers of the parts.
+        The numbers of the parts.
     """
 
     step_s: float
@@ -87,7 +87,7 @@ class Plan(NamedTuple):
 
 
 class State(NamedTuple):
-    """What a scene remembers from step to step.
+    """The state of a scene between two steps.
 
     Attributes
     ----------
@@ -99,8 +99,8 @@ class State(NamedTuple):
     smoothed_v : ndarray, shape (channels,)
         State of the low-pass filter.
     before : ndarray, shape (channels, 3)
-        Load, displacement of the skin and travel of the surface over it at the end of the last
-        step.
+        Load, displacement of the skin and position of the surface against it at the end of the
+        last step.
     """
 
     patches: Floats
@@ -171,7 +171,7 @@ def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, plan
 
 @compiled
 def _take_stage(v, step, base, patches, found, plan):
-    """Set the patches' state to what a stage found."""
+    """Set the patches' state to the solution of a stage."""
     for p in range(patches.shape[0]):
         speed = v - found[p, FOUND_PASSING]
         patches[p, DISPLACEMENT] = base[p, DISPLACEMENT] + step * speed
@@ -239,9 +239,9 @@ def _step(i, drive, state, plan, loads, base, found, ledger):
 
 @compiled
 def _sense(c, load, displacement, way, before, plan):
-    """Return the voltage of a channel, less its baseline: the mean since ``before``.
+    """Return the mean voltage of a channel since ``before``, without its baseline.
 
-    Without a low-pass filter ``before`` is the present itself, and the mean the value.
+    Without a low-pass filter ``before`` is the present, and the mean is the present value.
     """
     mean_load = 0.5 * (before[0] + load)
     texture = 0.0
@@ -255,7 +255,7 @@ def _sense(c, load, displacement, way, before, plan):
 
 @compiled
 def _sense_all(state, loads, position, plan, smooth, out):
-    """Read all channels at the end of a step, through the low-pass where there is one."""
+    """Read all channels at the end of a step, through the low-pass filter if there is one."""
     with_skin = state.patches.shape[0] > 0
     for c in range(plan.positions_m.shape[0]):
         displacement = state.patches[c, DISPLACEMENT] if with_skin else 0.0
@@ -289,24 +289,24 @@ def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
     Parameters
     ----------
     drive : Drive
-        Shapes (m, 2): of each step at its two stages, :data:`STAGES`. There are
-        ``steps_per_sample`` steps for each sample; where ``begin``, the first sample is the
-        first instant, before any step, and has the first entry of the drive to itself.
+        Arrays of shape (m, 2): at the two stages, :data:`STAGES`, of each step. There are
+        ``steps_per_sample`` steps for each sample. With ``begin`` the first sample is taken
+        before any step, and the first row of the drive is for this sample.
     state : State
-        What the scene remembers.
+        The state of the scene.
     plan : Plan
-        What does not change.
+        The plan of the scene.
     begin : bool
         Whether the first sample is the first of the scene.
     clean_v : ndarray, shape (n, channels)
-        Filled with the volts of the channels, less baselines and noise.
+        Filled with the volts of the channels, without baselines and noise.
     position_m : ndarray, shape (n,)
         Filled with the position of plate or object.
     sliding : ndarray, shape (n,)
-        Filled with the share of the load that slides; 0 without friction.
+        Filled with the share of the load under which the surface slides; 0 without friction.
     ledger : ndarray, shape (3,) or (0,)
-        Work done on the friction, energy stored in it, and the least difference of the two so
-        far; it is not kept if the array is empty.
+        Work done on the friction, energy stored in it, and the smallest difference of the two so
+        far; it is not computed if the array is empty.
     """
     n_patches = plan.patches.size
     loads = np.zeros(max(n_patches, plan.positions_m.shape[0]))

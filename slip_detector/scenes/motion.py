@@ -1,8 +1,8 @@
-"""What the steps ask for: the normal force, and the plate's motion or the object's load.
+"""The normal force of the steps, and the motion of the plate or the load on the object.
 
 Each is a closed form in pieces, which meet at corners. The compiled functions take one instant or
-many, and with it ``side``: a time within the piece that is meant, as at a corner two pieces meet.
-Elsewhere it is the instant itself.
+many, and ``side``: at a corner, where two pieces meet, a time within the wanted piece; elsewhere
+the instant itself.
 """
 
 import dataclasses
@@ -19,14 +19,20 @@ from slip_detector.scenes.steps import Step
 
 Floats = NDArray[np.float64]
 
-#: A damping ratio closer to 1 than this is taken to be 1 plus this: the closed form of the ringing
+#: A damping ratio closer to 1 than this is replaced by 1 plus this: the closed form of the ringing
 #: divides by the difference of the two roots, which is 0 at a ratio of 1.
 LEAST_FROM_CRITICAL = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
 class Motion(ParameterSet):
-    """The platform: how it speeds up, how the contact rings when it is loaded."""
+    """The platform: its acceleration, and the ringing of the contact after a change of load.
+
+    Examples
+    --------
+    >>> Motion(ringing_hz=25).ringing_damping
+    0.3
+    """
 
     acceleration_m_s2: float = parameter(
         0.46, 'Acceleration between two velocities.', unit='m/s2', low=1e-3, high=1e6
@@ -43,14 +49,14 @@ class Motion(ParameterSet):
 
 @compiled
 def piece_at(side_s, starts_s):
-    """Return the number of the piece that a time lies in; 0 also before the first.
+    """Return the index of the piece at a time; before the first piece it is 0.
 
     Parameters
     ----------
     side_s : float or ndarray, shape (n,)
         The times.
     starts_s : ndarray, shape (k,)
-        When each piece begins, rising.
+        When each piece begins, in rising order.
     """
     return np.maximum(np.searchsorted(starts_s, side_s, side='right') - 1, 0)
 
@@ -61,13 +67,13 @@ class ForceNumbers(NamedTuple):
     Attributes
     ----------
     starts_s, command_n, slope_n_s : ndarray, shape (k,)
-        When each piece begins, the command there and its slope.
+        When each piece begins, and the command and its slope there.
     ringing : ndarray of complex, shape (k, 2)
-        Amplitudes of the two modes that ring from the start of the piece on.
+        Amplitudes of the two modes at the start of each piece.
     roots_1_s : ndarray of complex, shape (2,)
-        Of the two modes.
+        The roots of the two modes.
     lag_s : float
-        By which the force follows a ramp.
+        Delay of the force behind a ramp.
     """
 
     starts_s: Floats
@@ -80,7 +86,7 @@ class ForceNumbers(NamedTuple):
 
 @compiled
 def _pulling_force_at(t, side, numbers):
-    """Return the force as if the plate could pull."""
+    """Return the force, with negative values where the plate would have to pull."""
     k = piece_at(side, numbers.starts_s)
     since = t - numbers.starts_s[k]
     force = numbers.command_n[k] + numbers.slope_n_s[k] * (since - numbers.lag_s)
@@ -91,21 +97,21 @@ def _pulling_force_at(t, side, numbers):
 
 @compiled
 def force_at(t, side, numbers):
-    """Return the force in newtons; never negative: a fingertip does not stick to the plate."""
+    """Return the force in newtons; never negative, as a fingertip does not stick to the plate."""
     return np.maximum(_pulling_force_at(t, side, numbers), 0.0)
 
 
 def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
-    """Return the normal force: it follows the command like a mass on a damped spring.
+    """Return the normal force, which follows the command like a mass on a damped spring.
 
-    The command is linear between corners, so the force is known in closed form at any instant.
+    The command is linear between corners, so the force has a closed form at any instant.
 
     Parameters
     ----------
     motion
-        How the contact rings.
+        The ringing of the contact.
     steps
-        The commands.
+        The steps, which have the commands.
 
     Examples
     --------
@@ -139,7 +145,7 @@ def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
 def held_force(numbers: ForceNumbers, time_s: float, force_n: float) -> ForceNumbers:
     """Return the force with the command ``force_n`` from ``time_s`` on.
 
-    What the steps say from there on is dropped, and so are the pieces before the present one.
+    The later commands of the steps are dropped, and the pieces before the present one too.
     """
     before = _pieces(numbers, slice(int(piece_at(time_s, numbers.starts_s)) + 1))
     return _pieces(_with_piece(before, time_s, force_n, 0.0), slice(-2, None))
@@ -156,7 +162,7 @@ def _pieces(numbers: ForceNumbers, kept: slice) -> ForceNumbers:
 def _with_piece(
     numbers: ForceNumbers, start_s: float, command_n: float, slope_n_s: float
 ) -> ForceNumbers:
-    """Return the force with one more piece, which begins where the last one leads."""
+    """Return the force with one more piece, which continues the last one."""
     p, q = roots = numbers.roots_1_s
     k = piece_at(start_s, numbers.starts_s)
     modes = numbers.ringing[k] * np.exp((start_s - numbers.starts_s[k]) * roots)
@@ -164,7 +170,7 @@ def _with_piece(
     force_n = float(_pulling_force_at(start_s, start_s, numbers))
     a = force_n - (command_n - slope_n_s * numbers.lag_s)
     first = (rate_n_s - slope_n_s - q * a) / (p - q)
-    # A step too short for the time's last digit takes the place of the one before.
+    # A step that is shorter than the resolution of the time replaces the one before.
     replaced = bool(start_s <= numbers.starts_s[-1])
     before = _pieces(numbers, slice(len(numbers.starts_s) - replaced))
     return before._replace(
@@ -181,7 +187,7 @@ class PlateNumbers(NamedTuple):
     Attributes
     ----------
     starts_s, acceleration_m_s2, velocity_m_s, position_m : ndarray, shape (k,)
-        When each piece begins, and what it begins with.
+        When each piece begins, and acceleration, velocity and position there.
     """
 
     starts_s: Floats
@@ -197,10 +203,10 @@ def plate_at(t, side, numbers):
     Parameters
     ----------
     t, side : float or ndarray, shape (n,)
-        The instants in seconds, and the sides that are meant.
+        The instants in seconds, and the sides; see the module's docstring.
     numbers : PlateNumbers or ndarray, shape (4, k)
-        An array has the fields of :class:`PlateNumbers` as rows in their order; a call that gets
-        one array is quicker.
+        The rows of an array are the fields of :class:`PlateNumbers` in their order; a call with
+        one array is faster.
 
     Returns
     -------
@@ -215,7 +221,7 @@ def plate_at(t, side, numbers):
 
 
 def plate_numbers(motion: Motion, steps: Sequence[Step]) -> PlateNumbers:
-    """Return the motion of the plate that the steps ask for.
+    """Return the motion of the plate in the steps.
 
     Raises
     ------
@@ -246,7 +252,7 @@ def plate_numbers(motion: Motion, steps: Sequence[Step]) -> PlateNumbers:
             if time_s > corner_times[-1]:
                 corner_times.append(time_s)
                 velocities.append(velocities[-1])
-            # A change too quick for the time's last digit still takes time.
+            # A change takes at least the resolution of the time.
             corner_times.append(max(time_s + change, np.nextafter(time_s, np.inf)))
             velocities.append(step.velocity_m_s)
         time_s += step.duration_s
@@ -254,7 +260,7 @@ def plate_numbers(motion: Motion, steps: Sequence[Step]) -> PlateNumbers:
     passed_m = lasts_s * (np.array(velocities[:-1]) + velocities[1:]) / 2
     return PlateNumbers(
         starts_s=np.array(corner_times),
-        # The last velocity stays.
+        # The plate keeps the last velocity.
         acceleration_m_s2=np.append(np.diff(velocities) / lasts_s, 0.0),
         velocity_m_s=np.array(velocities),
         position_m=np.concatenate([[0.0], np.cumsum(passed_m)]),
@@ -281,14 +287,19 @@ def load_at(t, numbers):
 
 
 def load_numbers(weight_n: float, steps: Sequence[Step]) -> LoadNumbers:
-    """Return what pulls on the object: the carried share of its weight and the further pull.
+    """Return the load on the object: the carried share of its weight and the further pull.
 
     Parameters
     ----------
     weight_n
-        Of the object.
+        Weight of the object.
     steps
-        What is done, one after the other.
+        The steps of the scene.
+
+    Examples
+    --------
+    >>> load_numbers(2.0, [Step(1.0, carried=0.5), Step(1.0, pull_n=0.3)]).force_n
+    array([0. , 1. , 1.3])
     """
     times, forces = [0.0], [0.0]
     carried = 0.0

@@ -1,4 +1,4 @@
-"""What a scene file can name: the parts, by their names."""
+"""The parts that a scene file can have, by their names."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -44,7 +44,13 @@ PARTS: dict[str, type[ParameterSet]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Sampling(ParameterSet):
-    """The parameters that a scene file has beside its steps and parts."""
+    """The parameters of a scene file beside its steps and parts.
+
+    Examples
+    --------
+    >>> Sampling(sample_rate_hz=1000).step_s
+    0.00035
+    """
 
     sample_rate_hz: float = parameter(380.0, 'Rate of the samples.', unit='Hz', low=1.0, high=1e6)
     step_s: float = parameter(
@@ -56,7 +62,7 @@ class Sampling(ParameterSet):
     )
 
 
-#: Names in a scene file that are no parts.
+#: Names in a scene file that are not parts.
 NOT_PARTS = ('steps', *(field.name for field in dataclasses.fields(Sampling)))
 
 
@@ -73,19 +79,20 @@ def read_sampling(description: Mapping[str, Any]) -> Sampling:
 
 
 def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
-    """Read the parts that a description names.
+    """Read the parts of a scene.
 
-    ``friction: none`` names none, ``friction: coulomb`` one with the defaults of that model.
+    ``friction: none`` stands for no friction, ``friction: coulomb`` for that model with its
+    defaults.
 
     Parameters
     ----------
     description
-        As a scene file has it.
+        The content of a scene file.
 
     Returns
     -------
     dict
-        The parts, each of its class in :data:`PARTS`, by their names.
+        The parts by their names, each an object of its class in :data:`PARTS`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The plan of a scene: what the stepper needs that does not change while the scene runs."""
+"""Builds the plan of a scene: what the integrator needs and does not change while it runs."""
 
 import math
 from collections.abc import Mapping
@@ -17,10 +17,10 @@ from slip_detector.scenes.roughness import Roughness, RoughNumbers
 from slip_detector.scenes.skin import Skin, SkinNumbers
 from slip_detector.scenes.texture import RidgeNumbers, Texture
 
-#: A step is at most so much of the skin's own oscillation.
+#: Longest step as a phase of the skin's own oscillation.
 RINGING_RAD = 0.4
 
-#: More steps than this for a second of scene are refused: they take too long.
+#: Largest number of steps for a second of a scene; more would take too long.
 MOST_STEPS_HZ = 2e6
 
 NO_FRICTION = FrictionNumbers(0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0)
@@ -36,25 +36,25 @@ def build_plan(
     frontend: Frontend,
     of_texture: np.random.Generator,
 ) -> Plan:
-    """Build the plan of a scene; a part that is not named is empty in it.
+    """Build the plan of a scene; absent parts are empty in it.
 
     Parameters
     ----------
     parts
-        The parts that are named, by their names.
+        The parts of the scene by their names.
     true_rate_hz
-        At which the samples are taken.
+        Rate at which the samples are taken.
     longest_step_s
-        Of the integrator.
+        Longest step of the integrator.
     frontend
-        Electronics, with the sensitivities of the channels.
+        The electronics, with the sensitivities of the channels.
     of_texture
-        Generator of where on its ridges the plate is put down.
+        Generator of the place on its ridges at which the plate is put down.
 
     Raises
     ------
     ValueError
-        When the skin oscillates too fast to be stepped through.
+        When the skin oscillates too fast for the integrator.
     """
     friction: Friction | None = parts.get('friction')
     texture: Texture | None = parts.get('texture')
@@ -64,7 +64,7 @@ def build_plan(
     electronics: Electronics = parts.get('electronics', Electronics())
     skin: Skin = parts.get('skin', Skin())
     steps_per_sample = 1
-    # Without skin and low-pass nothing happens between two samples.
+    # Without friction and low-pass filter nothing changes between two samples.
     if friction or electronics.bandwidth_hz:
         step_s = min(longest_step_s, _ringing_step_s(skin) if friction else math.inf)
         steps_per_sample = math.ceil(1.0 / (true_rate_hz * step_s) - 1e-9)
@@ -96,7 +96,7 @@ def build_plan(
 
 
 def _ringing_step_s(skin: Skin) -> float:
-    """Return the longest step that follows the skin's own oscillation; infinite without one."""
+    """Return the longest step for the skin's own oscillation; infinite without oscillation."""
     if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
         return math.inf
     return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 class RollingNumbers(NamedTuple):
-    """What the compiled code needs of :class:`Rolling`."""
+    """The numbers of :class:`Rolling` for compiled code."""
 
     start_s: float
     duration_s: float
@@ -43,18 +43,18 @@ class Rolling(ParameterSet):
 
     @property
     def cycle_s(self) -> float:
-        """How long it takes to roll there, to rest, to roll back and to rest."""
+        """Time to roll there, to rest, to roll back and to rest again."""
         return 2.0 * (self.duration_s + self.hold_s)
 
     def numbers(self) -> RollingNumbers:
-        """Return what the compiled code needs."""
+        """Return the numbers for compiled code."""
         return RollingNumbers(
             self.start_s, self.duration_s, self.hold_s, self.repeats * self.cycle_s,
             *self.distance_m,
         )  # fmt: skip
 
     def corners_s(self, until_s: float) -> Floats:
-        """Return when motion begins and ends, in the cycles that begin before ``until_s``.
+        """Return when the motion begins and ends, in all cycles that begin before ``until_s``.
 
         Examples
         --------
@@ -78,10 +78,10 @@ def _smooth_step(u):
 
 @compiled
 def rolled_at(t, numbers):
-    """Return how far the centre of contact is from where it is at rest.
+    """Return the displacement of the centre of contact from its place at rest.
 
-    It moves along a smooth step, so its velocity has no jump and is zero at both ends. It is
-    exactly at rest before the start and after the last way back.
+    It moves along a smooth step, so that its velocity is continuous and zero at both ends. It is
+    exactly zero before the start and after the last way back.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A flat surface's roughness, under a taxel that slides over it."""
+"""The roughness of a flat surface under a taxel that slides over it."""
 
 import dataclasses
 from typing import NamedTuple
@@ -12,26 +12,25 @@ from slip_detector.parameters.sets import ParameterSet
 
 Floats = NDArray[np.float64]
 
-#: Points of the profile for each correlation length of it, and their number: after so many the
-#: profile repeats.
+#: Points of the profile in a correlation length, and in the whole profile, after which it repeats.
 POINTS_PER_LENGTH = 8
 PROFILE_POINTS = 8192
 
-#: The mean over a distance below this share of the points' spacing is the height in its middle.
+#: Over a distance below this share of the points' spacing the mean is the height in the middle.
 SHORT = 1e-3
 
 
 class RoughNumbers(NamedTuple):
-    """What the compiled code needs of a :class:`Roughness`.
+    """The numbers of a :class:`Roughness` for compiled code.
 
     Attributes
     ----------
     per_m : float
         Points of the profile in a metre.
     heights : ndarray, shape (n,)
-        The profile, as shares of the indentation.
+        Heights of the profile as shares of the indentation.
     integral : ndarray, shape (n + 1,)
-        Its integral from the first point to each, in shares times points.
+        Integral of the profile from the first point to each point, in shares times points.
     """
 
     per_m: float
@@ -41,7 +40,13 @@ class RoughNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Roughness(ParameterSet):
-    """A flat surface with a random profile, Gaussian with a Gaussian correlation."""
+    """A flat surface with a random profile, Gaussian with a Gaussian correlation.
+
+    Examples
+    --------
+    >>> bool(abs(Roughness(height_rms_m=1e-6, indentation_m=1e-3).numbers().heights).max() < 0.01)
+    True
+    """
 
     height_rms_m: float = parameter(
         0.2e-6, 'Standard deviation of the height.', unit='m', low=0.0, high=1e-2
@@ -55,9 +60,9 @@ class Roughness(ParameterSet):
     surface_seed: int = parameter(1, 'Seed of the profile: one seed is one surface.', low=0)
 
     def numbers(self) -> RoughNumbers:
-        """Return what the compiled code needs."""
+        """Return the numbers for compiled code."""
         noise = np.random.default_rng(self.surface_seed).standard_normal(PROFILE_POINTS)
-        # Two passes of a Gaussian filter of this width correlate as exp(-(distance / length)^2).
+        # Noise after this Gaussian filter has the correlation exp(-(distance / length)^2).
         cycles = np.fft.rfftfreq(PROFILE_POINTS) * POINTS_PER_LENGTH
         profile = np.fft.irfft(np.fft.rfft(noise) * np.exp(-0.5 * np.square(np.pi * cycles)))
         profile -= profile.mean()
@@ -71,7 +76,7 @@ class Roughness(ParameterSet):
 
 @compiled
 def _cell(place, heights):
-    """Return the four heights around a place (in points), and how far it is from the second."""
+    """Return the four heights around a place, and its distance from the second, in points."""
     n = heights.size
     below = np.floor(place)
     j = int(below) % n
@@ -95,7 +100,7 @@ def _area(place, rough):
     bend = 2.0 * a - 5.0 * b + 4.0 * c - d
     within = t * (b + t * (slope / 4.0 + t * (bend / 6.0 + t * (3.0 * (b - c) + d - a) / 8.0)))
     n = rough.heights.size
-    # The profile has no mean, so whole repetitions of it add nothing.
+    # The mean of the profile is zero, so whole repetitions of it add nothing.
     return rough.integral[int(np.floor(place)) % n] + within
 
 
@@ -106,9 +111,9 @@ def roughness_between(from_m, to_m, rough):
     Parameters
     ----------
     from_m, to_m : float
-        Places on the surface along x; from a place to itself it is the height there.
+        Places on the surface along x; where they are equal it is the height there.
     rough : RoughNumbers
-        Of the surface.
+        The numbers of the surface.
 
     Examples
     --------

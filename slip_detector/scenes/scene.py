@@ -1,4 +1,4 @@
-"""A scene: the parts that are named, put together and played row by row."""
+"""A scene: its parts put together and played row by row."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -35,7 +35,7 @@ class SceneSamples(NamedTuple):
     position_m : ndarray, shape (n,)
         Position of the platform, or of the object where the scene has one.
     time_s : ndarray, shape (n,)
-        When each was taken, from the beginning of the scene.
+        When each sample was taken, from the beginning of the scene.
     """
 
     volts: Floats
@@ -45,40 +45,40 @@ class SceneSamples(NamedTuple):
 
 
 class Scene:
-    """A fingertip and what is done to it.
+    """A simulated fingertip and what acts on it.
 
-    Parts that are not named are not built: without ``friction`` the skin is not sheared, without
-    ``texture`` and ``roughness`` the surface is smooth, without ``object`` the plate moves as the
-    steps say. Only contact, motion and electronics are always there, with their defaults.
+    A scene has the parts that its description names. Without ``friction`` the skin is not sheared,
+    without ``texture`` and ``roughness`` the surface is smooth, without ``object`` the plate moves
+    as in the steps. Contact, motion and electronics are always there, with their defaults.
 
     Parameters
     ----------
     description
-        As the scene file has it: ``steps``, ``sample_rate_hz``, ``step_s`` and the parts.
+        The content of a scene file: ``steps``, ``sample_rate_hz``, ``step_s`` and the parts.
     trial
-        Generator of all that differs from trial to trial: noise, phases, losses. Each part draws
-        from a child of its own, so leaving one out changes nothing for the others.
+        Generator of everything that differs from trial to trial: noise, phases, losses. Each part
+        draws from a child of its own, so that no part changes the draws of another.
 
     Attributes
     ----------
     sample_rate_hz : float
-        As the sensor says; see the part ``clock``.
+        Nominal rate of the sensor; see the part ``clock``.
     channel_names : tuple of str
     length : int
-        Number of samples, those that ``drops`` loses included.
+        Number of samples, with those that ``drops`` loses.
     true_rate_hz : float
-        At which the samples are taken.
+        Rate at which the samples are taken.
     duration_s : float
-        Of all steps.
+        Duration of all steps.
     parts : dict
-        The parts that are named, by their names.
+        The parts of the description by their names.
     motion, contact, electronics
-        The parts that are always there, with their defaults where they are not named.
+        The parts that are always there.
     drive_numbers : DriveNumbers
-        What is done to the fingertip.
+        What acts on the fingertip.
     plan : Plan
     state : State
-        What :func:`slip_detector.scenes.mechanics.advance` works on.
+        The arguments of :func:`slip_detector.scenes.mechanics.advance`.
 
     Raises
     ------
@@ -135,21 +135,21 @@ class Scene:
             np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
         )
         self._next = 0
-        # Compiles what the first read would have to wait for.
+        # Compiles the functions here, so that the first read does not wait for it.
         advance(self.drive(np.zeros((0, 2))), self.state, self.plan, False, np.zeros((0, 16)),
                 np.zeros(0), np.zeros(0), np.zeros(0))  # fmt: skip
         self._truth(np.zeros(0), np.zeros(0))
 
     @property
     def largest_velocity_m_s(self) -> float:
-        """Return how fast the plate moves at most, in either direction; 0 where it stands."""
+        """Largest velocity of the plate in either direction; 0 where it stands."""
         return float(np.abs(PlateNumbers(*self.drive_numbers.plate).velocity_m_s).max())
 
     def hold_force(self, force_n: float) -> None:
-        """Command a normal force from the next sample on, in place of what the steps say.
+        """Command a normal force from the next sample on, instead of that of the steps.
 
-        A controller of the grip calls it while the scene runs; the force follows the command as
-        the part ``motion`` says.
+        A grasp controller calls it while the scene runs. The force follows the command as the
+        part ``motion`` describes.
 
         Raises
         ------
@@ -164,23 +164,23 @@ class Scene:
         self.drive_numbers = self.drive_numbers._replace(force=held)
 
     def force_n(self, time_s: Floats) -> Floats:
-        """Return the normal force at any times, disturbances included."""
+        """Return the normal force at any times, with disturbances."""
         return np.asarray(normal_force_at(time_s, time_s, self.drive_numbers), dtype=np.float64)
 
     def drive(self, time_s: Floats) -> Drive:
-        """Return what is done to the fingertip at given instants.
+        """Return what acts on the fingertip at given instants.
 
         Parameters
         ----------
         time_s : ndarray, shape (n, 2)
-            Of the two stages of each step of the integrator.
+            The instants of the two stages of each step of the integrator.
         """
         flat_s = time_s.ravel()
         done = drive_at(flat_s, flat_s, self.drive_numbers)
         return Drive(*(part.reshape(time_s.shape) for part in done))
 
     def corners_s(self) -> Floats:
-        """Return the times at which what is done to the fingertip has a corner, in order."""
+        """Return the times at which force or motion has a corner, in order."""
         numbers, taps = self.drive_numbers, self.drive_numbers.taps
         corners = [numbers.force.starts_s, PlateNumbers(*numbers.plate).starts_s]
         corners.append(LoadNumbers(*numbers.load).corners_s)
@@ -193,21 +193,22 @@ class Scene:
     def clean(
         self, n: int, ledger: Floats | None = None
     ) -> tuple[Floats, Floats, Floats, NDArray[np.float64]]:
-        """Advance by up to ``n`` samples; return what the fingertip feels, without noise.
+        """Advance by up to ``n`` samples; return the signals of the fingertip, without noise.
 
         Parameters
         ----------
         n
             Number of samples.
         ledger : ndarray, shape (3,), optional
-            Gets the energies of the friction, see
+            Filled with the energies of the friction; see
             :func:`slip_detector.scenes.mechanics.advance`.
 
         Returns
         -------
         time_s, clean_v, position_m, sliding
-            Shapes (m,), (m, 16), (m,), (m,); m is less than ``n`` at the end. Volts less the
-            baselines; position of the surface; share of the load under which it slides.
+            Times, shape (m,); volts without the baselines, shape (m, 16); position of the
+            surface, shape (m,); share of the load under which it slides, shape (m,). m is less
+            than ``n`` at the end.
         """
         first = self._next
         last = min(first + n, self.length)
@@ -238,7 +239,7 @@ class Scene:
         Returns
         -------
         SceneSamples
-            Fewer than ``n`` where the part ``drops`` loses some and before the end; none only at
+            Fewer than ``n`` at the end and where the part ``drops`` loses some; none only after
             the end.
         """
         while True:
@@ -262,12 +263,12 @@ class Scene:
         if 'object' in self.parts:
             # An object slips when more than half of the load that holds it slides.
             return sliding > 0.5
-        # The paper's Eq. 9: slip is when the platform's position changes.
+        # The paper's Eq. 9: there is slip while the position of the platform changes.
         velocity_m_s, _ = plate_at(time_s, time_s, self.drive_numbers.plate)
         return np.asarray((velocity_m_s != 0.0) & (self.force_n(time_s) > 0.0))
 
     def _digitised(self, clean_v: Floats, time_s: Floats) -> Floats:
-        """Return the volts that the electronics make of what the fingertip feels."""
+        """Return the samples that the electronics make of the clean signals."""
         volts = clean_v + self._frontend.baseline_v
         if self._hum:
             volts += self._hum.volts(time_s)[:, np.newaxis]

@@ -1,4 +1,4 @@
-"""Scene files: find one by its name, build its scene."""
+"""Finds scene files by their names, and builds their scenes."""
 
 from pathlib import Path
 
@@ -15,14 +15,14 @@ def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
     Parameters
     ----------
     path
-        Of the file.
+        The file.
     trial
-        Generator of what differs from trial to trial.
+        Generator of everything that differs from trial to trial.
 
     Raises
     ------
     ValueError
-        When the file cannot be read or describes no scene; names the file.
+        When the file cannot be read or does not describe a scene; names the file.
 
     Examples
     --------
@@ -30,8 +30,8 @@ def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
     >>> from slip_detector.scenes import find_scene, load_scene
     >>> scene = load_scene(find_scene('plate_400um'), np.random.default_rng(0))
     >>> samples = scene.read(380)
-    >>> samples.volts.shape, samples.truth.any()
-    ((380, 16), np.False_)
+    >>> samples.volts.shape, bool(samples.truth.any())
+    ((380, 16), False)
     """
     try:
         return Scene(read_yaml(path), trial)
@@ -46,12 +46,12 @@ def find_scene(name: str) -> Path:
     Parameters
     ----------
     name
-        Of a scene of the package, or a path that ends in .yaml or .yml.
+        Name of a scene of the package, or a path that ends in .yaml or .yml.
 
     Raises
     ------
     ValueError
-        When the package has no scene of this name; lists those it has.
+        When the package has no scene of this name; lists the names.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Sums of sines: what hum and tremor are made of."""
+"""Sums of sines, as hum and tremor are."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ class Sines(NamedTuple):
     Attributes
     ----------
     amplitude, angular_rate_rad_s, phase_rad : ndarray, shape (k,)
-        The amplitudes have the unit of what the sum stands for.
+        The amplitudes have the unit of the sum.
     """
 
     amplitude: Floats
@@ -36,8 +36,8 @@ def sines_at(t, sines):
     t : float or ndarray, shape (n,)
         The instants in seconds.
     sines : Sines or ndarray, shape (3, k)
-        An array has the fields of :class:`Sines` as rows in their order; a call that gets one
-        array is quicker.
+        The rows of an array are the fields of :class:`Sines` in their order; a call with one
+        array is faster.
 
     Returns
     -------

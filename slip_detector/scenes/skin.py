@@ -8,7 +8,7 @@ from slip_detector.parameters.sets import ParameterSet
 
 
 class SkinNumbers(NamedTuple):
-    """What the compiled code needs of a :class:`Skin`."""
+    """The numbers of a :class:`Skin` for compiled code."""
 
     stiffness_n_m: float
     damping_n_s_m: float
@@ -17,7 +17,7 @@ class SkinNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Skin(ParameterSet):
-    """Skin over one taxel, between the finger and what touches it.
+    """Skin over one taxel, between the finger and the surface that it touches.
 
     Examples
     --------
@@ -41,5 +41,5 @@ class Skin(ParameterSet):
     )
 
     def numbers(self) -> SkinNumbers:
-        """Return what the compiled code needs."""
+        """Return the numbers for compiled code."""
         return SkinNumbers(self.shear_stiffness_n_m, self.damping_n_s_m, self.mass_kg)

@@ -1,4 +1,4 @@
-"""The steps of a scene: what is done to the fingertip, one after the other."""
+"""The steps of a scene: what is done to the fingertip, one after another."""
 
 import dataclasses
 from typing import Any
@@ -9,7 +9,13 @@ from slip_detector.parameters.sets import ParameterSet
 
 @dataclasses.dataclass(frozen=True)
 class Step(ParameterSet):
-    """One step of the protocol; forces and shares ramp to their values in the course of it."""
+    """One step of a scene; forces and shares reach their values at its end, on a ramp.
+
+    Examples
+    --------
+    >>> Step(duration_s=0.5, force_n=0.4).velocity_m_s
+    0.0
+    """
 
     duration_s: float = parameter(1.0, 'How long it takes.', unit='s', low=1e-3, high=36000.0)
     force_n: float = parameter(

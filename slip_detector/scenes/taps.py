@@ -1,4 +1,4 @@
-"""Taps on what is held: short pulses of the normal force."""
+"""Taps: short pulses of the normal force."""
 
 import dataclasses
 from typing import NamedTuple
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 class TapNumbers(NamedTuple):
-    """What the compiled code needs of :class:`Taps`; ``begins_s`` is empty without taps."""
+    """The numbers of :class:`Taps` for compiled code; ``begins_s`` is empty without taps."""
 
     begins_s: Floats
     peak_force_n: float
@@ -23,7 +23,13 @@ class TapNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Taps(ParameterSet):
-    """Taps: half sines on the normal force. The impulse of one is 2 / pi x peak x duration."""
+    """Taps: half sines on the normal force, each with the impulse 2 / pi x peak x duration.
+
+    Examples
+    --------
+    >>> Taps(times_s=[1, 2.5], peak_force_n=0.3).times_s
+    (1.0, 2.5)
+    """
 
     times_s: tuple[float, ...] = parameter(
         (),
@@ -39,12 +45,12 @@ class Taps(ParameterSet):
     duration_s: float = parameter(0.01, 'How long one takes.', unit='s', low=1e-4, high=10.0)
 
     def __post_init__(self) -> None:
-        """Check that there are taps, one after the other."""
+        """Check that there are taps, and that they do not overlap."""
         super().__post_init__()
         if not self.times_s:
             raise ValueError('parameter times_s is empty, allowed: at least one time')
         for before, after in zip(self.times_s[:-1], self.times_s[1:], strict=True):
-            # One that begins where the one before ends may be early by a round-off error.
+            # A tap that begins at the end of another may be early by a round-off error.
             if after - before < self.duration_s * (1 - 1e-9):
                 raise ValueError(
                     f'parameter times_s has {after:g} s after {before:g} s, allowed: rising, at '
@@ -52,23 +58,23 @@ class Taps(ParameterSet):
                 )
 
     def numbers(self) -> TapNumbers:
-        """Return what the compiled code needs."""
+        """Return the numbers for compiled code."""
         return TapNumbers(np.array(self.times_s), self.peak_force_n, self.duration_s)
 
 
 @compiled
 def tap_force_at(t, side, numbers):
-    """Return what taps add to the normal force; exactly zero between them.
+    """Return the force of the taps, which is exactly zero between them.
 
     Parameters
     ----------
     t : float or ndarray, shape (n,)
         The instants in seconds.
     side : as ``t``
-        A time on the side that is meant where an instant is the begin or the end of a tap;
-        elsewhere the instant itself.
+        At the beginning or the end of a tap a time on the wanted side of it; elsewhere the
+        instant itself.
     numbers : TapNumbers
-        Of at least one tap.
+        The numbers of at least one tap.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Ridges at a spatial period, under a taxel that slides over them."""
+"""Ridges with a spatial period, under a taxel that slides over them."""
 
 import dataclasses
 from typing import NamedTuple
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 class RidgeNumbers(NamedTuple):
-    """What the compiled code needs of a :class:`Texture`."""
+    """The numbers of a :class:`Texture` for compiled code."""
 
     wavenumber_rad_m: float
     start_rad: float
@@ -23,7 +23,13 @@ class RidgeNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Texture(ParameterSet):
-    """Ridges across the direction of motion."""
+    """Ridges across the direction of motion.
+
+    Examples
+    --------
+    >>> Texture(spatial_period_m=500e-6, harmonics=[]).highest_wavenumber_1_m
+    2000.0
+    """
 
     spatial_period_m: float = parameter(
         400e-6, 'Distance from ridge to ridge.', unit='m', low=1e-6, high=1.0
@@ -42,7 +48,7 @@ class Texture(ParameterSet):
     )
 
     def __post_init__(self) -> None:
-        """Check that no groove lifts a taxel off."""
+        """Check that no groove takes all load from a taxel."""
         super().__post_init__()
         highest_m = self.ridge_height_m * (1.0 + sum(map(abs, self.harmonics)))
         if highest_m > self.indentation_m:
@@ -57,7 +63,7 @@ class Texture(ParameterSet):
         return (1 + len(self.harmonics)) / self.spatial_period_m
 
     def numbers(self, trial: np.random.Generator) -> RidgeNumbers:
-        """Return what the compiled code needs; ``trial`` draws where the plate is put down."""
+        """Return the numbers for compiled code; ``trial`` draws the place of the plate."""
         heights = self.ridge_height_m * np.array([1.0, *self.harmonics])
         return RidgeNumbers(
             2.0 * np.pi / self.spatial_period_m,
@@ -70,15 +76,15 @@ class Texture(ParameterSet):
 def ridges_between(from_m, to_m, ridges):
     """Return the mean height of the ridges between two places, as a share of the indentation.
 
-    Between a place and itself it is the height there. The mean over what passes in one step is
-    what a sensor of limited bandwidth reads, also of ridges that pass too fast to be resolved.
+    Where both places are equal it is the height there. A sensor of limited bandwidth reads the
+    mean over the distance of one step, also of ridges that pass too fast to be resolved.
 
     Parameters
     ----------
     from_m, to_m : float
         Places on the surface along x.
     ridges : RidgeNumbers
-        Of the surface.
+        The numbers of the surface.
 
     Examples
     --------

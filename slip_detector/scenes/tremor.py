@@ -1,4 +1,4 @@
-"""Tremor of the hand that holds: on the normal force and on the position of the surface."""
+"""Tremor of the hand, in the normal force and in the position of the surface."""
 
 import dataclasses
 
@@ -8,12 +8,13 @@ from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.sines import NO_SINES, Sines
 
-#: The band of a tremor is cut into so many parts of equal ratio; each has a pair of sines ...
+#: The band of a tremor has this number of parts of equal ratio, with a pair of sines in each.
 TREMOR_PAIRS = 3
-#: ... the second of which has this share of the first one's amplitude. So each pair beats.
+
+#: Amplitude of the second sine of a pair over that of the first, which makes the pair beat.
 TREMOR_BEAT = 0.5
 
-#: The peak of a tremor over its RMS, an upper bound.
+#: Upper bound of the peak of a tremor over its RMS.
 TREMOR_PEAK = 4.0
 
 
@@ -21,9 +22,14 @@ TREMOR_PEAK = 4.0
 class Tremor(ParameterSet):
     """Tremor of the hand and motion of the arm.
 
-    The default force is about the tremor of healthy fingers in a pinch (the power that Table 1 of
-    https://www.hindawi.com/journals/cmmm/2012/975735/ calls background is up to 50 mN^2, 7 mN).
-    The default motion is small, so that the skin takes it up and nothing slides.
+    The default force is about the tremor of healthy fingers in a pinch: the background power in
+    Table 1 of https://www.hindawi.com/journals/cmmm/2012/975735/ is up to 50 mN^2, which is 7 mN.
+    The default motion is so small that the skin follows it and nothing slides.
+
+    Examples
+    --------
+    >>> Tremor(force_rms_n=0.02).high_hz
+    20.0
     """
 
     low_hz: float = parameter(2.0, 'Lowest frequency.', unit='Hz', low=0.01, high=1e3)
@@ -48,21 +54,21 @@ class Tremor(ParameterSet):
 class HandMotion:
     """The tremor of one trial: six sines for the normal force, six others for the position.
 
-    The band is cut into three parts of equal ratio; in each, two neighbouring sines beat slowly.
-    All frequencies lie within the band, and the RMS in the long run is the one asked for.
+    The band has three parts of equal ratio; in each of them two neighbouring sines beat slowly.
+    All frequencies are within the band, and the RMS over a long time is the configured one.
 
     Parameters
     ----------
     tremor
-        Its properties.
+        The properties of the tremor.
     trial
         Generator of the trial. Two children are always spawned from it, for the force and for
-        the motion, in this order; where the RMS is zero nothing is drawn.
+        the motion, in this order; nothing is drawn where the RMS is zero.
 
     Attributes
     ----------
     force_sines, motion_sines : Sines
-        In newtons and metres; none where the RMS is zero.
+        In newtons and metres; empty where the RMS is zero.
 
     Examples
     --------
@@ -84,7 +90,7 @@ class HandMotion:
 def _tremor_sines(tremor: Tremor, rms: float, trial: np.random.Generator) -> Sines:
     if not rms:
         return NO_SINES
-    # Places on the logarithmic scale from low_hz (0) to high_hz (1), none at the very edges.
+    # Places on the logarithmic scale from low_hz (0) to high_hz (1), not at the edges.
     first = np.arange(TREMOR_PAIRS) + trial.uniform(0.05, 0.85, TREMOR_PAIRS)
     second = first + trial.uniform(0.02, 0.1, TREMOR_PAIRS)
     places = np.concatenate([first, second]) / TREMOR_PAIRS
