@@ -1,4 +1,4 @@
-"""Compile with Numba where it is installed; elsewhere the same functions run interpreted."""
+"""Compiles functions with Numba where it is installed; elsewhere they run interpreted."""
 
 import zlib
 from collections.abc import Callable
@@ -15,7 +15,7 @@ except ImportError:  # not every robot has Numba
     COMPILED = False
 
 
-#: Files with any of these have something that is compiled.
+#: A file with one of these has compiled functions.
 MARKS = (b'@compiled', b'@intrinsic')
 
 
@@ -33,20 +33,20 @@ FINGERPRINT = _fingerprint()
 
 
 def as_silent(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Let a function that runs interpreted overflow as silently as compiled code does."""
+    """Return a function that overflows silently when interpreted, as compiled code does."""
     return function if COMPILED else np.errstate(all='ignore')(function)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile with Numba, cached on disk, where Numba is there.
+    """Compile a function with Numba where it is installed, with a cache on disk.
 
-    Numba takes a function from its cache as long as the function's own file is unchanged, whatever
-    became of the functions of other files that are compiled into it. So the cache is named after
-    all files that have some: none that is stale is ever found.
+    Numba uses a cached function as long as its own file is unchanged, even where functions of
+    other files that are compiled into it have changed. Therefore the name in the cache depends on
+    all files with compiled functions, and no cached function is stale.
     """
     if not COMPILED:
         return function
     function.__qualname__ += f'_{FINGERPRINT}'
-    # As NumPy divides: checking each division for a zero costs a tenth of the scenes' time.
+    # Divisions by zero as in NumPy: a check of each division would take a tenth of a scene's time.
     kept: Callable[..., Any] = njit(cache=True, error_model='numpy')(function)
     return kept

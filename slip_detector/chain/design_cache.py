@@ -1,6 +1,6 @@
-"""Filter designs kept on disk, so that a start does not wait for SciPy's signal package.
+"""Keeps filter designs on disk, so that a start does not wait for SciPy's signal package.
 
-To load that package takes longer than to load all else that a chain needs.
+Loading that package takes longer than loading everything else that a chain needs.
 """
 
 import contextlib
@@ -22,36 +22,36 @@ FOLDER = Path(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
 
 
 def kept(key: tuple[object, ...], design: Callable[[], Array]) -> Array:
-    """Return the design of a key: from disk if it was made before, else made now and kept.
+    """Return a design from disk, or make it and write it to disk.
 
-    Once the signal package is loaded there is no time to save: then nothing is read or written,
-    so a search over thousands of filters leaves no files.
+    Where the signal package is loaded already the design is only made, as no time can be saved.
+    So a search over thousands of filters leaves no files.
 
     Parameters
     ----------
     key
-        All that the design depends on, as values whose ``repr`` is exact.
+        Everything that the design depends on, as values whose ``repr`` is exact.
     design
-        Makes it.
+        Makes the design.
 
     Returns
     -------
     ndarray, shape (sections, 6)
-        To the bit what ``design`` returns with the same versions of SciPy and NumPy.
+        The same bits as ``design`` returns with the same versions of SciPy and NumPy.
     """
     if 'scipy.signal' in sys.modules:
         return design()
     path = FOLDER / f'design-{_name(key)}.npy'
-    # What cannot be read is made again.
+    # A file that cannot be read is replaced.
     with contextlib.suppress(OSError, ValueError, EOFError):
         sections: Array = np.load(path)
         if sections.ndim == 2 and sections.shape[1] == 6 and sections.dtype == np.float64:
             return sections
     sections = design()
-    # Without a place to keep it, the next start takes as long.
+    # Where the file cannot be written the next start takes as long as this one.
     with contextlib.suppress(OSError):
         FOLDER.mkdir(parents=True, exist_ok=True)
-        # Renamed when it is whole: another process may read it at any time.
+        # It gets its name when it is complete, as another process may read it at any time.
         unfinished = path.with_suffix(f'.{os.getpid()}')
         with unfinished.open('wb') as file:
             np.save(file, sections)
@@ -60,7 +60,7 @@ def kept(key: tuple[object, ...], design: Callable[[], Array]) -> Array:
 
 
 def _name(key: tuple[object, ...]) -> str:
-    """Return a name that changes with the key, what designs, and how it is designed."""
+    """Return a name that depends on the key, the versions of the libraries and our own code."""
     source = zlib.crc32(Path(__file__).with_name('filters.py').read_bytes())
     everything = repr((scipy.__version__, np.__version__, source, key))
     return hashlib.sha256(everything.encode()).hexdigest()[:32]

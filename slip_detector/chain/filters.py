@@ -12,38 +12,38 @@ from slip_detector.parameters.detector import ChainConfig
 
 Array = NDArray[np.float64]
 
-#: Largest error of the designed gain at an edge, relative; beyond it the design is lost.
+#: Largest relative error of the designed gain at an edge; a design with a larger one is refused.
 EDGE_TOLERANCE = 1e-3
 
-#: Largest relative error of the gain that rounding the coefficients to float64 may make; found to
-#: be some ten times what it does make. Narrow bands at low edges exceed it.
+#: Largest bound of the gain's relative error by rounding the coefficients to float64. The actual
+#: error is about a tenth of the bound. Narrow bands at low edges exceed it.
 ROUND_OFF = 3e-6
 
-#: A pole closer to the unit circle than this forgets its start too slowly to be told from
-#: unstable in float64.
+#: Least distance of a pole from the unit circle: in float64 a closer pole cannot be told from an
+#: unstable one.
 STABILITY_MARGIN = 1e-9
 
 
 def design(config: ChainConfig) -> Array:
     """Design the whole network: band-pass (Eq. 1-2), then each stop-band (Eq. 4).
 
-    Filters stay sections from design to run: the polynomials of the same filters lose their
-    poles to round-off at low edges.
+    The filters are designed as sections: polynomials of the same filters lose their poles to
+    round-off at low edges.
 
     Parameters
     ----------
     config
-        The gain is folded into the first section.
+        The parameters of the chain; the gain is in the first section.
 
     Returns
     -------
     ndarray, shape (sections, 6)
-        Rows b0, b1, b2, 1, a1, a2 as SciPy has them.
+        Rows b0, b1, b2, 1, a1, a2, as in SciPy.
 
     Raises
     ------
     ValueError
-        When a filter comes out unstable or with a wrong gain at its edges; names the edges.
+        When a filter is unstable or has a wrong gain at its edges; names the edges.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def design(config: ChainConfig) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _unit_gain_network(*parameters: Any) -> Array:
-    """Return the network with a gain of 1, from memory or disk where it is there."""
+    """Return the network with a gain of 1, from memory or disk if it is there."""
     return design_cache.kept(parameters, lambda: _designed_network(*parameters))
 
 
@@ -81,7 +81,7 @@ def _designed_network(
     attenuation_db: float,
 ) -> Array:
     """Design and check the network with a gain of 1."""
-    # Here: to load it takes longer than to load all else that a node needs.
+    # Imported here, as loading it takes longer than loading everything else that a node needs.
     from scipy import signal
 
     low, high = passband_hz
@@ -105,14 +105,14 @@ def _designed_network(
             output='sos',
             fs=rate,
         )
-        # An elliptic filter leaves its passband, by SciPy's definition, at the ripple.
+        # By SciPy's definition the passband of an elliptic filter ends where the ripple does.
         _check(stopband, list(pair), rate, 'stopbands_hz', 10 ** (-ripple_db / 20))
         parts.append(stopband)
     return np.concatenate(parts)
 
 
 def _check(sections: Array, edges_hz: list[float], rate_hz: float, name: str, gain: float) -> None:
-    """Refuse a filter that is unstable or whose gain at its edges is not what was designed."""
+    """Raise an error for a filter that is unstable or has a wrong gain at its edges."""
     radius = largest_pole_radius(sections)
     measured = np.abs(response(sections, np.array(edges_hz), rate_hz))
     lost = not np.all(np.abs(measured - gain) <= EDGE_TOLERANCE * gain)
@@ -127,14 +127,25 @@ def _check(sections: Array, edges_hz: list[float], rate_hz: float, name: str, ga
 
 
 def largest_pole_radius(sections: Array) -> float:
-    """Return the distance of the outermost pole from the origin; below 1 is stable."""
+    """Return the distance of the outermost pole from the origin; a stable filter is below 1.
+
+    Examples
+    --------
+    >>> round(largest_pole_radius(design(ChainConfig())), 3)
+    0.993
+    """
     return float(max(np.abs(np.roots(section[3:])).max() for section in sections))
 
 
 def round_off(sections: Array) -> float:
-    """Bound the relative error of the gain that rounding the denominators can make.
+    """Return a bound of the gain's relative error by rounding the denominators.
 
-    It is largest where a denominator is smallest: on the unit circle next to a pole.
+    The error is largest where a denominator is smallest: on the unit circle next to a pole.
+
+    Examples
+    --------
+    >>> bool(round_off(design(ChainConfig())) < ROUND_OFF)
+    True
     """
     worst = 0.0
     for _, _, _, *denominator in sections:
@@ -146,7 +157,14 @@ def round_off(sections: Array) -> float:
 
 
 def response(sections: Array, frequency_hz: Array, rate_hz: float) -> NDArray[np.complex128]:
-    """Return the network's complex gain at the given frequencies."""
+    """Return the network's complex gain at the given frequencies.
+
+    Examples
+    --------
+    >>> gain = response(design(ChainConfig(gain=1.0)), np.array([7.0, 18.7]), rate_hz=380.0)
+    >>> abs(gain).round(2)
+    array([0.71, 1.  ])
+    """
     omega = 2 * np.pi * np.asarray(frequency_hz, dtype=np.float64) / rate_hz
     delay = np.exp(-1j * omega)
     gain = np.ones(omega.shape, dtype=np.complex128)

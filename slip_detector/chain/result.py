@@ -1,4 +1,4 @@
-"""What the chain decides on rows, and what it decides by."""
+"""The decisions of the chain, and the signals that they are based on."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,15 @@ class SlipResult:
     Attributes
     ----------
     flags : ndarray of bool, shape (n, 1 + 2 g + 2 c)
-        All decisions side by side: equal rows are equal decisions.
+        All decisions side by side, in the order of the properties below.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig, SlipChain
+    >>> chain = SlipChain(ChainConfig(channels=2))
+    >>> result = chain.update(np.full((5, 2), 4.3), envelope=False)
+    >>> result.slip.shape, result.channels.shape, result.level.shape
+    ((5,), (5, 2), (5, 2))
     """
 
     __slots__ = ('_kept_envelope', '_kept_level', '_shape', '_signals', 'flags')
@@ -31,7 +39,7 @@ class SlipResult:
 
     @property
     def slip(self) -> Bools:
-        """Any group is ON; shape (n,)."""
+        """Whether any group is ON; shape (n,)."""
         return self.flags[:, 0]
 
     @property
@@ -46,12 +54,12 @@ class SlipResult:
 
     @property
     def channels(self) -> Bools:
-        """Level above the threshold; shape (n, c)."""
+        """Whether the level is above the threshold; shape (n, c)."""
         return self.flags[:, 1 + 2 * self._shape[0] :][:, : self._shape[1]]
 
     @property
     def valid(self) -> Bools:
-        """Enabled, a good sample, and not flat; shape (n, c)."""
+        """Whether the channel is enabled, its sample good and it is not flat; shape (n, c)."""
         return self.flags[:, 1 + 2 * self._shape[0] + self._shape[1] :]
 
     @property
@@ -61,26 +69,26 @@ class SlipResult:
 
     @property
     def level(self) -> Floats:
-        """Mean of the envelope, which is held against the threshold; shape (n, c)."""
+        """Mean of the envelope, which is compared with the threshold; shape (n, c)."""
         return self._columns('level', self._kept_level, int(self._kept_envelope))
 
     @property
     def vote_statistic(self) -> Floats:
-        """What the slip decision holds against 1, by each vote that was asked for; shape (n, v).
+        """The decision statistic of each vote that was asked for; shape (n, v).
 
-        Dimensionless, and above 1 exactly where ``slip`` would be ON by that vote. It is the
-        largest over the groups of what :mod:`slip_detector.chain.votes` describes, divided by the
-        threshold; a group that cannot vote has 0. At a threshold of 1 it is the number, in the
-        unit of the level, that any other threshold can be held against: it is above that threshold
+        It is dimensionless, and above 1 exactly where ``slip`` would be ON with that vote. It is
+        the largest number of all groups that :mod:`slip_detector.chain.votes` describes, divided
+        by the threshold; a group that cannot vote has 0. At a threshold of 1 the statistic has the
+        unit of the level, and can be compared with any other threshold: it is above that threshold
         exactly where a chain with it has ``slip`` ON.
         """
         return self._signals[:, self._signals.shape[1] - self._shape[2] :]
 
     def _columns(self, name: str, kept: bool, before: int) -> Floats:
-        """Return the channels of a signal that has so many others before it."""
+        """Return the channels of a signal; ``before`` is the number of signals before it."""
         if not kept:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
         signals = self._kept_envelope + self._kept_level
-        # Of few channels there are more columns, without meaning.
+        # With few channels there are further columns, which have no meaning.
         columns = (self._signals.shape[1] - self._shape[2]) // signals
         return self._signals[:, columns * before :][:, : self._shape[1]]

@@ -13,12 +13,12 @@ class Samples(NamedTuple):
     ----------
     volts : ndarray, shape (n, c)
     stamps_ns : ndarray of int, shape (n,)
-        When each was taken.
+        When each sample was taken.
     truth : ndarray of bool, shape (n,), or None
         Whether there is slip, where it is known.
     position_m : ndarray, shape (n,), or None
-        Position of the platform or the object, where it is known. Recordings are written with
-        it, and read back with the truth that it tells.
+        Position of the platform or the object, where it is known. It is written to recordings;
+        when they are read, the truth can be derived from it.
 
     Examples
     --------
@@ -36,7 +36,7 @@ class Samples(NamedTuple):
     position_m: NDArray[np.float64] | None = None
 
     def take(self, which: 'NDArray[np.intp] | slice') -> 'Samples':
-        """Return some of the samples, by their places."""
+        """Return the samples at the given indices."""
         return Samples(
             self.volts[which],
             self.stamps_ns[which],
@@ -45,9 +45,9 @@ class Samples(NamedTuple):
         )
 
     def then(self, more: 'Samples') -> 'Samples':
-        """Return these samples and those of ``more``.
+        """Return these samples followed by those of ``more``.
 
-        Truth and position are known of the whole where they are known of both parts.
+        Truth and position are known for the whole where they are known for both parts.
         """
         truth, position_m = None, None
         if self.truth is not None and more.truth is not None:

@@ -1,4 +1,4 @@
-"""The slip chain (the paper's Section 2): rows of volts in, ON/OFF slip out."""
+"""The slip chain (the paper's Section 2): from rows of volts to ON/OFF slip."""
 
 import warnings
 from collections.abc import Sequence
@@ -19,15 +19,15 @@ BOOL = np.dtype(np.bool_)  # as an object: looking the type up costs more than t
 
 
 class SlipChain:
-    """The chain with its state; the same object serves live nodes and whole recordings.
+    """The chain with its state, for live nodes and for whole recordings.
 
-    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls. All that it
-    remembers of the rows so far is its ``state``.
+    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls. Everything
+    that it remembers of the rows so far is in its ``state``.
 
     Parameters
     ----------
     config
-        Its defaults are the paper's.
+        The parameters; the defaults are the paper's.
 
     Raises
     ------
@@ -75,18 +75,18 @@ class SlipChain:
         self.state[:, [LAST, FIRST]] = np.nan
 
     def take_filters(self, other: 'SlipChain') -> None:
-        """Go on where another chain's filters are, with empty windows.
+        """Take over the state of another chain's filters, with empty windows.
 
         Parameters
         ----------
         other
-            Of the same channels, filters and common mode; its windows, threshold and vote may
-            differ.
+            A chain with the same channels, filters and common mode; its windows, threshold and
+            vote may differ.
 
         Raises
         ------
         ValueError
-            When its filters are others.
+            When its channels, filters or common mode are not the same.
         """
         for name in ('channels', 'disabled_channels', 'valid_range_v', 'common_mode'):
             mine, its = getattr(self.config, name), getattr(other.config, name)
@@ -114,15 +114,15 @@ class SlipChain:
         volts : array_like, shape (n, c)
             Rows of volts, oldest first; none, one or many.
         envelope, level
-            Whether these two are kept for the result.
+            Whether the result has these signals.
         votes
-            Those whose :attr:`SlipResult.vote_statistic` is computed: ``all``, ``mean`` or counts
-            of channels, whatever the vote of the configuration is.
+            The votes whose :attr:`SlipResult.vote_statistic` is computed: ``all``, ``mean`` or
+            numbers of channels. They do not depend on the vote of the configuration.
 
         Raises
         ------
         ValueError
-            When the shape is not (n, c) or a vote is none.
+            When the shape is not (n, c) or a vote is not allowed.
 
         Examples
         --------

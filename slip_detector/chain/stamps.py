@@ -1,7 +1,7 @@
-"""Stamps of incoming samples: what is next, what is missing, what runs backwards.
+"""Stamps of incoming samples: finds missing samples, gaps and stamps that run backwards.
 
-What a gap does to rows stands here, for live input and recordings alike: a short one is bridged
-with the last row, after a long one the chain starts as from the first row.
+The rule for gaps is here, for live input and recordings: a short gap is bridged with the last row,
+and after a long one the chain starts as from the first row.
 """
 
 from itertools import pairwise
@@ -12,51 +12,50 @@ from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.compiled import compiled
 
-#: The grid is a line fitted to the stamps of about so many samples: to the first ones after a
-#: start, and in the long run. A long memory averages the jitter out and still follows a drift.
+#: The grid is a line that is fitted to the stamps of about this many samples: after a start, and
+#: in the long run. A long memory averages jitter and still follows a drift.
 FIRST_MEMORY, LONG_MEMORY = 16, 256
 
-#: A sample further ahead of the grid, in periods, is no jitter: a new grid begins.
+#: Largest jitter in periods: where a sample is further ahead of the grid, a new grid begins.
 LARGEST_JITTER = 2.0
 
-#: Jitter is forgotten over so many samples.
+#: Number of samples after which observed jitter is forgotten.
 JITTER_MEMORY = 2048
 
-#: A clock may be off by this share and is followed; what is more is samples that are missing.
+#: The grid follows a clock whose rate is wrong by up to this share; more means missing samples.
 LARGEST_RATE_ERROR = 0.15
 
-#: A step of more than this many periods is a gap, less is jitter, where nothing more is known.
+#: A longer step in periods is a gap, a shorter one is jitter, where nothing else is known.
 GAP_PERIODS = 1.5
 
-#: A sample this many periods behind the grid is one behind a gap, where jitter does not say more.
+#: A sample this many periods behind the grid comes after a gap, unless the jitter is larger.
 BEHIND_A_GAP = 0.5
 
-#: Jitter taken for possible before the stamps have shown theirs, in periods.
+#: Jitter in periods that is assumed before any was observed.
 FIRST_JITTER = 0.75
 
 
-# The line, as an array: the time from message to message in nanoseconds (of one sample), how long
-# after the last one the next is expected, the memory in messages, the jitter in periods, and the
-# bounds of the period.
+# The line, as an array: the period of a sample in nanoseconds, the time until the next sample is
+# expected, the memory in messages, the jitter in periods, and the bounds of the period.
 PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS = range(6)
 
 
 @compiled
 def _follow(line, behind, rows):
-    """Bring the line nearer to the stamp of a message that is ``behind`` it.
+    """Move the line towards the stamp of a message that is ``behind`` it.
 
     The gains are those of a least-squares line through the last ``memory`` messages.
     """
     n = line[MEMORY]
     if n < LONG_MEMORY:
         line[MEMORY] = n + 1.0
-    # A late one may be one behind a gap; an early one can only be jitter.
+    # A late sample may come after a gap; an early one can only be jitter.
     off = -behind if behind < 0.0 else min(behind, BEHIND_A_GAP)
     jitter = line[JITTER] * (1.0 - 1.0 / JITTER_MEMORY)
     line[JITTER] = off if off > jitter else jitter
     gain = 1.0 / (n * (n + 1.0))
     period_ns = line[PERIOD_NS]
-    # From this stamp back to where the line has it, and on to the next.
+    # From this stamp to its place on the line, and from there to the next one.
     on_line_ns = -behind * (1.0 - 2.0 * (2.0 * n - 1.0) * gain) * rows * period_ns
     period_ns *= 1.0 + behind * 6.0 * gain
     period_ns = min(max(period_ns, line[FASTEST_NS]), line[SLOWEST_NS])
@@ -66,7 +65,7 @@ def _follow(line, behind, rows):
 
 @compiled
 def _follow_all(line, steps_ns):
-    """Follow samples as long as each is simply the next; returns whether all were."""
+    """Follow samples as long as each is the next one; return whether all were."""
     for i in range(steps_ns.size):
         step_ns = float(steps_ns[i])
         behind = (step_ns - line[UNTIL_NEXT_NS]) / line[PERIOD_NS]
@@ -78,16 +77,16 @@ def _follow_all(line, steps_ns):
 
 
 class Arrival(NamedTuple):
-    """What to do with a sample, by its stamp.
+    """What to do with a sample.
 
     Attributes
     ----------
     accepted : bool
-        False: drop it, its stamp is not after the last one.
+        Whether the sample is used; one whose stamp is not after the last one is dropped.
     missing : int
-        Samples missing before it, to be bridged with the last row.
+        Number of missing samples before it, which are bridged with the last row.
     reset : bool
-        Too many are missing, or the clock was set: it is the first of a new stretch.
+        Whether it is the first of a new stretch: too many are missing, or the clock was set.
     """
 
     accepted: bool
@@ -95,14 +94,14 @@ class Arrival(NamedTuple):
     reset: bool
 
     def bridge(self, last: ArrayLike, rows: ArrayLike) -> NDArray[Any]:
-        """Return rows with those that are missing before them, which repeat the last one.
+        """Return rows with the missing rows before them, which repeat the last one.
 
         Parameters
         ----------
         last
-            The row before, shape (1, ...).
+            The row before the gap, shape (1, ...).
         rows
-            The next ones, shape (n, ...).
+            The rows after the gap, shape (n, ...).
 
         Examples
         --------
@@ -118,19 +117,19 @@ BACKWARDS = Arrival(False, 0, False)
 
 
 class MendedSamples(NamedTuple):
-    """Samples with gaps bridged, and where stretches begin.
+    """Samples with bridged gaps, and the stretches that they form.
 
     Attributes
     ----------
     places : ndarray of int, shape (n,)
-        Which of the samples each is, from 0; -1 is the last sample before them.
+        Index of each sample among the input, from 0; -1 is the last sample before the input.
     stamps_ns : ndarray of int, shape (n,)
     stretches : tuple of slice
-        Runs of them, at least one sample each; all but the first begin a new stretch.
+        Runs of samples, at least one each; all but the first begin a new stretch.
     first_is_new : bool
-        Whether the first run begins one too.
+        Whether the first run begins a new stretch too.
     gaps, bridged, dropped : int
-        Short gaps, samples that bridge them, and samples left out.
+        Number of short gaps, of samples that bridge them, and of samples that were dropped.
     """
 
     places: NDArray[np.int64]
@@ -143,9 +142,9 @@ class MendedSamples(NamedTuple):
 
 
 def missing_rows(last_ns: int, stamp_ns: int, sample_rate_hz: float) -> int:
-    """Return how many rows are missing between two that are stamped so.
+    """Return the number of missing rows between two stamps.
 
-    A clock that was set back does not turn time back: then it is none.
+    It is 0 where the clock was set back.
 
     Examples
     --------
@@ -158,16 +157,16 @@ def missing_rows(last_ns: int, stamp_ns: int, sample_rate_hz: float) -> int:
 
 
 class StampGrid:
-    """A grid of times on which samples are expected: tells by a stamp what to do with its sample.
+    """A grid of times at which samples are expected; it decides on each sample by its stamp.
 
-    Samples are expected on an even grid that follows the stamps: a line fitted to them with a
-    fading memory. So a stamp may be off by half a period, and the clock behind the stamps by
-    ``LARGEST_RATE_ERROR``, without a sample being taken for two. Where jitter is larger still, as
-    samples ahead of the grid show, it takes a larger delay to be a gap.
+    The grid is even and follows the stamps: it is a line fitted to them with a fading memory. So
+    a stamp may be wrong by half a period, and the rate of the clock by ``LARGEST_RATE_ERROR``,
+    and no sample is taken to be missing. Where samples ahead of the grid show more jitter, a delay
+    must be larger to be a gap.
 
-    A stamp that is not after the one before is dropped. When the dropped ones themselves run
-    forward for longer than ``max_gap_s``, the clock was set back (or a bag started again) and a
-    new stretch begins; else one such step would silence the detector for good.
+    A sample whose stamp is not after the one before is dropped. When the stamps of dropped samples
+    rise for longer than ``max_gap_s``, the clock was set back, or a bag was started again, and a
+    new stretch begins. Else one such step would silence the detector forever.
 
     Parameters
     ----------
@@ -175,6 +174,14 @@ class StampGrid:
         Time from sample to sample.
     max_gap_s
         Longest gap that is bridged.
+
+    Examples
+    --------
+    >>> grid = StampGrid(period_s=0.01, max_gap_s=0.1)
+    >>> [grid.arrive(ms * 1_000_000).missing for ms in (0, 10, 20, 50)]
+    [0, 0, 0, 2]
+    >>> grid.arrive(2_000_000_000).reset
+    True
     """
 
     def __init__(self, period_s: float, max_gap_s: float) -> None:
@@ -197,14 +204,14 @@ class StampGrid:
 
     @property
     def period_ns(self) -> float:
-        """Time from sample to sample by the stamps."""
+        """Time from sample to sample, by the stamps."""
         return float(self._line[PERIOD_NS])
 
     def arrive(self, stamp_ns: int, rows: int = 1) -> Arrival:
-        """Judge the next sample by its stamp in nanoseconds.
+        """Return what to do with the next sample, by its stamp in nanoseconds.
 
-        Of a batch of ``rows`` samples it is the stamp of the last one; a batch comes or is
-        missing as a whole.
+        A batch of ``rows`` samples has the stamp of the last one; it arrives or is missing as a
+        whole.
         """
         if self._last_ns is None:
             self._begin(stamp_ns)
@@ -231,17 +238,17 @@ class StampGrid:
         return Arrival(True, missing * rows, False) if missing else NEXT
 
     def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
-        """Take samples all at once if each is simply the next; else take none of them.
+        """Take all samples at once if each is the next one; else take none of them.
 
         Parameters
         ----------
         stamps_ns : ndarray of int, shape (n,)
-            One of each sample.
+            The stamp of each sample.
 
         Returns
         -------
         bool
-            False: they are to be judged one by one.
+            Whether they were taken; if not, :meth:`mend` takes them one by one.
         """
         if not stamps_ns.size:
             return True
@@ -258,12 +265,12 @@ class StampGrid:
         return False
 
     def mend(self, stamps_ns: NDArray[np.int64]) -> MendedSamples:
-        """Take samples one by one: drop, bridge and part them.
+        """Take samples one by one: drop samples, bridge gaps and separate stretches.
 
         Parameters
         ----------
         stamps_ns : ndarray of int, shape (n,)
-            One of each sample.
+            The stamp of each sample.
 
         Examples
         --------
