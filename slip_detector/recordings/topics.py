@@ -1,5 +1,6 @@
 """Topics of a bag, and the types of their messages."""
 
+import functools
 from typing import Any, NamedTuple
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -33,8 +34,22 @@ class Topic(NamedTuple):
 Message = tuple[str, int, bytes]
 
 
+@functools.cache
+def standard_typestore() -> Any:
+    """Return the store of rosbags that has the types of ROS 2 Jazzy, in which bags are written.
+
+    It is the same at each call, as a store compiles the code of each type that is used.
+    """
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@functools.lru_cache(maxsize=64)
 def typestore_of(topic: Topic) -> Any:
     """Return the store of rosbags that has the type of a topic.
+
+    It is the same for the same topic of all recordings, as a store compiles the code of its types.
 
     Raises
     ------

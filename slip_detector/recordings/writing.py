@@ -12,7 +12,7 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.recordings.bag_storage import load_rosbags
 from slip_detector.recordings.message_encoder import JointStateEncoder
-from slip_detector.recordings.topics import BOOL, JOINT_STATE
+from slip_detector.recordings.topics import BOOL, JOINT_STATE, standard_typestore
 
 #: Version of the metadata that ROS 2 Jazzy and later read.
 BAG_VERSION = 9
@@ -134,9 +134,7 @@ def _write_messages(
     writer: Any, pieces: Iterable[Samples], names: Sequence[str], frame_id: str
 ) -> None:
     """Write the topics as the driver publishes them; messages are received at their stamps."""
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_JAZZY)
+    store = standard_typestore()
     samples, states = _qualities()
     voltages = writer.add_connection(
         '/voltages', JOINT_STATE, typestore=store, offered_qos_profiles=[samples]

@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
-from slip_detector.recordings.topics import JOINT_STATE, Topic, typestore_of
+from slip_detector.recordings.topics import JOINT_STATE, Topic, standard_typestore, typestore_of
 
 PILLAR = 'tactile_msgs/msg/Pillar'
 
@@ -50,3 +50,14 @@ def test_a_broken_definition_is_said_in_one_line(encoding):
     with pytest.raises(ValueError, match=f'the definition of {PILLAR} cannot be read') as caught:
         typestore_of(Topic('/a', PILLAR, encoding, 'float32 [[ fz\n}'))
     assert '\n' not in str(caught.value)
+
+
+def test_the_code_of_a_type_is_compiled_once_for_all_recordings():
+    text = 'float32 fz\n'
+    store = typestore_of(Topic('/a', PILLAR, 'ros2msg', text))
+    assert typestore_of(Topic('/a', PILLAR, 'ros2msg', text)) is store
+    other = typestore_of(Topic('/a', PILLAR, 'ros2msg', 'float32 fx\n'))
+    assert fields(other, PILLAR) == ['fx']
+    assert fields(store, PILLAR) == ['fz']
+    assert standard_typestore() is standard_typestore()
+    assert 'position' in fields(standard_typestore(), JOINT_STATE)

@@ -5,6 +5,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from slip_detector.chain.samples import Samples
+from slip_detector.recordings.topics import standard_typestore
 
 NAMES = ('left', 'right', 'tip')
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -47,7 +48,7 @@ class Bag:
     """A bag that a test writes message by message."""
 
     def __init__(self, path, plugin=StoragePlugin.MCAP, definitions=()):
-        self.store = get_typestore(Stores.ROS2_JAZZY)
+        self.store = get_typestore(Stores.ROS2_JAZZY) if definitions else standard_typestore()
         for name, text in definitions:
             parse = get_types_from_idl if 'module' in text else get_types_from_msg
             self.store.register(parse(text) if 'module' in text else parse(text, name))
