@@ -35,7 +35,6 @@ from slip_detector.tuning.file_objective import FileObjective
 from slip_detector.tuning.loading import TrainingFiles, load_tracks
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import SEARCHED, Problem
-from slip_detector.tuning.quiet import quiet_threshold
 from slip_detector.tuning.search import Point, search
 from slip_detector.tuning.tracks import Track, fingerprint
 from slip_detector.tuning.verdict import judge, pooled_figures
@@ -197,6 +196,9 @@ def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
 
 def _set_threshold(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     """Set the threshold from a recording without slip; return the lines to print."""
+    # SciPy's statistics take longer to load than all else.
+    from slip_detector.tuning.quiet import quiet_threshold
+
     settings = _settings(options)
     check_writable(options.out)
     tracks, notes = load_tracks([options.quiet], settings.loader, labelled=False)

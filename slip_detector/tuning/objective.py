@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from slip_detector.evaluation.labelled_rows import MOTION, REST
 from slip_detector.evaluation.scores import ScoreTally
@@ -253,7 +253,7 @@ class Objective:
         late_ms = self._late_ms(sweep)[:, at]
         if late_ms.size < 2:
             return math.inf
-        t = float(stats.t.ppf(0.5 + CONFIDENCE / 2, late_ms.size - 1))
+        t = float(special.stdtrit(late_ms.size - 1, 0.5 + CONFIDENCE / 2))
         return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
 
     def _late_ms(self, sweep: ThresholdSweep) -> Floats:
