@@ -106,7 +106,7 @@ class CsvRecording(Recording):
 
     def _lines(self) -> Iterator[_Lines]:
         """Yield the lines after the first as numbers, some thousands at a time."""
-        names = self._names
+        columns, time_at = len(self._names), self._names.index(TIME)
         cells: list[list[float]] = []
         stamps_ns: list[int] = []
         with self._open() as lines:
@@ -114,14 +114,13 @@ class CsvRecording(Recording):
             for line in lines:
                 if not line:  # many programs write an empty line at the end
                     continue
-                where = f'{self.path}: line {lines.line_num}'
                 try:
-                    cells.append([float(cell) for cell in line])
+                    cells.append(list(map(float, line)))
+                    if len(line) != columns:
+                        raise ValueError(f'has {len(line)} columns, allowed: {columns}')
+                    stamps_ns.append(_nanoseconds(line[time_at]))
                 except ValueError as error:
-                    raise ValueError(f'{where}: {error}') from None
-                if len(line) != len(names):
-                    raise ValueError(f'{where} has {len(line)} columns, allowed: {len(names)}')
-                stamps_ns.append(_nanoseconds(line[names.index(TIME)], where))
+                    raise ValueError(f'{self.path}: line {lines.line_num}: {error}') from None
                 if len(cells) == PIECE_ROWS:
                     yield _Lines(np.array(cells), np.array(stamps_ns, dtype=np.int64))
                     cells, stamps_ns = [], []
@@ -129,9 +128,9 @@ class CsvRecording(Recording):
             yield _Lines(np.array(cells), np.array(stamps_ns, dtype=np.int64))
 
 
-def _nanoseconds(text: str, where: str) -> int:
+def _nanoseconds(text: str) -> int:
     """Convert seconds from text to nanoseconds; float64 would lose the digits of a date."""
     seconds = decimal.Decimal(text.strip().replace('_', ''))
     if not seconds.is_finite() or abs(seconds) >= MOST_S:
-        raise ValueError(f'{where}: {TIME} is {text.strip()}, allowed: below {MOST_S:g} s')
+        raise ValueError(f'{TIME} is {text.strip()}, allowed: below {MOST_S:g} s')
     return int((seconds * 1_000_000_000).to_integral_value())

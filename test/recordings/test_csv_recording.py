@@ -60,7 +60,7 @@ def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
         ('t,a\n0,1\n', ': line 1 has no column time_s, there are: t, a'),
         ('time_s,a\n0,1\n1,x\n', ": line 3: could not convert string to float: 'x'"),
         ('time_s,a\n0,1\n1,\n', ': line 3: could not convert string to float'),
-        ('time_s,a\n0,1\n1,2,3\n', ': line 3 has 3 columns, allowed: 2'),
+        ('time_s,a\n0,1\n1,2,3\n', ': line 3: has 3 columns, allowed: 2'),
         ('time_s,a,a\n0,1,1\n1,2,2\n', ': line 1 has a name twice'),
         (
             'time_s,a\n',
