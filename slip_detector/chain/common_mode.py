@@ -4,7 +4,7 @@ It is taken of deviations from each channel's first good sample: baselines diffe
 the signal, and a channel that leaves for a row would otherwise step all others. A channel that
 starts late is taken to have followed the others until then.
 
-A *seat* is a channel's place in the tiles: eight times its tile, and its lane.
+A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from slip_detector.chain.stages import COMMON_V, FIRST, FIRST_ROW, HIGH, LOW, NO
 COMMON_MODES = ('none', 'mean', 'median')
 NO_COMMON_MODE, MEAN, MEDIAN = range(3)
 
-#: Up to so many channels are ordered for the median by exchanges, eight rows side by side.
+#: Up to so many channels are ordered for the median by exchanges, sixteen rows side by side.
 EXCHANGED_CHANNELS = 32
 
 
@@ -35,7 +35,7 @@ def _all_count(rows, seats, tiles, valid):
 def _medians(volts, start, rows, columns, seats, tiles, deviations, common_v):
     """Write the medians of rows in which all channels count.
 
-    A sort of one row has an unpredictable branch for each pair; exchanges of eight rows have none.
+    A sort of one row has an unpredictable branch for each pair; exchanges of sixteen rows have none.
     """
     channels = seats.size
     for i in range(channels):

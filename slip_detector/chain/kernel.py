@@ -1,7 +1,7 @@
 """The kernel: all stages of the chain over rows of volts, from samples to decisions.
 
 It is plain Python that Numba compiles; where Numba is missing the same functions run interpreted,
-to the same bits. Rows are taken in blocks of at most 64 and channels in tiles of eight
+to the same bits. Rows are taken in blocks of at most 64 and channels in tiles of sixteen
 (:mod:`slip_detector.chain.lanes`), so that what a block needs stays in the first-level cache.
 Nothing that is computed for a row depends on where a block or a call begins, hence any cut of the
 rows gives the same bits.
@@ -119,14 +119,14 @@ def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
     Parameters
     ----------
     volts
-        Rows of volts, shape (n, columns), at least eight columns.
+        Rows of volts, shape (n, columns), at least sixteen columns.
     flags
         Decisions, shape (n, 1 + 2 g + 2 c): slip, groups, whether they can vote, channels, valid.
     signals
         What is kept: envelope and level, as many columns each as ``volts``, and the statistic of
         v votes; shape (n, columns, twice the columns or none, and v).
     tiles
-        The state, shape (t, slots, 8).
+        The state, shape (t, slots, 16).
     plan
         See :mod:`slip_detector.chain.plan`.
     keep_envelope, keep_level

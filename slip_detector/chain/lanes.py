@@ -1,4 +1,4 @@
-"""Eight values side by side: one vector register for Numba, a small NumPy array without it.
+"""Sixteen values side by side: one value for Numba, a small NumPy array without it.
 
 An inner loop over so few values costs more to enter than to run, and the compiler does not keep
 its values in registers from one row to the next. So compiled functions say themselves what is a
@@ -19,7 +19,8 @@ import numpy as np
 
 from slip_detector.chain.compiled import COMPILED
 
-LANES = 8
+#: Twice what the widest registers hold: one half is worked on while the other waits for a result.
+LANES = 16
 
 if not COMPILED:
 

@@ -5,7 +5,7 @@ one array of float64, and the kernel gives its parts names once it has it: :clas
 the tiles' ranges of good samples and the filters' sections, then :class:`Layout` as the bits of
 integers, then :class:`Scratch`.
 
-A *seat* is a channel's place in the tiles: eight times its tile, and its lane. Tiles may overlap;
+A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane. Tiles may overlap;
 then a channel's seat is in the first of them, and in the other it is computed to the same bits.
 """
 
@@ -74,7 +74,7 @@ class Layout(NamedTuple):
         First column of each tile.
     columns, seats : ndarray of int, shape (e,)
         Column and seat of each enabled channel.
-    places : ndarray of int, shape (8 t,)
+    places : ndarray of int, shape (16 t,)
         By seat the row of ``Scratch.levels``, which has the groups' members one after the other;
         -1 for none.
     bounds : ndarray of int, shape (g + 1,)
@@ -82,7 +82,7 @@ class Layout(NamedTuple):
     members : ndarray of int, shape (e,)
         Their seats.
     flag_seats : ndarray of int, shape (c,)
-        Seat of each channel; 8 t for a disabled one.
+        Seat of each channel; 16 t for a disabled one.
     votes : ndarray of int, shape (v,)
         Whose statistic is wanted.
     """
@@ -102,12 +102,12 @@ class Scratch(NamedTuple):
 
     Attributes
     ----------
-    block : ndarray, shape (64, 8)
+    block : ndarray, shape (64, 16)
         Rows of a tile on their way through the stages.
     common_v : ndarray, shape (64,)
     digits : ndarray of words, shape (DIGITS,)
         For counting votes.
-    on, valid : ndarray of words, shape (8 t + 1,)
+    on, valid : ndarray of words, shape (16 t + 1,)
         By seat the rows in which it is; the last is that of disabled channels: none.
     decisions : ndarray of words, shape (1 + 2 g + 2 c,)
         By column of the flags.
@@ -141,7 +141,7 @@ def settings_of(plan):
 
 @compiled
 def filters_of(plan, settings):
-    """Return the ranges of good samples, (t, 2, 8), the sections, (s, 6), and where they end."""
+    """Return the ranges of good samples, (t, 2, 16), the sections, (s, 6), and where they end."""
     tiles, sections = int(settings.tiles), int(settings.sections)
     begin = len(settings)
     ranges = float_part(plan, begin, (tiles, 2, LANES))

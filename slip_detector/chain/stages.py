@@ -1,7 +1,7 @@
-"""The stages of the chain on one tile: eight channels side by side, some rows at a time.
+"""The stages of the chain on one tile: sixteen channels side by side, some rows at a time.
 
-Each function takes a tile's state, an array of shape (slots, 8) with one value a lane in each
-slot, and ``block``, the rows that are on their way through the stages, shape (rows, 8). Decisions
+Each function takes a tile's state, an array of shape (slots, 16) with one value a lane in each
+slot, and ``block``, the rows that are on their way through the stages, shape (rows, 16). Decisions
 about rows are words, one a lane, with a bit a row: the lowest one is the first row.
 
 What a stage computes for a row does not depend on which row of a block it is.
@@ -79,23 +79,53 @@ def load_deviations(volts, start, rows, column, tile_range, common_v, tile, bloc
 
 
 @compiled
-def run_filters(block, rows, sections, tile):
-    """Run rows through the second-order sections (transposed direct form II), in place.
+def _coefficients(sections, s):
+    return sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
 
-    All sections take a row before the first one takes the next: while one waits for its own last
-    result, the others work.
+
+@compiled
+def _delays(tile, s):
+    at = FIXED_SLOTS + 2 * s
+    return load(tile, (at, 0)), load(tile, (at + 1, 0))
+
+
+@compiled
+def _store_delays(delays, tile, s):
+    at = FIXED_SLOTS + 2 * s
+    store(delays[0], tile, (at, 0))
+    store(delays[1], tile, (at + 1, 0))
+
+
+@compiled
+def _section(u, coefficients, delays):
+    """Return a row's output of a second-order section (transposed direct form II), and delays."""
+    b0, b1, b2, a1, a2 = coefficients
+    y = b0 * u + delays[0]
+    return y, ((b1 * u + delays[1]) - a1 * y, b2 * u - a2 * y)
+
+
+@compiled
+def run_filters(block, rows, sections, tile):
+    """Run rows through the second-order sections, in place.
+
+    They go through two sections at a time: so many coefficients and delays fit in registers.
     """
-    for k in range(rows):
-        u = load(block, (k, 0))
-        for s in range(sections.shape[0]):
-            b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
-            a1, a2 = sections[s, 4], sections[s, 5]
-            at = FIXED_SLOTS + 2 * s
-            y = b0 * u + load(tile, (at, 0))
-            store((b1 * u + load(tile, (at + 1, 0))) - a1 * y, tile, (at, 0))
-            store(b2 * u - a2 * y, tile, (at + 1, 0))
-            u = y
-        store(u, block, (k, 0))
+    n = sections.shape[0]
+    for s in range(0, n - 1, 2):
+        first, second = _coefficients(sections, s), _coefficients(sections, s + 1)
+        of_first, of_second = _delays(tile, s), _delays(tile, s + 1)
+        for k in range(rows):
+            u, of_first = _section(load(block, (k, 0)), first, of_first)
+            u, of_second = _section(u, second, of_second)
+            store(u, block, (k, 0))
+        _store_delays(of_first, tile, s)
+        _store_delays(of_second, tile, s + 1)
+    if n % 2 == 1:
+        last, of_last = _coefficients(sections, n - 1), _delays(tile, n - 1)
+        for k in range(rows):
+            u, of_last = _section(load(block, (k, 0)), last, of_last)
+            store(u, block, (k, 0))
+        _store_delays(of_last, tile, n - 1)
 
 
 @compiled

@@ -184,7 +184,7 @@ def _polynomial(coefficients, x):
 
 @compiled
 def _geometric_mean(levels, members, k):
-    """Return the geometric mean of the valid levels of eight rows; any where there is none.
+    """Return the geometric mean of the valid levels of sixteen rows; any where there is none.
 
     Fractions are multiplied and exponents are added, so that nothing over- or underflows. Only
     operations that IEEE 754 rounds are used: logarithms of a library differ in their last bits.
@@ -227,7 +227,7 @@ def _geometric_mean(levels, members, k):
 
 @compiled
 def _least(levels, members, k):
-    """Return the least valid level of eight rows, infinity where there is none."""
+    """Return the least valid level of sixteen rows, infinity where there is none."""
     least = spread(np.inf)
     for j in range(members):
         level = load(levels, (j, k))
@@ -237,7 +237,7 @@ def _least(levels, members, k):
 
 @compiled
 def _any_valid(levels, members, k):
-    """Return in which of eight rows there is a valid level."""
+    """Return in which of sixteen rows there is a valid level."""
     most = spread(NO_VOTE)
     for j in range(members):
         level = load(levels, (j, k))
@@ -247,7 +247,7 @@ def _any_valid(levels, members, k):
 
 @compiled
 def _sort(levels, members, count, k):
-    """Bring the ``count`` largest levels of eight rows to the front, the largest first."""
+    """Bring the ``count`` largest levels of sixteen rows to the front, the largest first."""
     for i in range(count):
         most = load(levels, (members - 1, k))
         for j in range(members - 2, i - 1, -1):
