@@ -35,7 +35,8 @@ def _all_count(rows, seats, tiles, valid):
 def _medians(volts, start, rows, columns, seats, tiles, deviations, common_v):
     """Write the medians of rows in which all channels count.
 
-    A sort of one row has an unpredictable branch for each pair; exchanges of sixteen rows have none.
+    A sort of one row has an unpredictable branch for each pair; exchanges of sixteen rows have
+    none.
     """
     channels = seats.size
     for i in range(channels):

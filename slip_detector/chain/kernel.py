@@ -1,17 +1,18 @@
 """The kernel: all stages of the chain over rows of volts, from samples to decisions.
 
 It is plain Python that Numba compiles; where Numba is missing the same functions run interpreted,
-to the same bits. Rows are taken in blocks of at most 64 and channels in tiles of sixteen
-(:mod:`slip_detector.chain.lanes`), so that what a block needs stays in the first-level cache.
-Nothing that is computed for a row depends on where a block or a call begins, hence any cut of the
-rows gives the same bits.
+to the same bits. Channels are taken in tiles of sixteen (:mod:`slip_detector.chain.lanes`) and
+rows in blocks of at most 64, so that what a block needs stays in the first-level cache; one tile
+takes all blocks of a chunk before the next tile does, so that its state stays there too. Nothing
+that is computed for a row depends on where a block, a chunk or a call begins, hence any cut of
+the rows gives the same bits.
 """
 
 import numpy as np
 
 from slip_detector.chain.common_mode import NO_COMMON_MODE, find_common_mode
 from slip_detector.chain.compiled import as_silent, compiled
-from slip_detector.chain.lanes import LANES, load, spread, store
+from slip_detector.chain.lanes import LANES, LINE, load, spread, store
 from slip_detector.chain.plan import filters_of, layout_of, scratch_of, settings_of
 from slip_detector.chain.stages import (
     ENVELOPE_HEAD,
@@ -40,15 +41,18 @@ from slip_detector.chain.votes import (
     rows_of_count,
 )
 
+#: Signals of more values than this (2 MB) go to memory past the caches: a store that misses them
+#: all would fetch first what it overwrites.
+CACHED_VALUES = 2**18
+
 #: The vote of a chain that asks for it, as those of a statistic are given.
 MEAN_ALONE = np.array([VOTE_MEAN])
 
 
 @compiled
-def _decide(rows, vote, threshold, layout, scratch):
+def _decide(rows, vote, threshold, on, valid, layout, scratch):
     """Let each group's valid channels vote (Table 1) and take the OR of the groups."""
-    n_groups = layout.bounds.size - 1
-    slip, on, valid = NO_ROW, scratch.on, scratch.valid
+    n_groups, slip = layout.bounds.size - 1, NO_ROW
     for g in range(n_groups):
         first, end = layout.bounds[g], layout.bounds[g + 1]
         members = layout.members[first:end]
@@ -111,6 +115,57 @@ def _write_statistics(rows, layout, threshold, scratch, signals, start):
             signals[start + k, column + v] = scratch.statistics[v, k] / threshold
 
 
+@compiled
+def _find_common_modes(volts, chunk, end, settings, ranges, layout, tiles, scratch):
+    """Check the samples of a chunk and find the common mode of its rows."""
+    for start in range(chunk, end, WORD_ROWS):
+        rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
+        for t in range(layout.bases.size):
+            check_samples(
+                volts, start, rows, layout.bases[t], ranges[t], settings.flat_rows, tiles[t],
+                scratch.valid, (w, t * LANES),
+            )  # fmt: skip
+        find_common_mode(
+            volts, start, rows, int(settings.common_mode), layout.bases, layout.columns,
+            layout.seats, ranges, tiles, scratch.valid[w], scratch.deviations, scratch.common_v[w],
+        )  # fmt: skip
+
+
+@compiled
+def _run_tile(
+    volts, chunk, end, t, settings, tile_range, sections, layout, tile, scratch, signals,
+    keep_envelope, keep_level, past_caches,
+):  # fmt: skip
+    """Run the rows of a chunk through the stages of one tile, up to the words of its channels."""
+    block, column = scratch.block, layout.bases[t]
+    envelope_rows, level_rows = int(settings.envelope_rows), int(settings.level_rows)
+    envelope_tail = FIXED_SLOTS + 2 * sections.shape[0]
+    level_tail = envelope_tail + envelope_rows + 1
+    level_column = column + (volts.shape[1] if keep_envelope else 0)
+    for start in range(chunk, end, WORD_ROWS):
+        rows, at = min(WORD_ROWS, end - start), ((start - chunk) // WORD_ROWS, t * LANES)
+        if settings.common_mode == NO_COMMON_MODE:
+            check_samples(
+                volts, start, rows, column, tile_range, settings.flat_rows, tile, scratch.valid, at
+            )
+        load_deviations(
+            volts, start, rows, column, tile_range, scratch.common_v[at[0]], tile, block
+        )
+        run_filters(block, rows, sections, tile)
+        rectified_power(block, rows, settings.full_wave != 0.0, int(settings.exponent))
+        window_means(
+            block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail, True
+        )
+        if keep_envelope:
+            keep(block, rows, signals, start, column, past_caches)
+        window_means(block, rows, level_rows, tile, LEVEL_ROW, LEVEL_HEAD, level_tail, False)
+        if keep_level:
+            keep(block, rows, signals, start, level_column, past_caches)
+        rows_above(block, rows, settings.threshold, scratch.on, at)
+        if scratch.levels.size:
+            gather_levels(block, rows, scratch.valid, at, scratch.levels, layout.places)
+
+
 @as_silent
 @compiled
 def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
@@ -136,46 +191,26 @@ def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
     ranges, sections, end = filters_of(plan, settings)
     layout, end = layout_of(plan, settings, end)
     scratch = scratch_of(plan, settings, end)
-    block = scratch.block
-    vote, common_mode = int(settings.vote), int(settings.common_mode)
-    envelope_rows, level_rows = int(settings.envelope_rows), int(settings.level_rows)
-    envelope_tail = FIXED_SLOTS + 2 * sections.shape[0]
-    level_tail = envelope_tail + envelope_rows + 1
-    level_column = volts.shape[1] if keep_envelope else 0
-    for start in range(0, volts.shape[0], WORD_ROWS):
-        rows = min(WORD_ROWS, volts.shape[0] - start)
-        if common_mode != NO_COMMON_MODE:
-            for t in range(layout.bases.size):
-                check_samples(
-                    volts, start, rows, layout.bases[t], ranges[t], settings.flat_rows, tiles[t],
-                    scratch.valid, t * LANES,
-                )  # fmt: skip
-            find_common_mode(
-                volts, start, rows, common_mode, layout.bases, layout.columns, layout.seats,
-                ranges, tiles, scratch.valid, scratch.deviations, scratch.common_v,
-            )  # fmt: skip
+    # Empty results have no address.
+    past_caches = (
+        signals.size > CACHED_VALUES
+        and signals.shape[1] % LINE == 0
+        and signals.ctypes.data % (LINE * signals.itemsize) == 0
+    )
+    chunk_rows = scratch.on.shape[0] * WORD_ROWS
+    for chunk in range(0, volts.shape[0], chunk_rows):
+        end = min(chunk + chunk_rows, volts.shape[0])
+        if settings.common_mode != NO_COMMON_MODE:
+            _find_common_modes(volts, chunk, end, settings, ranges, layout, tiles, scratch)
         for t in range(layout.bases.size):
-            tile, column = tiles[t], layout.bases[t]
-            if common_mode == NO_COMMON_MODE:
-                check_samples(
-                    volts, start, rows, column, ranges[t], settings.flat_rows, tile, scratch.valid,
-                    t * LANES,
-                )  # fmt: skip
-            load_deviations(volts, start, rows, column, ranges[t], scratch.common_v, tile, block)
-            run_filters(block, rows, sections, tile)
-            rectified_power(block, rows, settings.full_wave != 0.0, int(settings.exponent))
-            window_means(
-                block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail, True
-            )
-            if keep_envelope:
-                keep(block, rows, signals, start, column)
-            window_means(block, rows, level_rows, tile, LEVEL_ROW, LEVEL_HEAD, level_tail, False)
-            if keep_level:
-                keep(block, rows, signals, start, level_column + column)
-            rows_above(block, rows, settings.threshold, scratch.on, t * LANES)
-            if scratch.levels.size:
-                gather_levels(block, rows, scratch.valid, t, scratch.levels, layout.places)
-        _decide(rows, vote, settings.threshold, layout, scratch)
-        _write_flags(scratch.decisions, flags, start, rows)
-        if layout.votes.size:
-            _write_statistics(rows, layout, settings.threshold, scratch, signals, start)
+            _run_tile(
+                volts, chunk, end, t, settings, ranges[t], sections, layout, tiles[t], scratch,
+                signals, keep_envelope, keep_level, past_caches,
+            )  # fmt: skip
+        for start in range(chunk, end, WORD_ROWS):
+            rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
+            on, valid = scratch.on[w], scratch.valid[w]
+            _decide(rows, int(settings.vote), settings.threshold, on, valid, layout, scratch)
+            _write_flags(scratch.decisions, flags, start, rows)
+            if layout.votes.size:
+                _write_statistics(rows, layout, settings.threshold, scratch, signals, start)

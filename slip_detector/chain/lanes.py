@@ -22,6 +22,9 @@ from slip_detector.chain.compiled import COMPILED
 #: Twice what the widest registers hold: one half is worked on while the other waits for a result.
 LANES = 16
 
+#: Values of float64 in a cache line: a vector that begins elsewhere costs double.
+LINE = 8
+
 if not COMPILED:
 
     def _lanes_from(at):
@@ -35,6 +38,8 @@ if not COMPILED:
     def store(values, array, at):
         """Write a vector to an array from the index ``at`` on."""
         array[_lanes_from(at)] = values
+
+    store_past_caches = store
 
     def _part_as(dtype):
         def part(array, begin, shape):
@@ -197,16 +202,36 @@ else:
 
         return kind(array, at), codegen
 
+    def _write(context, builder, signature, args, align):
+        """Write a vector to an array from an index on, and return the instruction."""
+        address = _address(context, builder, *signature.args[1:], *args[1:])
+        pointer = builder.bitcast(address, args[0].type.as_pointer())
+        return builder.store(args[0], pointer, align=align)
+
     @intrinsic
     def store(typing, values, array, at):
         """Write a vector to an array from the index ``at`` on; bool takes a byte each."""
 
         def codegen(context, builder, signature, args):
             value, align = args[0], 8
-            address = _address(context, builder, *signature.args[1:], *args[1:])
             if values == BOOLS:
                 value, align = builder.zext(value, ir.VectorType(ir.IntType(8), LANES)), 1
-            builder.store(value, builder.bitcast(address, value.type.as_pointer()), align=align)
+            _write(context, builder, signature, (value, *args[1:]), align)
+            return context.get_dummy_value()
+
+        return types.void(values, array, at), codegen
+
+    @intrinsic
+    def store_past_caches(typing, values, array, at):
+        """Write float64 to memory without reading it into the caches before.
+
+        The first value has to be where a cache line begins.
+        """
+
+        def codegen(context, builder, signature, args):
+            written = _write(context, builder, signature, args, 8 * LINE)
+            mark = builder.module.add_metadata([ir.IntType(32)(1)])
+            written.set_metadata('nontemporal', mark)
             return context.get_dummy_value()
 
         return types.void(values, array, at), codegen

@@ -5,11 +5,12 @@ one array of float64, and the kernel gives its parts names once it has it: :clas
 the tiles' ranges of good samples and the filters' sections, then :class:`Layout` as the bits of
 integers, then :class:`Scratch`.
 
-A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane. Tiles may overlap;
-then a channel's seat is in the first of them, and in the other it is computed to the same bits.
+A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane. Tiles may
+overlap; then a channel's seat is in the first of them, and in the other it is computed to the
+same bits.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,15 +18,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.common_mode import COMMON_MODES, NO_COMMON_MODE
 from slip_detector.chain.compiled import compiled
-from slip_detector.chain.lanes import LANES, float_part, integer_part, word_part
+from slip_detector.chain.lanes import LANES, LINE, float_part, integer_part, word_part
 from slip_detector.chain.stages import WORD_ROWS
 from slip_detector.chain.votes import DIGITS, VOTE_MEAN, vote_numbers
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
 
-#: Values of float64 in a cache line: a vector across two lines costs double.
-LINE = 8
+#: Words of a channel in a chunk of rows. With many channels the state is larger than the caches:
+#: it is fetched once a chunk.
+CHUNK_WORDS = 8
 
 
 class Settings(NamedTuple):
@@ -98,16 +100,18 @@ class Layout(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory to work in, overwritten by each block of rows.
+    """Memory to work in, overwritten by each chunk of rows.
+
+    A chunk has w words a channel: one where levels are gathered, else ``CHUNK_WORDS``.
 
     Attributes
     ----------
     block : ndarray, shape (64, 16)
         Rows of a tile on their way through the stages.
-    common_v : ndarray, shape (64,)
+    common_v : ndarray, shape (w, 64)
     digits : ndarray of words, shape (DIGITS,)
         For counting votes.
-    on, valid : ndarray of words, shape (16 t + 1,)
+    on, valid : ndarray of words, shape (w, 16 t + 1)
         By seat the rows in which it is; the last is that of disabled channels: none.
     decisions : ndarray of words, shape (1 + 2 g + 2 c,)
         By column of the flags.
@@ -178,19 +182,21 @@ def layout_of(plan, settings, bases):
 def _scratch_bounds(settings, begin):
     """Return where the parts of the scratch memory begin, and where the last one ends."""
     enabled, votes = int(settings.enabled), int(settings.votes)
+    gathered = settings.vote == VOTE_MEAN or votes > 0
+    words = 1 if gathered else CHUNK_WORDS
     block = begin + -begin % LINE
     common_v = block + WORD_ROWS * LANES
-    digits = common_v + WORD_ROWS
+    digits = common_v + words * WORD_ROWS
     on = digits + DIGITS
-    valid = on + int(settings.tiles) * LANES + 1
-    decisions = valid + int(settings.tiles) * LANES + 1
+    valid = on + words * (int(settings.tiles) * LANES + 1)
+    decisions = valid + words * (int(settings.tiles) * LANES + 1)
     mean = decisions + 1 + 2 * int(settings.groups) + 2 * int(settings.channels)
     deviations = mean + WORD_ROWS
     levels = deviations
     if settings.common_mode != NO_COMMON_MODE:
         levels += enabled * WORD_ROWS
     statistics = levels
-    if settings.vote == VOTE_MEAN or votes > 0:
+    if gathered:
         statistics += enabled * WORD_ROWS
     end = statistics + votes * WORD_ROWS
     return block, common_v, digits, on, valid, decisions, mean, deviations, levels, statistics, end
@@ -202,12 +208,13 @@ def scratch_of(plan, settings, begin):
     (
         block, common_v, digits, on, valid, decisions, mean, deviations, levels, statistics, end
     ) = _scratch_bounds(settings, begin)  # fmt: skip
+    words = (digits - common_v) // WORD_ROWS
     return Scratch(
         float_part(plan, block, (WORD_ROWS, LANES)),
-        float_part(plan, common_v, (WORD_ROWS,)),
+        float_part(plan, common_v, (words, WORD_ROWS)),
         word_part(plan, digits, (DIGITS,)),
-        word_part(plan, on, (valid - on,)),
-        word_part(plan, valid, (decisions - valid,)),
+        word_part(plan, on, (words, (valid - on) // words)),
+        word_part(plan, valid, (words, (decisions - valid) // words)),
         word_part(plan, decisions, (mean - decisions,)),
         float_part(plan, mean, (1, WORD_ROWS)),
         float_part(plan, deviations, ((levels - deviations) // WORD_ROWS, WORD_ROWS)),
@@ -216,12 +223,20 @@ def scratch_of(plan, settings, begin):
     )
 
 
-def aligned_zeros(shape: tuple[int, ...]) -> Floats:
-    """Return zeros that begin where a cache line does."""
+def aligned(new: Callable[[int], Floats], shape: tuple[int, ...]) -> Floats:
+    """Return an array that begins where a cache line does.
+
+    Parameters
+    ----------
+    new
+        Makes an array of so many values: ``numpy.zeros`` or ``numpy.empty``.
+    shape
+        Of the array.
+    """
     size = int(np.prod(shape))
-    scratch = np.zeros(size + LINE)
-    skip = -(scratch.ctypes.data // scratch.itemsize) % LINE
-    return scratch[skip : skip + size].reshape(shape)
+    values = new(size + LINE)
+    skip = -(values.ctypes.data // values.itemsize) % LINE
+    return values[skip : skip + size].reshape(shape)
 
 
 def tile_bases_of(config: ChainConfig) -> list[int]:
@@ -308,7 +323,7 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
     told = np.concatenate(
         [settings, ranges.ravel(), sections.ravel(), np.concatenate(layout).view(np.float64)]
     )
-    plan = aligned_zeros((_scratch_bounds(settings, len(told))[-1],))
+    plan = aligned(np.zeros, (_scratch_bounds(settings, len(told))[-1],))
     plan[: len(told)] = told
     return plan
 

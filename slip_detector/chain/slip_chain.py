@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
-from slip_detector.chain.kernel import run
+from slip_detector.chain.kernel import CACHED_VALUES, run
 from slip_detector.chain.lanes import LANES
-from slip_detector.chain.plan import aligned_zeros, plan_of, tile_bases_of
+from slip_detector.chain.plan import aligned, plan_of, tile_bases_of
 from slip_detector.chain.result import SlipResult
 from slip_detector.chain.stages import COMMON_V, FIRST, FIXED_SLOTS, HELD, LAST, REPEATS
 from slip_detector.parameters.detector import ChainConfig
@@ -71,7 +71,7 @@ class SlipChain:
 
     def reset(self) -> None:
         """Forget all rows: the next row is the first."""
-        self.state = aligned_zeros(self._tiles_shape)
+        self.state = aligned(np.zeros, self._tiles_shape)
         self.state[:, [LAST, FIRST]] = np.nan
 
     def take_filters(self, other: 'SlipChain') -> None:
@@ -150,6 +150,10 @@ class SlipChain:
             rows = rows.copy()
         n, many = len(rows), len(votes)
         flags = np.empty((n, self._width), BOOL)
-        signals = self._new_signals((n, self._columns * (envelope + level) + many))
+        shape = (n, self._columns * (envelope + level) + many)
+        if n * shape[1] > CACHED_VALUES:
+            signals = aligned(self._new_signals, shape)
+        else:
+            signals = self._new_signals(shape)
         run(rows, flags, signals, self.state, self._plan, envelope, level)
         return SlipResult(flags, signals, (self._groups, channels, many), envelope, level)

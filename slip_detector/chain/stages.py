@@ -10,7 +10,17 @@ What a stage computes for a row does not depend on which row of a block it is.
 import numpy as np
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.chain.lanes import is_number, load, root, select, size, spread, store
+from slip_detector.chain.lanes import (
+    LINE,
+    is_number,
+    load,
+    root,
+    select,
+    size,
+    spread,
+    store,
+    store_past_caches,
+)
 
 #: Rows that fit into a word.
 WORD_ROWS = 64
@@ -171,10 +181,17 @@ def window_means(block, rows, window, tile, row_slot, head_slot, tail, take_root
 
 
 @compiled
-def keep(block, rows, signals, start, column):
-    """Copy a tile's values to the result, from ``column`` on."""
-    for k in range(rows):
-        store(load(block, (k, 0)), signals, (start + k, column))
+def keep(block, rows, signals, start, column, past_caches):
+    """Copy a tile's values to the result, from ``column`` on.
+
+    ``past_caches`` tells whether the result is larger than the caches, and aligned.
+    """
+    if past_caches and column % LINE == 0:
+        for k in range(rows):
+            store_past_caches(load(block, (k, 0)), signals, (start + k, column))
+    else:
+        for k in range(rows):
+            store(load(block, (k, 0)), signals, (start + k, column))
 
 
 @compiled

@@ -136,20 +136,21 @@ def rows_of_count(count, members, words, valid, digits):
 
 
 @compiled
-def gather_levels(block, rows, valid, t, levels, places):
-    """Write the levels of tile ``t`` to those of all members, a row each.
+def gather_levels(block, rows, valid, at, levels, places):
+    """Write the levels of a tile to those of all members, a row each.
 
-    ``places`` tells by seat which row of ``levels`` is a channel's, -1 for none.
+    Its words in ``valid`` begin at ``at``: a word's number and the tile's first seat. ``places``
+    tells by seat which row of ``levels`` is a channel's, -1 for none.
     """
     row = FIRST_ROW
-    words = load(valid, t * LANES)
+    words = load(valid, at)
     for k in range(rows):
         level = load(block, (k, 0))
         level = select(level > 0.0, level, 0.0)  # what is no number is 0
         store(select((words & row) != NO_ROW, level, NO_VOTE), block, (k, 0))
         row = row << FIRST_ROW
     for lane in range(LANES):
-        place = places[t * LANES + lane]
+        place = places[at[1] + lane]
         if place >= 0:
             own = levels[place]
             for k in range(rows):

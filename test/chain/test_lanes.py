@@ -11,6 +11,7 @@ from slip_detector.chain import lanes
 from slip_detector.chain.compiled import COMPILED, compiled
 from slip_detector.chain.lanes import (
     LANES,
+    LINE,
     float_part,
     floats_of,
     floor,
@@ -22,9 +23,11 @@ from slip_detector.chain.lanes import (
     size,
     spread,
     store,
+    store_past_caches,
     word_part,
     words_of,
 )
+from slip_detector.chain.plan import aligned
 
 floats = st.lists(st.floats(), min_size=LANES, max_size=LANES).map(np.array)
 words = st.lists(st.integers(0, 2**64 - 1), min_size=LANES, max_size=LANES).map(
@@ -33,7 +36,7 @@ words = st.lists(st.integers(0, 2**64 - 1), min_size=LANES, max_size=LANES).map(
 
 
 def of_two(function):
-    """Return a compiled function of two arrays of eight that applies one of vectors."""
+    """Return a compiled function of two arrays that applies one of vectors."""
 
     @compiled
     def apply(a, b, out):
@@ -128,11 +131,24 @@ def _rows(array, out, number):
 
 
 def test_vectors_are_read_and_written_from_an_index_on():
-    array, out = np.arange(40.0).reshape(2, 20), np.zeros((2, 10))
+    width = LANES + 4
+    array, out = np.arange(2.0 * width).reshape(2, width), np.zeros((2, LANES + 2))
     _rows(array, out, 7.0)
-    wanted = np.zeros((2, 10))
-    wanted[0, 1:9], wanted[1, 1:9] = np.arange(22.0, 30.0), 7.0
+    wanted = np.zeros((2, LANES + 2))
+    wanted[0, 1:-1], wanted[1, 1:-1] = array[1, 2:-2], 7.0
     np.testing.assert_array_equal(out, wanted)
+
+
+@compiled
+def _copy_past_caches(array, out):
+    store_past_caches(load(array, 0), out, (1, LINE))
+
+
+def test_what_is_written_past_the_caches_is_what_is_read():
+    array, out = np.arange(1.0, LANES + 1), aligned(np.zeros, (2, LINE + LANES))
+    _copy_past_caches(array, out)
+    assert not out[0].any()
+    assert out[1].tolist() == [0.0] * LINE + array.tolist()
 
 
 @compiled

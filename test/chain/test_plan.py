@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from slip_detector.chain.filters import design
 from slip_detector.chain.lanes import LANES
 from slip_detector.chain.plan import (
-    aligned_zeros,
+    CHUNK_WORDS,
+    aligned,
     filters_of,
     layout_of,
     plan_of,
@@ -79,8 +80,9 @@ def test_each_enabled_channel_has_one_seat_in_the_tile_that_holds_it(config):
         assert layout.flag_seats[channel] == seat
     disabled = np.array(config.disabled_channels, int) - 1
     # Theirs is beyond all tiles, where no row is ever ON.
-    assert (layout.flag_seats[disabled] == scratch.on.size - 1).all()
-    assert scratch.on.size == scratch.valid.size == LANES * layout.bases.size + 1
+    assert (layout.flag_seats[disabled] == scratch.on.shape[1] - 1).all()
+    assert scratch.on.shape == scratch.valid.shape
+    assert scratch.on.shape[1] == LANES * layout.bases.size + 1
 
 
 @given(configs())
@@ -119,11 +121,13 @@ def test_the_parts_of_a_plan_fill_it_and_none_overlaps_another(config, votes):
     # There is none for what is not wanted.
     assert bool(scratch.deviations.size) == (config.common_mode != 'none')
     assert bool(scratch.levels.size) == (config.vote == 'mean' or bool(votes))
+    # Levels are those of one word.
+    assert len(scratch.on) == len(scratch.common_v) == (1 if scratch.levels.size else CHUNK_WORDS)
 
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=3))
-def test_zeros_begin_where_a_cache_line_does(shape):
-    zeros = aligned_zeros(tuple(shape))
+def test_an_aligned_array_begins_where_a_cache_line_does(shape):
+    zeros = aligned(np.zeros, tuple(shape))
     assert zeros.shape == tuple(shape)
     assert zeros.ctypes.data % 64 == 0
     assert not zeros.any()

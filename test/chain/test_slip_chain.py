@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from slip_detector.chain.compiled import COMPILED
+from slip_detector.chain.kernel import CACHED_VALUES
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from support.chain_cases import COMMON_MODES, bits, noise
@@ -94,6 +95,21 @@ def test_flags_hold_all_decisions_side_by_side():
     assert all(part.dtype == np.bool_ for part in parts)
     assert np.array_equal(result.flags, np.hstack(parts))
     assert np.array_equal(result.channels, result.level > config.threshold)
+
+
+@pytest.mark.skipif(not COMPILED, reason='interpreted there is one way to write')
+@pytest.mark.parametrize('channels', [3, 16, 20, 33])
+@pytest.mark.parametrize('votes', [(), ['all']])
+def test_results_larger_than_the_caches_are_those_of_small_calls(channels, votes):
+    rows = CACHED_VALUES // channels + 100
+    volts = noise(35, rows, channels)
+    config = ChainConfig(channels=channels, threshold=0.01)
+    whole, chain = SlipChain(config).update(volts, votes=votes), SlipChain(config)
+    for piece in np.array_split(np.arange(rows), 9):
+        part = chain.update(volts[piece], votes=votes)
+        for name in ('flags', 'envelope', 'level', 'vote_statistic'):
+            assert np.array_equal(getattr(part, name), getattr(whole, name)[piece]), name
+    assert 0 < whole.slip.mean() < 1
 
 
 # --- memory --------------------------------------------------------------------------------
