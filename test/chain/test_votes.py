@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.chain.lanes import LANES
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.chain.votes import (
     FACTORS,
@@ -20,7 +21,7 @@ from support.chain_cases import noise
 from support.interpreted import interpreted_chain
 
 VOTES = ('all', 'mean', 1, 2, 3, 4)
-ROWS = 8
+ROWS = LANES
 
 levels_of_a_row = st.lists(
     st.one_of(
