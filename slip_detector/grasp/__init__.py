@@ -1,1 +1,1 @@
-"""An example of how to use slip: a control law of a grip, and its closed loop without ROS."""
+"""An example of how to use slip: a control law for a grip, and its closed loop without ROS."""

@@ -1,4 +1,4 @@
-"""What the controller is compared with, the figures of merit, and what they have to be."""
+"""The conditions that the controller is compared with, figures of merit, and their limits."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -10,8 +10,8 @@ from slip_detector.grasp.loop import GraspTrial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
 
-#: What is compared: no controller, a grip that is always at the limit, the controller, and the
-#: controller with a detector that has the paper's parameters.
+#: The conditions: no controller, a grip that is always at the limit, the controller, and the
+#: controller with the paper's parameters for the detector.
 UNCONTROLLED, AT_LIMIT, CONTROLLER, PAPER = (
     'no controller',
     'always at the limit',
@@ -19,7 +19,7 @@ UNCONTROLLED, AT_LIMIT, CONTROLLER, PAPER = (
     "controller, paper's detector",
 )
 
-#: What the controller has to stay below, and what it is in words.
+#: Limits that the controller's figures have to stay below, and the figures in words.
 WANTED = {
     'dropped': (1, 'objects dropped'),
     'worst_slide_mm': (5.0, 'worst slide [mm]'),
@@ -31,7 +31,7 @@ WANTED = {
 def conditions(
     chain: ChainConfig, grasp: GraspConfig
 ) -> dict[str, tuple[ChainConfig, GraspConfig]]:
-    """Return what is compared, by its name: the detector's and the controller's parameters.
+    """Return the parameters of detector and controller under each condition, by its name.
 
     Examples
     --------
@@ -60,12 +60,21 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
     Returns
     -------
     dict
-        ``trials``, ``dropped``; ``slide_mm`` of each, and their ``mean_slide_mm`` and
-        ``worst_slide_mm``, None where an object was dropped; ``force_percent``, the mean grip
-        while the object has to be held as a share of the limit, and ``most_force_percent``, that
-        of the trial with the most; ``needed_percent``, the same of a grip that knows weight and
-        friction and is always just enough; ``onsets``, the mean number of onsets from when the
-        object has to be held.
+        The number of ``trials`` and of ``dropped`` objects; ``slide_mm`` of each trial,
+        ``mean_slide_mm`` and ``worst_slide_mm``, None where an object was dropped;
+        ``force_percent``, the mean grip as a share of the limit while the object has to be held,
+        and ``most_force_percent``, the largest of any trial; ``needed_percent``, the mean of a
+        grip that knows weight and friction and is always just enough; ``onsets``, the mean number
+        of onsets while the object has to be held.
+
+    Examples
+    --------
+    >>> time_s, none = np.arange(4) / 380.0, np.zeros(4, bool)
+    >>> force_n, slid_m = np.full(4, 5.0), np.array([0.0, 0.0, 1e-3, 1e-3])
+    >>> trial = GraspTrial(time_s, force_n, force_n, none, none, slid_m, 0.8 * force_n, 0.1)
+    >>> figures = grasp_figures([trial], limit_n=10.0)
+    >>> figures['worst_slide_mm'], figures['force_percent'], figures['needed_percent']
+    (1.0, 50.0, 40.0)
     """
     slides_m = [trial.slide_m for trial in trials]
     slides_mm = [None if slide_m is None else slide_m * 1e3 for slide_m in slides_m]
@@ -95,18 +104,18 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
 
 
 def check_wanted(controller: Mapping[str, Any]) -> dict[str, Any]:
-    """Hold the controller's figures against what is wanted; what is not defined is not met.
+    """Compare the controller's figures with their limits.
 
     Parameters
     ----------
     controller
-        Of :func:`grasp_figures`.
+        The controller's figures, from :func:`grasp_figures`.
 
     Returns
     -------
     dict
-        By the names of :data:`WANTED`: the ``value``, what it has to stay ``below``, and whether
-        that is ``met``.
+        For each name in :data:`WANTED`: the ``value``, the limit that it has to stay ``below``,
+        and whether that is ``met``; it is not where the value is not defined.
 
     Examples
     --------

@@ -1,29 +1,29 @@
 """A control law for a grip, as an example of how to use slip: a few rules, no model of the object.
 
-It knows neither weight nor friction. It holds lightly, raises the force when the object slips,
-and lets it sink slowly when it has not slipped for a while.
+It knows neither weight nor friction. It holds the object lightly, raises the force when the object
+slips, and lowers it slowly when the object has not slipped for a while.
 """
 
 from slip_detector.parameters.grasp import GraspConfig
 
 
 class GraspLaw:
-    """The grip force over time, from what the detector says.
+    """Computes the grip force over time from the decisions of the detector.
 
-    - It closes to ``grip_n`` at ``closing_n_s``. A contact that is being made looks like slip, so
-      slip does not count before the grip has been closed for ``settle_s``.
+    - The grip closes to ``grip_n`` at ``closing_n_s``. A first contact looks like slip, so slip is
+      ignored until the grip has been closed for ``settle_s``.
     - Slip raises the force at once by ``step_factor`` and ``step_n``, up to ``limit_n``. While it
-      lasts, or comes again, that is repeated, but not sooner than ``repeat_s`` after the last
-      time: the gripper needs time to follow, and the detector to see it.
-    - When there has been no slip for ``relax_after_s`` the force sinks at ``relax_n_s``, not below
-      ``grip_n``.
-    - While slip is not valid the force stays as it is (``on_invalid: hold``), or sinks at
-      ``closing_n_s`` (``open``). A grip that has opened wholly stays open.
+      lasts, or comes again, this is repeated, but not sooner than ``repeat_s`` after the last
+      time: the gripper needs time to follow, and the detector to see the effect.
+    - When there has been no slip for ``relax_after_s``, the force falls at ``relax_n_s``, but not
+      below ``grip_n``.
+    - While slip is not valid the force stays as it is (``on_invalid: hold``) or falls at
+      ``closing_n_s`` (``open``). A grip that has opened completely stays open.
 
     Parameters
     ----------
     config
-        The parameters named above.
+        The parameters that are named above.
 
     Attributes
     ----------
@@ -54,14 +54,14 @@ class GraspLaw:
         Parameters
         ----------
         time_s
-            Of any clock; one that is set back counts as one that stands.
+            Time by any clock; a time before the last one counts as the last one.
         slip, valid
-            The last state of each; ``valid`` is also false when no message comes any more.
+            The last states; ``valid`` is also false when messages have stopped.
 
         Returns
         -------
         float
-            In newtons; the attribute ``force_n`` is the same.
+            The force in newtons, which is also the attribute ``force_n``.
         """
         config = self._config
         elapsed_s = 0.0 if self._last_s is None else max(time_s - self._last_s, 0.0)

@@ -2,8 +2,8 @@
 
 The chain and the law know nothing of the object.
 
-Time is simulated. A command reaches the gripper ``transport_s`` after the sample that it is the
-answer to, and from then on the grip follows with the lag of the scene's part ``motion``.
+Time is simulated. A command reaches the gripper ``transport_s`` after the sample that it responds
+to, and then the grip follows with the lag of the scene's part ``motion``.
 """
 
 from collections import deque
@@ -24,29 +24,29 @@ from slip_detector.scenes.free_object import FINGERS
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
-#: From sample to command, unless told otherwise: what the nodes take, and some more.
+#: Default time from sample to command: somewhat more than the nodes take.
 TRANSPORT_S = 5e-3
 
 
 class GraspTrial(NamedTuple):
-    """What happened in one trial, sample by sample.
+    """The course of one trial, sample by sample.
 
     Attributes
     ----------
     time_s : ndarray, shape (n,)
         When each sample was taken.
     command_n, force_n : ndarray, shape (n,)
-        Grip that was commanded on it, and the normal force at that time.
+        Grip that was commanded after the sample, and the normal force at its time.
     slip : ndarray of bool, shape (n,)
-        What the chain said.
+        The decision of the chain.
     sliding : ndarray of bool, shape (n,)
-        The truth.
+        Whether the object slides.
     position_m : ndarray, shape (n,)
-        How far the object has moved through the fingers.
+        Distance that the object has moved through the fingers.
     needed_n : ndarray, shape (n,)
-        Normal force that would just have held it, at rest.
+        The smallest normal force that would hold the object at rest.
     length_m : float
-        How far it can slide before it is lost.
+        Distance that the object can slide before it is lost.
     """
 
     time_s: Floats
@@ -65,12 +65,12 @@ class GraspTrial(NamedTuple):
 
     @property
     def slide_m(self) -> float | None:
-        """How far it slid; None when it was dropped."""
+        """Distance that the object slid; None when it was dropped."""
         return None if self.dropped else float(self.position_m[-1])
 
     @property
     def onsets_s(self) -> Floats:
-        """Times at which slip came on."""
+        """Times at which slip turned ON."""
         return self.time_s[1:][self.slip[1:] & ~self.slip[:-1]]
 
     def mean_n(self, force_n: Floats) -> float:
@@ -90,13 +90,13 @@ def play_trial(
     Parameters
     ----------
     description
-        Of the scene.
+        The content of a scene file.
     seed
-        Of its noise.
+        Seed of the noise.
     chain, law
-        In their first state, as nothing is reset.
+        A new chain and a new law: they are not reset here.
     transport_s
-        Time from a sample to the arrival of the command that answers it.
+        Time from a sample to the arrival of the command that responds to it.
 
     Raises
     ------
@@ -154,16 +154,16 @@ def play_trials(
     scene: str = SCENE,
     transport_s: float = TRANSPORT_S,
 ) -> list[GraspTrial]:
-    """Play the trials of some seeds, each with an object of its own.
+    """Play a trial for each seed, with another object each time.
 
     Parameters
     ----------
     chain, grasp
-        The detector's and the controller's parameters.
+        The parameters of the detector and of the controller.
     seeds
-        Of the objects and of the noise.
+        Seeds of the objects and of the noise.
     scene, transport_s
-        As :func:`object_scene` and :func:`play_trial` have them.
+        As :func:`object_scene` and :func:`play_trial` take them.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The objects of the grasp: each seed is another one, and so is the fingertip that touches it."""
+"""The objects of the grasp: each seed has its own object and its own fingertip."""
 
 import copy
 from typing import Any
@@ -12,7 +12,7 @@ from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
 #: The scene that is varied.
 SCENE = 'grasp'
 
-#: What differs from seed to seed, lowest and highest; uniformly drawn, in this order.
+#: Ranges of the values that differ from seed to seed; they are drawn uniformly, in this order.
 RANGES: dict[str, tuple[float, float]] = {
     'mass_kg': (0.15, 0.3),
     'growth': (2.0, 3.0),  # last weight over first
@@ -26,19 +26,19 @@ RANGES: dict[str, tuple[float, float]] = {
 
 
 def object_scene(seed: int, scene: str = SCENE) -> dict[str, Any]:
-    """Return the scene of one seed: that of the file, with another object and fingertip.
+    """Return the scene of a file with the object and the fingertip of one seed.
 
     Parameters
     ----------
     seed
-        Draws the object; the same seed is the same object.
+        Seed of the object: the same seed gives the same object.
     scene
         Name or path of a scene with an object that gets heavier.
 
     Returns
     -------
     dict
-        The description of a scene, as in its file.
+        The content of a scene file.
 
     Raises
     ------

@@ -19,9 +19,9 @@ def open_source(
     config
         The driver's parameters.
     repetition
-        How often it was played before: a scene gets other noise each time.
+        How often the source was played before; a scene has other noise each time.
     now_ns
-        The clock of the stamps of a sensor, in nanoseconds.
+        The clock for the stamps of a live source, in nanoseconds.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def open_source(
     >>> source.read(5).volts.shape
     (5, 16)
     """
-    # Who plays a recording need not load the simulation, nor pyserial.
+    # Each source is imported only where it is used: the simulation and pyserial take time to load.
     if config.source == 'recording':
         from slip_detector.sources.recording import RecordingSource
 

@@ -1,4 +1,4 @@
-"""A stream of bytes, cut at a delimiter, and the samples that are decoded from its pieces."""
+"""Splits a stream of bytes at a delimiter; and the samples that are decoded from its pieces."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -15,10 +15,10 @@ class DecodedSamples(NamedTuple):
     ----------
     volts : ndarray, shape (n, c)
     times_ns : list of int, length n, or None
-        When each was taken by the sender's clock, without its wraps; None: the sender does not
-        say.
+        When each sample was taken, by the sender's clock with its wraps removed; None where the
+        sender does not send times.
     clock_restarted : bool
-        Whether these times have no relation to the times before.
+        Whether these times are unrelated to the times before.
     """
 
     volts: NDArray[np.float64]
@@ -27,16 +27,16 @@ class DecodedSamples(NamedTuple):
 
 
 class ByteSplitter:
-    """Cuts a stream of bytes at a delimiter.
+    """Splits a stream of bytes at a delimiter.
 
     Parameters
     ----------
     delimiter
         One byte.
     longest
-        Longer pieces are dropped.
+        Largest length of a piece; longer ones are dropped.
     counts
-        Where it counts what it drops, as ``overlong`` and ``garbage_bytes``.
+        Counts what is dropped, as ``overlong`` and ``garbage_bytes``.
 
     Examples
     --------
@@ -52,7 +52,7 @@ class ByteSplitter:
         self._too_long = False
 
     def restart(self) -> None:
-        """Drop the piece that is incomplete: the stream was interrupted."""
+        """Drop the incomplete piece after an interruption of the stream."""
         self._counts['garbage_bytes'] += len(self._incomplete)
         self._incomplete, self._too_long = b'', False
 

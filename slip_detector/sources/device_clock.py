@@ -1,4 +1,4 @@
-"""When a sensor's samples were taken, on the receiver's clock."""
+"""Finds by the receiver's clock when a sensor took its samples."""
 
 from collections.abc import Iterable, Sequence
 
@@ -7,24 +7,25 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.sources.byte_stream import DecodedSamples
 
-#: The smallest delay is that of the present window, this long by the sender's clock, and the last.
+#: Length of a window by the sender's clock. The smallest delay of the present window and of the
+#: one before is used.
 WINDOW_NS = 2_000_000_000
 
-#: To follow the estimate, stamps run at most this share faster or slower than the sender's clock:
-#: far less than makes a sample look missing.
+#: To follow the estimate, stamps run at most this share faster or slower than the sender's clock,
+#: which is far too little to make a sample look missing.
 SLEW = 0.1
 
-#: An error of the mapping larger than this is not drift: one of the two clocks was set.
+#: A larger error of the mapping is not drift: one of the two clocks was set.
 STEP_NS = 250_000_000
 
 
 class DeviceClock:
     """Maps the times of a sender's clock to the receiver's.
 
-    The delay of the bytes varies but is never negative, so the sample with the smallest delay
-    tells best by how much the clocks differ; the smallest delay of the last seconds follows their
-    drift. The error that remains is the shortest delay, some tenths of a millisecond on most
-    lines.
+    The delay of the bytes varies but is never negative. So the sample with the smallest delay
+    gives the best estimate of the difference between the clocks, and the smallest delay of the
+    last seconds follows their drift. The remaining error is the shortest delay, which is some
+    tenths of a millisecond on most lines.
 
     Examples
     --------
@@ -40,7 +41,7 @@ class DeviceClock:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the mapping: the sender's times have no relation to the times before."""
+        """Forget the mapping, as the sender's times are unrelated to the times before."""
         self._mapped = False
 
     def stamps_ns(self, times_ns: Sequence[int], arrival_ns: int) -> list[int]:
@@ -51,9 +52,9 @@ class DeviceClock:
         Parameters
         ----------
         times_ns
-            When they were taken by the sender's clock, rising, one or more.
+            When they were taken, by the sender's clock, in rising order; at least one.
         arrival_ns
-            When the last of them arrived by the receiver's clock.
+            When the last of them arrived, by the receiver's clock.
         """
         newest_ns = times_ns[-1]
         delay_ns = arrival_ns - newest_ns
@@ -69,16 +70,16 @@ class DeviceClock:
         return self.rising([at + offset_ns + round(slope * (at - start_ns)) for at in times_ns])
 
     def stamp(self, decoded: Iterable[DecodedSamples], channels: int, arrival_ns: int) -> Samples:
-        """Stamp samples with the sender's times, or with their arrival where it gives none.
+        """Stamp samples by the sender's times, or with their arrival where there are no times.
 
         Parameters
         ----------
         decoded
-            In order, perhaps none.
+            Samples in the order of their arrival; may be empty.
         channels
-            Of each sample.
+            Number of channels.
         arrival_ns
-            When they arrived by the receiver's clock.
+            When they arrived, by the receiver's clock.
         """
         stamps_ns: list[int] = []
         volts = [np.empty((0, channels))]
@@ -93,7 +94,7 @@ class DeviceClock:
         return Samples(np.concatenate(volts), np.array(stamps_ns, dtype=np.int64))
 
     def rising(self, stamps_ns: list[int]) -> list[int]:
-        """Move each stamp that is at or shortly before the last one to just after it."""
+        """Move each stamp that is equal to, or shortly before, the last one to just after it."""
         last_ns = self._last_ns
         for i, at_ns in enumerate(stamps_ns):
             if last_ns is not None and last_ns - STEP_NS <= at_ns <= last_ns:

@@ -1,7 +1,7 @@
-"""The packets of a sensor, which docs/packets.md describes, to samples and back.
+"""Decodes the packets of a sensor, which docs/packets.md describes, and encodes them.
 
-Nothing here reads a port or a clock. Bytes go in, in pieces of any length; samples come out, and
-bytes that make no sample are dropped and counted.
+Nothing here reads a port or a clock. The decoder takes bytes in pieces of any length and returns
+samples; bytes that are not part of a sample are dropped and counted.
 """
 
 import struct
@@ -15,8 +15,8 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources.byte_stream import ByteSplitter, DecodedSamples
 from slip_detector.sources.cobs import cobs_decode
 
-#: First byte of a packet: version 1 in the upper half, in the lower the bytes of a value, plus 8
-#: where it is unsigned.
+#: First byte of a packet by the type of its values: version 1 in the upper half; in the lower half
+#: the number of bytes of a value, plus 8 where it is unsigned.
 KINDS = {
     'int16': 0x12,
     'int24': 0x13,
@@ -30,11 +30,11 @@ KINDS = {
 HEADER = struct.Struct('<BBHIII')
 CHECKSUM = struct.Struct('<I')
 
-#: The longest packet: a longer one would bring its first sample too late for a grasp.
+#: Largest length of a packet; the first sample of a longer one would be too late for a grasp.
 LONGEST_BYTES = 8192
 
-#: Sequence numbers that are lower than before are taken for those of a sender that was reset when
-#: they have risen for this long by the sender's clock, by at most this step from packet to packet.
+#: Lower sequence numbers than before mean that the sender was reset, when they have risen for this
+#: long by the sender's clock, by at most this step from packet to packet.
 RESTART_US, RESTART_STEP = 250_000, 4
 
 _WRAP = 2**32
@@ -47,21 +47,21 @@ class PacketDecoder:
     Parameters
     ----------
     channels
-        Channels of each sample.
+        Number of channels.
     values
-        How a value is sent, a key of :data:`KINDS`.
+        Type of a value, a key of :data:`KINDS`.
     scale_v, offset_v
-        Volts of a value: offset + scale x value.
+        The volts of a value are offset + scale x value.
 
     Attributes
     ----------
     counts : Counter of str
-        ``packets`` and ``samples`` taken; ``lost`` packets, by the sequence numbers; packets
-        dropped, by reason: ``broken`` (not COBS, or too short), ``overlong``, ``checksum``,
+        Decoded ``packets`` and ``samples``; ``lost`` packets, by the sequence numbers; dropped
+        packets by reason: ``broken`` (not COBS, or too short), ``overlong``, ``checksum``,
         ``kind``, ``channels``, ``length``, ``period`` (0 between several samples),
-        ``duplicate``, ``late`` (it came after a later one, and was counted as lost then);
-        ``restarts`` of the sender's clock or numbering; ``garbage_bytes``, all bytes of dropped
-        packets but the duplicate and late ones.
+        ``duplicate``, ``late`` (it came after a later one and was counted as lost then);
+        ``restarts`` of the sender's clock or numbering; ``garbage_bytes``, the bytes of dropped
+        packets except duplicate and late ones.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class PacketDecoder:
         self._channels, self._kind = channels, KINDS[values]
         self._scale_v, self._offset_v = scale_v, offset_v
         self._value_bytes = self._kind & 7
-        # What zeros COBS takes out it gives back in codes, one per 254 bytes.
+        # COBS adds at most one byte for each 254 bytes.
         longest = LONGEST_BYTES + LONGEST_BYTES // 254 + 1
         self._splitter = ByteSplitter(b'\0', longest, self.counts)
         self.restart()
@@ -91,7 +91,7 @@ class PacketDecoder:
         )
 
     def restart(self) -> None:
-        """Drop the incomplete packet, forget the sequence number: the line was interrupted."""
+        """Drop the incomplete packet and forget the sequence number after an interruption."""
         self._splitter.restart()
         self._heard = False
         self._last = self._last_us = self._time_us = 0
@@ -106,7 +106,7 @@ class PacketDecoder:
             if not piece:  # Zeros may stand on both sides of a packet.
                 continue
             packet = cobs_decode(piece)
-            # What is not COBS is counted as an empty packet is: broken.
+            # A piece that is not COBS counts as broken, like an empty packet.
             samples = self.decode(packet or b'')
             self.counts['garbage_bytes'] += len(piece) if packet is None else 0
             if samples is not None:
@@ -114,7 +114,7 @@ class PacketDecoder:
         return received
 
     def decode(self, packet: bytes) -> DecodedSamples | None:
-        """Take a packet as a datagram carries it; return its samples, None if it is dropped."""
+        """Take the packet of a datagram; return its samples, or None if it is dropped."""
         fault = self.fault(packet)
         if fault:
             self.counts[fault] += 1
@@ -133,7 +133,7 @@ class PacketDecoder:
         return DecodedSamples(volts.reshape(n, channels), times_ns, clock_restarted)
 
     def fault(self, packet: bytes) -> str:
-        """Say why a packet cannot be taken; empty: it can."""
+        """Return the reason why a packet is dropped; empty for a good packet."""
         data_bytes = len(packet) - HEADER.size - CHECKSUM.size
         if data_bytes < 0:
             return 'broken'
@@ -151,14 +151,14 @@ class PacketDecoder:
         return '' if period_ns or n == 1 else 'period'
 
     def _in_order(self, sequence: int, time_us: int) -> bool | None:
-        """Return whether the sender's clock restarted before this packet; None: drop it."""
+        """Return whether the sender's clock restarted before a packet; None: drop the packet."""
         ahead = (sequence - self._last) % _WRAP
         if not self._heard:
             clock_restarted = True
         elif 0 < ahead < _HALF:
             self.counts['lost'] += ahead - 1
             self._seen = (self._seen << ahead if ahead < 64 else 0) & (2**64 - 1)
-            # A clock that stands still or runs backwards has no relation to the times before.
+            # A clock that stands still or runs backwards was restarted.
             clock_restarted = not 0 < (time_us - self._last_us) % _WRAP < _HALF
             self.counts['restarts'] += clock_restarted
         elif self._restarted(sequence, time_us):
@@ -178,9 +178,9 @@ class PacketDecoder:
         return clock_restarted
 
     def _restarted(self, sequence: int, time_us: int) -> bool:
-        """Return whether the sender was reset, given a packet whose number is not higher.
+        """Return whether the sender was reset, given a packet whose number has not risen.
 
-        Late packets come between new ones, or end; those of a sender that was reset go on.
+        Late packets come between new ones, or stop; those of a sender that was reset continue.
         """
         if self._old_first_us < 0 or not 0 < (sequence - self._old_last) % _WRAP <= RESTART_STEP:
             self._old_first_us = time_us
@@ -191,7 +191,7 @@ class PacketDecoder:
         letter = 'u' if self._kind & 8 else 'i'
         if self._value_bytes != 3:
             return np.frombuffer(data, f'<{letter}{self._value_bytes}')
-        # Three bytes go to the upper end of four, whose shift down brings the sign along.
+        # Three bytes become the upper ones of four; shifting them down keeps the sign.
         padded = np.zeros((len(data) // 3, 4), np.uint8)
         padded[:, 1:] = np.frombuffer(data, np.uint8).reshape(-1, 3)
         return padded.view(f'<{letter}4')[:, 0] >> 8
@@ -200,22 +200,22 @@ class PacketDecoder:
 def encode(
     integers: ArrayLike, values: str, sequence: int, time_us: int, period_ns: int = 0
 ) -> bytes:
-    """Make a packet as a datagram carries it.
+    """Return a packet as it is sent in a datagram.
 
-    A serial line carries ``cobs_encode(packet)`` and a zero byte.
+    On a serial line it is sent as ``cobs_encode(packet)`` and a zero byte.
 
     Parameters
     ----------
     integers : array_like of int, shape (n, c)
         The samples, oldest first.
     values
-        How a value is sent, a key of :data:`KINDS`.
+        Type of a value, a key of :data:`KINDS`.
     sequence
         Number of the packet, one more than that of the packet before; wraps at 2**32.
     time_us
         When the first sample was taken; wraps at 2**32.
     period_ns
-        From sample to sample; 0 is allowed for one.
+        Time from sample to sample; 0 is allowed for a single sample.
 
     Raises
     ------

@@ -7,14 +7,12 @@ from slip_detector.sources.source import Source
 
 
 class RecordingSource(Source):
-    """A recording, its samples as they were recorded, at their own spacing.
-
-    It is read in pieces, however long it is.
+    """A recording, with its samples as they were recorded; it is read in pieces.
 
     Parameters
     ----------
     config
-        The driver's parameters; they name the recording and what to read of it.
+        The driver's parameters, which name the recording and describe its parts.
 
     Raises
     ------

@@ -9,14 +9,14 @@ from slip_detector.sources.source import Source
 
 
 class SceneSource(Source):
-    """A scene, each of its samples at the time at which the scene's own clock takes it.
+    """A scene, with each sample at the time at which the scene's clock takes it.
 
     Parameters
     ----------
     config
-        The driver's parameters; they name the scene and the seed of its noise.
+        The driver's parameters, which name the scene and the seed of its noise.
     repetition
-        How often it was played before; the noise is that of the seed so much higher.
+        How often the scene was played before; it is added to the seed.
 
     Raises
     ------
@@ -41,7 +41,7 @@ class SceneSource(Source):
         self.has_object = 'object' in scene.parts
 
     def read(self, n: int) -> Samples:
-        """Return the next ``n`` samples, fewer where some are lost, none only at the end."""
+        """Return the next ``n`` samples, fewer where some are lost, none only after the end."""
         samples = self._scene.read(n)
         stamps_ns = np.rint(samples.time_s * 1e9).astype(np.int64)
         return Samples(samples.volts, stamps_ns, samples.truth, samples.position_m)

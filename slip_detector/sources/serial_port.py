@@ -15,16 +15,15 @@ from slip_detector.sources.packets import PacketDecoder
 from slip_detector.sources.source import WAIT_S, Source
 from slip_detector.sources.text_lines import LineDecoder
 
-#: A lost port is tried again after the first time, then after twice that, up to the last.
+#: Times until a lost port is tried again: the first, which doubles each time, and the longest.
 RETRY_FIRST_S, RETRY_LAST_S = 0.1, 2.0
 
-#: What pyserial raises when a port is gone, perhaps while its rate is set, or (ValueError) does
-#: not have the rate.
+#: Errors of pyserial where a port is gone, also while its rate is set, or does not have the rate.
 PORT_ERRORS = (OSError, termios.error, ValueError)
 
 
 class SerialSource(Source):
-    """Packets or lines of text from a serial port, which may be unplugged and plugged in.
+    """Packets or lines of text from a serial port, which may be unplugged and plugged in again.
 
     Parameters
     ----------
@@ -61,11 +60,11 @@ class SerialSource(Source):
         self._retry_s = RETRY_FIRST_S
 
     def start(self) -> None:
-        """Open the port; where it cannot be opened, reading tries again."""
+        """Open the port; if that fails, reading tries again."""
         self._open()
 
     def read(self, n: int) -> Samples:
-        """Return what came, after waiting at most ``WAIT_S``; try to open a lost port."""
+        """Return the new samples, after at most ``WAIT_S``; try to open a lost port."""
         data = b''
         if self._port is not None:
             try:
@@ -88,7 +87,7 @@ class SerialSource(Source):
     def _open(self) -> None:
         config = self._config
         try:
-            # Exclusive, as each of two readers would get a part of the bytes.
+            # Exclusive: each of two readers would get only some of the bytes.
             self._port = serial.Serial(
                 config.serial_port, config.serial_baud, timeout=WAIT_S, exclusive=True
             )
@@ -102,7 +101,7 @@ class SerialSource(Source):
         if self._port is not None:
             self._port.close()
             self._port = None
-        # The rest of the last packet is lost, and another sensor may be plugged in next.
+        # The last packet is incomplete, and the next sensor may be another one.
         self._decoder.restart()
         self._retry_at_s = time.monotonic() + self._retry_s
         self._retry_s = min(2 * self._retry_s, RETRY_LAST_S)

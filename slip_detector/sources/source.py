@@ -4,34 +4,42 @@ from collections import Counter
 
 from slip_detector.chain.samples import Samples
 
-#: The longest time that reading a live source waits for something to come.
+#: Longest time that reading a live source waits for samples.
 WAIT_S = 0.1
 
 
 class Source:
-    """Where samples come from.
+    """A source of samples; the base class of scenes, recordings and sensors.
 
-    A scene and a recording give as many samples as are asked for, stamped from 0 on, and come to
-    an end. A live source gives what its sensor sends, stamped by the receiver's clock; the
-    attributes from ``connected`` on say how it goes.
+    A scene or a recording returns as many samples as it is asked for, with stamps from 0 on, and
+    has an end. A live source returns the samples that its sensor sends, stamped by the receiver's
+    clock; ``connected``, ``state`` and ``counts`` tell about the connection.
 
     Attributes
     ----------
     name : str
-        What it is, for people.
+        A name for messages.
     channel_names : tuple of str
     sample_rate_hz : float
         0 where it is not known.
     is_live : bool
-        Whether a sensor sends the samples when it likes.
+        Whether the samples come from a sensor, at its own pace.
     has_object : bool
-        Whether :meth:`hold_force` has an effect: the fingertip holds an object.
+        Whether the fingertip holds an object, so that :meth:`hold_force` has an effect.
     connected : bool
-        Whether the sensor can be listened to.
+        Whether there is a connection to the sensor.
     state : str
-        What is listened to, or why it cannot be.
+        What the source listens to, or why it cannot.
     counts : Counter of str
-        What came and what was dropped, as the decoders count it.
+        What was received and dropped, as the decoders count it.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters.driver import DriverConfig
+    >>> from slip_detector.sources import open_source
+    >>> source = open_source(DriverConfig(scene='plate_400um'))
+    >>> isinstance(source, Source), source.is_live
+    (True, False)
     """
 
     is_live = False
@@ -46,12 +54,13 @@ class Source:
         self.counts: Counter[str] = Counter()
 
     def start(self) -> None:
-        """Begin to listen, if this is live: what the sensor sent before is not given.
+        """Begin to listen, if the source is live; earlier samples are not returned.
 
         Raises
         ------
         ValueError
-            When a parameter does not allow it. A serial port that is not there is waited for.
+            When a parameter does not allow it. A missing serial port is not an error: the source
+            waits for it.
         """
 
     def read(self, n: int) -> Samples:
@@ -60,18 +69,18 @@ class Source:
         Parameters
         ----------
         n
-            How many; a live source does not look at it.
+            Number of samples; a live source ignores it.
 
         Returns
         -------
         Samples
-            At most ``n``, and none only at the end. Of a live source: what came, after waiting
-            at most ``WAIT_S`` for it, perhaps none.
+            At most ``n`` samples, and none only after the end. A live source returns the new
+            samples after at most ``WAIT_S``; there may be none.
 
         Raises
         ------
         ValueError
-            When a recording turns out to be broken; names it.
+            When a recording is broken; names it.
         """
         raise NotImplementedError
 
@@ -86,4 +95,4 @@ class Source:
         raise ValueError(f'{self.name} has no object to hold')
 
     def close(self) -> None:
-        """Release what is read or listened to."""
+        """Close the file or the connection."""

@@ -1,4 +1,4 @@
-"""Lines of text, as docs/packets.md describes them, to samples."""
+"""Decodes lines of text, which docs/packets.md describes, to samples."""
 
 import re
 from collections import Counter
@@ -8,32 +8,32 @@ from numpy.typing import NDArray
 
 from slip_detector.sources.byte_stream import ByteSplitter, DecodedSamples
 
-#: A number on a line takes at most so many bytes, the comma included.
+#: Largest number of bytes of a number on a line, with its comma.
 NUMBER_BYTES = 32
 
-#: A line matches in one way at most, so that a long line that does not match costs no more.
+#: A line can match in one way only, so a long line that does not match takes no extra time.
 NUMBER = rb'[ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?[ \t]*'
 
 
 class LineDecoder:
     r"""Decodes lines of comma-separated volts.
 
-    The first line is dropped, as reading may have begun within it. Text has no checksum: an
-    altered or lost digit is not noticed if a number is left.
+    The first line is dropped, as reading may have begun within it. Text has no checksum: a wrong
+    or lost digit is not noticed as long as a number is left.
 
     Parameters
     ----------
     channels
-        Numbers on a line.
+        Number of values on a line.
     rate_hz
-        Rate at which the sensor takes the lines; 0: it is not known when they are taken.
+        Rate at which the sensor takes the lines; 0 where it is not known.
 
     Attributes
     ----------
     counts : Counter of str
-        ``samples`` taken; lines dropped, by reason: ``partial`` (the first), ``channels``,
-        ``numbers`` (something else than numbers), ``overlong``; ``garbage_bytes``, all their
-        bytes.
+        Decoded ``samples``; dropped lines by reason: ``partial`` (the first line), ``channels``,
+        ``numbers`` (something other than numbers), ``overlong``; ``garbage_bytes``, the bytes of
+        dropped lines.
 
     Examples
     --------
@@ -53,7 +53,7 @@ class LineDecoder:
         self.restart()
 
     def restart(self) -> None:
-        """Drop the incomplete line, and the next first line: reading was interrupted."""
+        """Drop the incomplete line, and the next line, after an interruption."""
         self._splitter.restart()
         self._first = True
         self._lines = 0

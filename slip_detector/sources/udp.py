@@ -1,4 +1,4 @@
-"""A sensor on the network: one packet per datagram."""
+"""A sensor on the network, which sends a packet in each datagram."""
 
 import ipaddress
 import os
@@ -15,19 +15,19 @@ from slip_detector.sources.device_clock import DeviceClock
 from slip_detector.sources.packets import LONGEST_BYTES, PacketDecoder
 from slip_detector.sources.source import WAIT_S, Source
 
-#: Size of the receive buffer that the kernel is asked for; it may grant less.
+#: Requested size of the receive buffer; the operating system may grant less.
 BUFFER_BYTES = 1 << 20
 
-#: A second sender is heard when the first one has sent no packet for this long.
+#: Another sender is accepted when the present one has sent no packet for this long.
 SENDER_SILENT_S = 0.25
 
 
 class UdpSource(Source):
-    """Packets from one sender at a time, of those allowed to send.
+    """Packets from one of the allowed senders at a time.
 
-    ``counts`` also has ``unlisted_sender``, datagrams of senders that are not listed, and
-    ``other_sender``, those of a listed sender that came while another (or another port of it) was
-    heard: samples of two sensors must not be mixed.
+    ``counts`` also has ``unlisted_sender``, datagrams of senders that are not allowed, and
+    ``other_sender``, datagrams of an allowed sender that came while another one, or another port
+    of it, was accepted: samples of two sensors must not be mixed.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class UdpSource(Source):
         Raises
         ------
         ValueError
-            When the address and port cannot be listened on.
+            When the address or the port cannot be used.
         """
         family = socket.AF_INET if self._address.version == 4 else socket.AF_INET6
         listener = socket.socket(family, socket.SOCK_DGRAM)
@@ -86,7 +86,7 @@ class UdpSource(Source):
         self.state = f'listening on {self.name}'
 
     def read(self, n: int) -> Samples:
-        """Return the samples of the next datagram; wait at most ``WAIT_S`` for it."""
+        """Return the samples of the next datagram, after at most ``WAIT_S``."""
         decoded = self._decoded()
         arrived = [] if decoded is None else [decoded]
         return self._clock.stamp(arrived, len(self.channel_names), self._arrival_ns)
@@ -94,7 +94,7 @@ class UdpSource(Source):
     def _decoded(self) -> DecodedSamples | None:
         assert self._socket is not None, 'reading begins after start()'
         try:
-            # A byte more than allowed tells a datagram that is too long.
+            # With one byte more than allowed a datagram that is too long can be told.
             packet, sender = self._socket.recvfrom(LONGEST_BYTES + 1)
         except TimeoutError:
             return None
