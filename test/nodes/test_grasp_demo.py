@@ -11,6 +11,7 @@ import pytest
 from slip_detector.grasp.comparison import CONTROLLER, UNCONTROLLED, conditions
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
+from support.harness import compile_nodes
 
 SEEDS, LIVE = 2, 1
 TIMEOUT_S = 200.0
@@ -43,7 +44,7 @@ class Delays:
 
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory):
-    pytest.importorskip('rclpy', reason='needs rclpy')
+    compile_nodes()
     out = tmp_path_factory.mktemp('grasp')
     delays = Delays()
     try:
@@ -96,7 +97,6 @@ def test_the_picture_is_a_picture(finished):
     ],
 )
 def test_what_makes_no_sense_ends_in_one_line(words, code, said):
-    pytest.importorskip('rclpy', reason='needs rclpy')
     done = run(*words)
     assert done.returncode == code
     assert 'Traceback' not in done.stderr
