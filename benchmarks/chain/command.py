@@ -16,13 +16,11 @@ def options() -> argparse.ArgumentParser:
     parser = shared_options(
         'chain',
         'Measure the run time of the chain in blocks, row by row and by number of channels, each '
-        'against a rival in the same run, and the latency and processor time of the detector node '
-        'against those of a bare relay; then its numerical error against a reference of 50 '
+        'against a rival in the same run; then its numerical error against a reference of 50 '
         'digits, beside that of float32 and of polynomials. Says of each figure what is wanted '
         'and whether it is met; the exit code is 0 either way.',
         picture='out/chain_work_precision.png',
     )
-    parser.add_argument('--without-ros', action='store_true', help='leave the nodes out')
     parser.add_argument(
         '--part', choices=('all', 'speed', 'precision'), default='all', help='only one of the two'
     )
@@ -44,7 +42,7 @@ def run(words: argparse.Namespace) -> Measurement:
     figures = {'machine': machine(), 'quick': words.quick}
     tables = [heading(figures)]
     if words.part != 'precision':
-        figures |= measure_chain_speed(words.quick, not words.without_ros)
+        figures |= measure_chain_speed(words.quick)
         tables.append(chain_speed_table(figures))
     if words.part != 'speed':
         precision = figures['precision'] = measure_chain_precision(words.quick)

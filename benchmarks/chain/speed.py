@@ -1,8 +1,5 @@
 """How fast the chain is, always against a rival measured in the same run.
 
-Latencies and processor times end to end are of one stretch of time in which both sides get each
-sample in turn.
-
 :func:`measure_chain_speed` gives one object (keys of ``python -m benchmarks chain --json``):
 
 ``blocks``
@@ -22,16 +19,9 @@ sample in turn.
     The chain by number of channels: ``channel_samples`` of a call, ``rounds``,
     ``ns_per_channel_sample``, ``ratio`` to 16 channels (both by number of channels) and
     ``worst_ratio``.
-``end_to_end``
-    Detector node against a bare relay node, or null: ``rate_hz``, ``samples``, ``changes``,
-    ``detector`` and ``relay`` with ``median_ms``, ``p99_ms``, ``cpu_percent`` and ``lost``, then
-    ``latency_ratio`` (of the medians) and ``cpu_ratio``. How and why so: see
-    ``benchmarks.chain.end_to_end``.
-``end_to_end_left_out``
-    Why ``end_to_end`` is null, else empty.
 ``wanted``
     For each claim, by ``section.figure``: the measured ``value``, the ``bound`` as text and
-    whether it is ``met``; value and met are null where it was not measured.
+    whether it is ``met``, null where nothing is judged.
 """
 
 import tracemalloc
@@ -43,7 +33,6 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from benchmarks.chain.numpy_chain import NumpyChain
-from benchmarks.processes import figures_of_process, why_not_ros
 from benchmarks.timing import garbage_collection_off, least_times_s
 from benchmarks.verdicts import verdicts
 from slip_detector.chain.compiled import COMPILED
@@ -62,8 +51,6 @@ WANTED = {
     # The least temporary that could be per channel is a byte.
     'one_row.temporary_bytes_per_channel': Bound(high=1.0, strict=True),
     'channels.worst_ratio': Bound(high=1.5),
-    'end_to_end.latency_ratio': Bound(high=1.5),
-    'end_to_end.cpu_ratio': Bound(high=1.5),
 }
 
 
@@ -82,8 +69,6 @@ class SpeedSizes(NamedTuple):
         How often the sides take turns.
     one_row_rounds : int
         The same for ``one_row``, whose rounds are short.
-    end_to_end_s : float
-        Measured time of the nodes.
     """
 
     rows: int
@@ -91,14 +76,13 @@ class SpeedSizes(NamedTuple):
     calls: int
     rounds: int
     one_row_rounds: int
-    end_to_end_s: float
 
 
-FULL = SpeedSizes(200_000, 3_200_000, 500, 20, 60, 25.0)
-QUICK = SpeedSizes(20_000, 320_000, 200, 3, 10, 4.0)
+FULL = SpeedSizes(200_000, 3_200_000, 500, 20, 60)
+QUICK = SpeedSizes(20_000, 320_000, 200, 3, 10)
 #: Without Numba the chain takes some 500 times as long.
-FULL_INTERPRETED = SpeedSizes(10_000, 20_000, 100, 3, 10, 25.0)
-QUICK_INTERPRETED = SpeedSizes(2_000, 10_000, 20, 2, 2, 4.0)
+FULL_INTERPRETED = SpeedSizes(10_000, 20_000, 100, 3, 10)
+QUICK_INTERPRETED = SpeedSizes(2_000, 10_000, 20, 2, 2)
 
 #: NumPy is fastest with about so many rows a call: all that a call touches stays in the
 #: second-level cache, and what a call costs by itself does not show.
@@ -112,41 +96,33 @@ LEAST_AGREEMENT = 1 - 1e-5
 
 BASELINE_V = 4.3
 
-#: For the start of three processes, discovery and the end, beyond the measured time.
-END_TO_END_EXTRA_S = 120.0
 
-
-def measure_chain_speed(quick: bool = False, with_ros: bool = True) -> dict[str, Any]:
-    """Measure the chain and the detector node; the keys are in the module's docstring.
+def measure_chain_speed(quick: bool = False) -> dict[str, Any]:
+    """Measure the chain; the keys are in the module's docstring.
 
     Parameters
     ----------
     quick
         Few rows and rounds; nothing is judged.
-    with_ros
-        Whether to measure the node, too.
 
     Raises
     ------
     RuntimeError
-        When the chain and its rivals decide differently, or a node fails.
+        When the chain and its rivals decide differently.
     """
     if COMPILED:
         sizes = QUICK if quick else FULL
     else:
         sizes = QUICK_INTERPRETED if quick else FULL_INTERPRETED
-    left_out = why_not_ros() if with_ros else '--without-ros was given'
     result: dict[str, Any] = {
         'blocks': measure_blocks(sizes),
         'one_row': measure_one_row(sizes),
         'channels': measure_channels(sizes),
-        'end_to_end': None if left_out else _end_to_end(sizes.end_to_end_s),
-        'end_to_end_left_out': left_out,
     }
     values = {}
     for claim in WANTED:
         section, figure = claim.split('.')
-        values[claim] = None if result[section] is None else result[section][figure]
+        values[claim] = result[section][figure]
     result['wanted'] = verdicts(WANTED, values, judged=not quick)
     return result
 
@@ -309,9 +285,3 @@ def _pass_of(chain: SlipChain, rows: Floats) -> Callable[[], None]:
         chain.update(rows)
 
     return run
-
-
-def _end_to_end(seconds: float) -> dict[str, Any]:
-    """Measure detector and relay as processes, by a third process."""
-    words = ['--seconds', str(seconds)]
-    return figures_of_process('benchmarks.chain.end_to_end', words, seconds + END_TO_END_EXTRA_S)

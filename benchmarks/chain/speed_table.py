@@ -1,9 +1,8 @@
 """The figures of the chain's speed as text."""
 
-from collections.abc import Callable
 from typing import Any
 
-from benchmarks.chain.speed import CHANNEL_COUNTS, WANTED
+from benchmarks.chain.speed import CHANNEL_COUNTS
 from benchmarks.verdicts import claim_in_words
 
 
@@ -58,33 +57,4 @@ def chain_speed_table(figures: dict[str, Any]) -> str:
         f'  worst ratio                {part["worst_ratio"]:10.2f} times  '
         f'{claim("channels.worst_ratio")}'
     )
-    return '\n'.join(lines + _end_to_end_lines(figures, claim))
-
-
-def _end_to_end_lines(figures: dict[str, Any], claim: Callable[[str], str]) -> list[str]:
-    part = figures['end_to_end']
-    if part is None:
-        bounds = ', '.join(
-            f'{name.split(".")[1]} wanted {bound}'
-            for name, bound in WANTED.items()
-            if name.startswith('end_to_end.')
-        )
-        return ['', f'End to end   left out: {figures["end_to_end_left_out"]} ({bounds})']
-    lines = [
-        '',
-        f'End to end   {part["samples"]:,} samples at {part["rate_hz"]:g} Hz to each node, '
-        f'taking turns; {part["changes"]:,} changes of slip',
-    ]
-    for name in ('detector', 'relay'):
-        node = part[name]
-        lines.append(
-            f'  {name:<9} latency median {node["median_ms"]:.3f} ms, p99 {node["p99_ms"]:.3f} ms; '
-            f'{node["cpu_percent"]:.1f} % of a core; {node["lost"]} changes lost'
-        )
-    return [
-        *lines,
-        f'  ratio of the medians       {part["latency_ratio"]:10.2f} times  '
-        f'{claim("end_to_end.latency_ratio")}',
-        f'  ratio of processor times   {part["cpu_ratio"]:10.2f} times  '
-        f'{claim("end_to_end.cpu_ratio")}',
-    ]
+    return '\n'.join(lines)

@@ -1,1 +1,1 @@
-"""Drivers and detectors of a hand that run for long."""
+"""Drivers and detectors as processes: for long, for many fingers, and against a bare relay."""

@@ -3,7 +3,7 @@
 import argparse
 
 from benchmarks.measurement import Measurement, heading, machine, shared_options
-from benchmarks.soak.measure import QUICK_SECONDS, SECONDS, measure_soak
+from benchmarks.soak.measure import PARTS, measure_soak
 from benchmarks.soak.table import soak_table
 
 
@@ -12,21 +12,20 @@ def options() -> argparse.ArgumentParser:
     parser = shared_options(
         'soak',
         'Run drivers and detectors as processes and watch what they lose, how their memory and '
-        'latency grow and what they take of the processor. Says of each figure what is wanted and '
-        'whether it is met; the exit code is 0 either way.',
+        'latency grow and what they take of the processor; the detector against a bare relay too. '
+        'Says of each figure what is wanted and whether it is met; the exit code is 0 either way.',
     )
-    parser.add_argument('--seconds', type=float, help=f'how long (default: {SECONDS:g})')
-    parser.add_argument('--fingers', type=int, default=1, help='so many of each')
+    parser.add_argument('--part', choices=('all', *PARTS), default='all', help='only one of them')
+    times = ', '.join(f'{name} {part.seconds:g}' for name, part in PARTS.items())
     parser.add_argument(
-        '--samples-per-message', type=int, default=1, metavar='N',
-        help='let the drivers send batches',
-    )  # fmt: skip
+        '--seconds', type=float, help=f'how long each part runs (default: {times})'
+    )
     return parser
 
 
 def run(words: argparse.Namespace) -> Measurement:
     """Let the nodes run."""
-    seconds = words.seconds or (QUICK_SECONDS if words.quick else SECONDS)
     figures = {'machine': machine(), 'quick': words.quick}
-    figures |= measure_soak(seconds, words.fingers, words.samples_per_message)
+    parts = list(PARTS) if words.part == 'all' else [words.part]
+    figures |= measure_soak(parts, words.quick, words.seconds)
     return Measurement(figures, '\n\n'.join((heading(figures), soak_table(figures))))

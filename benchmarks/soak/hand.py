@@ -8,8 +8,10 @@ import argparse
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,11 +28,17 @@ from benchmarks.processes import (
     processor_time_s,
     raise_if_ended,
 )
+from slip_detector.chain.samples import Samples
 from slip_detector.nodes.health import AGE_KEYS, COUNT_KEYS
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.recordings import write_recording
 
 #: The first start compiles chain and scene, on a busy machine for minutes.
 START_TIMEOUT_S = 300.0
 SPIN_S = 0.2
+
+#: The noise in a recording, which is so much longer than the soak: to begin again takes its time.
+NOISE_V, NOISE_EXTRA_S = 0.02, 60.0
 
 #: What the nodes compile, and discovery, are over after a minute, or after this share of a short
 #: soak.
@@ -61,13 +69,26 @@ class Watch(Node):
             self.memory_kib[name].append((time.monotonic(), memory_kib(process.pid)))
 
 
-def run_hand(seconds: float, fingers: int, samples_per_message: int) -> dict[str, Any]:
-    """Run the fingers; see :func:`benchmarks.soak.measure.measure_soak`.
+def run_hand(
+    seconds: float, fingers: int, sample_rate_hz: float, samples_per_message: int
+) -> dict[str, Any]:
+    """Run the fingers; see :mod:`benchmarks.soak.measure`.
+
+    Parameters
+    ----------
+    seconds
+        How long, warm-up included.
+    fingers
+        So many drivers and so many detectors.
+    sample_rate_hz
+        That of the simulated fingertip, which is played then; at any other a recording is.
+    samples_per_message
+        Of the drivers.
 
     Returns
     -------
     dict
-        The keys of ``soak``.
+        The keys of ``hand``.
 
     Raises
     ------
@@ -78,21 +99,42 @@ def run_hand(seconds: float, fingers: int, samples_per_message: int) -> dict[str
     names = ','.join(f'finger_{finger + 1}' for finger in range(fingers))
     driver = ['-p', 'loop:=true', '-p', 'wait_for_subscribers:=1']
     driver += ['-p', f'samples_per_message:={samples_per_message}']
-    detector = []
+    detector = ['-p', f'sample_rate_hz:={sample_rate_hz}']
     if samples_per_message > 1:
-        detector = ['-p', 'input_type:=std_msgs/msg/Float32MultiArray', '-p', 'input_field:=data']
-    commands = {}
-    for name, parameters in (('slip_detector', detector), ('slip_driver', driver)):
-        command = [sys.executable, '-m', 'slip_detector.nodes.run', name, '--fingers', names]
-        command += ['--ros-args', '--log-level', 'error', '-r', f'__ns:={namespace}', *parameters]
-        commands[name] = command
+        detector += ['-p', 'input_type:=std_msgs/msg/Float32MultiArray', '-p', 'input_field:=data']
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
-        with nodes_running(commands) as processes:
-            watch = Watch(namespace, processes)
-            return _watched(watch, processes, seconds, fingers)
+        with tempfile.TemporaryDirectory() as folder:
+            if sample_rate_hz != DetectorConfig().sample_rate_hz:
+                path = write_noise(Path(folder), sample_rate_hz, seconds + NOISE_EXTRA_S)
+                driver += ['-p', 'source:=recording', '-p', f'recording:={path}']
+            commands = {}
+            for name, parameters in (('slip_detector', detector), ('slip_driver', driver)):
+                command = [sys.executable, '-m', 'slip_detector.nodes.run', name]
+                command += ['--fingers', names, '--ros-args', '--log-level', 'error']
+                commands[name] = [*command, '-r', f'__ns:={namespace}', *parameters]
+            with nodes_running(commands) as processes:
+                watch = Watch(namespace, processes)
+                figures = _watched(watch, processes, seconds, fingers)
     finally:
         rclpy.try_shutdown()
+    return {
+        'sample_rate_hz': sample_rate_hz, 'samples_per_message': samples_per_message, **figures,
+    }  # fmt: skip
+
+
+def write_noise(folder: Path, sample_rate_hz: float, seconds: float) -> Path:
+    """Write a recording of noise that swells and decays, so that decisions change; return it."""
+    config = DetectorConfig()
+    random = np.random.default_rng(0)
+    rows = round(seconds * sample_rate_hz)
+    swelling = 1.0 + np.sin(2 * np.pi * np.arange(rows) / sample_rate_hz)
+    noise = random.standard_normal((rows, config.channels))
+    volts = 4.0 + NOISE_V * swelling[:, None] * noise
+    stamps_ns = np.round(np.arange(rows) * 1e9 / sample_rate_hz).astype(np.int64)
+    path = folder / 'noise.npz'
+    write_recording(path, [Samples(volts, stamps_ns)], sample_rate_hz, config.names)
+    return path
 
 
 def _watched(
@@ -184,9 +226,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seconds', type=float, default=600.0)
     parser.add_argument('--fingers', type=int, default=1)
+    parser.add_argument('--sample-rate-hz', type=float, default=DetectorConfig().sample_rate_hz)
     parser.add_argument('--samples-per-message', type=int, default=1)
     words = parser.parse_args()
-    return print_figures(lambda: run_hand(words.seconds, words.fingers, words.samples_per_message))
+    return print_figures(lambda: run_hand(**vars(words)))
 
 
 if __name__ == '__main__':

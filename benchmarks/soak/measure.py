@@ -2,48 +2,98 @@
 
 :func:`measure_soak` gives one object (keys of ``python -m benchmarks soak --json``):
 
-``soak``
-    ``seconds`` measured after the warm-up, ``fingers``, ``samples``, ``lost`` (by kind) and
+``relay``
+    Detector node against a bare relay node: ``rate_hz``, ``samples``, ``changes``, ``detector``
+    and ``relay`` with ``median_ms``, ``p99_ms``, ``cpu_percent`` and ``lost``, then
+    ``latency_ratio`` (of the medians) and ``cpu_ratio``. How and why so: see
+    :mod:`benchmarks.soak.end_to_end`.
+``finger``, ``hand``, ``fast_hand``, ``fast_finger``
+    A driver and a detector for one or five fingers of 16 channels; ``finger`` and ``hand`` play
+    the simulated fingertip at 380 Hz, ``fast_hand`` a recording at 1 kHz, ``fast_finger`` one at 5
+    kHz in messages of ten samples. ``seconds`` measured after the warm-up, ``fingers``,
+    ``sample_rate_hz``, ``samples_per_message``, ``samples``, ``lost`` (by kind) and
     ``lost_total``, ``latency_median_ms``, ``latency_p99_ms`` (first and second half: the median
     of the 99th percentiles of each second), ``latency_p99_growth`` (their ratio),
     ``memory_growth_percent`` (of the process that grew most), ``memory_mib`` and ``cpu_percent``
     by role, ``cpu_percent_total``.
 ``wanted``
-    By claim: ``value``, ``bound``, ``met``.
+    By claim, ``part.figure``: ``value``, ``bound``, ``met``; value and met are null where the part
+    was not measured.
 """
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from benchmarks.processes import figures_of_process, why_not_ros
 from benchmarks.verdicts import verdicts
 from slip_detector.evaluation.bounds import Bound
 
-#: What is wanted of each figure.
+#: What is wanted, by part and figure.
 WANTED = {
-    'lost_total': Bound(high=0),
-    'latency_p99_growth': Bound(high=1.25),
-    'memory_growth_percent': Bound(high=2.0),
-    'cpu_percent_total': Bound(high=100.0),
+    'relay.latency_ratio': Bound(high=1.2),
+    'relay.cpu_ratio': Bound(high=0.6),
+    'finger.lost_total': Bound(high=0),
+    'finger.latency_p99_growth': Bound(high=1.25),
+    'finger.memory_growth_percent': Bound(high=2.0),
+    'finger.cpu_percent_total': Bound(high=100.0),
+    'hand.lost_total': Bound(high=0),
+    'hand.cpu_percent_total': Bound(high=50.0),
+    'fast_hand.lost_total': Bound(high=0),
+    'fast_finger.lost_total': Bound(high=0),
+    'fast_finger.cpu_percent_total': Bound(high=30.0),
 }
 
-#: How long the nodes run, warm-up included.
-SECONDS, QUICK_SECONDS = 660.0, 15.0
+
+class Part(NamedTuple):
+    """A part of the soak.
+
+    Attributes
+    ----------
+    module : str
+        What runs as a process.
+    words : tuple of str
+        Its arguments.
+    seconds, quick_seconds : float
+        How long the nodes run, warm-up included.
+    """
+
+    module: str
+    words: tuple[str, ...]
+    seconds: float
+    quick_seconds: float
+
+
+def _hand(fingers: int, sample_rate_hz: float, samples_per_message: int, seconds: float) -> Part:
+    words = ['--fingers', str(fingers), '--sample-rate-hz', str(sample_rate_hz)]
+    words += ['--samples-per-message', str(samples_per_message)]
+    return Part('benchmarks.soak.hand', tuple(words), seconds, 15.0)
+
+
+PARTS = {
+    'relay': Part('benchmarks.soak.end_to_end', (), 25.0, 4.0),
+    'finger': _hand(1, 380.0, 1, 660.0),
+    'hand': _hand(5, 380.0, 1, 60.0),
+    'fast_hand': _hand(5, 1000.0, 1, 60.0),
+    'fast_finger': _hand(1, 5000.0, 10, 60.0),
+}
 
 #: For the start and the end of the processes on a busy machine.
 EXTRA_S = 420.0
 
 
-def measure_soak(seconds: float, fingers: int, samples_per_message: int) -> dict[str, Any]:
-    """Let the fingers run; the keys are in the module's docstring.
+def measure_soak(
+    parts: Sequence[str], quick: bool, seconds: float | None = None
+) -> dict[str, Any]:
+    """Let the nodes run; the keys are in the module's docstring.
 
     Parameters
     ----------
+    parts
+        Which of ``PARTS``.
+    quick
+        Whether each part runs for its short time.
     seconds
-        How long, warm-up included.
-    fingers
-        So many drivers and so many detectors.
-    samples_per_message
-        Of the drivers.
+        How long each part runs, if not for its own time.
 
     Raises
     ------
@@ -53,7 +103,14 @@ def measure_soak(seconds: float, fingers: int, samples_per_message: int) -> dict
     reason = why_not_ros()
     if reason:
         raise RuntimeError(f'the soak needs the nodes: {reason}')
-    words = ['--seconds', str(seconds), '--fingers', str(fingers)]
-    words += ['--samples-per-message', str(samples_per_message)]
-    figures = figures_of_process('benchmarks.soak.hand', words, seconds + EXTRA_S)
-    return {'soak': figures, 'wanted': verdicts(WANTED, {name: figures[name] for name in WANTED})}
+    figures: dict[str, Any] = {}
+    for name in parts:
+        part = PARTS[name]
+        lasts_s = seconds or (part.quick_seconds if quick else part.seconds)
+        words = ['--seconds', str(lasts_s), *part.words]
+        figures[name] = figures_of_process(part.module, words, lasts_s + EXTRA_S)
+    values = {}
+    for claim in WANTED:
+        name, figure = claim.split('.')
+        values[claim] = figures[name][figure] if name in figures else None
+    return {**figures, 'wanted': verdicts(WANTED, values)}

@@ -308,12 +308,14 @@ class Detector(LifecycleNode):
 
     # The input.
 
-    @_exclusive
     def _on_voltages(self, source: Input, raw: bytes, info: dict[str, int]) -> None:
+        with self._lock:
+            if source is self._input:
+                self._decide_on(source, raw, info)
+
+    def _decide_on(self, source: Input, raw: bytes, info: dict[str, int]) -> None:
         """Check the samples of a message, run them through the chain, publish what changed."""
         began_s = time.perf_counter()
-        if source is not self._input:
-            return
         config = self._chain.config
         try:
             rows, at_ns, names, frame_id = source.read(raw, info)
@@ -342,7 +344,7 @@ class Detector(LifecycleNode):
                 rows = self._mend(rows, arrival)
         self._heard = True
         topics = self._topics
-        listened = topics.envelope_wanted
+        listened = topics.envelope_subscribers() > 0
         result = self._chain.update(rows, level=listened)
         self._last_row = rows[-1:]
         self._frame_id = frame_id

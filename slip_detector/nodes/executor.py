@@ -18,7 +18,8 @@ from slip_detector.nodes.rclpy_internals import WaitSet, call_if_due, held, rece
 #: Messages of a topic taken in a row before other topics and timers are looked after.
 AT_MOST = 32
 
-#: The other thread looks this often whether all is to end, should a wake-up get lost.
+#: Both threads look this often whether all is to end. On a signal rclpy first wakes whatever waits
+#: and then takes the context down: a wait that begins in between is not woken.
 LONGEST_WAIT_S = 0.5
 
 #: Longest time for which one thread keeps another waiting that has something to do; Python's own
@@ -53,7 +54,7 @@ class SampleExecutor(SingleThreadedExecutor):
         self._held = ExitStack()
         self._receivers: dict[int, Callable[[], None]] = {}
         self._timers: list[Timer] = []
-        self._due_ns: float = 0.0
+        self._due_ns = 0
         self._due_may_move = False
         self._others: threading.Thread | None = None
         self._stop = False
@@ -97,15 +98,16 @@ class SampleExecutor(SingleThreadedExecutor):
             self._find_due()
         due_ns = self._due_ns - time.monotonic_ns()
         if timeout_sec is not None:
-            due_ns = min(due_ns, timeout_sec * 1e9)
-        with_messages = self._wait_set.wait(max(0, int(due_ns)))
-        if self._failure is not None:
-            raise self._failure
-        if not self.context.ok():
-            raise ExternalShutdownException
+            due_ns = min(due_ns, round(timeout_sec * 1e9))
+        with_messages = self._wait_set.wait(max(0, due_ns))
         for pointer in with_messages:
             self._receivers[pointer]()
-        if time.monotonic_ns() >= self._due_ns or self._due_may_move:
+        # With each message, to ask for the context would be a tenth of the cost.
+        if not with_messages or time.monotonic_ns() >= self._due_ns or self._due_may_move:
+            if self._failure is not None:
+                raise self._failure
+            if not self.context.ok():
+                raise ExternalShutdownException
             for timer in self._timers:
                 call_if_due(timer)
             self._find_due()
@@ -139,10 +141,10 @@ class SampleExecutor(SingleThreadedExecutor):
         self._find_due()
 
     def _find_due(self) -> None:
-        """Find out when the next timer is due, as :func:`time.monotonic_ns` has it."""
+        """Find out when to look at the timers again, as :func:`time.monotonic_ns` has it."""
         untils_ns = [until_due_ns(timer) for timer in self._timers]
         of_active_ns = [until_ns for until_ns in untils_ns if until_ns is not None]
-        self._due_ns = time.monotonic_ns() + min(of_active_ns, default=float('inf'))
+        self._due_ns = time.monotonic_ns() + min([round(LONGEST_WAIT_S * 1e9), *of_active_ns])
 
     def _do_others(self) -> None:
         """Let rclpy do what is not for the thread that spins."""

@@ -20,6 +20,7 @@ from slip_detector.nodes.messages import (
     state_qos,
     time_message,
 )
+from slip_detector.nodes.rclpy_internals import subscriber_counter
 from slip_detector.parameters.detector import DetectorConfig
 
 #: The promised longest silence of ``slip``, in periods of the heartbeat.
@@ -69,6 +70,8 @@ class Outputs:
         self._flags, self._flags_bytes = self._all_off, self._all_off.tobytes()
         self._valid = False
         self.onsets = 0
+        #: Returns how many subscribe to the envelope.
+        self.envelope_subscribers = subscriber_counter(self._envelope)
         for publisher in (self._slip_valid, *self._listeners.values()):
             publisher.publish(self._messages[False])
 
@@ -86,11 +89,6 @@ class Outputs:
     def valid(self) -> bool:
         """Whether any group could vote."""
         return self._valid
-
-    @property
-    def envelope_wanted(self) -> bool:
-        """Whether somebody subscribes to the envelope."""
-        return bool(self._envelope.get_subscription_count())
 
     def withdraw(self) -> None:
         """Publish all decisions as OFF and not valid, for late subscribers too."""

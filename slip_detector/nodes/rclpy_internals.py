@@ -22,6 +22,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
@@ -133,7 +134,7 @@ def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
     information, or None.
     """
     kind = _internal(subscription, '_callback_type')
-    taken_by_callback = 2 if kind is subscription.CallbackType.WithMessageInfo else 1
+    with_info = kind is subscription.CallbackType.WithMessageInfo
     take, message_type = subscription.handle.take_message, subscription.msg_type
     raw, callback = subscription.raw, subscription.callback
 
@@ -142,9 +143,19 @@ def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
             taken = take(message_type, raw)
             if taken is None:
                 return
-            callback(*taken[:taken_by_callback])
+            callback(*taken if with_info else taken[:1])
 
     return receive
+
+
+def subscriber_counter(publisher: Publisher) -> Callable[[], int]:
+    """Return what counts the subscribers of a publisher, which must not be taken down before.
+
+    rclpy's own method keeps the publisher from being taken down meanwhile, which costs more than
+    to count. Relies on ``get_subscription_count`` of the handle.
+    """
+    count: Callable[[], int] = publisher.handle.get_subscription_count
+    return count
 
 
 def until_due_ns(timer: Timer) -> int | None:

@@ -9,10 +9,6 @@ from typing import Any, NoReturn
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
-#: A node with nothing to do looks this often whether it is to end. On a signal rclpy first wakes
-#: whatever waits and then takes the context down: a wait that begins in between is not woken.
-LONGEST_WAIT_S = 0.5
-
 
 def run(executable: str) -> int:
     """Spin the nodes of an executable until they end or a signal comes.
@@ -42,7 +38,7 @@ def run(executable: str) -> int:
     from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
     from rclpy.utilities import remove_ros_args
 
-    from slip_detector.nodes.executor import SampleExecutor
+    from slip_detector.nodes.executor import LONGEST_WAIT_S, SampleExecutor
     from slip_detector.nodes.rclpy_internals import ignore_what_a_signal_leaves, shut_down
 
     ignore_what_a_signal_leaves(lambda: initialised)
@@ -63,7 +59,7 @@ def run(executable: str) -> int:
         else:
             executor = SampleExecutor(nodes)
             takedowns.insert(0, executor.shutdown)
-        while rclpy.ok():
+        while True:  # Until it raises an ExternalShutdownException.
             executor.spin_once(timeout_sec=LONGEST_WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

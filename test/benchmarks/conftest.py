@@ -13,7 +13,7 @@ from support.benchmark_scenes import SHORT_OBJECT, SHORT_PLATE, SIZES, written
 
 @pytest.fixture(scope='session')
 def chain_speed():
-    return {'machine': machine(), 'quick': True} | measure_chain_speed(quick=True, with_ros=False)
+    return {'machine': machine(), 'quick': True} | measure_chain_speed(quick=True)
 
 
 @pytest.fixture(scope='session')

@@ -25,6 +25,7 @@ from slip_detector.nodes.rclpy_internals import (  # noqa: E402
     given_parameters,
     held,
     receiver,
+    subscriber_counter,
     until_due_ns,
 )
 
@@ -96,6 +97,16 @@ def test_messages_are_waited_for_and_go_to_the_callback(context, node, with_info
         stamps_ns = [info['source_timestamp'] for _, info in taken]
         assert stamps_ns == sorted(stamps_ns)
         assert stamps_ns[0] > 0
+
+
+def test_subscribers_are_counted_as_rclpy_counts_them(node):
+    publisher = node.create_publisher(Bool, 'said', event_qos())
+    count = subscriber_counter(publisher)
+    assert count() == 0
+    node.create_subscription(Bool, 'said', lambda message: None, event_qos())
+    while not count():
+        pass
+    assert count() == publisher.get_subscription_count() == 1
 
 
 def test_a_guard_ends_the_wait_and_the_wait_takes_what_triggered_it(context, node):

@@ -3,21 +3,18 @@
 import pytest
 
 from benchmarks.soak import command, measure
-from benchmarks.soak.measure import QUICK_SECONDS, SECONDS
+from benchmarks.soak.measure import PARTS
 
 
 @pytest.mark.parametrize(
     ('words', 'asked'),
     [
-        ([], (SECONDS, 1, 1)),
-        (['--quick'], (QUICK_SECONDS, 1, 1)),
-        (
-            ['--quick', '--seconds', '7', '--fingers', '5', '--samples-per-message', '38'],
-            (7.0, 5, 38),
-        ),
+        ([], (list(PARTS), False, None)),
+        (['--quick'], (list(PARTS), True, None)),
+        (['--part', 'hand', '--seconds', '7'], (['hand'], False, 7.0)),
     ],
 )
-def test_so_long_so_many_fingers_and_samples_are_asked_for(words, asked, monkeypatch):
+def test_parts_and_times_are_asked_for(words, asked, monkeypatch):
     asked_for = []
 
     def measured(*what):
@@ -33,4 +30,31 @@ def test_so_long_so_many_fingers_and_samples_are_asked_for(words, asked, monkeyp
 def test_where_no_node_can_run_the_soak_says_why(monkeypatch):
     monkeypatch.setattr(measure, 'why_not_ros', lambda: 'rclpy cannot be imported (so)')
     with pytest.raises(RuntimeError, match=r'the soak needs the nodes: rclpy cannot .* \(so\)'):
-        measure.measure_soak(1.0, 1, 1)
+        measure.measure_soak(['hand'], quick=True)
+
+
+@pytest.mark.parametrize(
+    ('quick', 'seconds', 'lasts_s'), [(False, None, 25.0), (True, None, 4.0), (True, 9.0, 9.0)]
+)
+def test_each_part_runs_as_a_process_for_its_time_and_is_judged(
+    quick, seconds, lasts_s, monkeypatch
+):
+    ran = []
+
+    def figures_of_process(module, words, timeout_s):
+        ran.append((module, words))
+        assert timeout_s > lasts_s
+        return {'latency_ratio': 1.1, 'cpu_ratio': 0.7}
+
+    monkeypatch.setattr(measure, 'why_not_ros', lambda: '')
+    monkeypatch.setattr(measure, 'figures_of_process', figures_of_process)
+    figures = measure.measure_soak(['relay'], quick, seconds)
+    assert ran == [('benchmarks.soak.end_to_end', ['--seconds', str(lasts_s)])]
+    wanted = figures['wanted']
+    assert wanted['relay.latency_ratio']['met'] is True
+    assert wanted['relay.cpu_ratio']['met'] is False
+    assert wanted['hand.lost_total']['value'] is wanted['hand.lost_total']['met'] is None
+
+
+def test_each_claim_is_of_a_part():
+    assert {claim.split('.')[0] for claim in measure.WANTED} == set(PARTS)

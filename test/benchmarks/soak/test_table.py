@@ -3,19 +3,32 @@
 from benchmarks.soak.measure import WANTED
 from benchmarks.soak.table import soak_table
 
-FIGURES = {
-    'seconds': 600.0, 'fingers': 2, 'samples': 456_000, 'lost': {'lost and bridged': 3},
+HAND = {
+    'seconds': 600.0, 'fingers': 2, 'sample_rate_hz': 5000.0, 'samples_per_message': 10,
+    'samples': 456_000, 'lost': {'lost and bridged': 3},
     'lost_total': 3, 'latency_median_ms': 0.5, 'latency_p99_ms': [1.0, 1.1],
     'latency_p99_growth': 1.1, 'memory_growth_percent': 0.1,
     'memory_mib': {'slip_detector': 200.0, 'slip_driver': 180.0},
     'cpu_percent': {'slip_detector': 30.0, 'slip_driver': 20.0}, 'cpu_percent_total': 50.0,
 }  # fmt: skip
 
+NODE = {'median_ms': 0.5, 'p99_ms': 2.0, 'cpu_percent': 9.0, 'lost': 1}
+RELAY = {
+    'rate_hz': 380.0, 'samples': 5700, 'changes': 720, 'detector': NODE, 'relay': NODE,
+    'latency_ratio': 1.07, 'cpu_ratio': 0.58,
+}  # fmt: skip
 
-def test_the_table_says_what_was_lost_and_what_is_wanted():
+
+def test_the_table_says_of_each_part_what_was_lost_and_what_is_wanted():
     wanted = {
-        name: {'value': 1.0, 'bound': '<= 0', 'met': name != 'lost_total'} for name in WANTED
+        name: {'value': 1.0, 'bound': '<= 0', 'met': name != 'fast_finger.lost_total'}
+        for name in WANTED
     }
-    text = soak_table({'soak': FIGURES, 'wanted': wanted})
+    text = soak_table({'relay': RELAY, 'fast_finger': HAND, 'wanted': wanted})
+    assert 'fast_finger  2 fingers at 5000 Hz in messages of 10, 456,000 samples' in text
     assert 'lost                 3  (wanted <= 0: NOT met)  (3 lost and bridged)' in text
     assert '50 %  (wanted <= 0: met): detectors 30 %, drivers 20 %' in text
+    assert 'ratio of the medians 1.07  (wanted <= 0: met)' in text
+    assert 'of processor times   0.58  (wanted <= 0: met)' in text
+    assert text.count('1 changes lost') == 2
+    assert max(len(line) for line in text.splitlines()) <= 130

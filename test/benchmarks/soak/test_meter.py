@@ -11,9 +11,9 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from benchmarks.chain.end_to_end import send_and_receive
-from benchmarks.chain.meter import NODES, WARM_UP_S, Meter
 from benchmarks.processes import CHECKOUT, nodes_running
+from benchmarks.soak.end_to_end import send_and_receive
+from benchmarks.soak.meter import NODES, WARM_UP_S, Meter
 
 pytestmark = pytest.mark.nodes
 
@@ -27,7 +27,7 @@ def test_each_of_two_relays_gets_every_sample_and_says_every_change(monkeypatch)
     changes = np.flatnonzero(np.diff(states, prepend=False))
     commands = {
         name: [
-            sys.executable, '-m', 'benchmarks.chain.relay',
+            sys.executable, '-m', 'benchmarks.soak.relay',
             '--ros-args', '-r', f'__ns:={namespace}/{name}',
         ]
         for name in NODES

@@ -1,4 +1,4 @@
-"""The detector node against a bare relay node, for ``python -m benchmarks chain``.
+"""The detector node against a bare relay node, for ``python -m benchmarks soak``.
 
 Three processes: the detector as it ships, a relay that runs no chain, and a meter that sends the
 samples and receives ``slip`` from both. What is compared, and why:
@@ -37,9 +37,9 @@ from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from benchmarks.chain.latency import latencies_of_changes_ns
-from benchmarks.chain.meter import BASELINE_V, NODES, REST_S, WARM_UP_S, Meter
 from benchmarks.processes import nodes_running, print_figures, raise_if_ended
+from benchmarks.soak.latency import latencies_of_changes_ns
+from benchmarks.soak.meter import BASELINE_V, NODES, REST_S, WARM_UP_S, Meter
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import DetectorConfig
 
@@ -74,7 +74,7 @@ def measure_end_to_end(seconds: float) -> dict[str, Any]:
     Returns
     -------
     dict
-        The keys of ``end_to_end`` in :mod:`benchmarks.chain.speed`.
+        The keys of ``relay`` in :mod:`benchmarks.soak.measure`.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def measure_end_to_end(seconds: float) -> dict[str, Any]:
     parameters = [word for name in PARAMETERS for word in ('-p', f'{name}:={PARAMETERS[name]}')]
     commands = {
         'detector': ['slip_detector.nodes.run', 'slip_detector', *_ros(namespace, 'detector')],
-        'relay': ['benchmarks.chain.relay', *_ros(namespace, 'relay')],
+        'relay': ['benchmarks.soak.relay', *_ros(namespace, 'relay')],
     }
     commands['detector'] += parameters
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)

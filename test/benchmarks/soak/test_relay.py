@@ -8,7 +8,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 
 from sensor_msgs.msg import JointState
 
-from benchmarks.chain.relay import Relay
+from benchmarks.soak.relay import Relay
 
 pytestmark = pytest.mark.nodes
 

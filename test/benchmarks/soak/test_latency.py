@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.chain.latency import latencies_of_changes_ns
+from benchmarks.soak.latency import latencies_of_changes_ns
 
 STAMPS_NS = [0, 100, 200, 300]
 
