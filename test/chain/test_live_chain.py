@@ -118,7 +118,7 @@ def test_rows_before_a_reset_are_not_in_the_new_chain():
 
 
 @pytest.mark.parametrize('values', [{'sample_rate_hz': 500.0}, {'channels': 3, 'groups': {}}])
-def test_another_input_starts_anew(values):
+def test_another_input_starts_from_its_first_row(values):
     rows = noise(300)
     bed = Bed()
     bed.levels(rows[:200])

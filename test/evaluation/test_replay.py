@@ -242,7 +242,7 @@ def test_two_slips_with_one_alarm_are_one_detected_and_one_that_found_it_on():
     assert figures_of_merit([outcome])['missed_already_on'] == 1
 
 
-def test_a_slip_that_goes_on_after_a_gap_is_to_be_detected_anew():
+def test_a_slip_that_goes_on_after_a_gap_is_to_be_detected_once_more():
     volts, truth = ridges((400, 1200))
     stamps_ns = np.round(np.arange(2000) * 1e9 / RATE_HZ).astype(np.int64)
     stamps_ns[800:] += 3_000_000_000

@@ -11,6 +11,7 @@ import pytest
 from slip_detector.grasp.comparison import CONTROLLER, UNCONTROLLED, conditions
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
 from support.harness import compile_nodes
 
 SEEDS, LIVE = 2, 1
@@ -18,7 +19,6 @@ TIMEOUT_S = 200.0
 
 #: A sample goes through driver, detector and controller before the grip is raised.
 PROCESSES = 3
-GRAVITY_M_S2 = 9.81
 
 
 class Delays:
@@ -70,7 +70,7 @@ def test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_
     assert list(result['nodes']) == [str(seed) for seed in range(LIVE)]
     # How late a message is on a busy machine is in the one and not in the other: so far an object
     # falls that nothing holds.
-    fall_mm = 1e3 * GRAVITY_M_S2 / 2 * (PROCESSES * finished[2]) ** 2
+    fall_mm = 1e3 * STANDARD_GRAVITY_M_S2 / 2 * (PROCESSES * finished[2]) ** 2
     for part in result['nodes'].values():
         assert part['slide_mm'] is not None
         assert part['slide_mm'] < part['simulated']['slide_mm'] + 10.0 + fall_mm

@@ -87,7 +87,7 @@ def test_stamps_follow_a_clock_that_is_set(step_ns):
     assert steps[steps != PERIOD_NS] == step_ns + PERIOD_NS
 
 
-def test_a_clock_begun_anew_is_mapped_anew():
+def test_a_clock_that_was_restarted_is_mapped_without_the_times_before():
     clock = DeviceClock()
     assert clock.stamps_ns(times_ns(3), 50_000_000) == [48_000_000, 49_000_000, 50_000_000]
     clock.restart()

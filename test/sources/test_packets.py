@@ -302,7 +302,7 @@ def test_old_packets_among_fresh_ones_are_no_new_beginning():
     assert receiver.counts['restarts'] == 0
 
 
-def test_a_sender_without_a_clock_has_its_times_anew_with_each_packet():
+def test_each_packet_of_a_sender_without_a_clock_restarts_its_times():
     receiver = decoder(channels=1)
     received = [receiver.decode(encode([[k]], 'int16', k, 0)) for k in range(4)]
     assert all(r.clock_restarted for r in received)

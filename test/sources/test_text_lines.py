@@ -82,7 +82,7 @@ def test_any_cut_of_the_text_gives_the_same_samples_and_counts(text, cuts):
     assert piecewise.counts == whole.counts
 
 
-def test_lines_at_a_rate_have_times_and_begin_anew_after_an_interruption():
+def test_lines_at_a_rate_have_times_that_restart_after_an_interruption():
     receiver = LineDecoder(1, 400.0)
     received = receiver.feed(b'\n1\n2\n3')
     receiver.restart()
