@@ -2,9 +2,6 @@
 
 import argparse
 import json
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.paper_figures import first_on_delay_s, mean_and_sd, percent
+from slip_detector.nodes.demonstration import NodeProcesses, run_demonstration
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -26,12 +24,10 @@ from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.recordings import write_recording
 from slip_detector.sources import Source, open_source
 
-#: The demonstration must not mix with the topics of a robot that runs beside it.
 NAMESPACE = 'slip_demo'
 
 DISCOVERY_TIMEOUT_S = 60.0
 SCENE_TIMEOUT_S = 120.0
-DRAIN_S = 0.5
 SPIN_S = 0.05
 
 #: Samples that are written at a time.
@@ -99,53 +95,17 @@ def play(
     config = DetectorConfig.from_yaml(parameter_file)
     rclpy.init()
     recorder = SlipRecorder(config)
-    ros = ['--ros-args', '-r', f'__ns:=/{NAMESPACE}']
-    detector_words = ['--params-file', str(parameter_file)]
-    driver_words = ['-p', 'wait_for_subscribers:=2', '-p', f'seed:={arguments.seed}']
-    driver_words += ['-p', f'scene:={arguments.scene}']
-    processes = []
-    try:
-        for name, words in (('slip_detector', detector_words), ('slip_driver', driver_words)):
-            command = [sys.executable, '-m', 'slip_detector.nodes.run', name]
-            processes.append(subprocess.Popen([*command, *ros, *words]))
-            deadline_s = time.monotonic() + DISCOVERY_TIMEOUT_S
-            while name == 'slip_detector' and not recorder.receives_all():
-                _spin(recorder, processes, deadline_s, 'the detector to be heard')
-        deadline_s = time.monotonic() + SCENE_TIMEOUT_S
-        driver = processes[1]
-        while driver.poll() is None:
-            _spin(recorder, processes[:1], deadline_s, 'the scene to end')
-        if driver.returncode:
-            raise RuntimeError(f'slip_driver ended with the exit code {driver.returncode}')
-        deadline_s = time.monotonic() + DRAIN_S
-        while time.monotonic() < deadline_s:
-            recorder.receive()
-    finally:
-        for process in processes:
-            if process.poll() is None:
-                process.terminate()
-        for process in processes:
-            try:
-                process.wait(timeout=10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+    with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
+        nodes.start('slip_detector', '--params-file', str(parameter_file))
+        nodes.wait_until(recorder.receives_all, 'the detector to be heard', DISCOVERY_TIMEOUT_S)
+        nodes.start(
+            'slip_driver',
+            *('-p', 'wait_for_subscribers:=2'),
+            *('-p', f'seed:={arguments.seed}'),
+            *('-p', f'scene:={arguments.scene}'),
+        )
+        nodes.wait_for_end('slip_driver', 'the scene to end', SCENE_TIMEOUT_S)
     return recorder, config
-
-
-def _spin(
-    recorder: SlipRecorder,
-    processes: list['subprocess.Popen[bytes]'],
-    deadline_s: float,
-    what: str,
-) -> None:
-    """Take what came; raise if a process has died or the deadline has passed."""
-    for process in processes:
-        if process.poll() is not None:
-            raise RuntimeError(f'a node ended with the exit code {process.returncode}')
-    if time.monotonic() > deadline_s:
-        raise RuntimeError(f'waited in vain for {what}')
-    recorder.receive()
 
 
 def demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, Any]:
@@ -277,33 +237,23 @@ def main() -> None:
     )
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
     arguments = parser.parse_args()
-    # Two processes on one machine need no network.
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    try:
-        # What is wrong is to be said before anything is started.
-        source = open_source(DriverConfig(scene=arguments.scene, seed=arguments.seed))
-        if arguments.record:
-            record_trial(arguments.record, source, time.time_ns())
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
-        recorder, config = play(arguments, parameter_file)
-        result = demo_figures(recorder, config)
-        (arguments.out / 'demo.json').write_text(json.dumps(rounded(result), indent=2) + '\n')
-        _draw(recorder, config, arguments.out / 'demo.png')
-        print(demo_table(result))
-        written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]
-        print(f'Written: {", ".join([*written, *filter(None, [arguments.record])])}')
-    except (KeyboardInterrupt, ExternalShutdownException):
-        sys.exit(130)
-    except (ValueError, RuntimeError, OSError) as error:
-        print(f'slip_demo: {error}', file=sys.stderr)
-        sys.exit(1)
-    except Exception:
-        if rclpy.ok():
-            raise
-        sys.exit(130)  # A signal has shut the context down during a call.
-    finally:
-        rclpy.try_shutdown()
+    run_demonstration('slip_demo', lambda: _demonstrate(arguments))
+
+
+def _demonstrate(arguments: argparse.Namespace) -> None:
+    # A wrong argument is reported before anything is started.
+    source = open_source(DriverConfig(scene=arguments.scene, seed=arguments.seed))
+    if arguments.record:
+        record_trial(arguments.record, source, time.time_ns())
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
+    recorder, config = play(arguments, parameter_file)
+    result = demo_figures(recorder, config)
+    (arguments.out / 'demo.json').write_text(json.dumps(rounded(result), indent=2) + '\n')
+    _draw(recorder, config, arguments.out / 'demo.png')
+    print(demo_table(result))
+    written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]
+    print(f'Written: {", ".join([*written, *filter(None, [arguments.record])])}')
 
 
 def _draw(recorder: SlipRecorder, config: DetectorConfig, path: Path) -> None:

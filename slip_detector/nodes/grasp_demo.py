@@ -25,8 +25,6 @@ played through the nodes stand beside it.
 
 import argparse
 import json
-import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -34,7 +32,6 @@ from typing import Any
 import numpy as np
 import rclpy
 import yaml
-from rclpy.executors import ExternalShutdownException
 
 from slip_detector.grasp.comparison import (
     CONTROLLER,
@@ -45,6 +42,7 @@ from slip_detector.grasp.comparison import (
 )
 from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, play_trials
 from slip_detector.grasp.objects import object_scene
+from slip_detector.nodes.demonstration import run_demonstration
 from slip_detector.nodes.grasp_trial import GraspRecorder, LiveGraspTrial, play_grasp
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
@@ -119,54 +117,42 @@ def main() -> None:
         parser.error(f'--seeds is {arguments.seeds}, allowed: at least 1')
     if not 0 <= arguments.live <= arguments.seeds:
         parser.error(f'--live is {arguments.live}, allowed: 0 to {arguments.seeds}, all seeds')
-    # Processes on one machine need no network.
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    try:
-        config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
-        chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        seeds = list(range(arguments.seeds))
-        trials = {
-            name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()
-        }
-        parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
-        mine = trials[CONTROLLER][: arguments.live]
-        live, heard = through_nodes(
-            seeds[: arguments.live], config, arguments.out, mine, grasp.limit_n
-        )
-        result = {
-            'seeds': seeds,
-            'conditions': parts,
-            'transport_ms': TRANSPORT_S * 1e3,
-            **live,
-            'wanted': check_wanted(parts[CONTROLLER]),
-        }
-        (arguments.out / 'grasp.json').write_text(json.dumps(result, indent=2) + '\n')
-        from slip_detector.report.grasp_picture import draw_grasp
+    run_demonstration('slip_grasp', lambda: _demonstrate(arguments))
 
-        drawn = min(SHOWN, seeds[-1])
-        shown = heard.get(drawn)
-        draw_grasp(
-            arguments.out / 'grasp.png',
-            {name: mine[drawn] for name, mine in trials.items()},
-            parts,
-            grasp.limit_n,
-            {'position': shown.position, 'command': shown.command} if shown else {},
-            WANTED['worst_slide_mm'][0],
-        )
-        print(grasp_table(result))
-        print(f'Written: {arguments.out / "grasp.json"}, {arguments.out / "grasp.png"}')
-    except (KeyboardInterrupt, ExternalShutdownException):
-        sys.exit(130)
-    except (ValueError, RuntimeError, OSError) as error:
-        print(f'slip_grasp: {error}', file=sys.stderr)
-        sys.exit(1)
-    except Exception:
-        if rclpy.ok():
-            raise
-        sys.exit(130)  # A signal has shut the context down during a call.
-    finally:
-        rclpy.try_shutdown()
+
+def _demonstrate(arguments: argparse.Namespace) -> None:
+    config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
+    chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    seeds = list(range(arguments.seeds))
+    trials = {name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()}
+    parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
+    mine = trials[CONTROLLER][: arguments.live]
+    live, heard = through_nodes(
+        seeds[: arguments.live], config, arguments.out, mine, grasp.limit_n
+    )
+    result = {
+        'seeds': seeds,
+        'conditions': parts,
+        'transport_ms': TRANSPORT_S * 1e3,
+        **live,
+        'wanted': check_wanted(parts[CONTROLLER]),
+    }
+    (arguments.out / 'grasp.json').write_text(json.dumps(result, indent=2) + '\n')
+    from slip_detector.report.grasp_picture import draw_grasp
+
+    drawn = min(SHOWN, seeds[-1])
+    shown = heard.get(drawn)
+    draw_grasp(
+        arguments.out / 'grasp.png',
+        {name: mine[drawn] for name, mine in trials.items()},
+        parts,
+        grasp.limit_n,
+        {'position': shown.position, 'command': shown.command} if shown else {},
+        WANTED['worst_slide_mm'][0],
+    )
+    print(grasp_table(result))
+    print(f'Written: {arguments.out / "grasp.json"}, {arguments.out / "grasp.png"}')
 
 
 if __name__ == '__main__':

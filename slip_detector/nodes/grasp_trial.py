@@ -1,9 +1,5 @@
 """One grasp through the real nodes, as three processes, and what they publish of it."""
 
-import subprocess
-import sys
-import time
-from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,17 +10,15 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from slip_detector.nodes.demonstration import NodeProcesses
 from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
 
-#: The demonstration must not mix with the topics of a robot that runs beside it.
 NAMESPACE = 'slip_grasp'
 
 DRIVER = 'slip_driver'
 EXECUTABLES = ('slip_detector', 'grasp_controller', DRIVER)
 
 TRIAL_TIMEOUT_S = 120.0
-END_TIMEOUT_S = 10.0
-DRAIN_S = 0.3
 SPIN_S = 0.05
 
 #: A raise that comes later than this after an onset is the answer to something else.
@@ -129,41 +123,12 @@ def play_grasp(recorder: GraspRecorder, seed: int, config: Path, scene: Path) ->
     RuntimeError
         When one of them ends on its own, the driver before the scene does, or nothing is heard.
     """
-    ros = ['--ros-args', '-r', f'__ns:=/{NAMESPACE}', '--params-file', str(config)]
     words = {'scene': scene, 'seed': seed, 'wait_for_subscribers': 2, 'wait_for_grip': 'true'}
     of_driver = [word for name, value in words.items() for word in ('-p', f'{name}:={value}')]
-    processes: dict[str, subprocess.Popen[bytes]] = {}
     recorder.forget()
-    try:
-        for name in EXECUTABLES:
-            command = [sys.executable, '-m', 'slip_detector.nodes.run', name, *ros]
-            command += of_driver if name == DRIVER else []
-            processes[name] = subprocess.Popen(command)
-        deadline_s = time.monotonic() + TRIAL_TIMEOUT_S
-        while processes[DRIVER].poll() is None:
-            if time.monotonic() > deadline_s:
-                raise RuntimeError('waited in vain for the scene to end')
-            for name, process in processes.items():
-                if name != DRIVER and process.poll() is not None:
-                    raise RuntimeError(f'{name} ended with the exit code {process.returncode}')
-            recorder.receive()
-        if processes[DRIVER].returncode:
-            raise RuntimeError(f'{DRIVER} ended with the exit code {processes[DRIVER].returncode}')
-        deadline_s = time.monotonic() + DRAIN_S
-        while time.monotonic() < deadline_s:
-            recorder.receive()
-    finally:
-        _end(processes.values())
+    with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
+        for executable in EXECUTABLES:
+            own = of_driver if executable == DRIVER else []
+            nodes.start(executable, '--params-file', str(config), *own)
+        nodes.wait_for_end(DRIVER, 'the scene to end', TRIAL_TIMEOUT_S)
     return recorder.trial()
-
-
-def _end(processes: Iterable['subprocess.Popen[bytes]']) -> None:
-    for process in processes:
-        if process.poll() is None:
-            process.terminate()
-    for process in processes:
-        try:
-            process.wait(timeout=END_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
