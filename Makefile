@@ -31,6 +31,8 @@ COMPUTING_TESTS := $(CHAIN_TESTS) test/parameters test/recordings test/sources t
 # On all cores; a worker that has nothing left takes tests from another.
 PYTEST := -m pytest --numprocesses auto --dist worksteal
 
+# Python keeps what it has compiled: tests start many processes, and pytest compiles each test.
+export PYTHONDONTWRITEBYTECODE :=
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 

@@ -135,6 +135,8 @@ class Scene:
             np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
         )
         self._next = 0
+        #: The largest grip that was checked; what holds under it holds under a smaller one.
+        self._allowed_n = 0.0
         # Compiles the functions here, so that the first read does not wait for it.
         advance(self.drive(np.zeros((0, 2))), self.state, self.plan, False, np.zeros((0, 16)),
                 np.zeros(0), np.zeros(0), np.zeros(0))  # fmt: skip
@@ -158,8 +160,9 @@ class Scene:
         """
         if not 0.0 <= force_n <= 1000.0:
             raise ValueError(f'force_n is {force_n:g} N, allowed: 0 to 1000 N')
-        if 'friction' in self.parts:
+        if 'friction' in self.parts and force_n > self._allowed_n:
             check_grip(self.parts, 2.0 * force_n, f'a grip of {force_n:g} N')
+            self._allowed_n = force_n
         held = held_force(self.drive_numbers.force, self._next / self.true_rate_hz, force_n)
         self.drive_numbers = self.drive_numbers._replace(force=held)
 

@@ -60,15 +60,3 @@ def test_a_full_disk_is_said(tmp_path):
     assert ended.stderr == (
         'slip_evaluate: the output cannot be written (No space left on device)\n'
     )
-
-
-def test_it_needs_neither_ros_nor_a_plotting_library():
-    code = (
-        'import sys; before = set(sys.modules); import slip_detector.commands.evaluate; '
-        'print({"rclpy", "std_msgs", "matplotlib"} & (set(sys.modules) - before))'
-    )
-    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
-    ended = subprocess.run(
-        [sys.executable, '-c', code], env=environment, capture_output=True, text=True, check=True
-    )
-    assert ended.stdout.strip() == 'set()'

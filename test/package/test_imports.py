@@ -1,6 +1,7 @@
 """What may import what."""
 
 import functools
+import json
 import pkgutil
 import subprocess
 import sys
@@ -8,6 +9,8 @@ import sys
 import pytest
 
 import slip_detector
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.parameters.detector import ChainConfig
 
 CORE = tuple(
     sorted(
@@ -20,70 +23,91 @@ NODES = tuple(
     f'slip_detector.nodes.{name}' for name in ('detector', 'driver', 'grasp_controller', 'run')
 )
 
-WITHOUT = """
-import importlib, sys
-for name in {absent!r}:
-    sys.modules[name] = None
-for name in {modules!r}:
-    importlib.import_module(name)
-print(*sorted(sys.modules))
+ROS = {'rclpy', 'std_msgs', 'sensor_msgs', 'rcl_interfaces', 'builtin_interfaces'}
+ROS |= {'diagnostic_msgs', 'lifecycle_msgs'}
+
+#: Modules that are imported one group after the other, the report last.
+GROUPS = {
+    'chain': ('slip_detector.chain.slip_chain', 'slip_detector.parameters.detector'),
+    'recordings': ('slip_detector.recordings',),
+    'others': tuple(name for name in CORE if not name.startswith('slip_detector.report.')),
+    'core': CORE,
+}
+
+IMPORT = """
+import importlib, json, sys
+loaded = []
+for modules in {groups!r}:
+    for name in modules:
+        importlib.import_module(name)
+    loaded.append(sorted(sys.modules))
+print(json.dumps(loaded))
 """
 
 
 @functools.cache
-def loaded_by(modules, absent=()):
-    """Import the modules in a new interpreter and return all that came with them."""
-    code = WITHOUT.format(modules=modules, absent=absent)
+def loaded_by(*groups):
+    """Import groups of modules in a new interpreter; return all that is loaded after each."""
     done = subprocess.run(
-        [sys.executable, '-c', code], capture_output=True, text=True, check=False
+        [sys.executable, '-c', IMPORT.format(groups=groups)],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
-    return done.stdout.split()
+    return [set(loaded) for loaded in json.loads(done.stdout)]
+
+
+def loaded_after(group):
+    return dict(zip(GROUPS, loaded_by(*GROUPS.values()), strict=True))[group]
+
+
+def loaded_by_nodes():
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    (loaded,) = loaded_by(NODES)
+    return loaded
 
 
 def test_only_nodes_import_rclpy_and_messages():
-    ros = ('rclpy', 'std_msgs', 'sensor_msgs', 'rcl_interfaces', 'builtin_interfaces')
-    ros += ('diagnostic_msgs', 'lifecycle_msgs')
     assert len(CORE) >= 10
-    loaded_by(CORE, absent=ros)
+    assert loaded_after('core') > set(CORE)
+    assert loaded_after('core').isdisjoint(ROS)
 
 
 def test_the_nodes_do_without_plotting():
-    pytest.importorskip('rclpy', reason='needs rclpy')
-    assert 'matplotlib' not in loaded_by(NODES)
+    assert 'matplotlib' not in loaded_by_nodes()
 
 
 def test_the_nodes_load_pyserial_only_for_a_serial_port():
-    pytest.importorskip('rclpy', reason='needs rclpy')
-    assert 'serial' not in loaded_by(NODES)
+    assert 'serial' not in loaded_by_nodes()
 
 
 def test_the_nodes_do_without_reports():
-    pytest.importorskip('rclpy', reason='needs rclpy')
     of_reports = {f'slip_detector.report.{name}' for name in ('overview', 'page', 'page_data')}
     assert of_reports < set(CORE)
-    assert of_reports.isdisjoint(loaded_by(NODES))
+    assert of_reports.isdisjoint(loaded_by_nodes())
 
 
 def test_only_the_report_imports_a_plotting_library():
-    others = tuple(name for name in CORE if not name.startswith('slip_detector.report.'))
-    loaded_by(others, absent=('matplotlib',))
+    assert 'matplotlib' not in loaded_after('others')
+    assert 'matplotlib' in loaded_after('core')
 
 
-def test_the_chain_is_offered_by_the_package_and_loads_nothing_that_it_does_not_need():
-    code = 'import sys; from slip_detector import SlipChain, ChainConfig; print(*sys.modules)'
-    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    loaded = {name.split('.')[0] for name in done.stdout.split()}
+def test_the_chain_loads_nothing_that_it_does_not_need():
+    loaded = {name.split('.')[0] for name in loaded_after('chain')}
     assert {'slip_detector', 'numpy', 'scipy'} <= loaded
-    assert loaded.isdisjoint({'rclpy', 'std_msgs', 'matplotlib', 'optuna', 'rosbags'})
+    assert loaded.isdisjoint({*ROS, 'matplotlib', 'optuna', 'rosbags'})
     # Only what designs a filter for the first time needs it, see chain/design_cache.py.
-    assert 'scipy.signal' not in done.stdout.split()
+    assert 'scipy.signal' not in loaded_after('chain')
+
+
+def test_the_package_offers_the_chain():
+    assert slip_detector.SlipChain is SlipChain
+    assert slip_detector.ChainConfig is ChainConfig
 
 
 def test_only_bags_need_what_reads_them():
-    loaded = loaded_by(CORE, absent=('rosbags', 'lz4'))
-    assert 'slip_detector.recordings.bag_recording' in loaded
-    of_recordings = loaded_by(('slip_detector.recordings',))
-    assert 'slip_detector.recordings.npz_recording' in of_recordings
-    assert 'slip_detector.recordings.bag_recording' not in of_recordings
-    assert 'rosbags' not in loaded_by(CORE)
+    assert 'slip_detector.recordings.npz_recording' in loaded_after('recordings')
+    assert 'slip_detector.recordings.bag_recording' not in loaded_after('recordings')
+    assert 'slip_detector.recordings.bag_recording' in loaded_after('core')
+    assert loaded_after('core').isdisjoint({'rosbags', 'lz4'})
