@@ -5,6 +5,7 @@ import importlib
 import os
 import platform
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,13 +67,21 @@ def machine() -> dict[str, Any]:
     return {
         'cores': os.cpu_count(),
         'system': f'{platform.system()} {platform.release()}',
-        'processor': platform.processor() or platform.machine(),
+        'processor': _processor(),
         'python': platform.python_version(),
         'numpy': np.__version__,
         'scipy': scipy.__version__,
         'numba': importlib.import_module('numba').__version__ if COMPILED else None,
         'compiled': COMPILED,
     }
+
+
+def _processor() -> str:
+    """Return the name of the processor, where the system tells it, and its architecture."""
+    known = Path('/proc/cpuinfo')
+    lines = known.read_text().splitlines() if known.exists() else []
+    names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
+    return ', '.join([*names[:1], platform.machine()])
 
 
 def heading(figures: Mapping[str, Any]) -> str:

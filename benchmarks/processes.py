@@ -45,7 +45,12 @@ def last_line(text: str) -> str:
     return lines[-1] if lines else 'it wrote nothing'
 
 
-def figures_of_process(module: str, words: Sequence[str], timeout_s: float) -> dict[str, Any]:
+def figures_of_process(
+    module: str,
+    words: Sequence[str],
+    timeout_s: float,
+    environment: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
     """Run a module of the benchmarks as a process; return the JSON object that it prints.
 
     It has a session of its own: Ctrl-C reaches this process only, which then ends the other, and
@@ -59,7 +64,7 @@ def figures_of_process(module: str, words: Sequence[str], timeout_s: float) -> d
     process = subprocess.Popen(
         [sys.executable, '-m', module, *words],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=CHECKOUT,
-        env=ON_THIS_MACHINE | dict(os.environ), start_new_session=True,
+        env=ON_THIS_MACHINE | dict(os.environ) | dict(environment or {}), start_new_session=True,
     )  # fmt: skip
     try:
         output, errors = process.communicate(timeout=timeout_s)

@@ -1,5 +1,6 @@
 """The figures of the chain's speed as text."""
 
+from collections.abc import Callable
 from typing import Any
 
 from benchmarks.chain.speed import CHANNEL_COUNTS
@@ -12,20 +13,7 @@ def chain_speed_table(figures: dict[str, Any]) -> str:
     def claim(name: str) -> str:
         return claim_in_words(figures['wanted'][name])
 
-    part, tuned = figures['blocks'], figures['blocks']['tuned']
-    agreement = ', '.join(f'{name} {share:.5%}' for name, share in part['agreement'].items())
-    lines = [
-        f'Blocks       {part["rows"]:,} rows of {part["channels"]} channels, '
-        f'least of {part["rounds"]} rounds',
-        f'  SlipChain.update           {part["chain_ns_per_row"]:10.1f} ns a row',
-        f'  SciPy and NumPy            {part["numpy_ns_per_row"]:10.1f} ns a row',
-        f'  speed-up                   {part["speedup"]:10.2f} times  {claim("blocks.speedup")}',
-        f'  and with NumPy in place, both {tuned["rows_per_call"]:,} rows a call:',
-        f'    SlipChain.update         {tuned["chain_ns_per_row"]:10.1f} ns a row',
-        f'    SciPy and NumPy          {tuned["numpy_ns_per_row"]:10.1f} ns a row',
-        f'    speed-up                 {tuned["speedup"]:10.2f} times',
-        f'  equal decisions            {agreement} (slip in {part["slip_share"]:.0%} of the rows)',
-    ]
+    lines = _block_lines(figures['blocks'], claim)
     part = figures['one_row']
     peaks = ', '.join(f'{peak} at {n} channels' for n, peak in part['peak_bytes_per_call'].items())
     lines += [
@@ -57,4 +45,49 @@ def chain_speed_table(figures: dict[str, Any]) -> str:
         f'  worst ratio                {part["worst_ratio"]:10.2f} times  '
         f'{claim("channels.worst_ratio")}'
     )
+    lines.append(
+        f'  ratio of the most channels {part["last_ratio"]:10.2f} times  '
+        f'{claim("channels.last_ratio")}'
+    )
     return '\n'.join(lines)
+
+
+def _block_lines(part: dict[str, Any], claim: Callable[[str], str]) -> list[str]:
+    ns, agreement = part['ns_per_row'], part['agreement']
+    in_cpp = (
+        f'left out: {part["cpp_left_out"]}'
+        if part['cpp_ratio'] is None
+        else f'{ns["cpp_in_pieces"]:10.1f} ns a row, {part["cpp_command"]}'
+    )
+    lines = [
+        f'Blocks       {part["rows"]:,} rows of {part["channels"]} channels, '
+        f'least of {part["rounds"]} rounds; all rows in one call:',
+        f'  SlipChain.update           {ns["chain"]:10.1f} ns a row',
+        f'  SciPy and NumPy            {ns["numpy"]:10.1f} ns a row',
+        f'  speed-up                   {part["speedup"]:10.2f} times  {claim("blocks.speedup")}',
+        f'  envelope and level kept    {ns["kept"]:10.1f} ns a row',
+        f'  ratio to decisions alone   {part["whole_kept_ratio"]:10.2f} times  '
+        f'{claim("blocks.whole_kept_ratio")}',
+        f'  and {part["rows_per_call"]:,} rows a call:',
+        f'    SlipChain.update         {ns["chain_in_pieces"]:10.1f} ns a row',
+        f'    NumPy in place           {ns["in_place_in_pieces"]:10.1f} ns a row',
+        f'    speed-up                 {part["in_place_speedup"]:10.2f} times  '
+        f'{claim("blocks.in_place_speedup")}',
+        f'    C++                      {in_cpp}',
+    ]
+    if part['cpp_ratio'] is not None:
+        lines.append(
+            f'    run time over that       {part["cpp_ratio"]:10.2f} times  '
+            f'{claim("blocks.cpp_ratio")}'
+        )
+    for label, name in (('envelope and level kept', 'kept'), ('median as common mode', 'median')):
+        ratio = f'{name}_ratio'
+        lines += [
+            f'    {label:<23}  {ns[name + "_in_pieces"]:10.1f} ns a row',
+            f'    ratio to decisions alone {part[ratio]:10.2f} times  {claim("blocks." + ratio)}',
+        ]
+    shares = ', '.join(f'{rival} {share:.5%}' for rival, share in agreement.items())
+    return [
+        *lines,
+        f'  equal decisions            {shares} (slip in {part["slip_share"]:.0%} of the rows)',
+    ]

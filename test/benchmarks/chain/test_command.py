@@ -3,7 +3,9 @@
 import json
 
 from benchmarks.__main__ import main
+from benchmarks.chain.cpp_chain import NUMBA_WITHOUT_AVX512
 from benchmarks.chain.precision_table import chain_precision_table
+from benchmarks.chain.speed_table import chain_speed_table
 
 
 def test_the_command_prints_and_draws_the_precision_alone(
@@ -28,3 +30,25 @@ def test_a_picture_of_what_is_not_measured_is_an_error(capsys):
     error = capsys.readouterr().err
     assert error.startswith('benchmarks: --plot')
     assert error.count('\n') == 1
+
+
+def test_without_avx512_the_speed_is_measured_by_a_process_that_has_none(
+    chain_speed, monkeypatch, capsys
+):
+    asked = []
+
+    def figures_of_process(module, words, timeout_s, environment):
+        asked.append((module, words, environment))
+        return json.loads(json.dumps(chain_speed))
+
+    monkeypatch.setattr('benchmarks.chain.command.figures_of_process', figures_of_process)
+    words = ['chain', '--quick', '--part', 'speed', '--without-avx512']
+    assert main(words) == 0
+    assert asked == [
+        (
+            'benchmarks.chain.speed',
+            ['--quick'],
+            {'NUMBA_CPU_FEATURES': NUMBA_WITHOUT_AVX512},
+        )
+    ]
+    assert chain_speed_table(chain_speed) in capsys.readouterr().out

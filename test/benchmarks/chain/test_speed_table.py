@@ -10,7 +10,12 @@ def test_the_table_names_each_figure_with_its_bound(chain_speed):
         ('SciPy and NumPy', ''),
         ('one bare sosfilt', ''),
         ('speed-up', '>= 10'),
-        ('speed-up', '>= 8'),
+        ('speed-up', '>= 5'),
+        ('C++', ''),
+        ('ratio to decisions alone', '<= 1.5'),
+        ('ratio to decisions alone', '<= 2'),
+        ('speed-up', '>= 11'),
+        ('ratio of the most channels', '<= 0.8'),
         ('kept', '< 1'),
         ('temporary arrays', '< 1'),
         ('worst ratio', '<= 1.5'),
@@ -24,6 +29,15 @@ def test_the_table_names_each_figure_with_its_bound(chain_speed):
 
 def test_the_table_says_honestly_what_is_not_met(chain_speed):
     claims = {name: entry | {'met': False} for name, entry in chain_speed['wanted'].items()}
-    assert chain_speed_table(chain_speed | {'wanted': claims}).count('NOT met') == 5
+    measured = sum(entry['value'] is not None for entry in claims.values())
+    assert measured >= 10
+    assert chain_speed_table(chain_speed | {'wanted': claims}).count('NOT met') == measured
     claims = {name: entry | {'met': True} for name, entry in chain_speed['wanted'].items()}
     assert 'NOT met' not in chain_speed_table(chain_speed | {'wanted': claims})
+
+
+def test_without_a_compiler_the_table_says_why_there_is_no_cpp(chain_speed):
+    blocks = chain_speed['blocks'] | {'cpp_ratio': None, 'cpp_left_out': 'there is no compiler'}
+    text = chain_speed_table(chain_speed | {'blocks': blocks})
+    assert 'left out: there is no compiler' in text
+    assert 'run time over that' not in text

@@ -1,0 +1,127 @@
+"""The chain on blocks of rows against its rivals, all in turns.
+
+:func:`measure_blocks` gives the part ``blocks`` of :mod:`benchmarks.chain.speed`.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.chain.cpp_chain import CppChain, compiler_options, find_compiler
+from benchmarks.chain.numpy_chain import NumpyChain
+from benchmarks.timing import least_times_s
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.parameters.detector import ChainConfig
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+#: NumPy is fastest with about so many rows a call: all that a call touches stays in the
+#: second-level cache, and what a call costs by itself does not show.
+ROWS_PER_CALL = 4096
+
+#: Rounding differs between the sides, so a level next to the threshold may be above it for
+#: one and below it for the other; more such decisions than this are a fault.
+LEAST_AGREEMENT = 1 - 1e-5
+
+BASELINE_V = 4.3
+
+
+def swelling_noise_v(rows: int, n_channels: int, seed: int = 0) -> Floats:
+    """Make noise that swells and fades every 2 s (at 380 Hz), so that slip comes and goes."""
+    random = np.random.default_rng(seed)
+    swell_v = 0.02 * (1 + np.sin(2 * np.pi * np.arange(rows) / 760))
+    return np.asarray(BASELINE_V + swell_v[:, None] * random.standard_normal((rows, n_channels)))
+
+
+def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
+    """Measure all stages on rows of 16 channels, from volts to decisions.
+
+    Parameters
+    ----------
+    n_rows
+        How many.
+    rounds
+        How often the sides take turns.
+
+    Raises
+    ------
+    RuntimeError
+        When the chain and a rival decide differently.
+    """
+    config = ChainConfig()
+    rows = swelling_noise_v(n_rows, config.channels)
+    pieces = [rows[i : i + ROWS_PER_CALL] for i in range(0, len(rows), ROWS_PER_CALL)]
+    chain, median = SlipChain(config), SlipChain(ChainConfig(common_mode='median'))
+    plain, in_place = NumpyChain(config, rows[0]), NumpyChain(config, rows[0], in_place=True)
+    cpp, left_out = _cpp_chain(config)
+    mine = chain.update(rows)
+    ours = {name: getattr(mine, name) for name in ('slip', 'groups', 'channels')}
+    agreement = {
+        'numpy': _agreement(ours, dict(zip(ours, plain.update(rows), strict=True))),
+        'in_place': _agreement(ours, dict(zip(ours, in_place.update(rows), strict=True))),
+    }
+    if cpp:
+        agreement['cpp'] = _agreement({'flags': mine.flags}, {'flags': cpp.update(rows)})
+    if min(agreement.values()) < LEAST_AGREEMENT:
+        raise RuntimeError(f'the chain and its rivals decide differently: {agreement}')
+
+    def decisions(part: Floats) -> None:
+        chain.update(part, envelope=False, level=False)
+
+    sides: dict[str, Callable[[], None]] = {
+        'chain': _turn(decisions, [rows]),
+        'kept': _turn(chain.update, [rows]),
+        'numpy': _turn(plain.update, [rows]),
+        'chain_in_pieces': _turn(decisions, pieces),
+        'kept_in_pieces': _turn(chain.update, pieces),
+        'median_in_pieces': _turn(
+            lambda part: median.update(part, envelope=False, level=False), pieces
+        ),
+        'in_place_in_pieces': _turn(in_place.update, pieces),
+    }
+    if cpp:
+        sides['cpp_in_pieces'] = _turn(cpp.update, pieces)
+    times_s = least_times_s(list(sides.values()), rounds)
+    ns = {name: s / len(rows) * 1e9 for name, s in zip(sides, times_s, strict=True)}
+    in_pieces = ns['chain_in_pieces']
+    return {
+        'rows': len(rows),
+        'rows_per_call': min(ROWS_PER_CALL, len(rows)),
+        'channels': config.channels,
+        'rounds': rounds,
+        'agreement': agreement,
+        'slip_share': float(mine.slip.mean()),
+        'ns_per_row': ns,
+        'speedup': ns['numpy'] / ns['chain'],
+        'in_place_speedup': ns['in_place_in_pieces'] / in_pieces,
+        'cpp_ratio': in_pieces / ns['cpp_in_pieces'] if cpp else None,
+        'cpp_left_out': left_out,
+        'cpp_command': ' '.join([*find_compiler(), *compiler_options()]),
+        'kept_ratio': ns['kept_in_pieces'] / in_pieces,
+        'whole_kept_ratio': ns['kept'] / ns['chain'],
+        'median_ratio': ns['median_in_pieces'] / in_pieces,
+    }
+
+
+def _cpp_chain(config: ChainConfig) -> tuple[CppChain | None, str]:
+    """Return the chain in C++, or why it is left out."""
+    try:
+        return CppChain(config), ''
+    except RuntimeError as error:
+        return None, str(error)
+
+
+def _agreement(ours: Mapping[str, Bools], theirs: Mapping[str, Bools]) -> float:
+    """Return the share of equal decisions, of the kind where it is least."""
+    return min(float((ours[name] == theirs[name]).mean()) for name in ours)
+
+
+def _turn(update: Callable[[Floats], object], parts: list[Floats]) -> Callable[[], None]:
+    def run() -> None:
+        for part in parts:
+            update(part)
+
+    return run
