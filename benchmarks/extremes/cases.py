@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from benchmarks.scenes.integrators import METHODS
+from benchmarks.scenes.integrators import INTEGRATORS
 from slip_detector.scenes.free_object import FINGERS, STANDARD_GRAVITY_M_S2
 
 #: Touched, held, slid over, held, let go.
@@ -175,7 +175,7 @@ def cases() -> list[Case]:
         for mass in (1e-3, 1e-2, 0.2, 1.0, 10.0)
     ]
     rows.append(Case('coulomb', 'texture', {'friction': 'coulomb'}))
-    rows += [Case('coulomb', 'texture', {'friction': 'coulomb'}, method) for method in METHODS]
+    rows += [Case('coulomb', 'texture', {'friction': 'coulomb'}, method) for method in INTEGRATORS]
     return rows
 
 

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 EXPLICIT = ('RK45', 'DOP853')
 IMPLICIT = ('LSODA', 'BDF', 'Radau')
-METHODS = (*EXPLICIT, *IMPLICIT)
+INTEGRATORS = (*EXPLICIT, *IMPLICIT)
 
 #: Longest stable step of an explicit method, as a multiple of the time in which bristles settle:
 #: where its region of stability ends on the real axis.
@@ -73,8 +73,8 @@ def refuse_impossible(ode: Ode, method: str, span_s: tuple[float, float]) -> Non
     ValueError
         For an unknown method, and for an explicit one that would need too many steps.
     """
-    if method not in METHODS:
-        raise ValueError(f'unknown method {method}, allowed: {", ".join(METHODS)}')
+    if method not in INTEGRATORS:
+        raise ValueError(f'unknown method {method}, allowed: {", ".join(INTEGRATORS)}')
     if not ode.size:
         raise ValueError(
             'the scene has no friction and no low-pass: its volts are a closed form of the '
@@ -108,7 +108,7 @@ def solve(
     ode
         What to integrate.
     method
-        One of :data:`METHODS`.
+        One of :data:`INTEGRATORS`.
     rtol
         Relative tolerance.
     span

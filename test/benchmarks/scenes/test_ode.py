@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes.build import build_scene
-from benchmarks.scenes.integrators import METHODS, solve
+from benchmarks.scenes.integrators import INTEGRATORS, solve
 from benchmarks.scenes.ode import Ode
 from support.benchmark_scenes import PLATE, START_S, STEPS
 
 
-@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('method', INTEGRATORS)
 @pytest.mark.parametrize(
     ('description', 'said'),
     [
