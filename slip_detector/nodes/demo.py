@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -22,6 +23,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.recordings import write_recording
+from slip_detector.recordings.truth import states_at
 from slip_detector.sources import Source, open_source
 
 NAMESPACE = 'slip_demo'
@@ -66,6 +68,11 @@ class SlipRecorder(Node):
     def receives_all(self) -> bool:
         """Return whether each decision has been received: the detector is up and connected."""
         return all(self.changes[topic] for topic in self.topics)
+
+    def changes_of(self, topic: str) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return when the state of a topic changed, and the states."""
+        changes = self.changes[topic]
+        return np.array([at_s for at_s, _ in changes]), np.array([on for _, on in changes], bool)
 
     def _on_voltages(self, message: JointState) -> None:
         self.stamps_s.append(stamp_ns(message.header.stamp) * 1e-9)
@@ -125,12 +132,11 @@ def demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, An
     def delay_ms(topic: str) -> float | None:
         if not span_s:
             return None
-        changes = recorder.changes[topic]
-        times = np.array([at_s for at_s, _ in changes])
-        delay_s = first_on_delay_s(np.array([on for _, on in changes]), times, span_s[0])
+        at_s, states = recorder.changes_of(topic)
+        delay_s = first_on_delay_s(states, at_s, span_s[0])
         return None if delay_s is None else delay_s * 1e3
 
-    slip = state_at(recorder.changes['slip'], times_s)
+    slip = states_at(*recorder.changes_of('slip'), times_s)
     channels = {name: delay_ms(f'slip/channel/{name}') for name in config.names}
     mean, sd = mean_and_sd(channels.values())
     return {
@@ -162,12 +168,6 @@ def motion_span_s(recorder: SlipRecorder) -> tuple[float, float] | None:
         return None
     stamps_s = recorder.position_stamps_s
     return stamps_s[moved[0]], stamps_s[moved[-1] + 1]
-
-
-def state_at(changes: list[tuple[float, bool]], times_s: Any) -> Any:
-    """Return the state that a topic's last change before each time left."""
-    last = np.searchsorted([at_s for at_s, _ in changes], times_s, side='right') - 1
-    return np.array([on for _, on in changes])[np.maximum(last, 0)] & (last >= 0)
 
 
 def record_trial(path: str, source: Source, start_ns: int) -> None:
@@ -260,7 +260,7 @@ def _draw(recorder: SlipRecorder, config: DetectorConfig, path: Path) -> None:
     """Draw what was received, as the paper's Figs. 5 and 6."""
     from slip_detector.report.trial_pictures import draw_trial
 
-    times_s, changes = np.array(recorder.stamps_s), recorder.changes
+    times_s = np.array(recorder.stamps_s)
     span_s = motion_span_s(recorder)
     draw_trial(
         path,
@@ -268,10 +268,10 @@ def _draw(recorder: SlipRecorder, config: DetectorConfig, path: Path) -> None:
         np.array(recorder.rows),
         config,
         {
-            name: state_at(recorder.changes[f'slip/group/{name}'], times_s)
+            name: states_at(*recorder.changes_of(f'slip/group/{name}'), times_s)
             for name in config.groups
         },
-        state_at(changes['slip'], times_s),
+        states_at(*recorder.changes_of('slip'), times_s),
         (span_s[0] - times_s[0], span_s[1] - times_s[0]) if span_s else None,
     )
 

@@ -41,17 +41,17 @@ def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
     return np.asarray(label, dtype=bool).reshape(-1)
 
 
-def states_at(changes_ns: Stamps, states: Bools, at_ns: Stamps) -> Bools:
+def states_at(changed_at: NDArray[Any], states: Bools, at: NDArray[Any]) -> Bools:
     """Return the state at each time: that of the last change at or before it.
 
     Parameters
     ----------
-    changes_ns : ndarray of int, shape (k,)
+    changed_at : ndarray of int or float, shape (k,)
         Times at which the state was published, in rising order.
     states : ndarray of bool, shape (k,)
         The states.
-    at_ns : ndarray of int, shape (n,)
-        The times for which the state is wanted.
+    at : ndarray of int or float, shape (n,)
+        The times for which the state is wanted, in the same unit.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def states_at(changes_ns: Stamps, states: Bools, at_ns: Stamps) -> Bools:
     array([False,  True,  True, False])
     """
     from_none_on = np.concatenate([[False], states])
-    return np.asarray(from_none_on[np.searchsorted(changes_ns, at_ns, side='right')])
+    return np.asarray(from_none_on[np.searchsorted(changed_at, at, side='right')])
 
 
 class PlatformMotion:
