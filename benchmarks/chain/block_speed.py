@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.chain.cpp_chain import CppChain, compiler_options, find_compiler
 from benchmarks.chain.numpy_chain import NumpyChain
+from benchmarks.noise import swelling_noise_v
 from benchmarks.timing import least_times_s
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
@@ -25,15 +26,6 @@ ROWS_PER_CALL = 4096
 #: Rounding differs between the sides, so a level next to the threshold may be above it for
 #: one and below it for the other; more such decisions than this are a fault.
 LEAST_AGREEMENT = 1 - 1e-5
-
-BASELINE_V = 4.3
-
-
-def swelling_noise_v(rows: int, n_channels: int, seed: int = 0) -> Floats:
-    """Make noise that swells and fades every 2 s (at 380 Hz), so that slip comes and goes."""
-    random = np.random.default_rng(seed)
-    swell_v = 0.02 * (1 + np.sin(2 * np.pi * np.arange(rows) / 760))
-    return np.asarray(BASELINE_V + swell_v[:, None] * random.standard_normal((rows, n_channels)))
 
 
 def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:

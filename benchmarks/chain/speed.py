@@ -39,7 +39,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from benchmarks.chain.block_speed import measure_blocks, swelling_noise_v
+from benchmarks.chain.block_speed import measure_blocks
+from benchmarks.noise import swelling_noise_v
 from benchmarks.processes import print_figures
 from benchmarks.timing import garbage_collection_off, least_times_s
 from benchmarks.verdicts import verdicts

@@ -21,6 +21,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from benchmarks.noise import swelling_noise_v
 from benchmarks.processes import (
     memory_kib,
     nodes_running,
@@ -37,8 +38,8 @@ from slip_detector.recordings import write_recording
 START_TIMEOUT_S = 300.0
 SPIN_S = 0.2
 
-#: The noise in a recording, which is so much longer than the soak: to begin again takes its time.
-NOISE_V, NOISE_EXTRA_S = 0.02, 60.0
+#: A recording is so much longer than the soak: to begin again takes its time.
+NOISE_EXTRA_S = 60.0
 
 #: What the nodes compile, and discovery, are over after a minute, or after this share of a short
 #: soak.
@@ -125,12 +126,8 @@ def run_hand(
 
 def write_noise(folder: Path, sample_rate_hz: float, seconds: float) -> Path:
     """Write a recording of noise that swells and decays, so that decisions change; return it."""
-    config = DetectorConfig()
-    random = np.random.default_rng(0)
-    rows = round(seconds * sample_rate_hz)
-    swelling = 1.0 + np.sin(2 * np.pi * np.arange(rows) / sample_rate_hz)
-    noise = random.standard_normal((rows, config.channels))
-    volts = 4.0 + NOISE_V * swelling[:, None] * noise
+    config, rows = DetectorConfig(), round(seconds * sample_rate_hz)
+    volts = swelling_noise_v(rows, config.channels, period_rows=sample_rate_hz)
     stamps_ns = np.round(np.arange(rows) * 1e9 / sample_rate_hz).astype(np.int64)
     path = folder / 'noise.npz'
     write_recording(path, [Samples(volts, stamps_ns)], sample_rate_hz, config.names)

@@ -180,10 +180,10 @@ def record_trial(path: str, source: Source, start_ns: int) -> None:
     write_recording(path, pieces(), source.sample_rate_hz, source.channel_names)
 
 
-def rounded(value: Any) -> Any:
+def to_microseconds(value: Any) -> Any:
     """Round all figures to what a clock of a shared machine can tell."""
     if isinstance(value, dict):
-        return {name: rounded(item) for name, item in value.items()}
+        return {name: to_microseconds(item) for name, item in value.items()}
     return value if value is None else round(float(value), 3)
 
 
@@ -249,7 +249,7 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
     recorder, config = play(arguments, parameter_file)
     result = demo_figures(recorder, config)
-    (arguments.out / 'demo.json').write_text(json.dumps(rounded(result), indent=2) + '\n')
+    (arguments.out / 'demo.json').write_text(json.dumps(to_microseconds(result), indent=2) + '\n')
     _draw(recorder, config, arguments.out / 'demo.png')
     print(demo_table(result))
     written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from benchmarks.chain import cpp_chain
-from benchmarks.chain.block_speed import swelling_noise_v
 from benchmarks.chain.cpp_chain import (
     CPP_WITHOUT_AVX512,
     NUMBA_WITHOUT_AVX512,
@@ -15,6 +14,7 @@ from benchmarks.chain.cpp_chain import (
     compiler_options,
     find_compiler,
 )
+from benchmarks.noise import swelling_noise_v
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.chain.block_speed import swelling_noise_v
 from benchmarks.chain.numpy_chain import NumpyChain
+from benchmarks.noise import swelling_noise_v
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 
