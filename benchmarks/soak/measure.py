@@ -18,7 +18,7 @@
     by role, ``cpu_percent_total``.
 ``wanted``
     By claim, ``part.figure``: ``value``, ``bound``, ``met``; value and met are null where the part
-    was not measured.
+    was not measured, and met where nothing is judged.
 """
 
 from collections.abc import Sequence
@@ -91,7 +91,7 @@ def measure_soak(
     parts
         Which of ``PARTS``.
     quick
-        Whether each part runs for its short time.
+        Whether each part runs for its short time; nothing is judged then.
     seconds
         How long each part runs, if not for its own time.
 
@@ -113,4 +113,4 @@ def measure_soak(
     for claim in WANTED:
         name, figure = claim.split('.')
         values[claim] = figures[name][figure] if name in figures else None
-    return {**figures, 'wanted': verdicts(WANTED, values)}
+    return {**figures, 'wanted': verdicts(WANTED, values, judged=not quick)}
