@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.paper_figures import first_on_delay_s, mean_and_sd, percent
 from slip_detector.nodes.demonstration import NodeProcesses, run_demonstration
+from slip_detector.nodes.executor import SampleExecutor
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -37,62 +40,91 @@ RECORD_ROWS = 4096
 
 
 class SlipRecorder(Node):
-    """Subscribes to all topics of driver and detector and keeps what arrives, and when."""
+    """Subscribes to all topics of driver and detector and keeps what arrives, and when.
+
+    A message comes with the time at which the middleware of this process had it. It is kept as it
+    is until all have come: so what this process does of its own does not count as the nodes'
+    latency.
+
+    Attributes
+    ----------
+    stamps_s, rows : list
+        Of the samples: their own times, and volts.
+    position_stamps_s, positions_m : list of float
+        Of the plate.
+    latencies_s : list of float
+        From the stamp of each sample to the receipt of what was decided on it.
+    """
 
     def __init__(self, config: DetectorConfig) -> None:
         super().__init__('recorder', namespace=NAMESPACE)
-        self._own_executor = SingleThreadedExecutor()
-        self._own_executor.add_node(self)
-        self.stamps_s: list[float] = []
-        self.rows: list[Any] = []
-        self.position_stamps_s: list[float] = []
-        self.positions_m: list[float] = []
         self.latencies_s: list[float] = []
-        # Topic -> (time of receipt, state) of each change.
-        self.changes: dict[str, list[tuple[float, bool]]] = {}
-        self.create_subscription(JointState, 'voltages', self._on_voltages, sensor_qos())
-        self.create_subscription(JointState, 'platform_position', self._on_position, sensor_qos())
-        self.create_subscription(
-            JointState, 'slip_detector/envelope', self._on_envelope, sensor_qos()
-        )
+        # Topic -> (time of receipt, message) of each message.
+        self._received: dict[str, list[tuple[int, bytes]]] = {}
+        for topic in ('voltages', 'platform_position', 'slip_detector/envelope'):
+            self._keep(JointState, topic, sensor_qos())
         self.topics = ['slip']
         self.topics += [f'slip/group/{name}' for name in config.groups]
         self.topics += [f'slip/channel/{name}' for name in config.names]
         for topic in self.topics:
-            self.create_subscription(Bool, topic, self._noter(topic), state_qos(depth=1000))
+            self._keep(Bool, topic, state_qos(depth=1000))
+        self._own_executor = SampleExecutor([self])
 
     def receive(self) -> None:
-        """Take a message; none may come."""
+        """Take what has come; nothing may."""
         self._own_executor.spin_once(timeout_sec=SPIN_S)
+
+    def stop(self) -> None:
+        """Receive nothing more."""
+        self._own_executor.shutdown()
 
     def receives_all(self) -> bool:
         """Return whether each decision has been received: the detector is up and connected."""
-        return all(self.changes[topic] for topic in self.topics)
+        return all(self._received[topic] for topic in self.topics)
 
     def changes_of(self, topic: str) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return when the state of a topic changed, and the states."""
-        changes = self.changes[topic]
-        return np.array([at_s for at_s, _ in changes]), np.array([on for _, on in changes], bool)
+        received = self._messages(topic, Bool)
+        at_s = np.array([at_ns for at_ns, _ in received]) * 1e-9
+        states = np.array([message.data for _, message in received], bool)
+        changed = np.diff(states, prepend=~states[:1])
+        return at_s[changed], states[changed]
 
-    def _on_voltages(self, message: JointState) -> None:
-        self.stamps_s.append(stamp_ns(message.header.stamp) * 1e-9)
-        self.rows.append(message.position)
+    def read(self) -> None:
+        """Read all samples and envelopes that have come."""
+        samples = self._messages('voltages', JointState)
+        self.stamps_s = [stamp_ns(message.header.stamp) * 1e-9 for _, message in samples]
+        self.rows = [message.position for _, message in samples]
+        positions = self._messages('platform_position', JointState)
+        self.position_stamps_s = [
+            stamp_ns(message.header.stamp) * 1e-9 for _, message in positions
+        ]
+        self.positions_m = [message.position[0] for _, message in positions]
+        self.latencies_s = [
+            (at_ns - stamp_ns(message.header.stamp)) * 1e-9
+            for at_ns, message in self._messages('slip_detector/envelope', JointState)
+        ]
 
-    def _on_position(self, message: JointState) -> None:
-        self.position_stamps_s.append(stamp_ns(message.header.stamp) * 1e-9)
-        self.positions_m.append(message.position[0])
+    def _keep(self, message_type: Any, topic: str, qos: QoSProfile) -> None:
+        received = self._received[topic] = []
 
-    def _on_envelope(self, message: JointState) -> None:
-        self.latencies_s.append((time.time_ns() - stamp_ns(message.header.stamp)) * 1e-9)
+        def keep(raw: bytes, info: dict[str, int]) -> None:
+            received.append((info['received_timestamp'], raw))
 
-    def _noter(self, topic: str) -> Any:
-        changes = self.changes[topic] = []
+        self.create_subscription(
+            message_type,
+            topic,
+            keep,
+            qos,
+            # Each message would wake who waits for events, and there are none.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
+        )
 
-        def note(message: Bool) -> None:
-            if not changes or changes[-1][1] != message.data:
-                changes.append((time.time_ns() * 1e-9, message.data))
-
-        return note
+    def _messages(self, topic: str, message_type: Any) -> list[tuple[int, Any]]:
+        return [
+            (at_ns, deserialize_message(raw, message_type)) for at_ns, raw in self._received[topic]
+        ]
 
 
 def play(
@@ -102,16 +134,22 @@ def play(
     config = DetectorConfig.from_yaml(parameter_file)
     rclpy.init()
     recorder = SlipRecorder(config)
-    with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
-        nodes.start('slip_detector', '--params-file', str(parameter_file))
-        nodes.wait_until(recorder.receives_all, 'the detector to be heard', DISCOVERY_TIMEOUT_S)
-        nodes.start(
-            'slip_driver',
-            *('-p', 'wait_for_subscribers:=2'),
-            *('-p', f'seed:={arguments.seed}'),
-            *('-p', f'scene:={arguments.scene}'),
-        )
-        nodes.wait_for_end('slip_driver', 'the scene to end', SCENE_TIMEOUT_S)
+    try:
+        with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
+            nodes.start('slip_detector', '--params-file', str(parameter_file))
+            nodes.wait_until(
+                recorder.receives_all, 'the detector to be heard', DISCOVERY_TIMEOUT_S
+            )
+            nodes.start(
+                'slip_driver',
+                *('-p', 'wait_for_subscribers:=2'),
+                *('-p', f'seed:={arguments.seed}'),
+                *('-p', f'scene:={arguments.scene}'),
+            )
+            nodes.wait_for_end('slip_driver', 'the scene to end', SCENE_TIMEOUT_S)
+    finally:
+        recorder.stop()
+    recorder.read()
     return recorder, config
 
 

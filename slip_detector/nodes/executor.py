@@ -113,7 +113,11 @@ class SampleExecutor(SingleThreadedExecutor):
             self._find_due()
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """End the thread beside, then what rclpy ends."""
+        """End the thread beside, then what rclpy ends.
+
+        Who has spun and goes on to the end of the interpreter has to call this before: the end of
+        the interpreter does not go with a thread that waits for the middleware.
+        """
         self._stop = True
         if self._others is not None:
             self.create_task(lambda: None)  # It returns from its wait.

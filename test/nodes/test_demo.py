@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -13,8 +14,19 @@ from slip_detector.recordings import open_recording
 from slip_detector.sources import open_source
 from support.harness import DEADLINE_S
 
-pytest.importorskip('rclpy', reason='needs rclpy')
+rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 pytest.importorskip('rosbags', reason='needs rosbags')
+
+from sensor_msgs.msg import JointState  # noqa: E402
+
+from slip_detector.nodes.demo import SlipRecorder  # noqa: E402
+from slip_detector.nodes.messages import sensor_qos, time_message  # noqa: E402
+from slip_detector.nodes.rclpy_internals import WaitSet  # noqa: E402
+
+DEADLINE_NS = round(DEADLINE_S * 1e9)
+
+#: For so long the recorder takes nothing.
+HELD_UP_NS = 100_000_000
 
 
 def played(out, *words):
@@ -50,6 +62,38 @@ def test_every_figure_is_there_and_plausible(finished):
     assert min(channels) < figures['global_delay_ms'] <= max(figures['group_delay_ms'].values())
     assert 0.0 <= figures['false_positive_percent'] < 20.0
     assert 0.0 < figures['latency_ms']['median'] <= figures['latency_ms']['p99']
+
+
+def test_what_the_recorder_does_meanwhile_is_no_latency(bench):
+    rclpy.init(domain_id=bench.domain)
+    try:
+        recorder = SlipRecorder(DetectorConfig())
+        publisher = bench.node.create_publisher(
+            JointState, 'slip_demo/slip_detector/envelope', sensor_qos()
+        )
+        (subscription,) = (
+            each for each in recorder.subscriptions if each.topic_name.endswith('envelope')
+        )
+        bench.wait_for(
+            lambda: publisher.get_subscription_count() and subscription.get_publisher_count(),
+            'the recorder',
+        )
+        message = JointState()
+        sent_ns = time.time_ns()
+        message.header.stamp = time_message(sent_ns)
+        publisher.publish(message)
+        assert WaitSet([subscription], [], recorder.context).wait(DEADLINE_NS)
+        arrived_ns = time.time_ns()
+        # It is long there when the recorder takes it.
+        while time.time_ns() < arrived_ns + HELD_UP_NS:
+            bench.executor.spin_once(timeout_sec=0.01)
+        while not recorder.latencies_s:
+            recorder.receive()
+            recorder.read()
+        recorder.stop()
+        assert 0.0 < recorder.latencies_s[0] <= (arrived_ns - sent_ns) * 1e-9
+    finally:
+        rclpy.try_shutdown()
 
 
 def test_the_table_names_every_channel_group_and_figure(finished):
