@@ -46,7 +46,7 @@ ROUNDS = 5
 HOUR_ROWS = 3600 * 380
 
 
-def write_hour(path: Path, rows: int = HOUR_ROWS) -> None:
+def write_trials(path: Path, rows: int = HOUR_ROWS) -> None:
     """Write trials of the paper's protocol, one after the other, as a labelled recording.
 
     Parameters
@@ -82,7 +82,7 @@ def measure_evaluation(rows: int = HOUR_ROWS, rounds: int = ROUNDS) -> dict[str,
     evaluator = Evaluator(RecordingLoader(config, RecordingConfig(), EvaluationConfig()))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'hour.npz'
-        write_hour(path, rows)
+        write_trials(path, rows)
         figures = figures_of_merit([evaluator.evaluate(path).outcome])
         with np.load(path) as file:
             volts = file['volts']

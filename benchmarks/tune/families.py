@@ -67,7 +67,7 @@ def families() -> dict[str, list[dict[str, Any]]]:
     }
 
 
-def play(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> list[Track]:
+def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> list[Track]:
     """Play each scene once with each seed."""
     tracks = []
     for i, description in enumerate(descriptions):
@@ -124,8 +124,8 @@ def measure_families(
     result = {}
     settings = Settings()
     for name, descriptions in families().items():
-        verdict = tune_and_judge(play(descriptions, tuned_on), settings, trials, seed=0)
-        tracks = play(descriptions, reported_on)
+        verdict = tune_and_judge(play_scenes(descriptions, tuned_on), settings, trials, seed=0)
+        tracks = play_scenes(descriptions, reported_on)
         both = {}
         for which, chain in (('given', settings.chain), ('tuned', verdict.chain)):
             replay = Replay(chain, settings.evaluation, scores=False, stages=False)

@@ -29,7 +29,7 @@ from typing import Any
 
 from benchmarks.tune.evaluation_speed import measure_evaluation
 from benchmarks.tune.families import measure_families
-from benchmarks.tune.reading_speed import measure_reading, write_hour
+from benchmarks.tune.reading_speed import measure_reading, write_labelled_noise
 from benchmarks.tune.real_recordings import TRIALS, measure_real_recordings
 from benchmarks.tune.report_size import measure_report
 from benchmarks.tune.search_speed import measure_search
@@ -106,7 +106,7 @@ def _evaluate(quick: bool) -> dict[str, Any]:
 def _read(quick: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'hour.mcap'
-        write_hour(path, 30.0 if quick else 3600.0)
+        write_labelled_noise(path, 30.0 if quick else 3600.0)
         return measure_reading(path)
 
 

@@ -14,8 +14,8 @@ CHANNELS = 16
 RATE_HZ = 380.0
 
 
-def write_hour(path: 'str | Path', seconds: float = 3600.0) -> None:
-    """Write a recording of 16 channels at 380 Hz; an hour as .mcap takes some 500 MB.
+def write_labelled_noise(path: 'str | Path', seconds: float = 3600.0) -> None:
+    """Write noise of 16 channels at 380 Hz, with labels; an hour as .mcap takes some 500 MB.
 
     Parameters
     ----------

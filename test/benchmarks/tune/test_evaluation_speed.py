@@ -7,7 +7,7 @@ from benchmarks.tune import evaluation_speed
 
 
 def test_the_hour_is_labelled_trials_of_the_asked_length(tmp_path):
-    evaluation_speed.write_hour(tmp_path / 'hour.npz', rows=30_000)
+    evaluation_speed.write_trials(tmp_path / 'hour.npz', rows=30_000)
     with np.load(tmp_path / 'hour.npz') as file:
         assert file['volts'].shape == (30_000, 16)
         starts = np.flatnonzero(np.diff(file['slip'].astype(int)) == 1)

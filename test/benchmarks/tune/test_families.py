@@ -16,7 +16,7 @@ def test_the_families_are_what_their_names_say():
     ]
     assert periods == [[400e-6, 440e-6, 480e-6]] * 3
     assert all('tremor' in scene and 'hum' in scene for scene in list(by_name.values())[1])
-    (track,) = families.play(list(by_name.values())[2][:1], [0])
+    (track,) = families.play_scenes(list(by_name.values())[2][:1], [0])
     between = np.flatnonzero(track.kinds == SLIP)
     for tap_s in (*families.TAPS_S, families.ROLLING_S):
         assert not between[0] <= tap_s * 380.0 <= between[-1]

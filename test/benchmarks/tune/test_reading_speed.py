@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.tune.reading_speed import measure_reading, write_hour
+from benchmarks.tune.reading_speed import measure_reading, write_labelled_noise
 from slip_detector.recordings import open_recording
 
 
@@ -10,7 +10,7 @@ from slip_detector.recordings import open_recording
 def test_the_whole_recording_is_written_and_read(tmp_path, ending):
     pytest.importorskip('rosbags', reason='needs rosbags')
     path = tmp_path / f'a{ending}'
-    write_hour(path, seconds=30.0)
+    write_labelled_noise(path, seconds=30.0)
     recording = open_recording(path)
     pieces = list(recording.pieces(380.0))
     assert sum(len(piece.volts) for piece in pieces) == 11400
