@@ -42,7 +42,7 @@ PARTS = ('evaluate', 'read', 'search', 'report', 'families', 'real')
 WANTED = {
     'evaluate.ratio': Bound(high=4.0),
     'read.times_real_time': Bound(low=200.0),
-    'search.speedup': Bound(low=8.0),
+    'search.speedup': Bound(low=10.0),
     'report.bytes': Bound(high=10e6, strict=True),
     'report.ready_ms': Bound(high=3000.0),
     'families.better': Bound(low=3.0),

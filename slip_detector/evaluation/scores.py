@@ -26,16 +26,37 @@ _CLASSES = 1 << 18
 def _count(bits, kinds, table, used):  # type: ignore[no-untyped-def]
     """Count rows in the table by their kind and the class of their score.
 
-    ``bits`` are the bits of the scores; ``used`` is the lowest class in use, and the class after
-    the highest one in use.
+    ``bits`` are the bits of the scores; ``used`` is the lowest class in use above 0, and the class
+    after the highest one in use. Class 0, of rows before anything moves, is far below all others.
     """
     low, high = used[0], used[1]
     for k in range(bits.size):
         # The bits of positive floats have the same order as the floats.
         at = min(max((bits[k] >> _DROPPED_BITS) - _LOWEST_CLASS, 0), _CLASSES - 1)
         table[kinds[k], at] += 1
-        low, high = min(low, at), max(high, at + 1)
+        if at > 0:
+            low, high = min(low, at), max(high, at + 1)
     used[0], used[1] = low, high
+
+
+@compiled
+def _take(table, used):  # type: ignore[no-untyped-def]
+    """Return the classes that occur and their counts, and set all of them to 0."""
+    low, high = max(used[0], 1), used[1]
+    classes = np.empty(max(high - low, 0) + 1, np.int64)
+    many = 0
+    for place in range(low - 1, max(high, low)):
+        at = place if place >= low else 0
+        if table[0, at] or table[1, at] or table[2, at]:
+            classes[many] = at
+            many += 1
+    counts = np.empty((3, many), np.int64)
+    for kind in range(3):
+        for k in range(many):
+            counts[kind, k] = table[kind, classes[k]]
+            table[kind, classes[k]] = 0
+    used[0], used[1] = _CLASSES, 0
+    return classes[:many], counts
 
 
 class ScoreCounts:
@@ -98,7 +119,7 @@ class ScoreCounts:
         if not pairs:
             return None
         below = np.cumsum(negative) - 0.5 * negative
-        return float(positive @ below) / pairs
+        return float(np.sum(positive * below)) / pairs
 
     def roc(self, against: Iterable[int] = (REST, MOTION)) -> tuple[Floats, Floats, Floats]:
         """Return the ROC curve of slip against rows of other kinds.
@@ -157,10 +178,5 @@ class ScoreTally:
 
     def take(self) -> ScoreCounts:
         """Return the counts so far and start again from zero."""
-        low, high = self._used.tolist()
-        table = self._table[:, low:high]
-        classes = np.flatnonzero(table.any(axis=0))
-        counts = table[:, classes]
-        table[:] = 0
-        self._used[:] = _CLASSES, 0
-        return ScoreCounts(classes + low, counts)
+        classes, counts = _take(self._table, self._used)
+        return ScoreCounts(classes, counts)

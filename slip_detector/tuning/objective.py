@@ -141,6 +141,7 @@ class Objective:
         self._tracks, self._evaluation, self._config = tracks, evaluation, config
         self._given = given
         self._tally = ScoreTally()
+        self._scores = np.empty(max((len(track.volts) for track in tracks), default=0))
         self._outs: list[Floats | None] = [None] * len(tracks)
 
     def best(self, chain: ChainConfig) -> list[Candidate]:
@@ -202,9 +203,10 @@ class Objective:
         """
         for part, track in zip(statistic, self._tracks, strict=True):
             # The chain divides too: so the scores are those of an evaluation, to the bit.
-            self._tally.add(part / threshold, track.kinds)
-        scores = self._tally.take()
-        return scores.auc([MOTION] if scores.counts[MOTION].any() else (REST, MOTION))
+            scores = np.divide(part, threshold, out=self._scores[: part.size])
+            self._tally.add(scores, track.kinds)
+        counts = self._tally.take()
+        return counts.auc([MOTION] if counts.counts[MOTION].any() else (REST, MOTION))
 
     def _candidate(
         self,

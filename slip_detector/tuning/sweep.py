@@ -91,8 +91,16 @@ class VoteStatistics:
                 result = self._chain.update(
                     track.volts[rows], envelope=False, level=False, votes=self._votes
                 )
-                out[:, rows] = result.vote_statistic.T
+                _transpose(result.vote_statistic, out, start)
         return out
+
+
+@compiled
+def _transpose(statistics, out, start):
+    """Write rows of statistics, shape (n, votes), to columns of ``out`` from ``start`` on."""
+    for v in range(statistics.shape[1]):
+        for k in range(statistics.shape[0]):
+            out[v, start + k] = statistics[k, v]
 
 
 @compiled
@@ -120,6 +128,10 @@ def _sweep(statistic, limits, first_row, lows, highs, state, rises, false_alarms
         if above > before:
             row = first_row + r
             slip = slip_not_over(row, slip, highs)
+            if slip == lows.size or row < lows[slip]:  # in no slip's window
+                for t in range(before, above):
+                    false_alarms[t] += 1
+                continue
             for t in range(before, above):
                 if give_alarm(row, row, slip, lows, rises, t) == NONE:
                     false_alarms[t] += 1
