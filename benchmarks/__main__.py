@@ -17,8 +17,8 @@ if not __package__:
 
 from benchmarks.processes import exit_on_termination
 
-#: The subcommands. Each is a folder here, whose ``command.py`` has ``options()``, its parser, and
-#: ``run(words)``, which takes what the parser found and returns a ``Measurement``.
+#: The subcommands. Each is a folder here, whose ``command.py`` has ``options()``, which returns
+#: its parser, and ``run(words)``, which takes the parsed arguments and returns a ``Measurement``.
 COMMANDS = {
     'chain': 'run time and numerical error of the chain',
     'scenes': 'error of the simulated fingertip against run time',

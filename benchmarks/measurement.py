@@ -1,4 +1,4 @@
-"""What every subcommand has: its options, what it gives, and the machine it ran on."""
+"""What all subcommands share: options, the form of the result, and facts about the machine."""
 
 import argparse
 import importlib
@@ -20,9 +20,9 @@ class Measurement(NamedTuple):
     Attributes
     ----------
     figures : dict
-        What ``--json`` prints.
+        The object that ``--json`` prints.
     text : str
-        The same as tables.
+        The same figures as tables.
     """
 
     figures: dict[str, Any]
@@ -39,14 +39,16 @@ def shared_options(command: str, description: str, picture: str = '') -> argpars
     description
         What it measures.
     picture
-        File that ``--plot`` without a file writes; a subcommand that draws nothing has no such
-        option.
+        File that ``--plot`` writes when none is named. Empty for a subcommand that draws nothing
+        and has no ``--plot``.
     """
     options = argparse.ArgumentParser(
         prog=f'python -m benchmarks {command}', description=description
     )
     options.add_argument('--json', action='store_true', help='print one JSON object instead')
-    options.add_argument('--quick', action='store_true', help='short and rough: nothing to quote')
+    options.add_argument(
+        '--quick', action='store_true', help='short and inexact, not to be quoted'
+    )
     if picture:
         options.add_argument(
             '--plot', metavar='FILE', nargs='?', const=picture,
@@ -56,13 +58,13 @@ def shared_options(command: str, description: str, picture: str = '') -> argpars
 
 
 def machine() -> dict[str, Any]:
-    """Return what the figures depend on.
+    """Return the facts about machine and software on which run times depend.
 
     Returns
     -------
     dict
         ``cores``, ``system``, ``processor``, ``python``, ``numpy``, ``scipy``, ``numba`` (None
-        where it is missing) and ``compiled``.
+        when it is missing) and ``compiled``, whether the package runs with Numba.
     """
     return {
         'cores': os.cpu_count(),
@@ -85,12 +87,12 @@ def _processor() -> str:
 
 
 def heading(figures: Mapping[str, Any]) -> str:
-    """Return on which machine and how was measured: the first lines of the tables.
+    """Return the first lines of the tables: the machine, and how was measured.
 
     Parameters
     ----------
     figures
-        With ``machine`` and ``quick``.
+        With the keys ``machine`` and ``quick``.
     """
     facts = figures['machine']
     how = f'Numba {facts["numba"]}' if facts['compiled'] else 'no Numba: interpreted'
@@ -99,7 +101,7 @@ def heading(figures: Mapping[str, Any]) -> str:
             f'Machine      {facts["cores"]} cores, {facts["processor"]}, {facts["system"]}',
             f'             Python {facts["python"]}, NumPy {facts["numpy"]}, '
             f'SciPy {facts["scipy"]}, {how}',
-            'Ratios are of times taken in turns, the least of all rounds for each side'
+            'Ratios compare run times measured in turns, the shortest of all rounds for each side'
             + (' (--quick: few and short).' if figures['quick'] else '.'),
         )
     )

@@ -1,4 +1,4 @@
-"""Error against run time, as pictures."""
+"""Pictures of error against run time."""
 
 import math
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from slip_detector.report.pictures import COLORS, save_picture
 
-#: Of sample rates, or of methods.
+#: Markers for the sample rates, or for the methods.
 MARKERS = ('o', 's', '^', 'D', 'v', 'P')
 
 
@@ -23,7 +23,7 @@ def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
     path
         The picture to write.
     precision
-        Of :func:`benchmarks.chain.precision.measure_chain_precision`.
+        The figures of :func:`benchmarks.chain.precision.measure_chain_precision`.
     """
     figure, (work, low) = plt.subplots(ncols=2, figsize=(12, 5.2), layout='constrained')
     error_label = 'error of the level / its largest value'
@@ -31,7 +31,7 @@ def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
     colors = dict(zip(methods, COLORS, strict=False))
 
     def drawn(entry: Mapping[str, Any], method: str) -> float:
-        # Where no digit is right, how wrong the figures are does not matter.
+        # When not one digit is right, the size of the error means nothing.
         figures = entry['methods'][method]
         return 1.0 if figures['state'] else float(figures['error'])
 
@@ -90,7 +90,7 @@ def draw_scenes_precision(path: Path, figures: Mapping[str, Any]) -> None:
     path
         The picture to write.
     figures
-        Of :func:`benchmarks.scenes.measure.measure_scenes`.
+        The figures of :func:`benchmarks.scenes.measure.measure_scenes`.
     """
     entries = [entry for entry in figures['precision'] if entry['runs']]
     columns = min(3, max(len(entries), 1))
@@ -99,7 +99,7 @@ def draw_scenes_precision(path: Path, figures: Mapping[str, Any]) -> None:
         rows, columns, figsize=(4.2 * columns, 3.2 * rows + 0.6), sharex=True, sharey=True,
         squeeze=False, layout='constrained',
     )  # fmt: skip
-    # Black for the one that the others are compared with.
+    # Black is for the live stepper, with which the others are compared.
     names = ['live', 'LSODA', 'BDF', 'Radau', 'RK45', 'DOP853']
     colors = dict(zip(names, ('k', *COLORS), strict=False))
     markers = dict(zip(names, MARKERS, strict=True))
@@ -110,7 +110,7 @@ def draw_scenes_precision(path: Path, figures: Mapping[str, Any]) -> None:
         axis.axhline(1e3, color='0.6', linestyle='--', linewidth=1)
         for name in names:
             runs = [run for run in entry['runs'] if run['method'] == name and not run['said']]
-            # Of a stretch only: hollow.
+            # Runs over a stretch only have hollow markers.
             whole = max((run['over'][1] - run['over'][0] for run in entry['runs']), default=0.0)
             for full in (True, False):
                 some = [

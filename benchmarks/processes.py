@@ -17,18 +17,18 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 #: The nodes are on one machine and need no network.
 ON_THIS_MACHINE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
 
-#: For importing rclpy on a machine that is busy.
+#: Time for the import of rclpy, long enough for a busy machine.
 IMPORT_TIMEOUT_S = 120.0
 
-#: Between the request to end and the kill.
+#: Time that a node is given to end before it is killed.
 END_TIMEOUT_S = 10.0
 
-#: The same for a process that has to end others first.
+#: The same for a process that has nodes of its own to end first.
 SESSION_END_TIMEOUT_S = 15.0
 
 
 def why_not_ros() -> str:
-    """Return why the nodes cannot run here; empty where they can."""
+    """Return why the nodes cannot run on this machine; empty when they can."""
     # In a process of its own: importing rclpy may restart the interpreter.
     probe = subprocess.run(
         [sys.executable, '-c', 'import rclpy, sensor_msgs.msg, std_msgs.msg'],
@@ -53,8 +53,9 @@ def figures_of_process(
 ) -> dict[str, Any]:
     """Run a module of the benchmarks as a process; return the JSON object that it prints.
 
-    It has a session of its own: Ctrl-C reaches this process only, which then ends the other, and
-    that one its nodes, in their order; and nothing outlives a process that had to be killed.
+    The process has a session of its own. So Ctrl-C reaches only the caller, which ends the
+    process, which in turn ends its nodes in order; and when the process has to be killed, its
+    whole session is killed with it.
 
     Raises
     ------
@@ -102,7 +103,7 @@ def print_figures(measure: Callable[[], dict[str, Any]]) -> int:
 
 @contextlib.contextmanager
 def exit_on_termination(*signals: signal.Signals) -> Iterator[None]:
-    """Turn signals, SIGTERM unless others are given, into an exit that ends what was started."""
+    """Turn signals (default: SIGTERM) into SystemExit, so that started processes are ended."""
     before = {number: signal.signal(number, _exit) for number in signals or (signal.SIGTERM,)}
     try:
         yield
@@ -121,7 +122,7 @@ def nodes_running(
 ) -> 'Iterator[dict[str, subprocess.Popen[bytes]]]':
     """Start processes, by name; end them on the way out.
 
-    What they write on stdout is thrown away: only the process that measures prints there.
+    Their stdout is discarded: only the measuring process may print there.
     """
     processes: dict[str, subprocess.Popen[bytes]] = {}
     try:

@@ -1,8 +1,8 @@
-"""Times of things that take turns.
+"""Run times of functions that are measured in turns.
 
-A machine's speed differs from hour to hour; the ratio of two things that take turns hardly does.
-So every claim about speed is a ratio: the two sides take turns (A B A B ...), and the least time
-of each counts, which is the one that nothing disturbed.
+A machine's speed differs from hour to hour; the ratio of two run times measured in turns hardly
+does. So every claim about speed is a ratio: the sides take turns (A B A B ...), and the shortest
+time of each counts, as the one that was disturbed least.
 """
 
 import contextlib
@@ -12,16 +12,16 @@ from collections.abc import Callable, Iterator, Sequence
 
 
 def least_times_s(sides: Sequence[Callable[[], None]], rounds: int) -> list[float]:
-    """Let the sides take turns and return the least time of each.
+    """Run the sides in turns and return the shortest time of each.
 
-    Each side runs once before, unmeasured, so that its memory and caches are in place.
+    Each side first runs once unmeasured, so that its memory is allocated and its caches are warm.
 
     Parameters
     ----------
     sides
-        What is timed.
+        The functions to time.
     rounds
-        How often each side has its turn.
+        How often each side is run.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def least_times_s(sides: Sequence[Callable[[], None]], rounds: int) -> list[floa
 
 @contextlib.contextmanager
 def garbage_collection_off() -> Iterator[None]:
-    """Keep the garbage collector off within a block: it would run in one side only."""
+    """Switch the garbage collector off within a block; it would slow down only one side."""
     was_on = gc.isenabled()
     gc.collect()
     gc.disable()

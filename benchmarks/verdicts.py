@@ -1,4 +1,4 @@
-"""Whether the figures are as wanted."""
+"""Comparison of the measured figures with what is wanted of them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,13 +18,13 @@ def verdicts(
     values
         What was measured, by claim; None where it was not.
     judged
-        False for a measurement that is too short to be judged.
+        False when the measurement is too short to be judged.
 
     Returns
     -------
     dict
-        By claim ``value``, ``bound`` (as text) and ``met``; ``met`` is None where nothing was
-        measured or nothing is judged.
+        For each claim ``value``, ``bound`` (as text) and ``met``, which is None when nothing was
+        measured or judged.
 
     Examples
     --------
@@ -58,7 +58,7 @@ def verdict_in_words(verdict: Mapping[str, Any]) -> str:
 
 
 def claim_in_words(verdict: Mapping[str, Any]) -> str:
-    """Return what is wanted and whether it is met, to stand behind the figure.
+    """Return what is wanted and whether it is met, to be printed after the figure.
 
     Examples
     --------

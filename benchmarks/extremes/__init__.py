@@ -1,1 +1,1 @@
-"""The simulated fingertip in stiff and extreme cases."""
+"""Benchmark of the simulated fingertip in stiff and extreme cases."""

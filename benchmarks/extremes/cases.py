@@ -1,4 +1,4 @@
-"""The extreme scenes: each a short one that differs from a plain slide in a few numbers."""
+"""The extreme scenes: each is short and differs from a plain slide in a few numbers."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from benchmarks.scenes.integrators import INTEGRATORS
 from slip_detector.scenes.free_object import FINGERS, STANDARD_GRAVITY_M_S2
 
-#: Touched, held, slid over, held, let go.
+#: The plain slide: touch, hold, slide, hold, let go.
 STEPS = [
     {'duration_s': 0.05},
     {'duration_s': 0.05, 'force_n': 0.4},
@@ -32,13 +32,13 @@ class Case(NamedTuple):
     Attributes
     ----------
     case, setting : str
-        What is extreme, and how much.
+        What is extreme, and its value.
     more : mapping
-        Parts of the scene that differ; one that is None is left out.
+        Parts of the scene that differ; a part that is None is left out.
     method : str
-        What runs it.
+        ``live`` for the live stepper, or the integrator that is to refuse the scene.
     of_quick : bool
-        Whether ``--quick`` runs it, too.
+        Whether ``--quick`` runs it too.
     """
 
     case: str
@@ -49,7 +49,7 @@ class Case(NamedTuple):
 
 
 def moving(*velocities_m_s: float, seconds: float = 0.1) -> list[dict[str, float]]:
-    """Return steps that move with these velocities under a steady load."""
+    """Return steps that slide with these velocities under a constant load."""
     push = [{'duration_s': seconds, 'velocity_m_s': v} for v in velocities_m_s]
     return [*STEPS[:3], *push, *STEPS[4:]]
 
@@ -68,14 +68,14 @@ def held(mass_kg: float) -> dict[str, Any]:
             {'duration_s': 0.1, 'force_n': 0.0},
         ],
         'object': {'mass_kg': mass_kg},
-        # A light grip is to reach the taxels too: a contact of 4 mm at least.
+        # The contact reaches the taxels with a light grip too: its radius is at least 4 mm.
         'contact': {'radius_at_1n_m': max(5.4e-3, 4e-3 / grip_n ** (1 / 3))},
         'skin': {'damping_n_s_m': 1.0},
         'texture': None,
     }
 
 
-#: No Stribeck effect, which needs damping against it.
+#: Friction without the Stribeck effect, which needs damping.
 EVEN = {'kinetic_coefficient': 0.6, 'static_coefficient': 0.6}
 BARE = {'skin': {'mass_kg': 0.0, 'damping_n_s_m': 0.0}}
 SMOOTH = {'electronics': {'bandwidth_hz': 150.0}}
@@ -91,7 +91,7 @@ LIFT_OFF = [
 
 
 def cases() -> list[Case]:
-    """Return all cases but the hour."""
+    """Return all cases except the hour-long run."""
     rows = [
         Case('bristles', f'sigma0 {s:.0e} N/m', {'friction': {'bristle_stiffness_n_m': s}})
         for s in (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)
@@ -193,6 +193,6 @@ def description_of(case: Case) -> dict[str, Any]:
 
 
 def sliding_cycles(cycles: int) -> list[dict[str, float]]:
-    """Return steps that slide forth and back so many times, after a cycle's time of holding."""
+    """Return steps that hold for the time of one cycle, then slide forth and back."""
     begin = [{'duration_s': 0.5, 'force_n': 0.4}, {'duration_s': CYCLE_S - 0.5}]
     return [*begin, *(CYCLE * cycles)]

@@ -11,9 +11,9 @@ def options() -> argparse.ArgumentParser:
     """Return the parser of the subcommand."""
     return shared_options(
         'extremes',
-        'Run the simulated fingertip at its extremes: whether all stays finite and bounded, '
-        'whether friction creates energy, the error against a tight reference, and what is '
-        'refused in which words. --quick runs a minute in place of an hour.',
+        'Run the simulated fingertip in extreme cases: whether all results are finite and '
+        'bounded, whether friction creates energy, the error against a tight reference, and what '
+        'is refused with which message. --quick slides for a minute instead of an hour.',
     )
 
 

@@ -1,29 +1,29 @@
-"""The simulated fingertip at its extremes: what stays finite and exact, and what is refused.
+"""The simulated fingertip in extreme cases: whether it stays finite and exact, or is refused.
 
 Each case is a short scene, run by the live stepper with its shipped step unless the case says
 otherwise. The reference is LSODA at a relative tolerance of 1e-9 (SciPy's, see
-:mod:`benchmarks.scenes.integrators`), checked by BDF at 1e-8; where neither can do it, the live
-stepper with steps 16 times as short, and the row says so.
+:mod:`benchmarks.scenes.integrators`), checked by BDF at 1e-8. When neither can solve a scene, its
+reference is the live stepper with steps 16 times as short, and the row says so.
 
 :func:`measure_extremes` gives one object (keys of ``python -m benchmarks extremes --json``):
 
 ``extremes``
-    One object a case: ``case``, ``setting``, ``method``; ``said``: the line with which it is
-    refused before it starts, else empty, and then null for the rest; ``finite``: of all that came
-    out; ``shear_share``: the largest shear of a taxel as a share of the static friction under the
-    largest load it has had; ``volts_share``: the largest voltage as a share of what loads, ridges
-    and friction allow; ``bounded``: both at most 1 (with mass the skin may overshoot: 2);
-    ``energy_created``: by how much the energy stored in the friction has ever exceeded the work
-    done on it, as a share of all work (a step's work and the energy it stores differ by up to
-    0.05 sigma0 (h w)^2, which does not add up: the quadrature of a method of second order);
-    ``voltage_error``: worst, as a share of the range of the
+    One object for each case: ``case``, ``setting``, ``method``; ``said``: the message with which
+    it is refused before it starts (the rest is then null), else empty; ``finite``: whether all
+    results are; ``shear_share``: the largest shear of a taxel as a share of the static friction
+    under its largest load; ``volts_share``: the largest voltage as a share of what loads, ridges
+    and friction allow; ``bounded``: whether both are at most 1 (2 for skin with mass, which may
+    overshoot); ``energy_created``: the most by which the energy stored in the friction has
+    exceeded the work done on it, as a share of all work (the work of a step and the energy that it
+    stores differ by up to 0.05 sigma0 (h w)^2, the quadrature error of a method of second order,
+    which does not accumulate); ``voltage_error``: the worst, as a share of the range of the
     reference's volts; ``position_error_m`` of an object until it is lost; ``reference``: its
-    method; ``reference_error``: what its check differs by.
+    method; ``reference_error``: how far its check differs from it.
 ``hour``
-    One hour of sliding forth and back, at rest in between: ``simulated_s``, ``cycles``,
-    ``drift``: the largest difference of the volts of the last cycle from those of the second, as
-    a share of their range; ``work_growth``: the same for the work of a cycle; ``finite`` and
-    ``energy_created`` as above. With ``--quick`` it is a minute.
+    One hour of sliding forth and back, with rests (one minute with ``--quick``): ``simulated_s``,
+    ``cycles``; ``drift``: the largest difference of the volts of the last cycle from those of the
+    second, as a share of their range; ``work_growth``: the relative difference of the work of
+    these cycles; ``finite`` and ``energy_created`` as above.
 ``wanted``
     For each claim its measured ``value``, the ``bound`` as text and whether it is ``met``.
 """
@@ -64,11 +64,11 @@ WANTED = {
 
 ALL = 10**9
 
-#: References by method and tolerance, and the time each may take.
+#: Methods and relative tolerances of the references, and the processor time that each is given.
 REFERENCES = (('LSODA', 1e-9), ('BDF', 1e-8))
 REFERENCE_S = 12.0
 
-#: Where no other method can be the reference, steps are so many times as short.
+#: Without another method as the reference, it is the live stepper with this many times the steps.
 FINER = 16
 
 HOUR_S, MINUTE_S = 3600.0, 60.0
@@ -81,7 +81,7 @@ def measure_extremes(quick: bool = False) -> dict[str, Any]:
     Parameters
     ----------
     quick
-        Without the cases whose references are slow, and a minute in place of the hour.
+        Leave out the cases with slow references, and slide for a minute instead of an hour.
     """
     rows = [measure_case(case) for case in cases() if case.of_quick or not quick]
     hour = measure_long_run(MINUTE_S if quick else HOUR_S)
@@ -102,9 +102,9 @@ def measure_case(case: Case, with_reference: bool = True) -> dict[str, Any]:
     Parameters
     ----------
     case
-        Of :func:`benchmarks.extremes.cases.cases`.
+        One of :func:`benchmarks.extremes.cases.cases`.
     with_reference
-        Whether to compare it with a reference; the errors are None without.
+        Whether to compare the case with a reference; without one the errors are None.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def measure_case(case: Case, with_reference: bool = True) -> dict[str, Any]:
     Raises
     ------
     RuntimeError
-        When a method that was to refuse the scene does not.
+        When a method that has to refuse the scene does not.
     """
     row: dict[str, Any] = {
         'case': case.case, 'setting': case.setting, 'method': case.method, 'said': '',
@@ -127,7 +127,7 @@ def measure_case(case: Case, with_reference: bool = True) -> dict[str, Any]:
         scene = build_scene(description)
         if case.method != 'live':
             refuse_impossible(Ode(scene), case.method, (0.0, scene.duration_s))
-            raise RuntimeError(f'{case.method} was to refuse {case.case}, {case.setting}')
+            raise RuntimeError(f'{case.method} did not refuse {case.case}, {case.setting}')
     except ValueError as error:
         return row | {'said': str(error)}
     ledger = np.zeros(3)
@@ -157,7 +157,7 @@ def measure_case(case: Case, with_reference: bool = True) -> dict[str, Any]:
 
 
 def _reference(description: Mapping[str, Any]) -> tuple[Solution, str, float | None]:
-    """Return a reference, its name, and what its check differs by."""
+    """Return a reference, its name, and how far its check differs from it."""
     solutions: list[tuple[Solution, str]] = []
     try:
         ode = Ode(build_scene(description))
@@ -188,7 +188,7 @@ def _reference(description: Mapping[str, Any]) -> tuple[Solution, str, float | N
 
 
 def _created(ledger: Floats) -> float:
-    """Return by how much friction gave back more than it took, as a share of the work on it."""
+    """Return the energy that friction gave back in excess, as a share of the work done on it."""
     return max(0.0, -float(ledger[LEAST])) / max(float(ledger[WORK]), 1e-300)
 
 
@@ -210,7 +210,7 @@ def _shares(scene: Scene, clean_v: Floats, shear_n: Floats) -> tuple[float, floa
 
 
 def measure_long_run(simulated_s: float) -> dict[str, Any]:
-    """Slide forth and back for long, and compare the last cycle with the second."""
+    """Slide forth and back for a long time, and compare the last cycle with the second."""
     cycles = round(simulated_s / CYCLE_S) - 1
     scene = build_scene(
         {

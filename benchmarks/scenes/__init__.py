@@ -1,1 +1,1 @@
-"""The simulated fingertip: its error against run time, beside SciPy's integrators."""
+"""Benchmark of the simulated fingertip: error against run time, compared with SciPy."""

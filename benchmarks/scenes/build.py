@@ -1,4 +1,4 @@
-"""Scenes as the measurements need them: built again and again, each time the same."""
+"""Scenes for the measurements, which build the same scene many times."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,14 +9,14 @@ from slip_detector.scenes import Scene
 
 
 def build_scene(description: Mapping[str, Any], **more: Any) -> Scene:
-    """Build a scene at its beginning; all have the same seed.
+    """Build a scene, always with the same seed.
 
     Parameters
     ----------
     description
-        As in a scene's file.
+        The content of a scene file.
     **more
-        Parts or settings that take the place of those in the description.
+        Parts or settings that replace those of the description.
 
     Examples
     --------

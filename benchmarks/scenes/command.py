@@ -14,19 +14,23 @@ def options() -> argparse.ArgumentParser:
     parser = shared_options(
         'scenes',
         "Measure errors and run times of the live stepper and of SciPy's integrators on the "
-        'shipped scenes against a tight reference, and what each part of a scene costs. Says of '
-        'each figure what is wanted and whether it is met; the exit code is 0 either way.',
+        'shipped scenes against a tight reference, and the run time of each part of a scene. '
+        'Prints what is wanted and whether it is met; the exit code is 0 either way.',
         picture='out/scenes_work_precision.png',
     )
     parser.add_argument(
-        '--scene', action='append', default=[], metavar='NAME', help='only this one; repeatable'
+        '--scene',
+        action='append',
+        default=[],
+        metavar='NAME',
+        help='measure only this scene; repeatable',
     )
     return parser
 
 
 def run(words: argparse.Namespace) -> Measurement:
     """Measure the scenes."""
-    # What cannot be written is said before the measurement.
+    # A picture that cannot be written is reported before the measurement, not after it.
     picture = writable_picture(words.plot) if words.plot else None
     figures = {'machine': machine(), 'quick': words.quick}
     figures |= measure_scenes(words.quick, words.scene)

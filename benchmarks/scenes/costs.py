@@ -1,4 +1,4 @@
-"""What a scene costs: all of it, each of its parts, and its slowest read."""
+"""The run time of a scene, of each of its parts, and of its slowest read."""
 
 import math
 import time
@@ -16,18 +16,18 @@ from slip_detector.scenes.parts import PARTS
 
 Floats = NDArray[np.float64]
 
-#: Live drivers read so many rows at most in one go.
+#: Number of rows that a live driver reads at once, at most.
 PACE_ROWS = 32
 
-#: What a part costs is measured in pieces of so many rows.
+#: Number of rows in the pieces in which the run time of the parts is measured.
 PIECE_ROWS = 95
 
-#: What is always there; leaving it out gives it defaults.
+#: Parts that every scene has: left out of the description, they have their defaults.
 ALWAYS = ('motion', 'contact', 'skin', 'electronics')
 
 
 def scene_costs(path: Path, sizes: SceneSizes) -> dict[str, Any]:
-    """Measure the run time of one scene, and of the same without each of its parts."""
+    """Measure the run time of a scene, and of the scene without each of its parts."""
     description = read_yaml(path)
     scene = build_scene(description)
     parts = [name for name in description if name in PARTS]
@@ -43,8 +43,8 @@ def scene_costs(path: Path, sizes: SceneSizes) -> dict[str, Any]:
         else:
             sides[part] = left
 
-    # The sides take turns piece by piece, and of each piece the least time counts: what else
-    # the machine does differs from moment to moment.
+    # The sides take turns piece by piece, and the shortest time of each piece counts, because the
+    # load of the machine changes from moment to moment.
     pieces = range(0, scene.length, PIECE_ROWS)
     least_s = np.full((len(sides), len(pieces)), math.inf)
     for _ in range(sizes.cost_rounds):
@@ -70,7 +70,7 @@ def scene_costs(path: Path, sizes: SceneSizes) -> dict[str, Any]:
 
 
 def read_pace(path: Path, sizes: SceneSizes) -> dict[str, Any]:
-    """Measure how long reads of a few rows take, as a share of the time that these last."""
+    """Measure how long reads of a few rows take, as a share of the time that the rows span."""
     least: Floats | None = None
     for _ in range(sizes.rounds):
         scene = build_scene(read_yaml(path))
@@ -82,7 +82,7 @@ def read_pace(path: Path, sizes: SceneSizes) -> dict[str, Any]:
                 if n < PACE_ROWS:
                     break
                 taken.append(time.perf_counter() - start_s)
-        # What else the machine did is in one round and not in the others.
+        # A disturbance by other programs is in one round only, so the minimum is free of it.
         least = np.array(taken) if least is None else np.minimum(least, taken)
     lasts_s = PACE_ROWS / scene.sample_rate_hz
     assert least is not None

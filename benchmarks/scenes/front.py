@@ -1,4 +1,4 @@
-"""The fastest method for an error: the live stepper's time against that of all others."""
+"""Comparison of the live stepper with the fastest other method at the same error."""
 
 import math
 from typing import Any
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: From this error on the live stepper is wanted to be on the front.
+#: At this error and above, the live stepper is wanted to be the fastest.
 FRONT_ERROR = 1e-3
 
 #: An error of 0 has no logarithm.
@@ -18,9 +18,9 @@ LEAST_ERROR = 1e-16
 def front_ratio(runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Compare the live stepper with all other methods at errors of ``FRONT_ERROR`` and above.
 
-    The time that a method takes for an error is that of its fastest run which errs no more, and
-    between two runs the straight line in logarithms. A rival's runs count where they err by 1e-3
-    and more, and its line at 1e-3.
+    A method's time for an error is that of its fastest run with no larger error; between two runs
+    it is interpolated linearly in the logarithms. The methods are compared at ``FRONT_ERROR`` and
+    at the error of each run of the other method that is larger.
     """
     live = _envelope([run for run in runs if run['method'] == 'live'])
     worst: dict[str, Any] = {'ratio': None, 'against': ''}
@@ -40,7 +40,7 @@ def front_ratio(runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _envelope(runs: list[dict[str, Any]]) -> Floats:
-    """Return errors, falling, and run times, rising, of the runs that no other beats in both."""
+    """Return errors (falling) and run times (rising) of the runs that no other beats in both."""
     points = sorted(
         (run['run_time_per_s'], run['voltage_error']) for run in runs if not run['said']
     )
@@ -52,7 +52,7 @@ def _envelope(runs: list[dict[str, Any]]) -> Floats:
 
 
 def _time_at(error: float, envelope: Floats) -> float | None:
-    """Return the run time for an error; None where it is too small."""
+    """Return the run time for an error; None when no run has so small an error."""
     errors, times = envelope[::-1].T  # errors rise
     if error < errors[0]:
         return None

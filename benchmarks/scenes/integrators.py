@@ -1,4 +1,4 @@
-"""A scene solved by SciPy's integrators, which the live stepper is measured against."""
+"""A scene solved by SciPy's integrators, with which the live stepper is compared."""
 
 import math
 import time
@@ -23,16 +23,16 @@ INTEGRATORS = (*EXPLICIT, *IMPLICIT)
 #: where its region of stability ends on the real axis.
 EXPLICIT_REACH = {'RK45': 3.3, 'DOP853': 6.0}
 
-#: More steps than these take ten minutes and more.
+#: An explicit method that needs more steps is refused: they would take over ten minutes.
 MOST_EXPLICIT_STEPS = 5e6
 
-#: A taxel has begun to slip when the surface has passed so much further over it than at the
+#: A taxel has begun to slip when the surface has passed this much further over it than at the
 #: start of the motion.
 ONSET_M = 10e-6
 
 
 class Solution(NamedTuple):
-    """The solution of a scene, by an integrator.
+    """The solution of a scene by an integrator.
 
     Attributes
     ----------
@@ -40,14 +40,14 @@ class Solution(NamedTuple):
     clean_v : ndarray, shape (n, 16)
     position_m : ndarray, shape (n,)
     onset_s : ndarray, shape (16,)
-        When each taxel has begun to slip; NaN where it has not.
+        When each taxel began to slip; NaN for one that did not.
     lost_s : float
-        When the object was lost, with which the solution ends; infinite where it was not.
+        When the object was lost, where the solution ends; infinite when it was not lost.
     states : ndarray, shape (n, states)
     run_time_s : float
-        Time of the processor.
+        Processor time.
     steps, calls : int
-        Steps of the method, and how often it asked for the rates.
+        Number of the method's steps, and of its evaluations of the rates.
     """
 
     time_s: Floats
@@ -62,7 +62,7 @@ class Solution(NamedTuple):
 
 
 class BudgetSpentError(RuntimeError):
-    """A method has used up the time that it was given."""
+    """A method took more time than it was given."""
 
 
 def refuse_impossible(ode: Ode, method: str, span_s: tuple[float, float]) -> None:
@@ -99,7 +99,7 @@ def solve(
     start: Floats | None = None,
     budget_s: float = math.inf,
 ) -> Solution:
-    """Integrate from corner to corner.
+    """Integrate a scene, beginning anew at each corner of its drive.
 
     The absolute tolerance of each state is ``rtol`` times its scale.
 
@@ -112,18 +112,18 @@ def solve(
     rtol
         Relative tolerance.
     span
-        First and last sample, all without.
+        First and last sample; None: all samples.
     start : ndarray, shape (size,), optional
         State at the first sample.
     budget_s
-        Time of the processor after which to give up.
+        Processor time after which to give up.
 
     Raises
     ------
     ValueError
-        When the method cannot do it; before anything is computed.
+        When the method cannot solve the scene; raised before anything is computed.
     BudgetSpentError
-        When the time is over.
+        When the time is used up.
     RuntimeError
         When the method fails or its states are not finite.
     """
@@ -192,7 +192,7 @@ def solve(
 
 
 def _crossing(dense: Any, solver: Any, far: Callable[..., float]) -> float:
-    """Return when within the last step a quantity has gone from below to above zero."""
+    """Return when, within the last step, a quantity rose above zero."""
     first, last = float(solver.t_old), float(solver.t)
     if far(first, dense(first)) >= 0.0:
         return first
@@ -202,7 +202,7 @@ def _crossing(dense: Any, solver: Any, far: Callable[..., float]) -> float:
 
 
 def _solver(ode: Ode, method: str, rtol: float, t: float, y: Floats, end: float) -> Any:
-    """Make SciPy's solver, with the Jacobian or its bands where it takes them."""
+    """Make SciPy's solver, with the Jacobian or its bands if it accepts them."""
     options: dict[str, Any] = {'rtol': rtol, 'atol': rtol * ode.scales}
     if method in ('BDF', 'Radau') or (method == 'LSODA' and ode.with_object):
         options['jac'] = ode.jacobian
@@ -212,16 +212,17 @@ def _solver(ode: Ode, method: str, rtol: float, t: float, y: Floats, end: float)
 
 
 def live_onset_s(scene: Scene, ode: Ode, rows_per_read: int = 20_000) -> Floats:
-    """Return when each taxel begins to slip, by the live stepper.
+    """Return when each taxel begins to slip in the live stepper.
 
     Parameters
     ----------
     scene
-        Of :func:`showing_shears`, at its beginning: each of its samples is a step.
+        A scene of :func:`showing_shears`, nothing of which has been read; each of its samples is
+        one step.
     ode
-        Of the same mechanics.
+        The differential equation of the same scene.
     rows_per_read
-        How many steps are held at a time.
+        How many steps are kept in memory at a time.
 
     Returns
     -------
@@ -261,7 +262,7 @@ def live_onset_s(scene: Scene, ode: Ode, rows_per_read: int = 20_000) -> Floats:
 
 
 def showing_shears(description: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
-    """Return a scene of the same mechanics whose volts are shears, one sample for each step."""
+    """Return the same scene with the shears as its volts, and one sample for each step."""
     steps_hz = scene.plan.steps_per_sample * scene.sample_rate_hz
     kept = {
         name: part for name, part in description.items() if name not in ('texture', 'roughness')

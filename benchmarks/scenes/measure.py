@@ -2,15 +2,15 @@
 
 The reference of each scene is a tight-tolerance implicit solution, checked by a second method.
 Voltage errors are the worst over samples and channels, as a share of the range of the
-reference's volts (clean: without baselines, noise and faults); an onset is when the surface has
-passed 10 um further over a taxel than at the start of the motion; the object's position is that
-until it is lost. Run times are of the processor, on one core, without compiling, with all that
-makes the volts of the samples; those of SciPy's methods with the equations, their Jacobian and
-their drive compiled, and tolerances in shares of each state's own scale.
+reference's volts (clean: without baselines, noise and faults). An onset is when the surface has
+passed 10 um further over a taxel than at the start of the motion. The object's position counts
+until the object is lost. Run times are processor times on one core, without compilation, and
+include everything that makes the volts of the samples. For SciPy's methods the equations, their
+Jacobian and their drive are compiled, and the tolerances are relative to each state's own scale.
 
-A method that cannot do the whole scene within its budget does a stretch of it about the start of
-the motion, from the state of the reference there; explicit methods do only that, as the stiff
-bristles limit their steps everywhere.
+A method that cannot solve the whole scene within its budget solves a stretch of it about the start
+of the motion, beginning with the state of the reference there. Explicit methods solve only this
+stretch, because the stiff bristles limit their steps everywhere.
 
 :func:`measure_scenes` gives one object (keys of ``python -m benchmarks scenes --json``):
 
@@ -19,21 +19,22 @@ bristles limit their steps everywhere.
     equation), ``note`` (why there is nothing to compare, else empty), ``range_v``, ``reference``
     with ``method``, ``check``, ``rtol`` and the differences of the two: ``voltage_error``,
     ``onset_error_s``, ``position_error_m``; and ``runs``: ``method`` (``live`` is the live
-    stepper), ``setting``, ``over`` (seconds from, to), ``voltage_error``, ``onset_error_s``,
-    ``position_error_m``, ``position_error`` (relative to its way), ``run_time_per_s`` (for a
-    simulated second), ``steps``, and ``said``: the line with which a method refused or gave up,
-    with null for the figures. An error is null where the scene has none such. ``shipped_live`` is
-    the run of the live stepper with the step that the scene has. ``front`` has ``ratio``, the
-    largest of the live stepper's time over that of another method at the same error, where that
-    is 1e-3 or more, and ``against``, which run that was; null where the references differ by more.
+    stepper), ``setting``, ``over`` (begin and end in seconds), ``voltage_error``,
+    ``onset_error_s``, ``position_error_m``, ``position_error`` (relative to the distance that the
+    object moves), ``run_time_per_s`` (for a simulated second), ``steps``, and ``said``: the
+    message with which a method refused or gave up, with null for the figures. An error is null
+    when the scene has no such quantity. ``shipped_live`` is the run of the live stepper with the
+    step of the shipped scene. ``front`` has ``ratio``, the largest ratio of the live stepper's
+    time to that of another method at the same error, for errors of 1e-3 and above, and
+    ``against``, the run for which that was; it is null when the references differ by more.
 ``costs``
-    One object for each scene: ``scene``, ``parts``, ``run_time_per_s`` of all of it, noise
-    included, ``speed`` (times real time), and ``without``: by part ``share``, the time
-    without it as a share of the whole's, or ``said``, the line with which the scene is refused
-    without it.
+    One object for each scene: ``scene``, ``parts``, ``run_time_per_s`` of the whole scene, noise
+    included, ``speed`` (times real time), and ``without``: for each part ``share``, the run time
+    without the part as a share of that with it, or ``said``, the message with which the scene is
+    refused without it.
 ``pace``
-    Of the plate: ``rows`` of a read, ``slowest_share``, the slowest read's time as a share of
-    the time that its rows last, and ``mean_share``.
+    For the plate: ``rows`` of a read, ``slowest_share``, the time of the slowest read as a share
+    of the time that its rows span, and ``mean_share``.
 ``wanted``
     For each claim its measured ``value``, the ``bound`` as text and whether it is ``met``.
 """
@@ -66,14 +67,14 @@ def measure_scenes(quick: bool = False, names: Sequence[str] = ()) -> dict[str, 
     Parameters
     ----------
     quick
-        Few settings, each once; nothing is judged.
+        Run few settings, each once, and judge nothing.
     names
-        Scenes to measure; none: all that come with the package.
+        Scenes to measure; empty: all that come with the package.
 
     Raises
     ------
     ValueError
-        For a scene that there is not.
+        For an unknown scene.
     """
     sizes = QUICK if quick else FULL
     folder = shared_folder() / 'config' / 'scenes'

@@ -1,4 +1,4 @@
-"""A scene as dy/dt = f(t, y), for SciPy's integrators; nothing that runs live needs it."""
+"""A scene as dy/dt = f(t, y), for SciPy's integrators; used by the benchmarks only."""
 
 import dataclasses
 import math
@@ -15,18 +15,18 @@ from slip_detector.scenes.motion import LoadNumbers, PlateNumbers
 
 Floats = NDArray[np.float64]
 
-#: Contact is looked for at so many points of the fastest thing that the force does, and at most
-#: so many in all.
+#: Contact is looked for at this many points within the shortest feature of the force, and at no
+#: more than this many points of the whole scene.
 LIFT_POINTS, MOST_LIFT_POINTS = 40, 200_000
 
-#: Corners no further apart are one.
+#: Corners closer together than this count as one.
 SAME_S = 1e-12
 
 
 def _lifts_s(scene: Scene) -> list[float]:
-    """Return when the fingertip is put on and lifts off.
+    """Return when the fingertip touches down and lifts off.
 
-    A method with long steps could step over a short contact.
+    They become corners, because a method with long steps could miss a short contact.
     """
     fastest_s = 1.0 / scene.motion.ringing_hz
     if 'taps' in scene.parts:
@@ -54,24 +54,24 @@ class Ode:
     """A scene as dy/dt = f(t, y).
 
     The states of each patch are the displacement of the skin, its velocity (where it has mass),
-    the deflection of the bristles and the state of the low-pass (where there is one); behind
-    those of all patches come position and velocity of an object.
+    the deflection of the bristles and the state of the low-pass (where there is one). Position and
+    velocity of an object, where there is one, follow those of all patches.
 
     Parameters
     ----------
     scene
-        At its beginning or not: only its numbers are used.
+        The scene; how much of it has been read does not matter.
 
     Attributes
     ----------
     size : int
-        Number of states; 0 where the volts are a closed form of the time.
+        Number of states; 0 when the volts are a closed form of the time.
     scales : ndarray, shape (size,)
-        How large each state may become, by which tolerances and differences are measured.
+        How large each state may become; the tolerances and differences are relative to it.
     own_at : ndarray of int, shape (16,)
         Where the states of each patch begin.
     side_s : float
-        A time within the smooth piece of the drive that is under way; to be kept up to date.
+        A time within the smooth piece of the drive that is being solved; the caller sets it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Errors and run times of one scene: the live stepper's and those of SciPy's integrators."""
+"""Errors and run times of the live stepper and of SciPy's integrators on one scene."""
 
 import math
 import time
@@ -27,12 +27,13 @@ from slip_detector.scenes.motion import LoadNumbers
 
 Floats = NDArray[np.float64]
 
-#: What the stretch covers before and after the start of the motion.
+#: How far the stretch reaches before and after the start of the motion.
 STRETCH_S = (0.02, 0.18)
 
+#: Methods and relative tolerances; the first two that succeed are the reference and its check.
 REFERENCES = (('BDF', 1e-10), ('LSODA', 1e-10), ('Radau', 1e-9))
 
-#: For each of them.
+#: Processor time that each of them is given.
 REFERENCE_BUDGET_S = 120.0
 
 #: Runs that take longer are not repeated.
@@ -86,11 +87,11 @@ def _references(ode: Ode) -> list[tuple[str, float, Solution]]:
     for method, rtol in REFERENCES:
         try:
             solutions.append((method, rtol, solve(ode, method, rtol, budget_s=REFERENCE_BUDGET_S)))
-        except RuntimeError:  # The next one may do it.
+        except RuntimeError:  # The next method may succeed.
             continue
         if len(solutions) == 2:
             return solutions
-    raise RuntimeError('no two methods agree on a reference: all others failed')
+    raise RuntimeError('there is no reference: fewer than two methods could solve the scene')
 
 
 def _stretch(ode: Ode) -> tuple[int, int]:
@@ -100,7 +101,7 @@ def _stretch(ode: Ode) -> tuple[int, int]:
     if not math.isfinite(start_s):
         start_s = 0.5 * ode.scene.duration_s
     if ode.with_object:
-        # The load on it is the last to change before the grip opens.
+        # Before the grip opens, the load on the object is the last to change.
         load = LoadNumbers(*ode.drive.load)
         pulled = np.flatnonzero(np.diff(load.force_n) != 0.0)
         start_s = float(load.corners_s[pulled[1]]) if len(pulled) > 1 else start_s
@@ -116,7 +117,7 @@ class Errors:
     reference
         The solution that is taken as exact.
     ode
-        The scene that it solves.
+        The scene that was solved.
     """
 
     def __init__(self, reference: Solution, ode: Ode) -> None:
@@ -126,13 +127,13 @@ class Errors:
     def of(
         self, clean_v: Floats, position_m: Floats, onset_s: Floats, first: int = 0
     ) -> dict[str, float | None]:
-        """Return the errors; those of a stretch from its ``first`` sample on."""
+        """Return the errors of a solution that begins with the sample ``first``."""
         reference = self.reference
         n = min(len(clean_v), len(reference.clean_v) - first)
         rows = slice(first, first + n)
         voltage = float(np.abs(clean_v[:n] - reference.clean_v[rows]).max()) / self.range_v
         onset_error_s = np.abs(onset_s - reference.onset_s)
-        # An onset that only one of the two has gives no error: a stretch may not have all.
+        # An onset that only one of the two has gives no error: a stretch need not have them all.
         some = np.isfinite(onset_error_s)
         onset = float(onset_error_s[some].max()) if some.any() else None
         way = position = relative = None
@@ -187,7 +188,7 @@ def _rival(
     sizes: SceneSizes,
     stretch: tuple[int, int] | None,
 ) -> dict[str, Any]:
-    """Run one of SciPy's methods; ``said`` is the line with which it refuses or gives up."""
+    """Run one of SciPy's methods; ``said`` is the message with which it refuses or gives up."""
     reference = errors.reference
     first, last = stretch or (0, len(reference.time_s) - 1)
     start = reference.states[first] if stretch else None

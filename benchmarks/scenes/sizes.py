@@ -1,4 +1,4 @@
-"""How much of the scenes is measured."""
+"""How much is measured, in full and with ``--quick``."""
 
 from typing import NamedTuple
 
@@ -9,15 +9,17 @@ class SceneSizes(NamedTuple):
     Attributes
     ----------
     tolerances : tuple of float
-        Of the methods that do whole scenes.
+        Relative tolerances of the implicit methods.
     explicit_tolerances : tuple of float
+        Those of the explicit methods.
     steps_per_sample : tuple of int
-        Of the live stepper.
+        Settings of the live stepper.
     rounds : int
-        How often what is fast is repeated.
+        How often a fast run is repeated.
     budget_s, stretch_budget_s : float
-        For a method to do a scene, and a stretch.
+        Processor time that a method is given for a scene, and for a stretch.
     cost_rounds : int
+        How often the run times of a scene and its parts are measured.
     """
 
     tolerances: tuple[float, ...]

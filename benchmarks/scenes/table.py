@@ -17,7 +17,7 @@ def _short(value: float | None, unit: float = 1.0) -> str:
 
 def scenes_table(figures: Mapping[str, Any]) -> str:
     """Return the figures of :func:`benchmarks.scenes.measure.measure_scenes` as text."""
-    lines = ['Run time for a simulated second; what share of it is left without a part']
+    lines = ['Run time for a simulated second; share of it that remains without a part']
     for entry in figures['costs']:
         left = ', '.join(
             f'{part} {"needed" if cost["said"] else format(cost["share"], ".0%")}'
@@ -74,7 +74,7 @@ def scenes_table(figures: Mapping[str, Any]) -> str:
             lines.append(f'  {entry["note"]}')
         elif worst['ratio'] is not None:
             lines.append(
-                f'  live over the best of the others at the same error, 1e-3 and above: '
+                f'  time of live / best of the others at the same error, 1e-3 and above: '
                 f'{worst["ratio"]:.2f} ({worst["against"]})'
             )
     lines += ['', 'Wanted']

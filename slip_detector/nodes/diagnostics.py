@@ -1,4 +1,4 @@
-"""The detector's health on ``/diagnostics``."""
+"""Publishes the detector's health on ``/diagnostics``."""
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.event_handler import PublisherEventCallbacks
@@ -8,7 +8,7 @@ from slip_detector.nodes.health import Status
 
 
 class Diagnostics:
-    """Publishes what a health says, as ``<node>: <part>``."""
+    """Publishes the statuses of a :class:`.Health`, named ``<node>: <part>``."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -21,11 +21,11 @@ class Diagnostics:
         self._name = node.get_fully_qualified_name().lstrip('/')
 
     def destroy(self) -> None:
-        """Take the publisher down."""
+        """Destroy the publisher."""
         self._node.destroy_publisher(self._publisher)
 
     def publish(self, statuses: list[Status], hardware: str) -> None:
-        """Publish all statuses, stamped now."""
+        """Publish all statuses, stamped with the current time."""
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
         for status in statuses:

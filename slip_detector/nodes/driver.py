@@ -25,33 +25,33 @@ from slip_detector.sources import Source, open_source
 #: Samples read from the source at a time.
 READ_ROWS = 32
 
-#: A longer delay is logged, at most once a second.
+#: A sample that is published later than this is logged, at most once a second.
 LATE_S = 0.05
 
-#: How often the driver looks whether the subscribers that it waits for are there.
+#: Period at which the driver checks for the subscribers that it waits for.
 POLL_S = 0.02
 
-#: Period at which it looks whether all has been played.
+#: Period at which it checks whether everything has been played.
 LOOK_S = 0.1
 
 
 class Driver(Node):
     """Publishes each sample when it is due, however late the samples before it were.
 
-    Sample k is due at start + k / rate; where the source gives the times of its samples (its
-    clock may be wrong, and samples may be lost), at these times.
+    Sample k is due at start + k / rate. A source that gives the times of its samples (its clock
+    may be wrong, and samples may be lost) has them published at these times.
 
-    A scene with an object takes its grip from ``grip_force``. It is computed sample by sample,
-    each when it is due, so that all commands until then have their effect on it.
+    A scene with an object takes its grip from ``grip_force``. Each of its samples is computed only
+    when it is due, so that it depends on all commands up to then.
 
-    The samples of a sensor (serial, udp) are published as they come.
+    The samples of a sensor (serial, udp) are published as they arrive.
 
     Parameters
     ----------
     scheduler
-        Of all drivers of the process; started when all have been made.
+        The scheduler that all drivers of the process share, not started yet.
     cli_args
-        Arguments of ROS for this node, which go before those of the process.
+        ROS arguments for this node, which override those of the process.
     """
 
     def __init__(self, scheduler: Scheduler, cli_args: list[str] | None = None) -> None:
@@ -81,7 +81,7 @@ class Driver(Node):
             scheduler.add_task(self._play_when_wanted(source))
 
     def destroy_node(self) -> None:
-        """Stop playing, then take the node down."""
+        """Stop playing, then destroy the node."""
         self._scheduler.stop()
         super().destroy_node()
 
@@ -92,7 +92,7 @@ class Driver(Node):
             self._say('grip', f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
 
     def _play_when_wanted(self, source: Source) -> Iterator[float]:
-        """Play once all are there that are waited for; yields when to be resumed."""
+        """Play once the awaited subscribers are there; yields when to be resumed."""
         yield from self._wait_for_subscribers()
         yield from self._play(source)
 
@@ -104,7 +104,7 @@ class Driver(Node):
         SensorRelay(self, source, frame_id, voltages.publish, voltages.flush).run(stop)
 
     def _wait_for_subscribers(self) -> Iterator[float]:
-        """Wait for the subscribers and the grip that were asked for; yields when to be resumed."""
+        """Wait for the configured subscribers and the grip; yields when to be resumed."""
         if self.config.wait_for_subscribers:
             self.get_logger().info(f'waiting for {self.config.wait_for_subscribers} subscribers')
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
@@ -115,15 +115,15 @@ class Driver(Node):
                 yield time.monotonic() + POLL_S
 
     def _play(self, source: Source) -> Iterator[float]:
-        """Play the source, again and again if asked to; yields when to be resumed."""
-        # Opening a file and loading compiled code takes its time: before the clock runs.
+        """Play the source, repeatedly with ``loop``; yields when to be resumed."""
+        # The first read opens the file and loads compiled code: done before the clock starts.
         ahead = None if source.has_object else source.read(READ_ROWS)
-        # The samples of all drivers of one rate are due at the same moments: the detectors wake up
-        # once for all fingers.
+        # The samples of all drivers with the same rate are due at the same moments, so that the
+        # detectors wake up once for all fingers.
         now_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
         period_s = self.config.samples_per_message / (source.sample_rate_hz * self.config.rate)
         start_s = math.ceil(now_s / period_s) * period_s
-        # Stamps are the samples' own times, counted from here on the node's clock.
+        # The stamps are the samples' own times, from this time of the node's clock on.
         first_stamp_ns = now_ns + round((start_s - now_s) * 1e9)
         played = 0
         repetition = 0
@@ -165,10 +165,10 @@ class Driver(Node):
         names = list(source.channel_names)
         for i, volts in enumerate(samples.volts):
             due_s = start_s + taken_ns[i] * 1e-9 / self.config.rate
-            # Of a batch only the last sample waits: waking up costs more than all else.
+            # Only the last sample of a batch is waited for: waking up is the most expensive part.
             if self._voltages.completed_by_next:
                 yield from self._wait(due_s)
-            # A state holds for what comes after it, in a bag too.
+            # The truth applies to the samples after it, in a bag too, so it is published first.
             if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
                 self._last_truth = bool(samples.truth[i])
                 self._truth.publish(Bool(data=self._last_truth))
@@ -180,7 +180,7 @@ class Driver(Node):
                 )
 
     def _wait(self, due_s: float) -> Iterator[float]:
-        """Yield when a sample is due; warn when the driver is resumed much later."""
+        """Yield the time when a sample is due; warn when the driver is resumed much later."""
         yield due_s
         late_s = time.monotonic() - due_s
         if late_s > LATE_S:
@@ -193,7 +193,7 @@ class Driver(Node):
             self._say('grip', f'grip_force: {error}; ignored')
 
     def _say(self, about: str, what: str) -> None:
-        """Warn, of each subject at most once a second."""
+        """Log a warning, at most once a second about each subject."""
         now_s = time.monotonic()
         if now_s - self._logged_s.get(about, -1.0) >= 1.0:
             self._logged_s[about] = now_s
@@ -206,17 +206,17 @@ def drivers(arguments_of_each: list[list[str] | None]) -> list[Driver]:
     Parameters
     ----------
     arguments_of_each
-        Arguments of ROS for each node.
+        ROS arguments for each node.
     """
     scheduler = Scheduler()
     made = [Driver(scheduler, arguments) for arguments in arguments_of_each]
 
     def look_for_end() -> None:
-        """End the spinning, in the thread that spins, when all has been played."""
+        """End the spinning, from within the spinning thread, when everything has been played."""
         if scheduler.ended:
             raise ExternalShutdownException
 
-    # Also wakes the executor, should a signal's own wake-up get lost.
+    # The timer also wakes the executor when the wake-up by a signal gets lost.
     made[0].create_timer(LOOK_S, look_for_end, clock=Clock(clock_type=ClockType.STEADY_TIME))
     scheduler.start()
     return made

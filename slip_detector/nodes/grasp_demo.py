@@ -1,26 +1,26 @@
-"""The grasp's demonstration: some objects through the real nodes, and a table over many.
+"""The grasp demonstration: a few objects played through the real nodes, and a table over many.
 
-The nodes run in real time, so the table over seeds comes from the same loop in simulated time
-(:mod:`slip_detector.grasp.loop`: the same scenes, chain and control law). The objects that were
-played through the nodes stand beside it.
+The nodes run in real time, so the table over many seeds is computed by the same loop in simulated
+time (:mod:`slip_detector.grasp.loop`: the same scenes, chain and control law). The figures of the
+objects that were played through the nodes stand beside it.
 
 ``grasp.json`` is one object:
 
 ``seeds``
-    Of the table.
+    The seeds of the table.
 ``conditions``
-    By condition, the figures of :func:`slip_detector.grasp.comparison.grasp_figures`.
+    For each condition the figures of :func:`slip_detector.grasp.comparison.grasp_figures`.
 ``transport_ms``
-    From sample to command, as the simulated loop takes it.
+    The delay from sample to command that the simulated loop assumes.
 ``nodes``
-    By seed, both through the nodes and ``simulated``: ``slide_mm`` (null when the object was
-    dropped) and ``command_percent``, the mean of the command while the object has to be held.
+    For each seed, both through the nodes and ``simulated``: ``slide_mm`` (null when the object was
+    dropped) and ``command_percent``, the mean command while the object has to be held.
 ``latency_ms``
     ``median`` and ``most`` through the nodes, from the stamp of the sample on which slip came on
-    to the command that answered it; null when there was none.
+    to the command that answered it; null when there was no slip.
 ``wanted``
-    By figure of the controller: its ``value``, what it has to be ``below``, whether that is
-    ``met``.
+    For each figure of the controller its ``value``, the limit that it has to be ``below``, and
+    whether it is ``met``.
 """
 
 import argparse
@@ -49,34 +49,34 @@ from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.report.grasp_table import grasp_table
 
-#: The seed that is drawn, where there are so many: this object slips twice.
+#: The seed that is drawn, if it is among the seeds: this object slips twice.
 SHOWN = 2
 
 
 def through_nodes(
     seeds: Sequence[int], config: Path, folder: Path, trials: Sequence[GraspTrial], limit_n: float
 ) -> tuple[dict[str, Any], dict[int, LiveGraspTrial]]:
-    """Play some seeds through the nodes.
+    """Play seeds through the nodes.
 
     Parameters
     ----------
     seeds
-        Which.
+        The seeds of the objects.
     config
         Parameter file of the nodes.
     folder
-        Where their scenes are written.
+        Folder to which their scenes are written.
     trials
         The same seeds in the simulated loop.
     limit_n
-        Grip that the commands are compared with.
+        Grip force with which the commands are compared.
 
     Returns
     -------
     dict
-        ``nodes`` and ``latency_ms``, as the module's docstring has them.
+        ``nodes`` and ``latency_ms``, as in the module's docstring.
     dict
-        By seed, what was heard.
+        What was received, by seed.
     """
     rclpy.init()
     recorder = GraspRecorder()

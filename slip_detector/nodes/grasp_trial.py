@@ -1,4 +1,4 @@
-"""One grasp through the real nodes, as three processes, and what they publish of it."""
+"""Plays one grasp through the real nodes, three processes, and records what they publish."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -21,14 +21,14 @@ EXECUTABLES = ('slip_detector', 'grasp_controller', DRIVER)
 TRIAL_TIMEOUT_S = 120.0
 SPIN_S = 0.05
 
-#: A raise that comes later than this after an onset is the answer to something else.
+#: A raise of the grip later than this after an onset is not the answer to it.
 ANSWER_S = 0.05
 
 Floats = NDArray[np.float64]
 
 
 class LiveGraspTrial(NamedTuple):
-    """What was received of one grasp; times are stamps, from the first sample on.
+    """What was received of one grasp; times are stamps, relative to the first sample.
 
     Attributes
     ----------
@@ -50,9 +50,9 @@ class LiveGraspTrial(NamedTuple):
         return np.asarray(self.command[np.maximum(last, 0), 1])
 
     def latencies_s(self) -> list[float]:
-        """Return how long each onset took from its sample to the command that answered it.
+        """Return the time from the sample of each onset to the command that answered it.
 
-        One that comes while the last raise still takes effect has no answer.
+        An onset while the last raise still takes effect has no answer and is left out.
         """
         raised_s = self.command[1:, 0][np.diff(self.command[:, 1]) > 0.0]
         answers = [raised_s[raised_s > onset_s][:1] - onset_s for onset_s in self.onset_s]
@@ -73,11 +73,11 @@ class GraspRecorder(Node):
         self.create_subscription(Header, 'slip_onset', self._on_onset, event_qos())
 
     def receive(self) -> None:
-        """Take a message; none may come."""
+        """Wait briefly for a message and handle it."""
         self._own_executor.spin_once(timeout_sec=SPIN_S)
 
     def forget(self) -> None:
-        """Begin a new trial."""
+        """Forget what was received, for a new trial."""
         self._begin_ns: int | None = None
         self._positions: list[tuple[int, float]] = []
         self._commands: list[tuple[int, float]] = []
@@ -89,7 +89,7 @@ class GraspRecorder(Node):
         Raises
         ------
         RuntimeError
-            When nothing was.
+            When nothing was received.
         """
         begin_ns = self._begin_ns
         if begin_ns is None or not self._positions or not self._commands:
@@ -121,7 +121,7 @@ def play_grasp(recorder: GraspRecorder, seed: int, config: Path, scene: Path) ->
     Raises
     ------
     RuntimeError
-        When one of them ends on its own, the driver before the scene does, or nothing is heard.
+        When a node ends before the scene does, or nothing is received.
     """
     words = {'scene': scene, 'seed': seed, 'wait_for_subscribers': 2, 'wait_for_grip': 'true'}
     of_driver = [word for name, value in words.items() for word in ('-p', f'{name}:={value}')]

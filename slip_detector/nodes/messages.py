@@ -1,4 +1,4 @@
-"""What the nodes' topics share: quality of service and stamps."""
+"""Quality of service and stamps of the nodes' topics."""
 
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
@@ -35,9 +35,9 @@ def time_message(nanoseconds: int) -> Time:
 
 
 def sensor_qos() -> QoSProfile:
-    """Return the profile of samples: best effort, with room for a stall of the reader.
+    """Return the profile of samples: best effort, with a queue for a reader that stalls.
 
-    It is a second at 1 kHz.
+    The queue holds one second at 1 kHz.
     """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
@@ -48,7 +48,7 @@ def sensor_qos() -> QoSProfile:
 
 
 def event_qos() -> QoSProfile:
-    """Return the profile of events: each arrives, none is kept for late subscribers."""
+    """Return the profile of events: all are delivered, none is kept for late subscribers."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=10,
@@ -63,9 +63,9 @@ def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
     Parameters
     ----------
     depth
-        How many messages are kept for a subscriber that is busy and must not miss a change.
+        Queue length, for a subscriber that may be busy and must not miss a change.
     deadline_s
-        Longest time from message to message that is promised, or asked for.
+        Longest time between messages that is promised, or requested.
     """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
@@ -79,14 +79,14 @@ def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
 def heartbeat_qos(deadline_s: float) -> QoSProfile:
     """Return the profile of states that are repeated.
 
-    A subscriber that asks for the same, or for longer times, is told when the messages stop
+    A subscriber that requests the same times, or longer ones, is told when the messages stop
     (deadline) and when no publisher is alive (liveliness). A publisher is alive while it
     publishes: one that hangs is not.
 
     Parameters
     ----------
     deadline_s
-        Longest time from message to message that the publisher promises.
+        Longest time between messages that the publisher promises.
     """
     profile = state_qos(deadline_s=deadline_s)
     profile.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC

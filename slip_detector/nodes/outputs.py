@@ -1,4 +1,4 @@
-"""What the detector publishes: decisions when they change, slip and slip_valid at a rate too."""
+"""The detector's publishers: decisions when they change; slip and slip_valid repeatedly too."""
 
 from typing import Any
 
@@ -23,10 +23,10 @@ from slip_detector.nodes.messages import (
 from slip_detector.nodes.rclpy_internals import subscriber_counter
 from slip_detector.parameters.detector import DetectorConfig
 
-#: The promised longest silence of ``slip``, in periods of the heartbeat.
+#: The longest silence of ``slip`` that is promised, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
 
-#: Parameters that the topics depend on.
+#: Parameters on which the topics depend.
 OF_THE_TOPICS = (
     'channels',
     'channel_names',
@@ -55,7 +55,7 @@ class Outputs:
         channels = config.names if config.publish_channels else ()
         disabled = {channel - 1 for channel in config.disabled_channels}
         n_groups = len(config.groups)
-        # Column of the result's flags -> where its changes are published.
+        # From a column of the result's flags to the publisher of its changes.
         self._listeners: dict[int, Publisher] = {0: self._slip}
         for g, name in enumerate(groups):
             self._listeners[1 + g] = self._publisher(Bool, f'slip/group/{name}', state_qos())
@@ -76,7 +76,7 @@ class Outputs:
             publisher.publish(self._messages[False])
 
     def destroy(self) -> None:
-        """Take the topics down."""
+        """Destroy the publishers."""
         for publisher in self._publishers:
             self._node.destroy_publisher(publisher)
 
@@ -109,7 +109,7 @@ class Outputs:
             return
         before, self._flags, self._flags_bytes = self._flags, flags, flags_bytes
         valid = bool(flags[self._can_vote].any())
-        if valid < self._valid:  # Before slip: an OFF that follows is not to be relied on.
+        if valid < self._valid:  # Before slip: the OFF that follows cannot be relied on.
             self._slip_valid.publish(self._messages[valid])
         for column in np.flatnonzero(flags != before).tolist():
             publisher = self._listeners.get(column)
@@ -123,7 +123,7 @@ class Outputs:
         self._valid = valid
 
     def show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
-        """Publish what is held against the threshold, of the last row."""
+        """Publish the levels that are compared with the threshold, of the last row."""
         if self._writer is None or frame_id != self._frame_id:
             self._frame_id = frame_id
             self._writer = JointStateWriter(frame_id, self._names, efforts=True)
@@ -138,8 +138,8 @@ class Outputs:
     def _publisher(self, message_type: Any, topic: str, qos: QoSProfile) -> Publisher:
         """Create a publisher that has no callback for subscribers with an incompatible QoS.
 
-        rclpy would look for such events each time the executor waits, which for 24 publishers
-        costs more than all else together; such a subscriber is warned on its own side as well.
+        rclpy would check for such events each time the executor waits, which for 24 publishers
+        costs more than everything else together. Such a subscriber logs a warning anyway.
         """
         events = PublisherEventCallbacks(use_default_callbacks=False)
         publisher = self._node.create_publisher(message_type, topic, qos, event_callbacks=events)

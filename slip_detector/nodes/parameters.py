@@ -1,4 +1,4 @@
-"""Dataclass fields as ROS parameters."""
+"""Declares the fields of a configuration as ROS parameters and follows their changes."""
 
 import dataclasses
 import itertools
@@ -24,7 +24,7 @@ from slip_detector.parameters.sets import ConfigType, ParameterSet
 def declare(
     node: Node, config_class: type[ConfigType], fixed: Collection[str] | None = None
 ) -> ConfigType:
-    """Declare all fields of a configuration on a node, with the values the user gave.
+    """Declare all fields of a configuration on a node, with the values given by the user.
 
     Values are checked here and not by rclpy, which ignores unknown names, refuses ``100`` for a
     floating-point parameter and has no empty list.
@@ -32,9 +32,9 @@ def declare(
     Parameters
     ----------
     node, config_class
-        Which fields are declared on which node.
+        The node, and the configuration whose fields are declared on it.
     fixed
-        What cannot be changed while the node runs; None: nothing can.
+        Fields that cannot be changed while the node runs; None: all.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def declare(
 
 
 def _names_for_others(node: str) -> set[str]:
-    """Return what the parameter files of the process give to all nodes, and only others know."""
+    """Return the names that the parameter files give to all nodes but that only others have."""
     words = itertools.pairwise(sys.argv)
     files = [path for option, path in words if option == '--params-file']
     return {name for path in files for name in names_for_others(path, node)}
@@ -70,27 +70,27 @@ def follow_changes(
 ) -> None:
     """Let the parameter services change a node's configuration, as a set or not at all.
 
-    The node must allow undeclared parameters: then a wrong name comes to the check, which knows
-    better what was meant than rclpy does, and groups can be added and deleted.
+    The node must allow undeclared parameters, so that a wrong name reaches the check, which has
+    the better message than rclpy, and so that groups can be added and deleted.
 
     Parameters
     ----------
     node
-        Its parameters have been declared.
+        The node, with its parameters declared.
     current
-        Returns the configuration as the parameters have it.
+        Returns the configuration that the parameters now have.
     check
-        Raises a ValueError when a configuration, valid as such, cannot be run.
+        Raises a ValueError when a configuration, though valid, cannot be run.
     take
-        Is given the new configuration once the parameters have changed.
+        Takes the new configuration once the parameters have changed.
     """
 
     def converted(parameters: list[Parameter]) -> list[Parameter]:
-        """Write numbers as their fields have them: 1 for a floating-point parameter is 1.0."""
+        """Convert numbers to the types of their fields: 1 becomes 1.0 in a floating-point one."""
         try:
             values = changed(current(), parameters).to_parameters()
         except ValueError:
-            return parameters  # Whoever checks them says why not.
+            return parameters  # The check, which comes next, reports the error.
         return [
             Parameter(parameter.name, value=values[parameter.name])
             if parameter.name in values
@@ -109,7 +109,7 @@ def follow_changes(
         config = changed(current(), parameters)
         for parameter in parameters:
             name = parameter.name
-            if name.startswith('groups.') and node.has_parameter(name):  # A new one has none.
+            if name.startswith('groups.') and node.has_parameter(name):  # Not a new one's.
                 descriptor = _descriptor(type(config), name, parameter.value, read_only=False)
                 node.set_descriptor(name, descriptor)
         take(config)

@@ -1,4 +1,4 @@
-"""Run a node as a process: quiet on signals, one line and an exit code on errors."""
+"""Runs a node as a process that ends silently on signals and with one line on errors."""
 
 import os
 import signal
@@ -11,24 +11,25 @@ EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
 
 def run(executable: str) -> int:
-    """Spin the nodes of an executable until they end or a signal comes.
+    """Spin the nodes of an executable until they end or a signal arrives.
 
-    That is one node, or one in each of the namespaces ``--fingers`` names, in one process.
+    There is one node, or with ``--fingers`` one in each of the namespaces that it names, all in
+    one process.
 
-    What takes long to import is imported after the signal handlers are set, else a signal during
-    start-up would end in a traceback.
+    Slow imports come after the signal handlers are set, because otherwise a signal during start-up
+    would end in a traceback.
 
     Returns
     -------
     int
-        Exit code: 0, or 1 after an error, which is one line on stderr.
+        Exit code: 0, or 1 after an error, which is reported as one line on stderr.
     """
     initialised = False
     code = 0
 
     def on_signal(*_: Any) -> None:
-        # Before rclpy is up there is nothing to clean up, and an exception would break into the
-        # loading of a module. Later rclpy has a handler before this one, which ends the spinning.
+        # Before rclpy is initialised there is nothing to clean up, and an exception could break an
+        # import off. Later rclpy's own handler runs before this one and ends the spinning.
         if not initialised:
             os._exit(0)
 
@@ -52,14 +53,14 @@ def run(executable: str) -> int:
         takedowns = [node.destroy_node for node in nodes]
         executor: Executor
         if executable == 'grasp_controller':
-            # What it is told of slip and what of its deadlines is for one thread.
+            # Its slip messages and its deadline events must be handled in one thread.
             executor = SingleThreadedExecutor()
             for node in nodes:
                 executor.add_node(node)
         else:
             executor = SampleExecutor(nodes)
             takedowns.insert(0, executor.shutdown)
-        while True:  # Until it raises an ExternalShutdownException.
+        while True:  # It ends with an ExternalShutdownException.
             executor.spin_once(timeout_sec=LONGEST_WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -73,9 +74,9 @@ def run(executable: str) -> int:
         elif rclpy.ok():
             code = 1
             raise
-        # Else a signal has shut the context down during a call: a normal end.
+        # Otherwise a signal has shut the context down during a call, which is a normal end.
     finally:
-        # A second signal (ros2 launch sends two) must not break into the cleaning up.
+        # A second signal (ros2 launch sends two) must not interrupt the clean-up.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
         shut_down(takedowns, code)
@@ -83,7 +84,7 @@ def run(executable: str) -> int:
 
 
 def _check_files(words: list[str]) -> None:
-    """Read the parameter files once before rcl does, whose messages are for its developers."""
+    """Read the parameter files before rcl does, whose error messages are hard to understand."""
     from slip_detector.parameters.reading import our_sections
 
     for option, path in pairwise(words):
@@ -92,17 +93,17 @@ def _check_files(words: list[str]) -> None:
 
 
 def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | None]:
-    """Return the arguments of ROS for each node: its namespace, where ``--fingers`` is given.
+    """Return the ROS arguments of each node: its namespace when ``--fingers`` is given.
 
     Parameters
     ----------
     words, ours
-        Those of the command line, with and without ROS's.
+        The command line with and without the ROS arguments.
 
     Raises
     ------
     ValueError
-        When the names are not there, or not different.
+        When names are missing or not different.
     """
     if '--fingers' not in ours:
         return [None]
@@ -110,7 +111,7 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
     fingers = [finger.strip() for finger in text.split(',')]
     if not all(fingers) or len(set(fingers)) < len(fingers):
         raise ValueError(f'--fingers is {text!r}, allowed: different names with commas between')
-    # The namespace of the whole process would otherwise hold for each node as it is.
+    # A namespace of the whole process is put before the fingers' names, which would replace it.
     whole = [word.partition(':=')[2] for word in words if word.startswith('__ns:=')]
     hand = whole[-1].strip('/') if whole else ''
     return [
@@ -120,7 +121,7 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
 
 
 def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
-    """Return what makes the nodes of an executable, given the arguments of each."""
+    """Return the function that makes the nodes of an executable from the arguments of each."""
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import drivers
 
@@ -132,7 +133,7 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
     from slip_detector.chain.slip_chain import SlipChain
     from slip_detector.nodes.detector import Detector
 
-    # Where nothing is cached, compiling takes seconds, in which a signal is to end the process.
+    # Without a cache, compiling takes seconds; it is done here, where a signal ends the process.
     SlipChain()
     return lambda of_each: [Detector(arguments) for arguments in of_each]
 

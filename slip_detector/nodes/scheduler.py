@@ -1,4 +1,4 @@
-"""The threads in which the drivers of a process send, beside the one that spins their nodes."""
+"""The threads in which the drivers of a process publish; another one spins their nodes."""
 
 import threading
 import time
@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 class Scheduler:
     """Runs tasks in one thread, each when it is due, and functions in threads of their own.
 
-    Samples of several drivers that are due at the same moment are sent one after the other by one
-    thread: to wake a thread, and then another for its message, costs more than to send it.
+    Samples of several drivers that are due at the same moment are published one after the other by
+    one thread: waking a thread for each driver would cost more than publishing its message.
     """
 
     def __init__(self) -> None:
@@ -19,34 +19,34 @@ class Scheduler:
         self._failure: Exception | None = None
 
     def add_task(self, task: Iterator[float]) -> None:
-        """Add a task for the common thread.
+        """Add a task for the shared thread.
 
         Parameters
         ----------
         task
-            Yields the time at which it is to be resumed, as :func:`time.monotonic` has it.
+            Yields the times, of :func:`time.monotonic`, at which it is to be resumed.
         """
         self._tasks.append(task)
 
     def add_thread(self, run: Callable[[threading.Event], None]) -> None:
-        """Add a function that gets a thread of its own.
+        """Add a function that runs in a thread of its own.
 
         Parameters
         ----------
         run
-            Takes an event and returns soon after it is set.
+            Takes an event, and returns soon after the event is set.
         """
         self._threads.append(self._thread(lambda: run(self._stop)))
 
     def start(self) -> None:
-        """Start all that was added."""
+        """Start all tasks and functions."""
         if self._tasks:
             self._threads.append(self._thread(self._run_tasks))
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
-        """End all threads and wait for their ends."""
+        """Stop all threads and wait until they have ended."""
         self._stop.set()
         for thread in self._threads:
             if thread.is_alive():
@@ -59,7 +59,7 @@ class Scheduler:
         Raises
         ------
         Exception
-            The one that has ended a task or function.
+            The exception that ended a task or function.
         """
         if self._failure is not None:
             raise self._failure

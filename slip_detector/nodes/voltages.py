@@ -1,4 +1,4 @@
-"""What the driver publishes its samples with, one by one or in batches."""
+"""Publishes the driver's samples, one by one or in batches."""
 
 from array import array
 
@@ -22,9 +22,9 @@ class Voltages:
     node
         The driver.
     frame_id
-        Of the messages that say it.
+        Frame of the messages that have one.
     samples_per_message
-        1: a ``JointState`` for each, with stamp and names; more: so many in a
+        1: each sample is a ``JointState`` with stamp and names. More: this many samples are a
         ``Float32MultiArray``, which has neither.
     """
 
@@ -41,16 +41,16 @@ class Voltages:
         )
 
     def get_subscription_count(self) -> int:
-        """Return how many listen."""
+        """Return the number of subscribers."""
         return int(self._publisher.get_subscription_count())
 
     @property
     def completed_by_next(self) -> bool:
-        """Whether the next sample goes out at once: it is alone, or the last of its message."""
+        """Whether the next sample completes a message, which is then published at once."""
         return len(self._rows) + 1 >= self._per_message
 
     def publish(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> None:
-        """Publish a sample, or keep it for the message it goes with."""
+        """Publish a sample, or keep it until its message is complete."""
         if self._per_message > 1:
             self._rows.append(volts)
             if len(self._rows) == self._per_message:
@@ -62,7 +62,7 @@ class Voltages:
         self._publisher.publish(self._writer.written(stamp_ns, volts))
 
     def flush(self) -> None:
-        """Publish the samples that were kept, however few."""
+        """Publish the samples kept so far, however few."""
         if not self._rows:
             return
         rows = np.array(self._rows, np.float32)

@@ -95,7 +95,7 @@ def test_what_a_method_cannot_do_it_says_before_it_starts(case, method, said):
 
 
 def test_a_refusal_that_does_not_come_is_an_error():
-    with pytest.raises(RuntimeError, match='BDF was to refuse plain, nothing'):
+    with pytest.raises(RuntimeError, match='BDF did not refuse plain, nothing'):
         measure_case(Case('plain', 'nothing', {}, 'BDF'))
 
 
