@@ -19,7 +19,7 @@ def options() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         '--part', action='append', default=[], metavar='NAME',
-        help='only this one: evaluate, read, search, report, families or real; repeatable',
+        help='only this one: evaluate, read, jobs, search, report, families or real; repeatable',
     )  # fmt: skip
     parser.add_argument(
         '--recordings', metavar='FOLDER', type=Path, help='for real: labelled recordings'

@@ -7,6 +7,8 @@ leaves out what it does not name:
     As :mod:`benchmarks.tune.evaluation_speed` has it.
 ``read``
     As :mod:`benchmarks.tune.reading_speed` has it, of an MCAP file.
+``jobs``
+    As :mod:`benchmarks.tune.jobs_speed` has it.
 ``search``
     As :mod:`benchmarks.tune.search_speed` has it.
 ``report``
@@ -29,6 +31,7 @@ from typing import Any
 
 from benchmarks.tune.evaluation_speed import measure_evaluation
 from benchmarks.tune.families import measure_families
+from benchmarks.tune.jobs_speed import measure_jobs
 from benchmarks.tune.reading_speed import measure_reading, write_labelled_noise
 from benchmarks.tune.real_recordings import TRIALS, measure_real_recordings
 from benchmarks.tune.report_size import measure_report
@@ -37,7 +40,7 @@ from benchmarks.verdicts import verdicts
 from slip_detector.evaluation.bounds import Bound
 
 #: All that can be measured; ``real`` needs recordings.
-PARTS = ('evaluate', 'read', 'search', 'report', 'families', 'real')
+PARTS = ('evaluate', 'read', 'jobs', 'search', 'report', 'families', 'real')
 
 WANTED = {
     'evaluate.ratio': Bound(high=4.0),
@@ -110,6 +113,10 @@ def _read(quick: bool) -> dict[str, Any]:
         return measure_reading(path)
 
 
+def _jobs(quick: bool) -> dict[str, Any]:
+    return measure_jobs(2, 0.2, 1) if quick else measure_jobs()
+
+
 def _search(quick: bool) -> dict[str, Any]:
     return measure_search(4, 0.5) if quick else measure_search()
 
@@ -126,6 +133,7 @@ def _families(quick: bool) -> dict[str, Any]:
 _MEASURES = {
     'evaluate': _evaluate,
     'read': _read,
+    'jobs': _jobs,
     'search': _search,
     'report': _report,
     'families': _families,

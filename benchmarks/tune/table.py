@@ -23,6 +23,17 @@ def tuning_table(figures_by_part: dict[str, Any]) -> str:
         value = number_text(entry['value'], '.4g')
         claims.append((MEANINGS[claim], value, entry['bound'], verdict_in_words(entry)))
     lines = [text_table(claims, '<>><', indent=0)]
+    if 'jobs' in figures_by_part:
+        jobs = figures_by_part['jobs']
+        lines += ['', 'Hours of recording evaluated in a second, by number of jobs:']
+        for ending in ('npz', 'mcap'):
+            one = jobs[ending]
+            speeds = ', '.join(f'{k}: {speed:.2f}' for k, speed in one['hours_per_s'].items())
+            lines.append(
+                f'  {ending:<5} {speeds} ({one["processor_s_per_hour"]:.2f} s of a core and '
+                f'{one["bytes_per_hour"] / 1e6:.0f} MB an hour)'
+            )
+        lines.append(f'  at most {jobs["memory_mib"]:.0f} MiB a process')
     if 'families' in figures_by_part:
         lines += [
             '',

@@ -11,8 +11,19 @@ def test_each_claim_has_a_line_with_its_meaning_and_verdict():
     assert len(lines) == 1 + len(WANTED)
     verdict_of = {line[:56].rstrip(): line[56:].split() for line in lines}
     assert verdict_of[MEANINGS['read.times_real_time']] == ['301', '>=', '200', 'met']
-    assert verdict_of[MEANINGS['search.speedup']] == ['7', '>=', '8', 'NOT', 'met']
+    assert verdict_of[MEANINGS['search.speedup']] == ['7', '>=', '10', 'NOT', 'met']
     assert verdict_of[MEANINGS['families.better']] == ['-', '>=', '3', 'not', 'measured']
+
+
+def test_jobs_have_a_line_for_each_format():
+    one = {
+        'hours_per_s': {'1': 1.5, '2': 2.75},
+        'processor_s_per_hour': 0.6,
+        'bytes_per_hour': 175e6,
+    }
+    text = tuning_table({'wanted': {}, 'jobs': {'npz': one, 'mcap': one, 'memory_mib': 250.0}})
+    assert text.count('1: 1.50, 2: 2.75 (0.60 s of a core and 175 MB an hour)') == 2
+    assert 'at most 250 MiB a process' in text
 
 
 def test_families_and_real_recordings_have_lines_of_their_own():

@@ -1,0 +1,101 @@
+"""How many hours of recording are evaluated in a second, by number of jobs and by format.
+
+:func:`measure_jobs` gives one object:
+
+``recordings``, ``minutes``, ``channels``, ``sample_rate_hz``
+    How many there are of each format, how long each is and what it holds.
+``npz``, ``mcap``
+    Of each format: ``bytes_per_hour`` on disk; ``hours_per_s`` by number of jobs, from files to
+    the figures, the least time of all rounds; and ``processor_s_per_hour``, which processes that
+    do something else hardly change.
+``memory_mib``
+    The most that any worker process held.
+``same``
+    Whether all numbers of jobs gave the same figures.
+"""
+
+import resource
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.tune.reading_speed import CHANNELS, RATE_HZ, write_labelled_noise
+from slip_detector.commands.evaluate import as_report, evaluate
+from slip_detector.commands.workers import Workers
+from slip_detector.evaluation.evaluator import Evaluator
+from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
+
+FORMATS = ('npz', 'mcap')
+
+JOBS = (1, 2)
+
+#: Recordings of each format, and minutes of each.
+RECORDINGS, MINUTES = 4, 15.0
+
+ROUNDS = 2
+
+
+def measure_jobs(
+    recordings: int = RECORDINGS,
+    minutes: float = MINUTES,
+    rounds: int = ROUNDS,
+    jobs: Sequence[int] = JOBS,
+) -> dict[str, Any]:
+    """Evaluate the same recordings with different numbers of jobs.
+
+    Parameters
+    ----------
+    recordings
+        Of each format.
+    minutes
+        Length of each.
+    rounds
+        How often they are evaluated with each number of jobs, after once that does not count:
+        then the processes have started and the files are in the page cache.
+    jobs
+        Numbers of processes.
+    """
+    result: dict[str, Any] = {
+        'recordings': recordings,
+        'minutes': minutes,
+        'channels': CHANNELS,
+        'sample_rate_hz': RATE_HZ,
+        'same': True,
+    }
+    hours = recordings * minutes / 60.0
+    for ending in FORMATS:
+        with tempfile.TemporaryDirectory() as folder:
+            for k in range(recordings):
+                write_labelled_noise(Path(folder) / f'{k}.{ending}', 60.0 * minutes)
+            on_disk = sum(path.stat().st_size for path in Path(folder).iterdir())
+            measured = [_evaluate(folder, number, rounds) for number in jobs]
+        result[ending] = {
+            'bytes_per_hour': on_disk / hours,
+            'hours_per_s': {
+                str(number): hours / least_s
+                for number, (least_s, _, _) in zip(jobs, measured, strict=True)
+            },
+            'processor_s_per_hour': measured[0][1] / rounds / hours,
+        }
+        result['same'] &= all(report == measured[0][2] for _, _, report in measured)
+    result['memory_mib'] = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
+    return result
+
+
+def _evaluate(folder: str, jobs: int, rounds: int) -> tuple[float, float, dict[str, Any]]:
+    """Return the least time of a round, the processor time here of all, and the figures."""
+    evaluator = Evaluator(RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig()))
+    least_s, processor_s = float('inf'), 0.0
+    with Workers(jobs) as workers:
+        evaluate([folder], evaluator, workers)
+        for _ in range(rounds):
+            start_s, processor_start_s = time.perf_counter(), time.process_time()
+            sets, _ = evaluate([folder], evaluator, workers)
+            least_s = min(least_s, time.perf_counter() - start_s)
+            processor_s += time.process_time() - processor_start_s
+    return least_s, processor_s, as_report(sets)
