@@ -37,8 +37,10 @@ def as_silent(function: Callable[..., Any]) -> Callable[..., Any]:
     return function if COMPILED else np.errstate(all='ignore')(function)
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any], forceinline: bool = False) -> Callable[..., Any]:
     """Compile a function with Numba where it is installed, with a cache on disk.
+
+    With ``forceinline`` its code always becomes part of the functions that call it.
 
     Numba uses a cached function as long as its own file is unchanged, even where functions of
     other files that are compiled into it have changed. Therefore the name in the cache depends on
@@ -48,5 +50,6 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return function
     function.__qualname__ += f'_{FINGERPRINT}'
     # Divisions by zero as in NumPy: a check of each division would take a tenth of a scene's time.
-    kept: Callable[..., Any] = njit(cache=True, error_model='numpy')(function)
+    options = {'cache': True, 'error_model': 'numpy', 'forceinline': forceinline}
+    kept: Callable[..., Any] = njit(**options)(function)
     return kept

@@ -13,7 +13,7 @@ import numpy as np
 from slip_detector.chain.common_mode import NO_COMMON_MODE, find_common_mode
 from slip_detector.chain.compiled import as_silent, compiled
 from slip_detector.chain.lanes import LANES, LINE, load, spread, store
-from slip_detector.chain.plan import filters_of, layout_of, scratch_of, settings_of
+from slip_detector.chain.plan import parts_of
 from slip_detector.chain.stages import (
     ENVELOPE_HEAD,
     ENVELOPE_ROW,
@@ -189,10 +189,7 @@ def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
     keep_envelope, keep_level
         Whether ``signals`` has these.
     """
-    settings = settings_of(plan)
-    ranges, sections, end = filters_of(plan, settings)
-    layout, end = layout_of(plan, settings, end)
-    scratch = scratch_of(plan, settings, end)
+    settings, ranges, sections, layout, scratch = parts_of(plan)
     # Empty results have no address.
     past_caches = (
         signals.size > CACHED_VALUES

@@ -1,9 +1,10 @@
 """What the kernel is told beside samples and state, and its memory to work in: one array.
 
-Each array that is passed costs a call 100 ns and a tuple of them a microsecond, hence a *plan* is
-one array of float64, and the kernel gives its parts names once it has it: :class:`Settings`, then
-the tiles' ranges of good samples and the filters' sections, then :class:`Layout` as the bits of
-integers, then :class:`Scratch`.
+Each array that is passed to compiled code costs a call 100 ns and a tuple of them a microsecond,
+hence a *plan* is one array of float64, and the kernel gives its parts names once it has it:
+:class:`Settings`, then the tiles' ranges of good samples and the filters' sections, then
+:class:`Layout` as the bits of integers, then :class:`Scratch`. Interpreted, naming them would cost
+each call memory and time: there a plan is its :class:`Parts`.
 
 A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane. Tiles may
 overlap; then a channel's seat is in the first of them, and in the other it is computed to the
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.common_mode import COMMON_MODES, NO_COMMON_MODE
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.compiled import COMPILED, compiled
 from slip_detector.chain.lanes import LANES, LINE, float_part, integer_part, word_part
 from slip_detector.chain.stages import WORD_ROWS
 from slip_detector.chain.votes import DIGITS, VOTE_MEAN, vote_numbers
@@ -223,6 +224,42 @@ def scratch_of(plan, settings, begin):
     )
 
 
+class Parts(NamedTuple):
+    """All parts of a plan.
+
+    Attributes
+    ----------
+    settings : Settings
+    ranges : ndarray, shape (t, 2, 16)
+        Of good samples.
+    sections : ndarray, shape (s, 6)
+    layout : Layout
+    scratch : Scratch
+    """
+
+    settings: Settings
+    ranges: Floats
+    sections: Floats
+    layout: Layout
+    scratch: Scratch
+
+
+def _parts_of(plan):
+    settings = settings_of(plan)
+    ranges, sections, end = filters_of(plan, settings)
+    layout, end = layout_of(plan, settings, end)
+    return Parts(settings, ranges, sections, layout, scratch_of(plan, settings, end))
+
+
+if COMPILED:
+    parts_of = compiled(_parts_of, forceinline=True)  # so many values are costly to return
+else:
+
+    def parts_of(plan):
+        """Return the plan itself, which has been taken apart once for all calls."""
+        return plan
+
+
 def aligned(new: Callable[[int], Floats], shape: tuple[int, ...]) -> Floats:
     """Return an array that begins where a cache line does.
 
@@ -261,8 +298,8 @@ def tile_bases_of(config: ChainConfig) -> list[int]:
     return bases
 
 
-def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -> Floats:
-    """Return the plan of a chain.
+def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -> Floats | Parts:
+    """Return the plan of a chain: one array for compiled functions, its parts for others.
 
     Parameters
     ----------
@@ -325,7 +362,7 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
     )
     plan = aligned(np.zeros, (_scratch_bounds(settings, len(told))[-1],))
     plan[: len(told)] = told
-    return plan
+    return plan if COMPILED else _parts_of(plan)
 
 
 def _integers(values: ArrayLike) -> NDArray[np.int64]:

@@ -184,38 +184,65 @@ def _polynomial(coefficients, x):
 
 
 @compiled
-def _geometric_mean(levels, members, k):
-    """Return the geometric mean of the valid levels of sixteen rows; any where there is none.
+def _extremes(levels, members, k):
+    """Return the least valid level of sixteen rows and the largest.
 
-    Fractions are multiplied and exponents are added, so that nothing over- or underflows. Only
-    operations that IEEE 754 rounds are used: logarithms of a library differ in their last bits.
+    Where none is valid they are infinity and ``NO_VOTE``.
+    """
+    least, most = spread(np.inf), spread(NO_VOTE)
+    for j in range(members):
+        level = load(levels, (j, k))
+        least = select((level >= 0.0) & (level < least), level, least)
+        most = select(level > most, level, most)
+    return least, most
+
+
+@compiled
+def _product(levels, members, k):
+    """Return how many levels of sixteen rows are valid, and their product in two parts.
+
+    Fractions are multiplied and exponents are added, so that nothing over- or underflows.
     """
     count, exponent, product = spread(0.0), spread(0.0), spread(1.0)
-    least, most = spread(np.inf), spread(0.0)
     for j in range(members):
         level = load(levels, (j, k))
         valid = level >= 0.0
         small = level < LEAST_NORMAL
-        scaled = select(small, level * 2.0**SCALE_BITS, level)
-        own = _exponents(scaled) - select(small, spread(SCALE_BITS), spread(0.0))
+        level = select(small, level * 2.0**SCALE_BITS, level)
+        own = _exponents(level) - select(small, spread(SCALE_BITS), spread(0.0))
         count = count + select(valid, spread(1.0), spread(0.0))
         exponent = select(valid, exponent + own, exponent)
-        product = select(valid, product * _fractions(scaled), product)
-        least = select(valid & (level < least), level, least)
-        most = select(level > most, level, most)
+        product = select(valid, product * _fractions(level), product)
         if j % FACTORS == FACTORS - 1:
             exponent = exponent + _exponents(product)
             product = _fractions(product)
-    exponent, product = exponent + _exponents(product), _fractions(product)
+    return count, exponent + _exponents(product), _fractions(product)
+
+
+@compiled
+def _mean_logarithm(levels, members, k):
+    """Return the mean logarithm of sixteen rows: of base 2 a whole number, of base e the rest."""
+    count, exponent, product = _product(levels, members, k)
     large = product > ROOT_2
     exponent = select(large, exponent + 1.0, exponent)
     product = select(large, product * 0.5, product)
-    # The mean of the logarithms to base 2: a whole number and what is left of it.
     count = select(count > 0.0, count, 1.0)
     whole = floor(exponent / count + 0.5)
     s = (product - 1.0) / (product + 1.0)
     logarithm = s * _polynomial(LOGARITHM, s * s)
-    rest = ((exponent - whole * count) * LN_2 + logarithm) / count
+    return whole, ((exponent - whole * count) * LN_2 + logarithm) / count
+
+
+@compiled
+def _geometric_mean(levels, members, k, least, most):
+    """Return the geometric mean of the valid levels of sixteen rows; any where there is none.
+
+    ``least`` and ``most`` are the extremes of these levels.
+
+    Only operations that IEEE 754 rounds are used: logarithms of a library differ in their last
+    bits.
+    """
+    whole, rest = _mean_logarithm(levels, members, k)
     # In two steps: the smallest numbers are below 2^-1022.
     half = floor(whole * 0.5)
     mean = _polynomial(EXPONENTIAL, rest) * _powers_of_2(half) * _powers_of_2(whole - half)
@@ -224,26 +251,6 @@ def _geometric_mean(levels, members, k):
     mean = select(mean > most, most, mean)
     mean = select(most < np.inf, mean, most)
     return select(least > 0.0, mean, 0.0)
-
-
-@compiled
-def _least(levels, members, k):
-    """Return the least valid level of sixteen rows, infinity where there is none."""
-    least = spread(np.inf)
-    for j in range(members):
-        level = load(levels, (j, k))
-        least = select((level >= 0.0) & (level < least), level, least)
-    return least
-
-
-@compiled
-def _any_valid(levels, members, k):
-    """Return in which of sixteen rows there is a valid level."""
-    most = spread(NO_VOTE)
-    for j in range(members):
-        level = load(levels, (j, k))
-        most = select(level > most, level, most)
-    return most >= 0.0
 
 
 @compiled
@@ -281,13 +288,14 @@ def raise_to_votes(levels, members, rows, votes, statistics):
         most_counted = max(most_counted, vote)
     most_counted = min(most_counted, members)
     for k in range(0, rows, LANES):
-        able = _any_valid(levels, members, k)
+        least, most = _extremes(levels, members, k)
+        able = most >= 0.0
         for v in range(votes.size):
             if votes[v] <= 0:
                 if votes[v] == VOTE_ALL:
-                    number = _least(levels, members, k)
+                    number = least
                 else:
-                    number = _geometric_mean(levels, members, k)
+                    number = _geometric_mean(levels, members, k, least, most)
                 before = load(statistics, (v, k))
                 store(select(able & (number > before), number, before), statistics, (v, k))
         _sort(levels, members, most_counted, k)

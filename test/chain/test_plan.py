@@ -6,16 +6,14 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
 from slip_detector.chain.lanes import LANES
 from slip_detector.chain.plan import (
     CHUNK_WORDS,
     aligned,
-    filters_of,
-    layout_of,
+    parts_of,
     plan_of,
-    scratch_of,
-    settings_of,
     tile_bases_of,
 )
 from slip_detector.parameters.detector import ChainConfig
@@ -40,13 +38,10 @@ def configs(draw):
     )
 
 
-def parts_of(config, votes=()):
+def plan_and_parts(config, votes=()):
     plan = plan_of(config, SECTIONS, votes)
-    settings = settings_of(plan)
-    ranges, sections, end = filters_of(plan, settings)
-    layout, end = layout_of(plan, settings, end)
     # Parts are no references: the plan has to stay.
-    return plan, settings, ranges, sections, layout, scratch_of(plan, settings, end)
+    return plan, *parts_of(plan)
 
 
 def enabled_of(config):
@@ -69,7 +64,7 @@ def test_tiles_hold_each_enabled_channel_and_none_is_without(config):
 
 @given(configs())
 def test_each_enabled_channel_has_one_seat_in_the_tile_that_holds_it(config):
-    _plan, settings, ranges, _, layout, scratch = parts_of(config)
+    _plan, settings, ranges, _, layout, scratch = plan_and_parts(config)
     enabled = enabled_of(config)
     assert layout.columns.tolist() == enabled
     assert len(set(layout.seats.tolist())) == len(enabled) == settings.enabled
@@ -87,7 +82,7 @@ def test_each_enabled_channel_has_one_seat_in_the_tile_that_holds_it(config):
 
 @given(configs())
 def test_a_lane_without_a_channel_that_takes_part_takes_no_sample(config):
-    _plan, _, ranges, _, layout, _ = parts_of(config)
+    _plan, _, ranges, _, layout, _ = plan_and_parts(config)
     for tile, lane in np.ndindex(layout.bases.size, LANES):
         if layout.bases[tile] + lane not in enabled_of(config):
             low, high = ranges[tile, :, lane]
@@ -96,7 +91,7 @@ def test_a_lane_without_a_channel_that_takes_part_takes_no_sample(config):
 
 @given(configs())
 def test_groups_are_their_enabled_members_one_after_the_other(config):
-    _plan, _, _, _, layout, _ = parts_of(config)
+    _plan, _, _, _, layout, _ = plan_and_parts(config)
     seat_of = dict(zip(layout.columns.tolist(), layout.seats.tolist(), strict=True))
     for i, channels in enumerate(config.groups.values()):
         members = layout.members[layout.bounds[i] : layout.bounds[i + 1]]
@@ -107,16 +102,17 @@ def test_groups_are_their_enabled_members_one_after_the_other(config):
 
 @given(configs(), st.lists(st.sampled_from(['all', 'mean', 1, 2, 3]), max_size=4))
 def test_the_parts_of_a_plan_fill_it_and_none_overlaps_another(config, votes):
-    plan, settings, ranges, sections, layout, scratch = parts_of(config, votes)
+    plan, settings, ranges, sections, layout, scratch = plan_and_parts(config, votes)
     np.testing.assert_array_equal(sections, SECTIONS)
     assert settings.threshold == config.threshold
     assert settings.votes == layout.votes.size == len(votes)
     arrays = [ranges, sections, *layout, *scratch]
     bounds = sorted((part.ctypes.data, part.nbytes) for part in arrays if part.size)
-    assert bounds[0][0] == plan.ctypes.data + len(settings) * 8
     for (begin, size), (following, _) in itertools.pairwise(bounds):
         assert begin + size <= following
-    assert sum(bounds[-1]) == plan.ctypes.data + plan.nbytes
+    if COMPILED:
+        assert bounds[0][0] == plan.ctypes.data + len(settings) * 8
+        assert sum(bounds[-1]) == plan.ctypes.data + plan.nbytes
     assert scratch.block.ctypes.data % 64 == 0
     # There is none for what is not wanted.
     assert bool(scratch.deviations.size) == (config.common_mode != 'none')

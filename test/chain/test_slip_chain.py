@@ -144,8 +144,7 @@ def test_a_row_takes_no_memory_beyond_its_result(common_mode, vote):
     # Array headers and the call's own objects, the same for any number of channels; one temporary
     # of a byte per channel would be 8 kB more.
     assert many < few + 2000
-    # Interpreted, the variables of all running functions are such objects: some 9 kB.
-    assert few < (6000 if COMPILED else 12_000)
+    assert few < 6000
 
 
 @pytest.mark.parametrize('disabled', [(), (3,)])
