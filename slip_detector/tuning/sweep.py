@@ -18,6 +18,7 @@ from slip_detector.evaluation.matching import (
     NONE,
     alarm_windows,
     give_alarm,
+    is_false,
     slip_not_over,
     tolerance_rows,
 )
@@ -128,13 +129,12 @@ def _sweep(statistic, limits, first_row, lows, highs, state, rises, false_alarms
         if above > before:
             row = first_row + r
             slip = slip_not_over(row, slip, highs)
-            if slip == lows.size or row < lows[slip]:  # in no slip's window
+            if is_false(row, slip, lows):
                 for t in range(before, above):
                     false_alarms[t] += 1
-                continue
-            for t in range(before, above):
-                if give_alarm(row, row, slip, lows, rises, t) == NONE:
-                    false_alarms[t] += 1
+            else:
+                for t in range(before, above):
+                    give_alarm(row, row, slip, lows, rises, t)
     state[0], state[1] = above, slip
 
 

@@ -9,10 +9,14 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
 from slip_detector.evaluation.matching import (
+    NONE,
     OnIntervals,
     RowInterval,
     alarm_windows,
+    give_alarm,
+    is_false,
     match,
+    slip_not_over,
     tolerance_rows,
 )
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -116,6 +120,18 @@ def test_a_window_holds_the_rows_at_which_an_alarm_can_belong_to_its_slip(drawn)
     for i in range(len(slips)):
         inside = [row for row in range(-20, 160) if belongs(slips, i, row, early, tail)]
         assert inside == list(range(lows[i], highs[i]))
+
+
+@given(scenes_of_events())
+def test_a_false_alarm_is_one_that_is_given_to_no_slip_with_or_without_alarms(drawn):
+    slips, rises, early, tail = drawn
+    lows, highs = alarm_windows(slips, early, tail)
+    for row in rises:
+        slip = slip_not_over(row, 0, highs)
+        for taken in (NONE, 1000):
+            alarm_of = np.full((len(slips), 1), taken)
+            given_to = give_alarm(row, row, slip, lows, alarm_of, 0)
+            assert is_false(row, slip, lows) == (given_to == NONE)
 
 
 def test_tolerances_are_whole_rows_of_the_recording():
