@@ -1,5 +1,6 @@
 """Settings of the whole test run."""
 
+import gc
 import os
 import signal
 from pathlib import Path
@@ -32,6 +33,12 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if any(item.path.is_relative_to(folder) for folder in OF_NODES):
             item.add_marker(pytest.mark.nodes)
+
+
+def pytest_collection_finish():
+    """Leave what is loaded by now, which stays, out of all further collections of garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

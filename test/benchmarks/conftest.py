@@ -5,8 +5,12 @@ import pytest
 from benchmarks.chain.precision import measure_chain_precision
 from benchmarks.chain.speed import measure_chain_speed
 from benchmarks.measurement import machine
+from benchmarks.scenes import precision as scenes_precision
+from benchmarks.scenes.build import build_scene
 from benchmarks.scenes.costs import scene_costs
+from benchmarks.scenes.ode import Ode
 from benchmarks.scenes.precision import scene_precision
+from slip_detector.parameters.reading import read_yaml
 from slip_detector.scenes import find_scene
 from support.benchmark_scenes import SHORT_OBJECT, SHORT_PLATE, SIZES, written
 
@@ -22,9 +26,21 @@ def chain_precision():
 
 
 @pytest.fixture(scope='session')
-def plate_precision(tmp_path_factory):
-    path = written(tmp_path_factory.mktemp('scenes') / 'plate.yaml', SHORT_PLATE)
-    return scene_precision(path, SIZES)
+def plate(tmp_path_factory):
+    return written(tmp_path_factory.mktemp('scenes') / 'plate.yaml', SHORT_PLATE)
+
+
+@pytest.fixture(scope='session')
+def plate_references(plate):
+    """Return the two reference solutions of the plate: to find them takes a second."""
+    return scenes_precision._references(Ode(build_scene(read_yaml(plate))))
+
+
+@pytest.fixture(scope='session')
+def plate_precision(plate, plate_references):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scenes_precision, '_references', lambda ode: plate_references)
+        return scene_precision(plate, SIZES)
 
 
 @pytest.fixture(scope='session')

@@ -65,9 +65,10 @@ def test_an_explicit_method_does_a_stretch_from_the_reference_s_state(tmp_path):
         assert run['voltage_error'] < 5e-3
 
 
-def test_what_gives_up_says_so_and_has_no_figures(tmp_path):
+def test_what_gives_up_says_so_and_has_no_figures(plate, plate_references, monkeypatch):
+    monkeypatch.setattr(scenes_precision, '_references', lambda ode: plate_references)
     sizes = QUICK._replace(tolerances=(), steps_per_sample=(8,), stretch_budget_s=0.01)
-    entry = scene_precision(written(tmp_path / 'plate.yaml', SHORT_PLATE), sizes)
+    entry = scene_precision(plate, sizes)
     (run,) = runs_of(entry, 'RK45')
     assert run['said'] == 'RK45: given up after 0.01 s'
     assert run['voltage_error'] is run['run_time_per_s'] is None
@@ -81,17 +82,13 @@ def test_a_scene_without_states_has_nothing_to_compare():
 
 
 def test_where_the_references_differ_by_more_than_is_compared_nothing_is_judged(
-    tmp_path, monkeypatch
+    plate, plate_references, monkeypatch
 ):
-    honest = scenes_precision._references
-
-    def apart(ode):
-        first, (method, rtol, solution) = honest(ode)
-        return [first, (method, rtol, solution._replace(clean_v=solution.clean_v + 0.05))]
-
-    monkeypatch.setattr(scenes_precision, '_references', apart)
+    first, (method, rtol, solution) = plate_references
+    apart = [first, (method, rtol, solution._replace(clean_v=solution.clean_v + 0.05))]
+    monkeypatch.setattr(scenes_precision, '_references', lambda ode: apart)
     sizes = QUICK._replace(tolerances=(), explicit_tolerances=(), steps_per_sample=(8,))
-    entry = scene_precision(written(tmp_path / 'plate.yaml', SHORT_PLATE), sizes)
+    entry = scene_precision(plate, sizes)
     assert entry['runs']
     assert entry['front'] is None
     assert 'differ by more' in entry['note']
