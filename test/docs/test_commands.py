@@ -97,6 +97,18 @@ RUN_BY = {
         '::test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_time'
     ),
     **{
+        command: (
+            'test/commands/test_cluster.py'
+            '::test_a_cluster_finds_the_same_to_the_bit_though_workers_die'
+        )
+        for command in (
+            'dask scheduler',
+            'dask worker tcp://HOST:8786 --nworkers 16 --nthreads 1',
+            'slip_evaluate /data/recordings --cluster tcp://HOST:8786 --json',
+            'slip_tune /data/sample --cluster tcp://HOST:8786 --out detector.yaml',
+        )
+    },
+    **{
         f'slip_evaluate trial.mcap --topic {topic} --field {field}': (
             'test/recordings/test_bag_recording.py'
             '::test_any_message_type_is_read_by_topic_and_field'
@@ -232,7 +244,7 @@ def install(folder):
         script = folder / name
         script.write_text(
             f'#!{sys.executable}\nimport sys\nfrom slip_detector.{module} import {function}\n'
-            f'sys.exit({function}())\n'
+            f"if __name__ == '__main__':\n    sys.exit({function}())\n"
         )
         script.chmod(0o755)
 
