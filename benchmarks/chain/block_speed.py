@@ -3,6 +3,7 @@
 :func:`measure_blocks` gives the part ``blocks`` of :mod:`benchmarks.chain.speed`.
 """
 
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -76,7 +77,7 @@ def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
     }
     if cpp:
         sides['cpp_in_pieces'] = _turn(cpp.update, pieces)
-    times_s = least_times_s(list(sides.values()), rounds)
+    times_s = least_times_s(list(sides.values()), rounds, time.thread_time)
     ns = {name: s / len(rows) * 1e9 for name, s in zip(sides, times_s, strict=True)}
     in_pieces = ns['chain_in_pieces']
     return {

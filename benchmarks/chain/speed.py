@@ -31,6 +31,7 @@
 
 import argparse
 import sys
+import time
 import tracemalloc
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -149,7 +150,8 @@ def measure_one_row(sizes: SpeedSizes) -> dict[str, Any]:
         for row in rows:
             _, zi = signal.sosfilt(sections, row, axis=0, zi=zi)
 
-    chain_s, sosfilt_s = least_times_s([chain_calls, sosfilt_calls], sizes.one_row_rounds)
+    sides = [chain_calls, sosfilt_calls]
+    chain_s, sosfilt_s = least_times_s(sides, sizes.one_row_rounds, time.thread_time)
     few, many = config.channels, 64 * config.channels
     kept, few_peak = memory_of_a_call(few, 1000)
     _, many_peak = memory_of_a_call(many, 1)
@@ -211,7 +213,7 @@ def measure_channels(sizes: SpeedSizes) -> dict[str, Any]:
         groups = {f'g{i}': tuple(range(4 * i + 1, 4 * i + 5)) for i in range(n // 4)}
         chain = SlipChain(ChainConfig(channels=n, groups=groups))
         passes.append(_pass_of(chain, swelling_noise_v(sizes.channel_samples // n, n)))
-    times_s = least_times_s(passes, sizes.rounds)
+    times_s = least_times_s(passes, sizes.rounds, time.thread_time)
     ns_per = {}
     for n, time_s in zip(CHANNEL_COUNTS, times_s, strict=True):
         ns_per[str(n)] = time_s / (sizes.channel_samples // n * n) * 1e9
