@@ -77,6 +77,7 @@ setup(
             f'slip_grasp = {NAME}.nodes.grasp_demo:main',
             f'slip_evaluate = {NAME}.commands.command_line:evaluate',
             f'slip_tune = {NAME}.commands.command_line:tune',
+            f'slip_compile = {NAME}.commands.command_line:compile_all',
         ],
     },
 )

@@ -32,6 +32,35 @@ def _fingerprint() -> str:
 FINGERPRINT = _fingerprint()
 
 
+def on_compiling(say: Callable[[str], None]) -> None:
+    """Have a function called each time a function of the package is not in the cache.
+
+    Parameters
+    ----------
+    say
+        Is given the function's module before it is compiled, in the thread that compiles.
+
+    Examples
+    --------
+    >>> modules = []
+    >>> on_compiling(modules.append)
+    """
+    if not COMPILED:
+        return
+    from numba.core import event
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        def on_start(self, happened: Any) -> None:
+            module = happened.data['dispatcher'].py_func.__module__
+            if module.startswith('slip_detector.'):  # Numba's own functions are compiled too.
+                say(module)
+
+        def on_end(self, happened: Any) -> None:
+            pass
+
+    event.register('numba:compile', Listener())
+
+
 def as_silent(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that overflows silently when interpreted, as compiled code does."""
     return function if COMPILED else np.errstate(all='ignore')(function)

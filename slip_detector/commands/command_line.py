@@ -125,6 +125,11 @@ def tune() -> int:
     return _start('slip_tune', 'slip_detector.commands.tune')
 
 
+def compile_all() -> int:
+    """Start ``slip_compile``."""
+    return _start('slip_compile', 'slip_detector.commands.compile')
+
+
 def _start(name: str, module: str) -> int:
     try:
         return int(importlib.import_module(module).main())

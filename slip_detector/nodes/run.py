@@ -122,20 +122,45 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
 
 def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
     """Return the function that makes the nodes of an executable from the arguments of each."""
-    if executable == 'slip_driver':
-        from slip_detector.nodes.driver import drivers
-
-        return drivers
     if executable == 'grasp_controller':
         from slip_detector.nodes.grasp_controller import GraspController
 
         return lambda of_each: [GraspController(arguments) for arguments in of_each]
+    log_compiling(executable)
+    if executable == 'slip_driver':
+        from slip_detector.nodes.driver import drivers
+
+        return drivers
     from slip_detector.chain.slip_chain import SlipChain
+    from slip_detector.chain.stamps import StampGrid
     from slip_detector.nodes.detector import Detector
 
     # Without a cache, compiling takes seconds; it is done here, where a signal ends the process.
     SlipChain()
+    grid = StampGrid(period_s=1.0, max_gap_s=1.0)
+    for stamp_ns in (0, 1_000_000_000):
+        grid.arrive(stamp_ns)
     return lambda of_each: [Detector(arguments) for arguments in of_each]
+
+
+def log_compiling(executable: str) -> None:
+    """Say on the log when Numba compiles, once for each room of the package."""
+    from rclpy.logging import get_logger
+
+    from slip_detector.chain.compiled import on_compiling
+
+    said: set[str] = set()
+
+    def say(module: str) -> None:
+        room = module.rpartition('.')[0]
+        if room not in said:
+            said.add(room)
+            get_logger(executable).info(
+                f'compiling {room}, which takes some seconds and is kept for the next start '
+                '(slip_compile does it beforehand)'
+            )
+
+    on_compiling(say)
 
 
 def main(executable: str) -> NoReturn:

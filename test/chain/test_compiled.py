@@ -1,6 +1,7 @@
 """Compiled functions are kept from run to run, and never run stale."""
 
 import importlib.util
+import os
 import shutil
 import subprocess
 import sys
@@ -106,6 +107,30 @@ def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
     path = chain / 'lanes.py'
     path.write_text(path.read_text().replace("(operator.add, 'fadd')", "(operator.add, 'fsub')"))
     assert run(2.0) == ['-1.0', '0']
+
+
+TOLD = """
+from slip_detector.chain.compiled import on_compiling
+from slip_detector.chain.stamps import StampGrid
+
+on_compiling(print)
+grid = StampGrid(1.0, 1.0)
+for stamp_ns in (0, 10**9, 2 * 10**9):
+    grid.arrive(stamp_ns)
+"""
+
+
+@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
+def test_what_is_compiled_is_told_and_what_is_in_the_cache_is_not(tmp_path):
+    def told():
+        return subprocess.run(
+            [sys.executable, '-c', TOLD],
+            env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
+            capture_output=True, text=True, check=True,
+        ).stdout.split()  # fmt: skip
+
+    assert told() == ['slip_detector.chain.stamps']
+    assert told() == []
 
 
 def test_interpreted_functions_overflow_as_silently_as_compiled_ones(monkeypatch):

@@ -58,6 +58,10 @@ RUN_BY = {
         'test/nodes/test_detector_parameters.py'
         '::test_a_new_band_takes_over_between_two_rows_settled_on_the_rows_before'
     ),
+    'ros2 param load': (
+        'test/nodes/test_detector_parameters.py'
+        '::test_no_sample_is_lost_while_all_parameters_are_loaded_one_by_one'
+    ),
     **{
         f'ros2 lifecycle set /slip_detector {transition}': (
             'test/nodes/test_detector_lifecycle.py::test_a_manager_takes_the_node_through_its_life'

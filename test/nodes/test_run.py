@@ -1,5 +1,6 @@
 """The executables of the nodes: their words, and how they end."""
 
+import os
 import subprocess
 import sys
 
@@ -7,6 +8,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
+from slip_detector.chain.compiled import COMPILED
 from slip_detector.nodes.run import EXECUTABLES, _arguments_of_each
 
 
@@ -33,6 +35,32 @@ def test_an_argument_that_rcl_cannot_read_ends_in_one_line(executable):
     assert line.startswith(f'{executable}: ')
     assert 'no remapping' in line
     assert 'Traceback' not in done.stderr
+
+
+LOGGED = """
+from slip_detector.nodes.run import log_compiling
+from slip_detector.chain.stamps import StampGrid
+
+log_compiling('slip_detector')
+grid = StampGrid(1.0, 1.0)
+for stamp_ns in (0, 10**9, 2 * 10**9):
+    grid.arrive(stamp_ns)
+grid.arrive_all(__import__('numpy').arange(3) + 3 * 10**9)
+"""
+
+
+@pytest.mark.skipif(not COMPILED, reason='without Numba nothing is compiled')
+def test_the_log_says_once_that_something_is_compiled_and_only_when_it_is(tmp_path):
+    def logged():
+        return subprocess.run(
+            [sys.executable, '-c', LOGGED],
+            env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
+            capture_output=True, text=True, check=True, timeout=120,
+        ).stderr  # fmt: skip
+
+    (line,) = logged().splitlines()
+    assert '[slip_detector]: compiling slip_detector.chain, which takes some seconds' in line
+    assert logged() == ''
 
 
 @pytest.mark.parametrize(

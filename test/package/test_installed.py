@@ -15,6 +15,7 @@ pytestmark = pytest.mark.skipif(
 
 EXECUTABLES = [
     'grasp_controller',
+    'slip_compile',
     'slip_demo',
     'slip_detector',
     'slip_driver',
@@ -73,7 +74,9 @@ def test_what_reports_are_made_of_is_installed(tmp_path):
     assert all(int(size) > 1000 for size in done.stdout.split())
 
 
-@pytest.mark.parametrize('name', ['slip_demo', 'slip_evaluate', 'slip_grasp', 'slip_tune'])
+@pytest.mark.parametrize(
+    'name', ['slip_compile', 'slip_demo', 'slip_evaluate', 'slip_grasp', 'slip_tune']
+)
 def test_the_command_lines_run(name):
     done = run(name, '--help')
     assert done.returncode == 0, done.stderr

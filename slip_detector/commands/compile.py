@@ -1,0 +1,105 @@
+"""The command ``slip_compile``: compiles what would be compiled when it first runs.
+
+Numba keeps the result on disk, so it is run once after each installation, by the user who runs the
+nodes.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from slip_detector.chain.compiled import COMPILED, on_compiling
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.stamps import StampGrid
+from slip_detector.commands.command_line import run
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.sources import open_source
+from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
+from slip_detector.tuning.tracks import track_of
+
+NAME = 'slip_compile'
+
+#: So many rows have rest and slip, and fill the windows.
+ROWS = 400
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command and return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog=NAME,
+        description='Compile the chain, the simulated fingertip, evaluation and tuning, which '
+        'otherwise happens when each first runs. The result is kept on disk.',
+    )
+    parser.parse_args(argv)
+    return run(NAME, compile_all)
+
+
+def compile_all() -> str:
+    """Run all that has compiled functions on little data; return what it has come to."""
+    if not COMPILED:
+        return 'Nothing to compile: Numba is not installed, and all runs interpreted.'
+    modules: list[str] = []
+    on_compiling(modules.append)
+    began_s = time.monotonic()
+    for what, use in PARTS.items():
+        print(f'{what} ...', flush=True)
+        use()
+    if not modules:
+        return 'All was compiled already.'
+    return f'Compiled {len(modules)} functions in {time.monotonic() - began_s:.0f} s.'
+
+
+def use_chain() -> None:
+    """Use the chain, and the stamps of samples that come one by one and all at once."""
+    SlipChain()
+    grid = StampGrid(period_s=0.01, max_gap_s=0.1)
+    stamps_ns = np.arange(0, 100_000_000, 10_000_000)
+    grid.arrive_all(stamps_ns)
+    grid.arrive(100_000_000)
+
+
+def use_scenes() -> None:
+    """Use the simulated fingertip: each scene of the package."""
+    for path in sorted((shared_folder() / 'config' / 'scenes').glob('*.yaml')):
+        open_source(DriverConfig(scene=str(path))).read(1)
+
+
+def use_evaluation() -> None:
+    """Use what matches slips with alarms and what counts scores."""
+    Replay(ChainConfig()).run([_labelled_rows()])
+
+
+def use_tuning() -> None:
+    """Use what judges all thresholds."""
+    config = ChainConfig()
+    track = track_of('compiled', [_labelled_rows()], config.sample_rate_hz)
+    statistics = VoteStatistics(config, ['all', 'mean', 2]).of(track)
+    for statistic in statistics:
+        sweep_thresholds([statistic], [track], np.array([0.5, 1.0]), EvaluationConfig())
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    'chain': use_chain,
+    'simulated fingertip': use_scenes,
+    'evaluation': use_evaluation,
+    'tuning': use_tuning,
+}
+
+
+def _labelled_rows() -> LabelledRows:
+    config = ChainConfig()
+    truth = np.arange(ROWS) >= ROWS // 2
+    tone = np.sin(2 * np.pi * 20.0 * np.arange(ROWS) / config.sample_rate_hz)
+    volts = np.outer(np.where(truth, tone, 0.0), np.ones(config.channels))
+    return LabelledRows(volts, truth)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,67 @@
+"""The command ``slip_compile``: it compiles all that any other command or node needs."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from slip_detector.chain.compiled import COMPILED
+from slip_detector.commands import compile as command
+from slip_detector.commands.evaluate import main as evaluate
+from slip_detector.commands.tune import main as tune
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources import open_source
+
+needs_numba = pytest.mark.skipif(not COMPILED, reason='without Numba nothing is compiled')
+
+
+def compiled_signatures():
+    """Return the functions that Python has called compiled, and for which types."""
+    from numba.core.dispatcher import Dispatcher
+
+    return {
+        (f'{name}.{function}', signature)
+        for name, module in list(sys.modules.items())
+        if name.startswith('slip_detector.')
+        for function, value in vars(module).items()
+        if isinstance(value, Dispatcher) and value.py_func.__module__ == name
+        for signature in value.signatures
+    }
+
+
+@needs_numba
+def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys):
+    pytest.importorskip('optuna', reason='needs optuna')
+    assert command.main([]) == 0
+    before = compiled_signatures()
+    assert before
+    source = open_source(DriverConfig(seed=1))
+    path = tmp_path / 'trial.npz'
+    samples = source.read(3000)
+    assert samples.truth is not None
+    np.savez(path, volts=samples.volts, sample_rate_hz=source.sample_rate_hz, truth=samples.truth)
+    assert evaluate([str(path)]) == 0
+    assert tune([str(path), '--trials', '3', '--out', str(tmp_path / 'tuned.yaml')]) == 0
+    grip = open_source(DriverConfig(scene='grasp'))
+    grip.hold_force(3.0)
+    grip.read(10)
+    capsys.readouterr()
+    assert compiled_signatures() == before
+
+
+@needs_numba
+def test_it_says_how_many_functions_it_has_compiled(monkeypatch, capsys):
+    say = []
+    monkeypatch.setattr(command, 'on_compiling', say.append)
+    monkeypatch.setattr(command, 'PARTS', {'chain': lambda: say[-1]('slip_detector.chain.stamps')})
+    assert command.main([]) == 0
+    assert capsys.readouterr().out.startswith('chain ...\nCompiled 1 functions in ')
+    monkeypatch.setattr(command, 'PARTS', {'chain': lambda: None})
+    assert command.main([]) == 0
+    assert capsys.readouterr().out == 'chain ...\nAll was compiled already.\n'
+
+
+def test_without_numba_there_is_nothing_to_compile(monkeypatch, capsys):
+    monkeypatch.setattr(command, 'COMPILED', False)
+    assert command.main([]) == 0
+    assert capsys.readouterr().out.startswith('Nothing to compile: Numba is not installed')
