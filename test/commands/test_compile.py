@@ -30,18 +30,22 @@ def compiled_signatures():
 
 
 @needs_numba
+@pytest.mark.timeout(1500)  # Where nothing is in the cache, all is compiled.
 def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys):
     pytest.importorskip('optuna', reason='needs optuna')
     assert command.main([]) == 0
     before = compiled_signatures()
     assert before
-    source = open_source(DriverConfig(seed=1))
-    path = tmp_path / 'trial.npz'
-    samples = source.read(3000)
-    assert samples.truth is not None
-    np.savez(path, volts=samples.volts, sample_rate_hz=source.sample_rate_hz, truth=samples.truth)
-    assert evaluate([str(path)]) == 0
-    assert tune([str(path), '--trials', '3', '--out', str(tmp_path / 'tuned.yaml')]) == 0
+    paths = []
+    for seed in range(2):
+        source = open_source(DriverConfig(seed=seed))
+        samples = source.read(3000)
+        path = tmp_path / f'trial_{seed}.npz'
+        rate_hz = source.sample_rate_hz
+        np.savez(path, volts=samples.volts, slip=samples.truth, sample_rate_hz=rate_hz)
+        paths.append(str(path))
+    assert evaluate(paths) == 0
+    assert tune([*paths, '--trials', '3', '--out', str(tmp_path / 'tuned.yaml')]) == 0
     grip = open_source(DriverConfig(scene='grasp'))
     grip.hold_force(3.0)
     grip.read(10)

@@ -10,11 +10,17 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.nodes.run import EXECUTABLES, _arguments_of_each
+from support.harness import compile_nodes
 
 
 def run(*words):
     command = [sys.executable, '-m', 'slip_detector.nodes.run', *words]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+@pytest.fixture(autouse=True, scope='module')
+def _compiled():
+    compile_nodes()
 
 
 @pytest.mark.parametrize('words', [(), ('slip_detectr',)])
