@@ -1,4 +1,4 @@
-"""``slip_demo``: driver and detector as two processes, and what a grasp controller receives."""
+"""``slip_demo``: driver and detector as two processes, and what a grasp controller would get."""
 
 import argparse
 import json
@@ -35,31 +35,31 @@ DISCOVERY_TIMEOUT_S = 60.0
 SCENE_TIMEOUT_S = 120.0
 SPIN_S = 0.05
 
-#: Samples that are written at a time.
+#: Number of samples that are written at a time.
 RECORD_ROWS = 4096
 
 
 class SlipRecorder(Node):
     """Subscribes to all topics of driver and detector and keeps what arrives, and when.
 
-    A message comes with the time at which the middleware of this process had it. It is kept as it
-    is until all have come: so what this process does of its own does not count as the nodes'
-    latency.
+    Each message has the time at which the middleware of this process received it. Messages are
+    kept unread until the end, so that the work of this process does not count as latency of the
+    nodes.
 
     Attributes
     ----------
     stamps_s, rows : list
-        Of the samples: their own times, and volts.
+        Times and volts of the samples.
     position_stamps_s, positions_m : list of float
-        Of the plate.
+        Times and positions of the plate.
     latencies_s : list of float
-        From the stamp of each sample to the receipt of what was decided on it.
+        Time from the stamp of each sample to the receipt of the decision on it.
     """
 
     def __init__(self, config: DetectorConfig) -> None:
         super().__init__('recorder', namespace=NAMESPACE)
         self.latencies_s: list[float] = []
-        # Topic -> (time of receipt, message) of each message.
+        # For each topic the times of receipt and the messages.
         self._received: dict[str, list[tuple[int, bytes]]] = {}
         for topic in ('voltages', 'platform_position', 'slip_detector/envelope'):
             self._keep(JointState, topic, sensor_qos())
@@ -71,11 +71,11 @@ class SlipRecorder(Node):
         self._own_executor = SampleExecutor([self])
 
     def receive(self) -> None:
-        """Take what has come; nothing may."""
+        """Receive what has arrived, if anything has."""
         self._own_executor.spin_once(timeout_sec=SPIN_S)
 
     def stop(self) -> None:
-        """Receive nothing more."""
+        """Stop receiving."""
         self._own_executor.shutdown()
 
     def receives_all(self) -> bool:
@@ -83,7 +83,7 @@ class SlipRecorder(Node):
         return all(self._received[topic] for topic in self.topics)
 
     def changes_of(self, topic: str) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return when the state of a topic changed, and the states."""
+        """Return the times at which the state of a topic changed, and its states from then on."""
         received = self._messages(topic, Bool)
         at_s = np.array([at_ns for at_ns, _ in received]) * 1e-9
         states = np.array([message.data for _, message in received], bool)
@@ -91,7 +91,7 @@ class SlipRecorder(Node):
         return at_s[changed], states[changed]
 
     def read(self) -> None:
-        """Read all samples and envelopes that have come."""
+        """Read all samples, positions and envelopes that were received."""
         samples = self._messages('voltages', JointState)
         self.stamps_s = [stamp_ns(message.header.stamp) * 1e-9 for _, message in samples]
         self.rows = [message.position for _, message in samples]
@@ -116,7 +116,7 @@ class SlipRecorder(Node):
             topic,
             keep,
             qos,
-            # Each message would wake who waits for events, and there are none.
+            # No events are awaited, and waiting for them would wake the executor at each message.
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
@@ -157,8 +157,8 @@ def demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, An
     """Compute the paper's figures of merit from what was received.
 
     Delays are from the stamp of the last sample at which the plate still stood (Eq. 9) to the
-    receipt of the first ON after it, as a grasp controller has them; None where there is none,
-    and where nothing moves.
+    receipt of the first ON after it, as a grasp controller would see them; None when there is no
+    such ON, or nothing moves.
     """
     times_s = np.array(recorder.stamps_s)
     span_s = motion_span_s(recorder)
@@ -195,9 +195,9 @@ def demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, An
 
 
 def motion_span_s(recorder: SlipRecorder) -> tuple[float, float] | None:
-    """Return when the plate started and when it stopped, by its position (Eq. 9).
+    """Return when the plate started and stopped according to its position (Eq. 9).
 
-    It is None where nothing moves.
+    It is None when nothing moves.
     """
     if not recorder.latencies_s:
         raise RuntimeError('no decision was received')
@@ -209,7 +209,7 @@ def motion_span_s(recorder: SlipRecorder) -> tuple[float, float] | None:
 
 
 def record_trial(path: str, source: Source, start_ns: int) -> None:
-    """Write what a source plays, with its labels, as if the first sample were taken at start."""
+    """Write the samples of a source with their labels; the first one is stamped ``start_ns``."""
 
     def pieces() -> Iterator[Samples]:
         while len((samples := source.read(RECORD_ROWS)).volts):
@@ -219,7 +219,7 @@ def record_trial(path: str, source: Source, start_ns: int) -> None:
 
 
 def to_microseconds(value: Any) -> Any:
-    """Round all figures to what a clock of a shared machine can tell."""
+    """Round all figures in milliseconds to microseconds, which are accurate enough."""
     if isinstance(value, dict):
         return {name: to_microseconds(item) for name, item in value.items()}
     return value if value is None else round(float(value), 3)
@@ -246,7 +246,7 @@ def _delay_lines(result: dict[str, Any]) -> list[str]:
 
 
 def demo_table(result: dict[str, Any]) -> str:
-    """Lay the figures out as text."""
+    """Return the figures as text."""
     lines = ['Delay from the start of the plate to the receipt of the first ON']
     if result['motion'] is None:
         lines[0] += ': undefined, as nothing moves'
@@ -267,7 +267,7 @@ def main() -> None:
     """Entry point of ``slip_demo``."""
     parser = argparse.ArgumentParser(prog='slip_demo', description=__doc__)
     parser.add_argument('--scene', default='plate_400um', help='name or path of the scene')
-    parser.add_argument('--seed', type=int, default=0, help='seed of its noise')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the scene')
     parser.add_argument(
         '--record',
         metavar='FILE',
@@ -295,7 +295,7 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
 
 
 def _draw(recorder: SlipRecorder, config: DetectorConfig, path: Path) -> None:
-    """Draw what was received, as the paper's Figs. 5 and 6."""
+    """Draw what was received, in the form of Figs. 5 and 6 of the paper."""
     from slip_detector.report.trial_pictures import draw_trial
 
     times_s = np.array(recorder.stamps_s)

@@ -1,4 +1,4 @@
-"""What the demonstrations share: nodes in processes of their own, and how a demonstration ends."""
+"""The shared parts of the demonstrations: node processes, and the exit code after errors."""
 
 import os
 import subprocess
@@ -9,24 +9,24 @@ from collections.abc import Callable
 import rclpy
 from rclpy.executors import ExternalShutdownException
 
-#: Time from the request to end to the kill.
+#: Time that a node is given to end before it is killed.
 END_TIMEOUT_S = 10.0
 
-#: How long messages are still taken after the last node has ended.
+#: How long messages are still received after a node has ended.
 DRAIN_S = 0.5
 
 
 class NodeProcesses:
-    """Nodes, each in a process of its own.
+    """Runs nodes, each in a process of its own.
 
-    It is a context manager, which ends all processes when the context is left.
+    A context manager: on leaving it, all processes are ended.
 
     Parameters
     ----------
     namespace
-        Of all nodes: a demonstration must not mix with the topics of a robot beside it.
+        Namespace of all nodes, so that their topics do not mix with those of a robot.
     receive
-        Takes messages, for some hundredths of a second at most; called while a wait lasts.
+        Receives messages for some hundredths of a second at most; called repeatedly during waits.
     """
 
     def __init__(self, namespace: str, receive: Callable[[], None]) -> None:
@@ -53,30 +53,30 @@ class NodeProcesses:
         Parameters
         ----------
         executable
-            Its name, see :mod:`slip_detector.nodes.run`.
+            Name of the node's executable, see :mod:`slip_detector.nodes.run`.
         arguments
-            Arguments of ROS, such as ``-p`` and ``seed:=1``.
+            ROS arguments, such as ``-p`` and ``seed:=1``.
         """
         command = [sys.executable, '-m', 'slip_detector.nodes.run', executable, '--ros-args']
         command += ['-r', f'__ns:=/{self._namespace}', *arguments]
         self._processes[executable] = subprocess.Popen(command)
 
     def wait_until(self, happened: Callable[[], bool], what: str, timeout_s: float) -> None:
-        """Receive messages until something has happened.
+        """Receive messages until a condition holds.
 
         Parameters
         ----------
         happened
-            Returns whether it has.
+            Returns whether the condition holds.
         what
-            What is waited for, in messages.
+            What is awaited, for the error message.
         timeout_s
             Longest time to wait.
 
         Raises
         ------
         RuntimeError
-            When a node has ended, or the time is over.
+            When a node ends, or the time is over.
         """
         deadline_s = time.monotonic() + timeout_s
         while not happened():
@@ -88,19 +88,19 @@ class NodeProcesses:
             self._receive()
 
     def wait_for_end(self, executable: str, what: str, timeout_s: float) -> None:
-        """Receive messages until a node has ended, and those that are still on their way.
+        """Receive messages until a node has ended, and then those that are still on their way.
 
         Parameters
         ----------
         executable
             The node.
         what, timeout_s
-            As :meth:`wait_until` takes them.
+            As for :meth:`wait_until`.
 
         Raises
         ------
         RuntimeError
-            When the node fails, another one has ended, or the time is over.
+            When the node fails, another one ends, or the time is over.
         """
         node = self._processes.pop(executable)
         try:
@@ -119,16 +119,16 @@ def _ended(executable: str, code: int) -> str:
 
 
 def run_demonstration(name: str, demonstrate: Callable[[], None]) -> None:
-    """Run a demonstration and end the process where it does not succeed.
+    """Run a demonstration; when it does not succeed, end the process.
 
-    The exit code is 1 after an error, which is one line on stderr, and 130 after Ctrl-C.
+    The exit code is 1 after an error, which is one line on stderr, and 130 after a signal.
 
     Parameters
     ----------
     name
-        Of the command.
+        Name of the command.
     demonstrate
-        Raises a ValueError, RuntimeError or OSError where it cannot go on.
+        Raises a ValueError, RuntimeError or OSError when it cannot go on.
     """
     # Processes on one machine need no network.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
@@ -136,12 +136,13 @@ def run_demonstration(name: str, demonstrate: Callable[[], None]) -> None:
         demonstrate()
     except (KeyboardInterrupt, ExternalShutdownException):
         sys.exit(130)
-    except (ValueError, RuntimeError, OSError) as error:
+    except Exception as error:
+        context = rclpy.get_default_context()
+        if context.handle is not None and not context.ok():
+            sys.exit(130)  # A signal has shut rclpy down, and the error comes from that.
+        if not isinstance(error, ValueError | RuntimeError | OSError):
+            raise
         print(f'{name}: {error}', file=sys.stderr)
         sys.exit(1)
-    except Exception:
-        if rclpy.ok():
-            raise
-        sys.exit(130)  # A signal has shut the context down during a call.
     finally:
         rclpy.try_shutdown()

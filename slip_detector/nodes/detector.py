@@ -1,4 +1,4 @@
-"""The detector node: samples in, slip out."""
+"""The detector node: receives samples and publishes slip."""
 
 import functools
 import threading
@@ -25,14 +25,15 @@ from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import answer_impossible_transitions
 from slip_detector.parameters.detector import DetectorConfig
 
-#: The input is looked at this often in ``input_timeout_s``, and given up when this share of it has
-#: passed since a look that found some: between 0.8 and 0.9 of the timeout after the last sample.
+#: The input is checked this often within ``input_timeout_s``, and counts as lost when this share
+#: of it has passed since the last check that found a sample. That is between 0.8 and 0.9 of the
+#: timeout after the last sample.
 LOOKS, GIVEN_UP_AFTER = 10, 0.75
 
-#: One line of a kind on the log in this time.
+#: Shortest time between two messages of the same kind on the log.
 LOG_PERIOD_NS = 1_000_000_000
 
-#: Only while the node starts is it asked whether to start by itself.
+#: Parameters that have an effect only while the node starts.
 FIXED = ('autostart',)
 
 
@@ -43,7 +44,7 @@ Returned = TypeVar('Returned')
 def _exclusive(
     method: 'Callable[Concatenate[Detector, Arguments], Returned]',
 ) -> 'Callable[Concatenate[Detector, Arguments], Returned]':
-    """Let a method wait until no other thread is in one of these."""
+    """Let only one thread at a time run the methods with this decorator."""
 
     @functools.wraps(method)
     def run(self: 'Detector', /, *words: Arguments.args, **named: Arguments.kwargs) -> Returned:
@@ -56,22 +57,21 @@ def _exclusive(
 class Detector(LifecycleNode):
     """Runs the chain on each sample and publishes what changed.
 
-    A managed node: *configure* builds the chain and the topics, *activate* subscribes to the
-    input. Inactive, it publishes nothing and has no subscription and no timer.
+    It is a managed node: *configure* builds the chain and the topics, *activate* subscribes to the
+    input. When inactive, it publishes nothing and has no subscription and no timer.
 
-    Samples and timers come in one thread, services in another, and chains are built in a third:
-    what several threads use is used by one at a time. Filters are designed and chains are built
-    outside of that.
+    One thread handles samples and timers, another one services, and a third one builds chains. A
+    lock protects what they share; filters are designed and chains are built without holding it.
 
     Parameters
     ----------
     cli_args
-        Arguments of ROS for this node, which go before those of the process.
+        ROS arguments for this node, which override those of the process.
     """
 
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_detector', allow_undeclared_parameters=True, cli_args=cli_args)
-        # As the parameters have it; what runs may be a moment behind.
+        # The configuration of the parameters; the running one may be a moment behind.
         self.config = declare(self, DetectorConfig, FIXED)
         self._check(self.config)
         follow_changes(self, lambda: self.config, self._check, self._take)
@@ -114,7 +114,7 @@ class Detector(LifecycleNode):
 
     @_exclusive
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish that slip is not valid, and nothing after it."""
+        """Publish that slip is not valid, then stop publishing."""
         self._stop_timers()
         self._deafen()
         self._diagnostics.destroy()
@@ -123,14 +123,14 @@ class Detector(LifecycleNode):
 
     @_exclusive
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Take the topics down."""
+        """Destroy the topics."""
         self._topics.destroy()
         self._outputs = None
         return TransitionCallbackReturn.SUCCESS
 
     @_exclusive
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Take down what there is, from any state."""
+        """Destroy everything, from any state."""
         if self._subscription is not None:
             self.on_deactivate(state)
         if self._outputs is not None:
@@ -161,12 +161,12 @@ class Detector(LifecycleNode):
         )
 
     def _deafen(self) -> None:
-        """Take no more samples, not even those that the other thread has taken already."""
+        """Ignore further samples, even those that the other thread has already received."""
         self.destroy_subscription(self._subscription)
         self._subscription = self._input = None
 
     def _forget_input(self) -> None:
-        """Forget names, frame and stamps of the samples that came before."""
+        """Forget names, frame and stamps of earlier samples."""
         config = self.config
         self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
         self._names: list[str] | None = list(config.channel_names) or None
@@ -179,12 +179,12 @@ class Detector(LifecycleNode):
         return bool(self.get_parameter('use_sim_time').value)
 
     def _now_ns(self) -> int:
-        """Return the time by the node's clock; that of the machine costs a tenth of it."""
+        """Return the time of the node's clock, or of the machine's, which is ten times faster."""
         return self.get_clock().now().nanoseconds if self._replayed else time.time_ns()
 
-    # Timers. A clock that is set back, or that is not published, must not stop the heartbeat. Only
-    # the timeout follows the clock, where time is replayed. A timer that another thread has just
-    # stopped may still be called.
+    # Timers. A clock that is set back or not published must not stop the heartbeat, so only the
+    # timeout follows a replayed clock. A timer that another thread has just stopped may still be
+    # called.
 
     @_exclusive
     def _beat(self) -> None:
@@ -194,7 +194,7 @@ class Detector(LifecycleNode):
     def _start_timers(self) -> None:
         config = self._running
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        # When a look last found some input, by the clock that the timeout follows.
+        # Time of the last check that found input, by the clock of the timeout.
         self._looked_ns, self._given_up = 0, False
         self._replayed = self._time_is_replayed()
         if self._input is not None:
@@ -218,7 +218,7 @@ class Detector(LifecycleNode):
 
     @_exclusive
     def _look_for_input(self) -> None:
-        """Withdraw the decisions when no sample comes any more."""
+        """Withdraw the decisions when no samples arrive any more."""
         if not self._timers_made:
             return
         now_ns = self._timeout_clock.now().nanoseconds
@@ -265,7 +265,7 @@ class Detector(LifecycleNode):
         Input(config)
 
     def _take(self, config: DetectorConfig) -> None:
-        """Run on other parameters: at once, or when their chain has been built."""
+        """Use a new configuration, at once or when its chain has been built."""
         self.config = config
         if self._outputs is not None and self._chain.change(config):
             self._swap()
@@ -276,7 +276,7 @@ class Detector(LifecycleNode):
 
     @_exclusive
     def _swap(self) -> bool:
-        """Put the chain that is ready in place, between two rows; return whether there was one."""
+        """Use the new chain, if it is ready, from the next row on; return whether it was."""
         if self._outputs is None:
             return False
         before = self._running
@@ -286,7 +286,7 @@ class Detector(LifecycleNode):
         return True
 
     def _rearrange(self, before: DetectorConfig) -> None:
-        """Adapt all that depends on parameters to those that the chain runs on now."""
+        """Adapt everything to the configuration that the chain now has."""
         config = self._running
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
         self._health.config = config
@@ -323,7 +323,7 @@ class Detector(LifecycleNode):
             self._drop('field', str(error))
             return
         n, channels = rows.shape
-        if not n:  # a batch of none
+        if not n:  # an empty batch
             return
         if channels != config.channels:
             self._drop(
@@ -333,7 +333,7 @@ class Detector(LifecycleNode):
         if source.has_names and names != self._names and not self._take_names(names):
             return
         if at_ns is None:
-            # Replayed, and without times of their own: one after the other, whenever they come.
+            # Replayed samples without times of their own follow each other without gaps.
             at_ns = self._now_ns()
         else:
             arrival = self._stamp_grid.arrive(at_ns, n)
@@ -362,7 +362,7 @@ class Detector(LifecycleNode):
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
     def _take_names(self, names: list[str]) -> bool:
-        """Take the names of the first sample for those of all; refuse others later."""
+        """Take the names of the first sample as those of all, and refuse any others."""
         channels = self._chain.config.channels
         if self._names is None and len(names) in (0, channels):
             self._names = list(names)
@@ -372,7 +372,7 @@ class Detector(LifecycleNode):
         return False
 
     def _mend(self, rows: NDArray[np.float64], arrival: Arrival) -> NDArray[np.float64]:
-        """Bridge a short gap with the last row, restart the chain after a long one."""
+        """Bridge a short gap with the last row; restart the chain after a long one."""
         if arrival.missing and self._last_row is not None:
             missing = arrival.missing
             self._log('bridged', f'{missing} samples missing, bridged with the last one', missing)
@@ -386,7 +386,7 @@ class Detector(LifecycleNode):
         self._log(kind, f'{what}: dropped')
 
     def _log(self, kind: str, what: str, count: int = 1) -> None:
-        """Count, and say so at most once a second and kind."""
+        """Count an event, and log it at most once a second for each kind."""
         self._health.totals[kind] += count
         now_ns = time.monotonic_ns()
         if now_ns - self._logged_ns.get(kind, -LOG_PERIOD_NS) >= LOG_PERIOD_NS:

@@ -1,4 +1,4 @@
-"""An executor that takes samples straight from the middleware."""
+"""An executor that takes samples directly from the middleware."""
 
 import sys
 import threading
@@ -15,15 +15,15 @@ from rclpy.timer import Timer
 
 from slip_detector.nodes.rclpy_internals import WaitSet, call_if_due, held, receiver, until_due_ns
 
-#: Messages of a topic taken in a row before other topics and timers are looked after.
+#: Number of messages of a topic taken in a row before other topics and timers have their turn.
 AT_MOST = 32
 
-#: Both threads look this often whether all is to end. On a signal rclpy first wakes whatever waits
-#: and then takes the context down: a wait that begins in between is not woken.
+#: Period at which both threads check whether they have to end. On a signal rclpy first wakes all
+#: waits and then shuts the context down: a wait that begins in between is not woken.
 LONGEST_WAIT_S = 0.5
 
-#: Longest time for which one thread keeps another waiting that has something to do; Python's own
-#: is 5 ms.
+#: Longest time for which a running thread keeps another one waiting (Python's switch interval);
+#: the default is 5 ms.
 SWITCH_S = 0.5e-3
 
 
@@ -31,24 +31,25 @@ class SampleExecutor(SingleThreadedExecutor):
     """Spins nodes whose subscriptions are busy and whose callbacks are plain functions.
 
     For each message rclpy's executor gathers all entities of the nodes (a managed node has a
-    dozen services), makes a task, a coroutine and a wait set, and wakes itself twice: several
-    times the cost of the message. Here the thread that spins waits for messages only, until the
-    next timer is due, and a message or a timer goes straight to its callback.
+    dozen services), makes a task, a coroutine and a wait set, and wakes itself twice, which costs
+    several times as much as the message. Here the spinning thread waits only for messages, until
+    the next timer is due, and calls the callbacks of messages and timers directly.
 
-    All else is left to rclpy in a thread beside: services, events, guard conditions. However long
-    one of these takes, no message waits for it. What the callbacks of both threads use needs a
-    lock.
+    A second thread leaves everything else to rclpy: services, events, guard conditions. However
+    long one of these takes, no message waits for it. What the callbacks of both threads use needs
+    a lock.
 
     Parameters
     ----------
     nodes
-        Of one context, at least one.
+        At least one; all of the same context.
     """
 
     def __init__(self, nodes: Sequence[Node]) -> None:
         super().__init__(context=nodes[0].context)
         self._of_samples = nodes
-        # Entities have come or gone since they were gathered. A signal triggers the guard too.
+        # Whether entities were made or destroyed since they were gathered. Signals trigger the
+        # guard too.
         self._changed = True
         self._guard_of_samples = SignalHandlerGuardCondition(self.context)
         self._held = ExitStack()
@@ -63,30 +64,30 @@ class SampleExecutor(SingleThreadedExecutor):
             self.add_node(node)
 
     def can_execute(self, entity: object) -> bool:
-        """Return whether something is done in the thread beside, which rclpy asks."""
+        """Return whether the second thread handles an entity; rclpy asks for this."""
         return not isinstance(entity, Subscription | Timer) and bool(super().can_execute(entity))
 
     def wake(self) -> None:
-        """Look again at what there is to wait for: a node has made or destroyed something."""
+        """Gather the entities again, because a node has made or destroyed one."""
         self._changed = True
         if not self._stop:
             self._guard_of_samples.trigger()
         super().wake()
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Wait for messages and timers, and do what there is to do.
+        """Wait for messages and timers, and call their callbacks.
 
         Parameters
         ----------
         timeout_sec
-            Longest time to wait; it may be shorter, with nothing done.
+            Longest time to wait; the method may return earlier without having called any.
 
         Raises
         ------
         ExternalShutdownException
-            When the context was shut down meanwhile.
+            When the context was shut down.
         Exception
-            Of a callback, in whichever thread.
+            That of a callback, in whichever thread it was raised.
         """
         if self._others is None:
             sys.setswitchinterval(SWITCH_S)
@@ -102,7 +103,7 @@ class SampleExecutor(SingleThreadedExecutor):
         with_messages = self._wait_set.wait(max(0, due_ns))
         for pointer in with_messages:
             self._receivers[pointer]()
-        # With each message, to ask for the context would be a tenth of the cost.
+        # Checking the context at each message would be a tenth of the cost.
         if not with_messages or time.monotonic_ns() >= self._due_ns or self._due_may_move:
             if self._failure is not None:
                 raise self._failure
@@ -113,22 +114,22 @@ class SampleExecutor(SingleThreadedExecutor):
             self._find_due()
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """End the thread beside, then what rclpy ends.
+        """End the second thread, then shut rclpy's executor down.
 
-        Who has spun and goes on to the end of the interpreter has to call this before: the end of
-        the interpreter does not go with a thread that waits for the middleware.
+        After spinning, this has to be called before the interpreter ends, which must not happen
+        while a thread waits for the middleware.
         """
         self._stop = True
         if self._others is not None:
-            self.create_task(lambda: None)  # It returns from its wait.
+            self.create_task(lambda: None)  # Ends the wait of the thread.
             self._others.join(timeout_sec)
         self._held.close()
         self._guard_of_samples.destroy()
         return bool(super().shutdown(timeout_sec))
 
     def _gather(self) -> None:
-        """Take note of all that is waited for, and keep it from being taken down meanwhile."""
-        self._changed = False  # What changes from here on is gathered the next time.
+        """Collect all entities to wait for, and keep them from being destroyed meanwhile."""
+        self._changed = False  # Later changes are gathered the next time.
         nodes = self._of_samples
         stack = ExitStack()
         subscriptions = held((each for node in nodes for each in node.subscriptions), stack)
@@ -138,20 +139,20 @@ class SampleExecutor(SingleThreadedExecutor):
         self._held.close()
         self._held = stack
         self._receivers = {each.handle.pointer: receiver(each, AT_MOST) for each in subscriptions}
-        # A clock that is published may be set at any time.
+        # A published clock may be set at any time.
         self._due_may_move = any(
             timer.clock.clock_type == ClockType.ROS_TIME for timer in self._timers
         )
         self._find_due()
 
     def _find_due(self) -> None:
-        """Find out when to look at the timers again, as :func:`time.monotonic_ns` has it."""
+        """Find out when, by :func:`time.monotonic_ns`, the next timer is due."""
         untils_ns = [until_due_ns(timer) for timer in self._timers]
         of_active_ns = [until_ns for until_ns in untils_ns if until_ns is not None]
         self._due_ns = time.monotonic_ns() + min([round(LONGEST_WAIT_S * 1e9), *of_active_ns])
 
     def _do_others(self) -> None:
-        """Let rclpy do what is not for the thread that spins."""
+        """Let rclpy handle everything that the spinning thread does not."""
         try:
             while not self._stop and self.context.ok():
                 super().spin_once(LONGEST_WAIT_S)

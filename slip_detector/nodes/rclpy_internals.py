@@ -1,8 +1,8 @@
-"""What the nodes use of rclpy that it does not promise to keep, all in one place.
+"""All uses of internals of rclpy, in one place.
 
-Each function says what it relies on, as it is in Jazzy and Kilted. Where a distribution has
-changed one of these, a :class:`RuntimeError` names it; ``test_rclpy_internals.py`` looks at each
-in the rclpy that is installed.
+Each function says on which internals of Jazzy and Kilted it relies. When a distribution has
+changed one of them, a :class:`RuntimeError` names it; ``test_rclpy_internals.py`` checks each of
+them in the installed rclpy.
 """
 
 import os
@@ -28,24 +28,24 @@ from rclpy.timer import Timer
 
 Entity = TypeVar('Entity', Subscription, Timer, GuardCondition)
 
-#: Longest time for the middleware to be taken down; normally it takes some hundredths of a second.
+#: Longest time for the shutdown of the middleware; normally it takes some hundredths of a second.
 SHUTDOWN_S = 0.4
 
 
 def given_parameters(node: Node) -> dict[str, Parameter]:
-    """Return the parameters that the user gave a node, by name, declared or not.
+    """Return the parameters that the user gave to a node, by name, declared or not.
 
-    rclpy offers them only one by one and for declared names: an unknown name would go unnoticed.
+    rclpy returns them only for declared names, so that an unknown name would go unnoticed.
     Relies on ``Node._parameter_overrides``, which ``Node.declare_parameter`` reads.
     """
     return dict(_internal(node, '_parameter_overrides'))
 
 
 def answer_impossible_transitions(node: LifecycleNode) -> None:
-    """Have a request for a transition that the present state does not allow answered with no.
+    """Let requests for a transition that is impossible in the present state be refused.
 
-    rclpy lets its error end the process. Relies on ``LifecycleNode._service_change_state``, the
-    service, whose ``callback`` may be replaced.
+    In rclpy the error would end the process. Relies on ``LifecycleNode._service_change_state``,
+    the service, whose ``callback`` may be replaced.
     """
     service = _internal(node, '_service_change_state')
     change_state = _internal(service, 'callback')
@@ -66,16 +66,16 @@ class WaitSet:
     """Waits for the messages and guard conditions of a context, and for nothing else.
 
     rclpy's executors gather all entities of all nodes each time. Relies on the ``WaitSet`` of
-    ``rclpy.impl.implementation_singleton``, made for so many subscriptions, guard conditions,
-    timers, clients, services and events of a context, and on the ``handle`` of an entity, whose
-    ``pointer`` is in the list of those that are ready.
+    ``rclpy.impl.implementation_singleton``, which takes the numbers of subscriptions, guard
+    conditions, timers, clients, services and events, and the context; and on the ``handle`` of an
+    entity, whose ``pointer`` is in the list of those that are ready.
 
     Parameters
     ----------
     subscriptions, guards
-        None of them may be taken down while they are waited for: see :func:`held`.
+        Entities to wait for; they must not be destroyed during a wait, see :func:`held`.
     context
-        Theirs.
+        The context of the entities.
     """
 
     def __init__(
@@ -90,9 +90,9 @@ class WaitSet:
         self._guards = [guard.handle for guard in guards]
 
     def wait(self, timeout_ns: int) -> list[int]:
-        """Return the pointers of the subscriptions with messages, at most a time later.
+        """Wait, at most for a given time, and return the pointers of subscriptions with messages.
 
-        What has triggered a guard is over with that: the wait takes it.
+        A triggered guard condition ends one wait only.
         """
         made = self._made
         made.clear_entities()
@@ -106,17 +106,17 @@ class WaitSet:
 
 
 def held(entities: Iterable[Entity], until: ExitStack) -> list[Entity]:
-    """Return the entities that are not taken down yet, and put that off for them.
+    """Return those of the entities that still exist, and keep them from being destroyed.
 
-    Another thread may take an entity down at any time. Relies on its ``handle``, which stays while
-    it is entered as a context.
+    Another thread may destroy an entity at any time. Relies on its ``handle``, which exists as
+    long as it is entered as a context manager.
 
     Parameters
     ----------
     entities
         Subscriptions, timers or guard conditions.
     until
-        When it is closed, they may be taken down.
+        When this is closed, the entities may be destroyed.
     """
     kept = []
     for entity in entities:
@@ -127,11 +127,11 @@ def held(entities: Iterable[Entity], until: ExitStack) -> list[Entity]:
 
 
 def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
-    """Return what gives the messages that have come to the callback of their subscription.
+    """Return a function that passes the messages of a subscription to its callback.
 
     Relies on ``Subscription._callback_type``, which says whether the callback takes the
-    middleware's information too, and on ``take_message`` of the handle: a message and its
-    information, or None.
+    middleware's information too, and on ``take_message`` of the handle, which returns a message
+    and its information, or None.
     """
     kind = _internal(subscription, '_callback_type')
     with_info = kind is subscription.CallbackType.WithMessageInfo
@@ -149,27 +149,27 @@ def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
 
 
 def subscriber_counter(publisher: Publisher) -> Callable[[], int]:
-    """Return what counts the subscribers of a publisher, which must not be taken down before.
+    """Return a function that counts the subscribers of a publisher, as long as that exists.
 
-    rclpy's own method keeps the publisher from being taken down meanwhile, which costs more than
-    to count. Relies on ``get_subscription_count`` of the handle.
+    rclpy's own method keeps the publisher from being destroyed meanwhile, which costs more than
+    counting. Relies on ``get_subscription_count`` of the handle.
     """
     count: Callable[[], int] = publisher.handle.get_subscription_count
     return count
 
 
 def until_due_ns(timer: Timer) -> int | None:
-    """Return the time until a timer is due; None where it is never.
+    """Return the time until a timer is due; None for a timer that was cancelled.
 
-    Relies on ``time_until_next_call`` of the handle, which answers for a timer that is
-    :func:`held` while another thread takes it down.
+    Relies on ``time_until_next_call`` of the handle, which works for a timer that is :func:`held`
+    while another thread destroys it.
     """
     until_ns: int | None = timer.handle.time_until_next_call()
     return until_ns
 
 
 def call_if_due(timer: Timer) -> None:
-    """Give a timer that is due its next time, and call its callback.
+    """Call the callback of a timer that is due, and set when it is due next.
 
     Relies on ``is_timer_ready`` and ``call_timer`` of the handle, also for a timer that is
     :func:`held`.
@@ -180,15 +180,15 @@ def call_if_due(timer: Timer) -> None:
 
 
 def ignore_what_a_signal_leaves(initialised: Callable[[], bool]) -> None:
-    """Keep quiet about objects of rclpy that a signal has left unfinished.
+    """Do not print exceptions in destructors of rclpy's objects after a signal.
 
-    A signal takes the context away in the midst of a call; Python then tells of exceptions in
+    A signal shuts the context down in the middle of a call. Python would then print exceptions in
     destructors, which mean nothing to a user.
 
     Parameters
     ----------
     initialised
-        Whether rclpy has been.
+        Returns whether rclpy has been initialised.
     """
 
     def on_unraisable(problem: Any) -> None:
@@ -199,17 +199,17 @@ def ignore_what_a_signal_leaves(initialised: Callable[[], bool]) -> None:
 
 
 def shut_down(takedowns: Sequence[Callable[[], object]], code: int) -> None:
-    """Take everything down, the context last, or leave with the exit code where that takes long.
+    """Shut everything down, the context last; if it takes too long, leave with the exit code.
 
-    The middleware hangs now and then while it is taken down; that must not keep the process. The
-    alarm is for a hang that lets no other thread of Python run.
+    The middleware sometimes hangs during its shutdown, which must not keep the process alive. The
+    alarm is for a hang in which no other thread of Python can run.
 
     Parameters
     ----------
     takedowns
-        Of executor and nodes, in their order.
+        Functions that shut down the executor and the nodes, in this order.
     code
-        Exit code of a process that is left before all is down.
+        Exit code of a process that has to leave before the shutdown is complete.
     """
     bound = threading.Timer(SHUTDOWN_S, os._exit, (code,))
     bound.daemon = True
@@ -224,8 +224,8 @@ def shut_down(takedowns: Sequence[Callable[[], object]], code: int) -> None:
 def leave(code: int) -> NoReturn:
     """End the process at once.
 
-    What would come after, the taking down of the interpreter and the libraries, takes up to a
-    second, may hang, and does nothing that the shutdown of rclpy has not done.
+    The normal end of the interpreter and the libraries takes up to a second, may hang, and does
+    nothing that the shutdown of rclpy has not done already.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -233,7 +233,7 @@ def leave(code: int) -> NoReturn:
 
 
 def _internal(owner: Any, name: str) -> Any:
-    """Return an attribute that rclpy does not promise.
+    """Return an internal attribute of rclpy.
 
     Raises
     ------

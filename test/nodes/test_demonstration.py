@@ -7,6 +7,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
+import rclpy
+
 from slip_detector.nodes.demonstration import NodeProcesses, run_demonstration
 from support.harness import DEADLINE_S
 
@@ -69,3 +71,26 @@ def test_an_error_is_one_line_and_an_exit_code(capsys, error, code, said):
         run_demonstration('slip_demo', fails)
     assert ended.value.code == code
     assert capsys.readouterr().err == said
+
+
+@pytest.mark.parametrize('error', [TypeError('a mistake'), RuntimeError('a call was cut off')])
+def test_an_error_after_a_signal_is_not_reported(capsys, error):
+    def fails():
+        rclpy.init()
+        rclpy.get_default_context().shutdown()  # as the signal handler of rclpy does
+        raise error
+
+    with pytest.raises(SystemExit) as ended:
+        run_demonstration('slip_demo', fails)
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == ''
+
+
+@pytest.mark.parametrize('initialise', [lambda: None, rclpy.init])
+def test_a_mistake_in_a_demonstration_is_a_traceback(initialise):
+    def fails():
+        initialise()
+        raise TypeError('a mistake')
+
+    with pytest.raises(TypeError, match='a mistake'):
+        run_demonstration('slip_demo', fails)
