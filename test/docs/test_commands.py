@@ -100,18 +100,16 @@ RUN_BY = {
         'test/nodes/test_grasp_demo.py'
         '::test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_time'
     ),
-    **{
-        command: (
-            'test/commands/test_cluster.py'
-            '::test_a_cluster_finds_the_same_to_the_bit_though_workers_die'
-        )
-        for command in (
+    **dict.fromkeys(
+        (
             'dask scheduler',
             'dask worker tcp://HOST:8786 --nworkers 16 --nthreads 1',
             'slip_evaluate /data/recordings --cluster tcp://HOST:8786 --json',
             'slip_tune /data/sample --cluster tcp://HOST:8786 --out detector.yaml',
-        )
-    },
+        ),
+        'test/commands/test_cluster.py'
+        '::test_a_cluster_finds_the_same_to_the_bit_though_workers_die',
+    ),
     **{
         f'slip_evaluate trial.mcap --topic {topic} --field {field}': (
             'test/recordings/test_bag_recording.py'
