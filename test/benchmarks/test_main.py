@@ -65,16 +65,6 @@ def test_a_package_that_is_missing_is_named(monkeypatch, capsys):
     assert capsys.readouterr().err.startswith('benchmarks: the package mpmath is missing: pip ')
 
 
-def test_no_command_imports_ros_itself():
-    code = f"""
-import importlib, sys
-sys.modules['rclpy'] = None
-for name in {list(COMMANDS)}:
-    importlib.import_module(f'benchmarks.{{name}}.command')
-"""
-    subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, check=True)
-
-
 @pytest.mark.parametrize('command', ['chain', 'scenes'])
 @pytest.mark.parametrize(
     ('picture', 'said'),

@@ -9,8 +9,10 @@ import sys
 import pytest
 
 import slip_detector
+from benchmarks.__main__ import COMMANDS
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
+from support.pages import ROOT
 
 CORE = tuple(
     sorted(
@@ -26,12 +28,13 @@ NODES = tuple(
 ROS = {'rclpy', 'std_msgs', 'sensor_msgs', 'rcl_interfaces', 'builtin_interfaces'}
 ROS |= {'diagnostic_msgs', 'lifecycle_msgs'}
 
-#: Modules that are imported one group after the other, the report last.
+#: Modules that are imported one group after the other.
 GROUPS = {
     'chain': ('slip_detector.chain.slip_chain', 'slip_detector.parameters.detector'),
     'recordings': ('slip_detector.recordings',),
     'others': tuple(name for name in CORE if not name.startswith('slip_detector.report.')),
     'core': CORE,
+    'benchmarks': tuple(f'benchmarks.{command}.command' for command in COMMANDS),
 }
 
 IMPORT = """
@@ -50,6 +53,7 @@ def loaded_by(*groups):
     """Import groups of modules in a new interpreter; return all that is loaded after each."""
     done = subprocess.run(
         [sys.executable, '-c', IMPORT.format(groups=groups)],
+        cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
@@ -72,6 +76,11 @@ def test_only_nodes_import_rclpy_and_messages():
     assert len(CORE) >= 10
     assert loaded_after('core') > set(CORE)
     assert loaded_after('core').isdisjoint(ROS)
+
+
+def test_no_command_of_the_benchmarks_imports_ros_itself():
+    assert loaded_after('benchmarks') > set(GROUPS['benchmarks'])
+    assert loaded_after('benchmarks').isdisjoint(ROS)
 
 
 def test_the_nodes_do_without_plotting():
