@@ -75,7 +75,9 @@ class Scheduler:
         return threading.Thread(target=run, daemon=True)
 
     def _run_tasks(self) -> None:
-        due_s = dict.fromkeys(self._tasks, time.monotonic())
+        # All say when they are due before the first has its turn.
+        first_s = {task: next(task, None) for task in self._tasks}
+        due_s = {task: moment_s for task, moment_s in first_s.items() if moment_s is not None}
         while due_s:
             task = min(due_s, key=due_s.__getitem__)
             if self._stop.wait(max(0.0, due_s[task] - time.monotonic())):
