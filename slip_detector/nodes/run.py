@@ -1,5 +1,6 @@
 """Runs a node as a process that ends silently on signals and with one line on errors."""
 
+import gc
 import os
 import signal
 import sys
@@ -51,6 +52,8 @@ def run(executable: str) -> int:
         initialised = True
         nodes = make(_arguments_of_each(sys.argv, remove_ros_args(sys.argv)))
         takedowns = [node.destroy_node for node in nodes]
+        # What has been made until here stays: the garbage collector need not look at it again.
+        gc.freeze()
         executor: Executor
         if executable == 'grasp_controller':
             # Its slip messages and its deadline events must be handled in one thread.

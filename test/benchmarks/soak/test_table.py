@@ -21,13 +21,13 @@ RELAY = {
 
 def test_the_table_says_of_each_part_what_was_lost_and_what_is_wanted():
     wanted = {
-        name: {'value': 1.0, 'bound': '<= 0', 'met': name != 'fast_finger.lost_total'}
+        name: {'value': 1.0, 'bound': '<= 0', 'met': name != 'fast_hand.lost_total'}
         for name in WANTED
     }
-    text = soak_table({'relay': RELAY, 'fast_finger': HAND, 'wanted': wanted})
-    assert 'fast_finger  2 fingers at 5000 Hz in messages of 10, 456,000 samples' in text
+    text = soak_table({'relay': RELAY, 'fast_hand': HAND, 'wanted': wanted})
+    assert 'fast_hand    2 fingers at 5000 Hz in messages of 10, 456,000 samples' in text
     assert 'lost                 3  (wanted <= 0: NOT met)  (3 lost and bridged)' in text
-    assert '50 %  (wanted <= 0: met): detectors 30 %, drivers 20 %' in text
+    assert '50 %: detectors 30 %, drivers 20 %' in text
     assert 'ratio of the medians 1.07  (wanted <= 0: met)' in text
     assert 'of processor times   0.58  (wanted <= 0: met)' in text
     assert text.count('1 changes lost') == 2
