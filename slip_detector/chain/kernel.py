@@ -111,8 +111,9 @@ def _write_statistics(rows, layout, threshold, scratch, signals, start):
         raise_to_votes(levels, end - first, rows, layout.votes, scratch.statistics)
     column = signals.shape[1] - layout.votes.size
     for v in range(layout.votes.size):
-        for k in range(0, rows, LANES):
-            store(load(scratch.statistics, (v, k)) / threshold, scratch.statistics, (v, k))
+        if threshold != 1.0:  # the tuner's, which asks for levels
+            for k in range(0, rows, LANES):
+                store(load(scratch.statistics, (v, k)) / threshold, scratch.statistics, (v, k))
         for k in range(rows):
             signals[start + k, column + v] = scratch.statistics[v, k]
 

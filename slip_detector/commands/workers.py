@@ -168,7 +168,8 @@ class Workers:
         except (OSError, ValueError) as error:
             raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
         self._executor = self._client.get_executor(pure=False)
-        self._given_up = (KilledWorker,)
+        # One that killed its workers, and one to whom the package is missing.
+        self._given_up = (KilledWorker, ImportError)
 
 
 def _processes(jobs: int) -> ProcessPoolExecutor:
