@@ -1,7 +1,7 @@
-"""The command ``slip_compile``: compiles what would be compiled when it first runs.
+"""The command ``slip_compile``: compiles beforehand what would be compiled at the first use.
 
-Numba keeps the result on disk, so it is run once after each installation, by the user who runs the
-nodes.
+Numba keeps the result on disk, so one run after each installation is enough, by the user who runs
+the nodes.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from slip_detector.tuning.tracks import track_of
 
 NAME = 'slip_compile'
 
-#: So many rows have rest and slip, and fill the windows.
+#: Number of rows that are enough for rest and slip, and to fill the windows.
 ROWS = 400
 
 
@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def compile_all() -> str:
-    """Run all that has compiled functions on little data; return what it has come to."""
+    """Run everything with compiled functions on little data; return a line that sums it up."""
     if not COMPILED:
         return 'Nothing to compile: Numba is not installed, and all runs interpreted.'
     modules: list[str] = []
@@ -57,7 +57,7 @@ def compile_all() -> str:
 
 
 def use_chain() -> None:
-    """Use the chain, and the stamps of samples that come one by one and all at once."""
+    """Use the chain, and the stamps of samples that arrive one by one and all at once."""
     SlipChain()
     grid = StampGrid(period_s=0.01, max_gap_s=0.1)
     stamps_ns = np.arange(0, 100_000_000, 10_000_000)
@@ -66,18 +66,18 @@ def use_chain() -> None:
 
 
 def use_scenes() -> None:
-    """Use the simulated fingertip: each scene of the package."""
+    """Use the simulated fingertip with each scene of the package."""
     for path in sorted((shared_folder() / 'config' / 'scenes').glob('*.yaml')):
         open_source(DriverConfig(scene=str(path))).read(1)
 
 
 def use_evaluation() -> None:
-    """Use what matches slips with alarms and what counts scores."""
+    """Use the functions that match slips with alarms and that count scores."""
     Replay(ChainConfig()).run([_labelled_rows()])
 
 
 def use_tuning() -> None:
-    """Use what judges all thresholds."""
+    """Use the functions that evaluate all thresholds."""
     config = ChainConfig()
     track = track_of('compiled', [_labelled_rows()], config.sample_rate_hz)
     statistics = VoteStatistics(config, ['all', 'mean', 2]).of(track)

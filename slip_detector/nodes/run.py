@@ -147,7 +147,7 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
 
 
 def log_compiling(executable: str) -> None:
-    """Say on the log when Numba compiles, once for each room of the package."""
+    """Log when Numba compiles, once for each subpackage."""
     from rclpy.logging import get_logger
 
     from slip_detector.chain.compiled import on_compiling
@@ -155,11 +155,11 @@ def log_compiling(executable: str) -> None:
     said: set[str] = set()
 
     def say(module: str) -> None:
-        room = module.rpartition('.')[0]
-        if room not in said:
-            said.add(room)
+        subpackage = module.rpartition('.')[0]
+        if subpackage not in said:
+            said.add(subpackage)
             get_logger(executable).info(
-                f'compiling {room}, which takes some seconds and is kept for the next start '
+                f'compiling {subpackage}, which takes some seconds and is kept for the next start '
                 '(slip_compile does it beforehand)'
             )
 
