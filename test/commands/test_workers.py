@@ -62,7 +62,12 @@ def test_a_process_ends_with_the_one_that_started_it():
     )
     # It does not return before the last process that has the pipe has ended.
     done = subprocess.run(
-        [sys.executable, '-c', code], stdout=subprocess.PIPE, text=True, timeout=60, check=False
+        [sys.executable, '-c', code],
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert done.returncode == -signal.SIGKILL
     assert done.stdout.startswith('(0, (1, ')
