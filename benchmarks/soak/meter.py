@@ -70,14 +70,13 @@ class Meter(Node):
         self._stop = threading.Event()
         self.connected = threading.Event()
         self.error: BaseException | None = None
-        # By node: when each sample of the tone was sent, what has been received since the rest
+        # By node: when each sample of the tone was sent, what has been received since the first
         # (time and state of each change), and processor time at both ends of the measured span.
         self.sent_ns: dict[str, list[int]] = {name: [] for name in NODES}
         self.received: dict[str, list[tuple[int, bool]]] = {name: [] for name in NODES}
         self.processor_times_s: dict[str, list[float]] = {name: [] for name in NODES}
         self.measured_s: list[float] = []
         self._answered = dict.fromkeys(NODES, False)
-        self._resting = False
         self._voltages = [
             self.create_publisher(JointState, f'{name}/voltages', sensor_qos()) for name in NODES
         ]
@@ -110,7 +109,8 @@ class Meter(Node):
             if message.data == last:  # A heartbeat.
                 return
             last = message.data
-            if self._resting:
+            # What comes before the tone, however late, is an answer to the call.
+            if self.sent_ns[name]:
                 received.append((now_ns, last))
             else:
                 self._answer(name)
@@ -149,7 +149,6 @@ class Meter(Node):
                 position, effort = rest, array('d', [float(k // CALL_SAMPLES % 2)])
             elif k < tone_at:
                 position, effort = rest, array('d', [0.0])
-                self._resting = k >= tone_at - rest_samples // 2
             elif k - tone_at < end:
                 position, effort = self._messages[k - tone_at]
             if tone_at is not None and k - tone_at in (warm_up, end):
@@ -166,7 +165,6 @@ class Meter(Node):
                 message = JointState(
                     header=header, name=self._names, position=position, effort=effort
                 )
-                sent_ns = time.time_ns()
-                self._voltages[i].publish(message)
                 if tone_at is not None and k >= tone_at:
-                    self.sent_ns[name].append(sent_ns)
+                    self.sent_ns[name].append(time.time_ns())
+                self._voltages[i].publish(message)

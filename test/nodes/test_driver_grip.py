@@ -52,9 +52,12 @@ class Gripped:
         self.bench.wait_for(self.command.get_subscription_count, 'the driver to listen')
 
     def play(self, seconds):
-        """Wait until so much more of the scene was heard."""
-        count = len(self.voltages) + round(seconds * RATE_HZ)
-        self.bench.wait_for(lambda: len(self.voltages) >= count, f'{count} samples')
+        """Wait until so much more of the scene was heard, from now on: samples may come late."""
+        end_ns = self.bench.node.get_clock().now().nanoseconds + round(seconds * 1e9)
+        self.bench.wait_for(
+            lambda: self.voltages and stamp_ns(self.voltages[-1].header.stamp) >= end_ns,
+            f'{seconds} s of samples',
+        )
 
     def moved_m(self):
         return self.position[-1].position[0]
@@ -82,8 +85,9 @@ def test_a_command_is_felt_in_the_next_samples(bench, tmp_path):
     driver.hold(2.0)
     driver.play(1.0)
     at_ns = driver.hold(6.0)
-    firm_v = driver.voltages[-1].position[0]
     driver.play(2.0)
+    before = [m for m in driver.voltages if stamp_ns(m.header.stamp) <= at_ns]
+    firm_v = before[-1].position[0]
     # Volts sink as the load grows: a step of newtons stands out from the noise by far.
     lower = [
         stamp_ns(message.header.stamp)
