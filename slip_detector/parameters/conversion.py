@@ -83,6 +83,8 @@ def converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
         return value
     if isinstance(default, dict):
         return _groups(value, where)
+    if field.name == 'noise_floor' and (isinstance(value, str) or not hasattr(value, '__iter__')):
+        value = [value]
     if isinstance(value, str) or not hasattr(value, '__iter__'):
         raise ValueError(f'{where} is {value!r}, allowed: a list')
     if field.name == 'channel_names':

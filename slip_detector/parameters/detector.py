@@ -2,11 +2,13 @@
 
 import dataclasses
 
+from slip_detector.parameters import chain_checks
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
-#: Lowest band edge as a share of the sample rate: a filter with a lower one is lost to round-off.
-LOWEST_EDGE = 1e-5
+#: Periods of the mains are whole to so much of one, which leaves -44 dB of it: the mains itself
+#: strays as far.
+WHOLE_PERIODS = 1e-3
 
 #: Channels of the paper's fingertip.
 PAPER_CHANNELS = 16
@@ -89,6 +91,14 @@ class ChainConfig(ParameterSet):
         'What all channels share and is taken off each row: none, median or mean.',
         choices=('none', 'median', 'mean'),
     )
+    mains_hz: float = parameter(
+        0.0,
+        'Mains whose hum is taken off: each row less the one whole periods before; 0: none.',
+        unit='Hz',
+        low=0.0,
+        high=1000.0,
+        allows='0, or to 1000 with whole periods in at most 0.25 s of rows',
+    )
     passband_hz: tuple[float, float] = parameter(
         (7.0, 50.0),
         'Edges of the band-pass; a high edge of 0 makes it a high-pass.',
@@ -138,7 +148,87 @@ class ChainConfig(ParameterSet):
         high=60.0,
         allows='one sample to 60 s',
     )
-    threshold: float = parameter(0.5, 'Level above which a channel is ON.', low=1e-30, high=1e30)
+    decision: str = parameter(
+        'mean',
+        'What is held against the threshold: the mean of the envelope, or the evidence for slip '
+        '(docs/method.md); what follows is for evidence.',
+        choices=('mean', 'evidence'),
+    )
+    noise_floor: tuple[float, ...] = parameter(
+        (),
+        'Least envelope that noise has: one number, or one a channel; evidence needs it.',
+        low=1e-30,
+        high=1e30,
+        allows='1e-30 to 1e+30; one number, or one for each channel',
+    )
+    noise_floor_learnt: bool = parameter(
+        False,
+        'Whether the floor begins at noise_floor; else at the first envelope, but not below it.',
+    )
+    noise_floor_range_db: float = parameter(
+        60.0,
+        'How far above noise_floor the floor may rise; 15 dB suits a learnt one.',
+        unit='dB',
+        low=0.0,
+        high=300.0,
+    )
+    noise_floor_rate_db_s: float = parameter(
+        0.43,
+        'How fast the floor follows a louder envelope; nine times as fast a quieter one.',
+        unit='dB/s',
+        low=0.0,
+        high=1000.0,
+    )
+    evidence_cap_db: float = parameter(
+        13.0,
+        'The most that the envelope counts above the floor.',
+        unit='dB',
+        low=0.0,
+        high=300.0,
+        allows='above evidence_offset_db, to 300',
+    )
+    evidence_offset_db: float = parameter(
+        3.5,
+        'Evidence grows while the envelope is this far above the floor, else it falls.',
+        unit='dB',
+        low=0.0,
+        high=100.0,
+    )
+    evidence_limit_db_s: float = parameter(
+        1.3,
+        'The most evidence that there is: it bounds how long slip stays ON.',
+        unit='dB s',
+        low=1e-6,
+        high=1e6,
+    )
+    impact_v: float = parameter(
+        0.0,
+        'A step of more than this from one sample to the next, on impact_channels at once, is an '
+        'impact; 0: none is.',
+        unit='V',
+        low=0.0,
+        high=1e12,
+    )
+    impact_channels: int = parameter(
+        2,
+        'Number of channels that such a step takes.',
+        low=1,
+        high=1_000_000,
+        allows='1 to the number of enabled channels',
+    )
+    impact_hold_s: float = parameter(
+        0.3,
+        'How long no channel counts as above its floor, from an impact on.',
+        unit='s',
+        low=0.0,
+        high=60.0,
+    )
+    threshold: float = parameter(
+        0.5,
+        'Level above which a channel is ON; with evidence in dB s, and OFF at half of it.',
+        low=1e-30,
+        high=1e30,
+    )
     vote: str | int = parameter(
         'all',
         'When a group is ON: all its channels, a whole number k of them, or mean '
@@ -155,23 +245,13 @@ class ChainConfig(ParameterSet):
     def __post_init__(self) -> None:
         """Check the fields against each other and fill in the groups."""
         super().__post_init__()
-        self._check_channels()
+        chain_checks.check_channels(self)
         if not self.groups:
             object.__setattr__(self, 'groups', self._default_groups())
-        self._check_groups()
-        self._check_filters()
-        for name in ('envelope_window_s', 'decision_window_s'):
-            seconds = getattr(self, name)
-            if seconds * self.sample_rate_hz < 1 - 1e-6:
-                raise ValueError(
-                    f'parameter {name} is {seconds:g} s, allowed: at least one sample '
-                    f'({1 / self.sample_rate_hz:.6g} s at {self.sample_rate_hz:g} Hz)'
-                )
-        low, high = self.valid_range_v
-        if low >= high:
-            raise ValueError(
-                f'parameter valid_range_v is [{low:g}, {high:g}] V, allowed: low below high'
-            )
+        chain_checks.check_groups(self)
+        chain_checks.check_filters(self)
+        chain_checks.check_windows(self)
+        chain_checks.check_evidence(self)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -182,6 +262,29 @@ class ChainConfig(ParameterSet):
         """Return the number of samples in a time, at least one."""
         return max(1, round(seconds * self.sample_rate_hz))
 
+    @property
+    def mains_rows(self) -> int:
+        """The fewest rows that hold whole periods of the mains; 0 where there are none.
+
+        Examples
+        --------
+        >>> ChainConfig(mains_hz=50).mains_rows, ChainConfig(mains_hz=60).mains_rows
+        (38, 19)
+        """
+        for periods in range(1, int(chain_checks.LONGEST_COMB_S * self.mains_hz) + 1):
+            rows = max(1, round(periods * self.sample_rate_hz / self.mains_hz))
+            if rows > chain_checks.LONGEST_COMB_S * self.sample_rate_hz * (1 + 1e-9):
+                break
+            if abs(rows * self.mains_hz / self.sample_rate_hz - periods) <= WHOLE_PERIODS:
+                return rows
+        return 0
+
+    @property
+    def noise_floors(self) -> tuple[float, ...]:
+        """The least noise floor of each channel."""
+        floors = self.noise_floor
+        return floors * self.channels if len(floors) == 1 else floors
+
     def _default_groups(self) -> dict[str, tuple[int, ...]]:
         disabled = set(self.disabled_channels)
         groups = {'all': tuple(range(1, self.channels + 1))}
@@ -189,91 +292,6 @@ class ChainConfig(ParameterSet):
             groups = dict(PAPER_GROUPS)
         left = {n: tuple(c for c in members if c not in disabled) for n, members in groups.items()}
         return {name: members for name, members in left.items() if members}
-
-    def _check_channels(self) -> None:
-        if self.channel_names and len(self.channel_names) != self.channels:
-            raise ValueError(
-                f'parameter channel_names has {len(self.channel_names)} names, '
-                f'allowed: {self.channels}, the number of channels'
-            )
-        for channel in self.disabled_channels:
-            if not 1 <= channel <= self.channels:
-                raise ValueError(
-                    f'parameter disabled_channels has {channel}, allowed: 1 to {self.channels}'
-                )
-        if len(set(self.disabled_channels)) == self.channels:
-            raise ValueError(
-                'parameter disabled_channels names every channel, allowed: all but one'
-            )
-
-    def _check_groups(self) -> None:
-        group_of: dict[int, str] = {}
-        disabled = set(self.disabled_channels)
-        for name, members in self.groups.items():
-            where = f'parameter groups.{name}'
-            if not members:
-                raise ValueError(f'{where} is empty, allowed: at least one channel')
-            for channel in members:
-                if not 1 <= channel <= self.channels:
-                    raise ValueError(
-                        f'{where} has channel {channel}, allowed: 1 to {self.channels}'
-                    )
-                if channel in group_of:
-                    raise ValueError(
-                        f'{where} has channel {channel}, which is in {group_of[channel]} already, '
-                        'allowed: one group for a channel'
-                    )
-                group_of[channel] = name
-            able = len(set(members) - disabled)
-            if isinstance(self.vote, int) and 0 < able < self.vote:
-                raise ValueError(
-                    f'parameter vote is {self.vote}, allowed: at most {able}, the enabled '
-                    f'channels of group {name}'
-                )
-        for channel in range(1, self.channels + 1):
-            if channel not in group_of and channel not in disabled:
-                raise ValueError(
-                    f'parameter groups leaves out channel {channel}, allowed: every channel in '
-                    'one group or in disabled_channels'
-                )
-
-    def _check_filters(self) -> None:
-        low, high = self.passband_hz
-        self._check_edge('passband_hz', low)
-        if high != 0.0:
-            self._check_edge('passband_hz', high)
-            self._check_order('passband_hz', low, high)
-            if self.passband_degree % 2:
-                raise ValueError(
-                    f'parameter passband_degree is {self.passband_degree}, allowed: an even '
-                    'number (a band-pass has two edges of equal degree)'
-                )
-        for pair in self.stopbands_hz:
-            for edge in pair:
-                self._check_edge('stopbands_hz', edge)
-            self._check_order('stopbands_hz', *pair)
-        if self.stopband_degree % 2:
-            raise ValueError(
-                f'parameter stopband_degree is {self.stopband_degree}, allowed: an even number'
-            )
-
-    def _check_edge(self, name: str, edge_hz: float) -> None:
-        # 1e-5 of a rate is often a last digit above what a person writes for it.
-        lowest = LOWEST_EDGE * self.sample_rate_hz * (1 - 1e-12)
-        nyquist = self.sample_rate_hz / 2
-        if not lowest <= edge_hz < nyquist:
-            raise ValueError(
-                f'parameter {name} has the edge {edge_hz:g} Hz, allowed: {lowest:g} Hz to below '
-                f'{nyquist:g} Hz (half the sample rate)'
-            )
-
-    @staticmethod
-    def _check_order(name: str, low_hz: float, high_hz: float) -> None:
-        if low_hz >= high_hz:
-            raise ValueError(
-                f'parameter {name} has the edges {low_hz:g} and {high_hz:g} Hz, allowed: the '
-                'low edge first'
-            )
 
 
 @dataclasses.dataclass(frozen=True)

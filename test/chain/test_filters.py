@@ -10,7 +10,8 @@ from scipy import signal
 
 from slip_detector.chain import filters
 from slip_detector.chain.filters import design, group_delay_s, largest_pole_radius, response
-from slip_detector.parameters.detector import LOWEST_EDGE, ChainConfig
+from slip_detector.parameters.chain_checks import LOWEST_EDGE
+from slip_detector.parameters.detector import ChainConfig
 
 RATE = 380.0
 HALF_POWER_DB = 10 * np.log10(0.5)  # -3.01 dB

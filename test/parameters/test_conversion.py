@@ -57,11 +57,13 @@ def test_any_float_is_taken_or_refused_in_one_line(value):
         try:
             config = DetectorConfig(**{field.name: value})
         except ValueError as error:
-            # Allowed on its own, not with the others: edges against the rate, windows too.
+            # Allowed on its own, not with the others: edges against the rate, windows and the
+            # mains too.
             message = str(error)
             config = None
         if config is None:
-            assert field.name in ('sample_rate_hz', 'envelope_window_s', 'decision_window_s')
+            with_the_rate = ('sample_rate_hz', 'mains_hz', 'envelope_window_s', 'decision_window_s')
+            assert field.name in with_the_rate
             assert re.fullmatch(r'parameter \w+ .+, allowed: .+', message)
         else:
             assert getattr(config, field.name) == value

@@ -5,7 +5,8 @@ import re
 
 import pytest
 
-from slip_detector.parameters.detector import LOWEST_EDGE, ChainConfig, DetectorConfig
+from slip_detector.parameters.chain_checks import LOWEST_EDGE
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from support.config_cases import message_of
 
 NAN, INF = math.nan, math.inf

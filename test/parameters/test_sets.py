@@ -184,6 +184,8 @@ def test_to_parameters_gives_flat_lists_and_nested_names():
 
 #: By the end of a parameter's name, the longer first.
 UNITS = {
+    '_rate_db_s': 'dB/s',
+    '_limit_db_s': 'dB s',
     '_n_s': 'N/s',
     '_ms': 'ms',
     '_hz': 'Hz',

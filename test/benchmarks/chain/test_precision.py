@@ -9,7 +9,8 @@ from benchmarks.chain import precision, reference
 from benchmarks.chain.precision import RATES, WANTED, errors_of
 from benchmarks.chain.rivals import WITH_RUNNING_SUMS
 from slip_detector.chain.filters import design
-from slip_detector.parameters.detector import LOWEST_EDGE, ChainConfig
+from slip_detector.parameters.chain_checks import LOWEST_EDGE
+from slip_detector.parameters.detector import ChainConfig
 from support.benchmarks import gains
 
 
