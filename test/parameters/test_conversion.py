@@ -62,8 +62,8 @@ def test_any_float_is_taken_or_refused_in_one_line(value):
             message = str(error)
             config = None
         if config is None:
-            with_the_rate = ('sample_rate_hz', 'mains_hz', 'envelope_window_s', 'decision_window_s')
-            assert field.name in with_the_rate
+            of_the_rate = {'sample_rate_hz', 'mains_hz', 'envelope_window_s', 'decision_window_s'}
+            assert field.name in of_the_rate
             assert re.fullmatch(r'parameter \w+ .+, allowed: .+', message)
         else:
             assert getattr(config, field.name) == value
