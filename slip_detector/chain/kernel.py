@@ -12,6 +12,12 @@ import numpy as np
 
 from slip_detector.chain.common_mode import NO_COMMON_MODE, find_common_mode
 from slip_detector.chain.compiled import as_silent, compiled
+from slip_detector.chain.evidence import (
+    gains_of_evidence,
+    hold_evidence,
+    rows_of_impact,
+    sum_evidence,
+)
 from slip_detector.chain.lanes import LANES, LINE, load, spread, store
 from slip_detector.chain.plan import parts_of
 from slip_detector.chain.stages import (
@@ -25,10 +31,12 @@ from slip_detector.chain.stages import (
     WORD_ROWS,
     check_samples,
     keep,
+    keep_roots,
     load_deviations,
     rectified_power,
     rows_above,
     run_filters,
+    take_off_mains,
     window_means,
 )
 from slip_detector.chain.votes import (
@@ -44,6 +52,9 @@ from slip_detector.chain.votes import (
 #: Signals of more values than this (2 MB) go to memory past the caches: a store that misses them
 #: all would fetch first what it overwrites.
 CACHED_VALUES = 2**18
+
+#: Bits of the signals that are kept, in their order.
+KEEP_ENVELOPE, KEEP_LEVEL, KEEP_FLOOR, KEEP_EXCESS = 1, 2, 4, 8
 
 #: The vote of a chain that asks for it, as those of a statistic are given.
 MEAN_ALONE = np.array([VOTE_MEAN])
@@ -119,59 +130,114 @@ def _write_statistics(rows, layout, threshold, scratch, signals, start):
 
 
 @compiled
-def _find_common_modes(volts, chunk, end, settings, ranges, layout, tiles, scratch):
-    """Check the samples of a chunk and find the common mode of its rows."""
+def _take_all_channels(volts, chunk, end, settings, ranges, layout, tiles, scratch):
+    """Check the samples of a chunk, and find what takes all channels of a row.
+
+    These are impacts and the common mode.
+    """
     for start in range(chunk, end, WORD_ROWS):
         rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
+        if settings.impact_v > 0.0:
+            scratch.held[w] = rows_of_impact(
+                volts, start, rows, settings, ranges, layout, tiles, scratch.steps, scratch.digits
+            )
         for t in range(layout.bases.size):
             check_samples(
                 volts, start, rows, layout.bases[t], ranges[t], settings.flat_rows, tiles[t],
                 scratch.valid, (w, t * LANES),
             )  # fmt: skip
-        find_common_mode(
-            volts, start, rows, int(settings.common_mode), layout.bases, layout.columns,
-            layout.seats, ranges, tiles, scratch.valid[w], scratch.deviations, scratch.common_v[w],
-        )  # fmt: skip
+        if settings.common_mode != NO_COMMON_MODE:
+            find_common_mode(
+                volts, start, rows, int(settings.common_mode), layout.bases, layout.columns,
+                layout.seats, ranges, tiles, scratch.valid[w], scratch.deviations,
+                scratch.common_v[w],
+            )  # fmt: skip
+
+
+@compiled
+def _column(kept, signal, column, width):
+    """Return where a signal that is kept begins, -1 for one that is not.
+
+    ``column`` is the tile's in each signal, and ``width`` the number of columns of a signal.
+    """
+    if kept & signal == 0:
+        return -1
+    before = kept & (signal - 1)
+    return column + width * ((before & 1) + ((before >> 1) & 1) + (before >> 2))
 
 
 @compiled
 def _run_tile(
-    volts, chunk, end, t, settings, tile_range, sections, layout, tile, scratch, signals,
-    keep_envelope, keep_level, past_caches,
+    volts, chunk, end, t, settings, checked, tile_range, least_db, sections, layout, tile, scratch,
+    signals, kept, past_caches,
 ):  # fmt: skip
-    """Run the rows of a chunk through the stages of one tile, up to the words of its channels."""
-    block, column = scratch.block, layout.bases[t]
+    """Run the rows of a chunk through the stages of one tile, up to the words of its channels.
+
+    ``checked`` tells whether the samples have been checked already.
+    """
+    block, column, width = scratch.block, layout.bases[t], volts.shape[1]
+    comb_rows = int(settings.comb_rows)
     envelope_rows, level_rows = int(settings.envelope_rows), int(settings.level_rows)
-    envelope_tail = FIXED_SLOTS + 2 * sections.shape[0]
+    comb_tail = FIXED_SLOTS + 2 * sections.shape[0]
+    envelope_tail = comb_tail + comb_rows
     level_tail = envelope_tail + envelope_rows + 1
-    level_column = column + (volts.shape[1] if keep_envelope else 0)
+    envelope_column = _column(kept, KEEP_ENVELOPE, column, width)
+    level_column = _column(kept, KEEP_LEVEL, column, width)
     for start in range(chunk, end, WORD_ROWS):
         rows, at = min(WORD_ROWS, end - start), ((start - chunk) // WORD_ROWS, t * LANES)
-        if settings.common_mode == NO_COMMON_MODE:
+        if not checked:
             check_samples(
                 volts, start, rows, column, tile_range, settings.flat_rows, tile, scratch.valid, at
             )
         load_deviations(
             volts, start, rows, column, tile_range, scratch.common_v[at[0]], tile, block
         )
+        if comb_rows > 0:
+            take_off_mains(block, rows, comb_rows, load(scratch.valid, at), tile, comb_tail)
         run_filters(block, rows, sections, tile)
         rectified_power(block, rows, settings.full_wave != 0.0, int(settings.exponent))
-        window_means(
-            block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail, True
-        )
-        if keep_envelope:
-            keep(block, rows, signals, start, column, past_caches)
-        window_means(block, rows, level_rows, tile, LEVEL_ROW, LEVEL_HEAD, level_tail, False)
-        if keep_level:
-            keep(block, rows, signals, start, level_column, past_caches)
+        if settings.evidence:
+            window_means(
+                block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail, False
+            )
+            if envelope_column >= 0:
+                keep_roots(block, rows, signals, start, envelope_column)
+            gains_of_evidence(
+                block, rows, settings, load(least_db, (t, 0)),
+                settings.comb_rows + settings.envelope_rows,
+                load(scratch.valid, at), scratch.held[at[0]], tile, signals, start,
+                _column(kept, KEEP_FLOOR, column, width),
+                _column(kept, KEEP_EXCESS, column, width),
+            )  # fmt: skip
+            sum_evidence(block, rows, settings.limit_db_s, tile)
+            if level_column >= 0:
+                keep(block, rows, signals, start, level_column, past_caches)
+            hold_evidence(block, rows, tile)
+        else:
+            window_means(
+                block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail, True
+            )
+            if envelope_column >= 0:
+                keep(block, rows, signals, start, envelope_column, past_caches)
+            window_means(block, rows, level_rows, tile, LEVEL_ROW, LEVEL_HEAD, level_tail, False)
+            if level_column >= 0:
+                keep(block, rows, signals, start, level_column, past_caches)
         rows_above(block, rows, settings.threshold, scratch.on, at)
         if scratch.levels.size:
             gather_levels(block, rows, scratch.valid, at, scratch.levels, layout.places)
 
 
+@compiled
+def _write_held(held, signals, column, start, rows):
+    """Write the rows that an impact is held for as numbers, 1 or 0."""
+    for k in range(start, start + rows):
+        signals[k, column] = 1.0 if held & FIRST_ROW else 0.0
+        held = held >> FIRST_ROW
+
+
 @as_silent
 @compiled
-def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
+def run(volts, flags, signals, tiles, plan, kept):
     """Run all stages over all rows, from ``volts`` to ``flags`` and ``signals``.
 
     Parameters
@@ -181,36 +247,43 @@ def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
     flags
         Decisions, shape (n, 1 + 2 g + 2 c): slip, groups, whether they can vote, channels, valid.
     signals
-        What is kept: envelope and level, as many columns each as ``volts``, and the statistic of
-        v votes; shape (n, columns, twice the columns or none, and v).
+        What is kept, side by side, with as many columns each as ``volts``: envelope, level, floor,
+        excess; beside excess a column that tells where an impact is held for; then the statistic
+        of v votes.
     tiles
         The state, shape (t, slots, 16).
     plan
         See :mod:`slip_detector.chain.plan`.
-    keep_envelope, keep_level
-        Whether ``signals`` has these.
+    kept
+        The bits of the signals that are kept.
     """
-    settings, ranges, sections, layout, scratch = parts_of(plan)
+    settings, ranges, least_db, sections, layout, scratch = parts_of(plan)
     # Empty results have no address.
     past_caches = (
         signals.size > CACHED_VALUES
         and signals.shape[1] % LINE == 0
         and signals.ctypes.data % (LINE * signals.itemsize) == 0
     )
+    # Where no impact is looked for none is held for.
+    scratch.held[:] = NO_ROW
+    checked = settings.common_mode != NO_COMMON_MODE or settings.impact_v > 0.0
     chunk_rows = scratch.on.shape[0] * WORD_ROWS
     for chunk in range(0, volts.shape[0], chunk_rows):
         end = min(chunk + chunk_rows, volts.shape[0])
-        if settings.common_mode != NO_COMMON_MODE:
-            _find_common_modes(volts, chunk, end, settings, ranges, layout, tiles, scratch)
+        if checked:
+            _take_all_channels(volts, chunk, end, settings, ranges, layout, tiles, scratch)
         for t in range(layout.bases.size):
             _run_tile(
-                volts, chunk, end, t, settings, ranges[t], sections, layout, tiles[t], scratch,
-                signals, keep_envelope, keep_level, past_caches,
+                volts, chunk, end, t, settings, checked, ranges[t], least_db, sections, layout,
+                tiles[t], scratch, signals, kept, past_caches,
             )  # fmt: skip
         for start in range(chunk, end, WORD_ROWS):
             rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
             on, valid = scratch.on[w], scratch.valid[w]
             _decide(rows, int(settings.vote), settings.threshold, on, valid, layout, scratch)
             _write_flags(scratch.decisions, flags, start, rows)
+            if kept & KEEP_EXCESS:
+                column = signals.shape[1] - layout.votes.size - 1
+                _write_held(scratch.held[w], signals, column, start, rows)
             if layout.votes.size:
                 _write_statistics(rows, layout, settings.threshold, scratch, signals, start)

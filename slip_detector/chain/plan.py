@@ -2,9 +2,9 @@
 
 Each array that is passed to compiled code costs a call 100 ns and a tuple of them a microsecond,
 hence a *plan* is one array of float64, and the kernel gives its parts names once it has it:
-:class:`Settings`, then the tiles' ranges of good samples and the filters' sections, then
-:class:`Layout` as the bits of integers, then :class:`Scratch`. Interpreted, naming them would cost
-each call memory and time: there a plan is its :class:`Parts`.
+:class:`Settings`, then the tiles' ranges of good samples and least noise floors and the filters'
+sections, then :class:`Layout` as the bits of integers, then :class:`Scratch`. Interpreted, naming
+them would cost each call memory and time: there a plan is its :class:`Parts`.
 
 A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane. Tiles may
 overlap; then a channel's seat is in the first of them, and in the other it is computed to the
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.common_mode import COMMON_MODES, NO_COMMON_MODE
 from slip_detector.chain.compiled import COMPILED, compiled
+from slip_detector.chain.evidence import floor_steps_db, least_floor_db
 from slip_detector.chain.lanes import LANES, LINE, float_part, integer_part, word_part
 from slip_detector.chain.stages import WORD_ROWS
 from slip_detector.chain.votes import DIGITS, VOTE_MEAN, vote_numbers
@@ -47,7 +48,19 @@ class Settings(NamedTuple):
     vote : float
         As :func:`slip_detector.chain.votes.vote_numbers` has it.
     envelope_rows, level_rows : float
-        Lengths of the windows.
+        Lengths of the windows; with evidence there is no second one.
+    comb_rows : float
+        Rows of whole periods of the mains; 0: nothing is taken off.
+    evidence : float
+        1 for the decision by evidence, else 0.
+    floor_range_db, floor_up_db, floor_down_db : float
+        How far a noise floor may rise, and how far it moves in a row.
+    cap_db, offset_db, limit_db_s : float
+        Most excess, what is taken off it, and most evidence.
+    period_s : float
+        Time of a row.
+    impact_v, impact_channels, hold_rows : float
+        What an impact is, and how long it is held for; 0 V: none is looked for.
     channels, enabled, groups, tiles, sections, votes : float
         How many there are; the votes are those whose statistic is wanted.
     """
@@ -60,6 +73,18 @@ class Settings(NamedTuple):
     vote: float
     envelope_rows: float
     level_rows: float
+    comb_rows: float
+    evidence: float
+    floor_range_db: float
+    floor_up_db: float
+    floor_down_db: float
+    cap_db: float
+    offset_db: float
+    limit_db_s: float
+    period_s: float
+    impact_v: float
+    impact_channels: float
+    hold_rows: float
     channels: float
     enabled: float
     groups: float
@@ -114,6 +139,10 @@ class Scratch(NamedTuple):
         For counting votes.
     on, valid : ndarray of words, shape (w, 16 t + 1)
         By seat the rows in which it is; the last is that of disabled channels: none.
+    steps : ndarray of words, shape (16 t,)
+        By seat the rows in which it steps; none where no impact is looked for.
+    held : ndarray of words, shape (w,)
+        Rows that an impact is held for.
     decisions : ndarray of words, shape (1 + 2 g + 2 c,)
         By column of the flags.
     mean : ndarray, shape (1, 64)
@@ -128,6 +157,8 @@ class Scratch(NamedTuple):
     digits: NDArray[np.uint64]
     on: NDArray[np.uint64]
     valid: NDArray[np.uint64]
+    steps: NDArray[np.uint64]
+    held: NDArray[np.uint64]
     decisions: NDArray[np.uint64]
     mean: Floats
     deviations: Floats
@@ -140,18 +171,26 @@ def settings_of(plan):
     """Return the settings of a plan."""
     return Settings(
         plan[0], plan[1], plan[2], plan[3], plan[4], plan[5], plan[6], plan[7], plan[8], plan[9],
-        plan[10], plan[11], plan[12], plan[13],
+        plan[10], plan[11], plan[12], plan[13], plan[14], plan[15], plan[16], plan[17], plan[18],
+        plan[19], plan[20], plan[21], plan[22], plan[23], plan[24], plan[25],
     )  # fmt: skip
 
 
 @compiled
 def filters_of(plan, settings):
-    """Return the ranges of good samples, (t, 2, 16), the sections, (s, 6), and where they end."""
+    """Return the ranges of good samples, (t, 2, 16), and what the filters and floors begin with.
+
+    After the ranges these are the least noise floors in dB, (t, 16), which only evidence has, the
+    sections, (s, 6), and where all of them end.
+    """
     tiles, sections = int(settings.tiles), int(settings.sections)
+    floors = tiles * int(settings.evidence)
     begin = len(settings)
     ranges = float_part(plan, begin, (tiles, 2, LANES))
     begin += tiles * 2 * LANES
-    return ranges, float_part(plan, begin, (sections, 6)), begin + sections * 6
+    least_db = float_part(plan, begin, (floors, LANES))
+    begin += floors * LANES
+    return ranges, least_db, float_part(plan, begin, (sections, 6)), begin + sections * 6
 
 
 @compiled
@@ -190,7 +229,11 @@ def _scratch_bounds(settings, begin):
     digits = common_v + words * WORD_ROWS
     on = digits + DIGITS
     valid = on + words * (int(settings.tiles) * LANES + 1)
-    decisions = valid + words * (int(settings.tiles) * LANES + 1)
+    steps = valid + words * (int(settings.tiles) * LANES + 1)
+    held = steps
+    if settings.impact_v > 0.0:
+        held += int(settings.tiles) * LANES
+    decisions = held + words
     mean = decisions + 1 + 2 * int(settings.groups) + 2 * int(settings.channels)
     deviations = mean + WORD_ROWS
     levels = deviations
@@ -200,14 +243,18 @@ def _scratch_bounds(settings, begin):
     if gathered:
         statistics += enabled * WORD_ROWS
     end = statistics + votes * WORD_ROWS
-    return block, common_v, digits, on, valid, decisions, mean, deviations, levels, statistics, end
+    return (
+        block, common_v, digits, on, valid, steps, held, decisions, mean, deviations, levels,
+        statistics, end,
+    )  # fmt: skip
 
 
 @compiled
 def scratch_of(plan, settings, begin):
     """Return the scratch memory of a plan, from the first cache line at or after ``begin`` on."""
     (
-        block, common_v, digits, on, valid, decisions, mean, deviations, levels, statistics, end
+        block, common_v, digits, on, valid, steps, held, decisions, mean, deviations, levels,
+        statistics, end,
     ) = _scratch_bounds(settings, begin)  # fmt: skip
     words = (digits - common_v) // WORD_ROWS
     return Scratch(
@@ -215,7 +262,9 @@ def scratch_of(plan, settings, begin):
         float_part(plan, common_v, (words, WORD_ROWS)),
         word_part(plan, digits, (DIGITS,)),
         word_part(plan, on, (words, (valid - on) // words)),
-        word_part(plan, valid, (words, (decisions - valid) // words)),
+        word_part(plan, valid, (words, (steps - valid) // words)),
+        word_part(plan, steps, (held - steps,)),
+        word_part(plan, held, (words,)),
         word_part(plan, decisions, (mean - decisions,)),
         float_part(plan, mean, (1, WORD_ROWS)),
         float_part(plan, deviations, ((levels - deviations) // WORD_ROWS, WORD_ROWS)),
@@ -232,6 +281,8 @@ class Parts(NamedTuple):
     settings : Settings
     ranges : ndarray, shape (t, 2, 16)
         Of good samples.
+    least_db : ndarray, shape (t, 16)
+        Least noise floors; of shape (0, 16) without evidence.
     sections : ndarray, shape (s, 6)
     layout : Layout
     scratch : Scratch
@@ -239,6 +290,7 @@ class Parts(NamedTuple):
 
     settings: Settings
     ranges: Floats
+    least_db: Floats
     sections: Floats
     layout: Layout
     scratch: Scratch
@@ -246,9 +298,9 @@ class Parts(NamedTuple):
 
 def _parts_of(plan):
     settings = settings_of(plan)
-    ranges, sections, end = filters_of(plan, settings)
+    ranges, least_db, sections, end = filters_of(plan, settings)
     layout, end = layout_of(plan, settings, end)
-    return Parts(settings, ranges, sections, layout, scratch_of(plan, settings, end))
+    return Parts(settings, ranges, least_db, sections, layout, scratch_of(plan, settings, end))
 
 
 if COMPILED:
@@ -298,6 +350,28 @@ def tile_bases_of(config: ChainConfig) -> list[int]:
     return bases
 
 
+def least_floors_db(config: ChainConfig) -> Floats:
+    """Return the least noise floors in dB by tile and lane; none without evidence.
+
+    Returns
+    -------
+    ndarray, shape (t, 16) or (0, 16)
+
+    Examples
+    --------
+    >>> config = ChainConfig(channels=2, decision='evidence', noise_floor=[0.1, 0.01])
+    >>> least_floors_db(config)[0, :2]
+    array([-20., -40.])
+    """
+    if config.decision != 'evidence':
+        return np.zeros((0, LANES))
+    bases = tile_bases_of(config)
+    # Lanes beyond the last channel never have a sample: any number will do.
+    by_channel = np.zeros(max(config.channels, LANES))
+    by_channel[: config.channels] = [least_floor_db(floor) for floor in config.noise_floors]
+    return np.array([by_channel[base : base + LANES] for base in bases])
+
+
 def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -> Floats | Parts:
     """Return the plan of a chain: one array for compiled functions, its parts for others.
 
@@ -341,6 +415,8 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
         flag_seats=_integers([seats.get(c, LANES * len(bases)) for c in range(config.channels)]),
         votes=wanted,
     )
+    evidence = config.decision == 'evidence'
+    up_db, down_db = floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
     settings = Settings(
         flat_rows=config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
         threshold=config.threshold,
@@ -349,7 +425,19 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
         exponent=config.exponent,
         vote=int(vote_numbers([config.vote])[0]),
         envelope_rows=config.samples(config.envelope_window_s),
-        level_rows=config.samples(config.decision_window_s),
+        level_rows=0 if evidence else config.samples(config.decision_window_s),
+        comb_rows=config.mains_rows,
+        evidence=evidence,
+        floor_range_db=config.noise_floor_range_db,
+        floor_up_db=up_db,
+        floor_down_db=down_db,
+        cap_db=config.evidence_cap_db,
+        offset_db=config.evidence_offset_db,
+        limit_db_s=config.evidence_limit_db_s,
+        period_s=1.0 / config.sample_rate_hz,
+        impact_v=config.impact_v if evidence else 0.0,
+        impact_channels=config.impact_channels,
+        hold_rows=config.samples(config.impact_hold_s),
         channels=config.channels,
         enabled=len(enabled),
         groups=len(groups),
@@ -357,9 +445,9 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
         sections=len(sections),
         votes=len(wanted),
     )
-    told = np.concatenate(
-        [settings, ranges.ravel(), sections.ravel(), np.concatenate(layout).view(np.float64)]
-    )
+    least_db = least_floors_db(config)
+    integers = np.concatenate(layout).view(np.float64)
+    told = np.concatenate([settings, ranges.ravel(), least_db.ravel(), sections.ravel(), integers])
     plan = aligned(np.zeros, (_scratch_bounds(settings, len(told))[-1],))
     plan[: len(told)] = told
     return plan if COMPILED else _parts_of(plan)

@@ -3,6 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain.kernel import KEEP_ENVELOPE, KEEP_EXCESS, KEEP_FLOOR, KEEP_LEVEL
+from slip_detector.chain.lanes import LANES
+
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
@@ -24,18 +27,12 @@ class SlipResult:
     ((5,), (5, 2), (5, 2))
     """
 
-    __slots__ = ('_kept_envelope', '_kept_level', '_shape', '_signals', 'flags')
+    __slots__ = ('_kept', '_shape', '_signals', 'flags')
 
     def __init__(
-        self,
-        flags: Bools,
-        signals: Floats,
-        shape: tuple[int, int, int],
-        envelope: bool,
-        level: bool,
+        self, flags: Bools, signals: Floats, shape: tuple[int, int, int], kept: int
     ) -> None:
-        self.flags, self._signals, self._shape = flags, signals, shape
-        self._kept_envelope, self._kept_level = envelope, level
+        self.flags, self._signals, self._shape, self._kept = flags, signals, shape, kept
 
     @property
     def slip(self) -> Bools:
@@ -54,7 +51,11 @@ class SlipResult:
 
     @property
     def channels(self) -> Bools:
-        """Whether the level is above the threshold; shape (n, c)."""
+        """Whether the channel is ON; shape (n, c).
+
+        It is where its level is above the threshold; with evidence it then stays ON until the
+        level is not above half of it.
+        """
         return self.flags[:, 1 + 2 * self._shape[0] :][:, : self._shape[1]]
 
     @property
@@ -65,12 +66,37 @@ class SlipResult:
     @property
     def envelope(self) -> Floats:
         """RMS envelope (Eq. 6-8); shape (n, c)."""
-        return self._columns('envelope', self._kept_envelope, 0)
+        return self._columns('envelope', KEEP_ENVELOPE)
 
     @property
     def level(self) -> Floats:
-        """Mean of the envelope, which is compared with the threshold; shape (n, c)."""
-        return self._columns('level', self._kept_level, int(self._kept_envelope))
+        """The number that is held against the threshold; shape (n, c).
+
+        It is the mean of the envelope, or the evidence in dB s.
+        """
+        return self._columns('level', KEEP_LEVEL)
+
+    @property
+    def floor(self) -> Floats:
+        """Noise floor in dB of the envelope's unit; shape (n, c)."""
+        return self._columns('floor', KEEP_FLOOR)
+
+    @property
+    def excess(self) -> Floats:
+        """How far the envelope counts above the floor, in dB; shape (n, c).
+
+        It is 0 where it does not count: before the windows are full, where the channel is not
+        valid, and for some time from an impact on.
+        """
+        return self._columns('excess', KEEP_EXCESS)
+
+    @property
+    def after_impact(self) -> Bools:
+        """Whether excess is held at 0 after an impact, kept with it; shape (n,)."""
+        if not self._kept & KEEP_EXCESS:
+            raise ValueError('after_impact was not kept: call update with excess=True')
+        held: Bools = self._signals[:, self._signals.shape[1] - self._shape[2] - 1] != 0.0
+        return held
 
     @property
     def vote_statistic(self) -> Floats:
@@ -84,11 +110,11 @@ class SlipResult:
         """
         return self._signals[:, self._signals.shape[1] - self._shape[2] :]
 
-    def _columns(self, name: str, kept: bool, before: int) -> Floats:
-        """Return the channels of a signal; ``before`` is the number of signals before it."""
-        if not kept:
+    def _columns(self, name: str, signal: int) -> Floats:
+        """Return the channels of a signal, which is one of the bits of what is kept."""
+        if not self._kept & signal:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
-        signals = self._kept_envelope + self._kept_level
+        before = (self._kept & (signal - 1)).bit_count()
         # With few channels there are further columns, which have no meaning.
-        columns = (self._signals.shape[1] - self._shape[2]) // signals
+        columns = max(self._shape[1], LANES)
         return self._signals[:, columns * before :][:, : self._shape[1]]

@@ -8,11 +8,29 @@ from numpy.typing import ArrayLike
 
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
-from slip_detector.chain.kernel import CACHED_VALUES, run
+from slip_detector.chain.kernel import (
+    CACHED_VALUES,
+    KEEP_ENVELOPE,
+    KEEP_EXCESS,
+    KEEP_FLOOR,
+    KEEP_LEVEL,
+    run,
+)
 from slip_detector.chain.lanes import LANES
-from slip_detector.chain.plan import aligned, plan_of, tile_bases_of
+from slip_detector.chain.plan import aligned, least_floors_db, plan_of, tile_bases_of
 from slip_detector.chain.result import SlipResult
-from slip_detector.chain.stages import COMMON_V, FIRST, FIXED_SLOTS, HELD, LAST, REPEATS
+from slip_detector.chain.stages import (
+    AGE,
+    COMB_AGE,
+    COMB_ROW,
+    COMMON_V,
+    FIRST,
+    FIXED_SLOTS,
+    FLOOR,
+    HELD,
+    LAST,
+    REPEATS,
+)
 from slip_detector.parameters.detector import ChainConfig
 
 BOOL = np.dtype(np.bool_)  # as an object: looking the type up costs more than the array
@@ -54,9 +72,11 @@ class SlipChain:
             )
         self.config = config = config or ChainConfig()
         self._sections = design(config)
-        slots = FIXED_SLOTS + 2 * len(self._sections)
-        for window_s in (config.envelope_window_s, config.decision_window_s):
-            slots += config.samples(window_s) + 1
+        self._evidence = config.decision == 'evidence'
+        slots = FIXED_SLOTS + 2 * len(self._sections) + config.mains_rows
+        slots += config.samples(config.envelope_window_s) + 1
+        if not self._evidence:
+            slots += config.samples(config.decision_window_s) + 1
         self._votes: tuple[str | int, ...] = ()
         self._plan = plan_of(config, self._sections, self._votes)
         self._tiles_shape = (len(tile_bases_of(config)), slots, LANES)
@@ -73,6 +93,22 @@ class SlipChain:
         """Forget all rows: the next row is the first."""
         self.state = aligned(np.zeros, self._tiles_shape)
         self.state[:, [LAST, FIRST]] = np.nan
+        if self._evidence:
+            # One that is not learnt begins with the first envelope.
+            learnt = self.config.noise_floor_learnt
+            self.state[:, FLOOR] = least_floors_db(self.config) if learnt else np.nan
+
+    def restart(self) -> None:
+        """Begin again after a gap: forget all rows, but keep the noise floors.
+
+        Examples
+        --------
+        >>> chain = SlipChain(ChainConfig(decision='evidence', noise_floor=1e-3))
+        >>> chain.restart()
+        """
+        floors = self.state[:, FLOOR].copy()
+        self.reset()
+        self.state[:, FLOOR] = floors
 
     def take_filters(self, other: 'SlipChain') -> None:
         """Take over the state of another chain's filters, with empty windows.
@@ -80,24 +116,28 @@ class SlipChain:
         Parameters
         ----------
         other
-            A chain with the same channels, filters and common mode; its windows, threshold and
-            vote may differ.
+            A chain with the same channels, filters, mains and common mode; its windows, threshold,
+            decision and vote may differ.
 
         Raises
         ------
         ValueError
-            When its channels, filters or common mode are not the same.
+            When its channels, filters, mains or common mode are not the same.
         """
-        for name in ('channels', 'disabled_channels', 'valid_range_v', 'common_mode'):
+        same = ('channels', 'disabled_channels', 'valid_range_v', 'common_mode', 'mains_hz')
+        for name in same:
             mine, its = getattr(self.config, name), getattr(other.config, name)
             if mine != its:
                 raise ValueError(f'the other chain has {name} = {its}, allowed: {mine}')
         if not np.array_equal(self._sections, other._sections):
             raise ValueError('the other chain has other filters, allowed: the same')
         self.reset()
-        of_filters = [*range(FIXED_SLOTS, FIXED_SLOTS + 2 * len(self._sections))]
+        end = FIXED_SLOTS + 2 * len(self._sections) + self.config.mains_rows
+        of_filters = [COMB_ROW, COMB_AGE, *range(FIXED_SLOTS, end)]
         kept = [LAST, REPEATS, FIRST, HELD, COMMON_V, *of_filters]
         self.state[:, kept] = other.state[:, kept]
+        # The filters' rows have come, those of the window have not.
+        self.state[:, AGE] = np.minimum(self.state[:, COMB_AGE], self.config.mains_rows)
 
     def update(
         self,
@@ -105,6 +145,8 @@ class SlipChain:
         *,
         envelope: bool = True,
         level: bool = True,
+        floor: bool = False,
+        excess: bool = False,
         votes: Sequence[str | int] = (),
     ) -> SlipResult:
         """Take the next rows and decide on each.
@@ -115,6 +157,8 @@ class SlipChain:
             Rows of volts, oldest first; none, one or many.
         envelope, level
             Whether the result has these signals.
+        floor, excess
+            The same of those that only a decision by evidence has.
         votes
             The votes whose :attr:`SlipResult.vote_statistic` is computed: ``all``, ``mean`` or
             numbers of channels. They do not depend on the vote of the configuration.
@@ -122,7 +166,7 @@ class SlipChain:
         Raises
         ------
         ValueError
-            When the shape is not (n, c) or a vote is not allowed.
+            When the shape is not (n, c), a vote is not allowed or a signal does not exist.
 
         Examples
         --------
@@ -149,11 +193,18 @@ class SlipChain:
         elif not rows.flags.writeable:  # another type to Numba, which would compile once more
             rows = rows.copy()
         n, many = len(rows), len(votes)
+        kept = KEEP_ENVELOPE * envelope + KEEP_LEVEL * level
+        signal_columns = self._columns * (envelope + level) + many
+        if floor or excess:
+            if not self._evidence:
+                raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
+            kept += KEEP_FLOOR * floor + KEEP_EXCESS * excess
+            signal_columns += self._columns * (floor + excess) + excess
         flags = np.empty((n, self._width), BOOL)
-        shape = (n, self._columns * (envelope + level) + many)
+        shape = (n, signal_columns)
         if n * shape[1] > CACHED_VALUES:
             signals = aligned(self._new_signals, shape)
         else:
             signals = self._new_signals(shape)
-        run(rows, flags, signals, self.state, self._plan, envelope, level)
-        return SlipResult(flags, signals, (self._groups, channels, many), envelope, level)
+        run(rows, flags, signals, self.state, self._plan, kept)
+        return SlipResult(flags, signals, (self._groups, channels, many), kept)

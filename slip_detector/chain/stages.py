@@ -27,8 +27,10 @@ WORD_ROWS = 64
 
 NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
 
-# Slots of a tile's state before those of the sections and windows. Lane 0 alone counts of the rows
-# into the present stretch of a window, and, in the first tile, of the last row's common mode.
+# Slots of a tile's state before those of the sections, the comb and the windows. Lane 0 alone
+# counts of the rows into the present stretch of a window or of the comb, and, in the first tile,
+# of the last row's common mode and of how many more rows an impact is held for. From COMB_ROW on
+# they are those of comb and evidence.
 (
     LAST,
     REPEATS,
@@ -39,8 +41,15 @@ NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
     ENVELOPE_ROW,
     LEVEL_ROW,
     COMMON_V,
+    COMB_ROW,
+    COMB_AGE,
+    AGE,
+    FLOOR,
+    EVIDENCE,
+    HELD_EVIDENCE,
+    HOLD_ROWS,
     FIXED_SLOTS,
-) = range(10)
+) = range(17)
 
 # Rows of a tile's range of good samples.
 LOW, HIGH = 0, 1
@@ -86,6 +95,33 @@ def load_deviations(volts, start, rows, column, tile_range, common_v, tile, bloc
         store(held, block, (k, 0))
     store(first, tile, (FIRST, 0))
     store(held, tile, (HELD, 0))
+
+
+@compiled
+def count_up(age, valid, row):
+    """Return the rows since each channel's first valid one, that one included; 0 before it."""
+    return select(((valid & row) != NO_ROW) | (age > 0.0), age + 1.0, age)
+
+
+@compiled
+def take_off_mains(block, rows, comb_rows, valid, tile, tail):
+    """Take off each row what it was ``comb_rows`` before: whole periods of the mains.
+
+    A channel is 0 for so many rows from its first valid one on. ``valid`` has the rows in which a
+    channel is, as words, and ``tail`` is the slot of the first of the rows that are remembered.
+    """
+    position, age, row = int(tile[COMB_ROW, 0]), load(tile, (COMB_AGE, 0)), spread(FIRST_ROW)
+    for k in range(rows):
+        u, before = load(block, (k, 0)), load(tile, (tail + position, 0))
+        store(u, tile, (tail + position, 0))
+        age = count_up(age, valid, row)
+        store(select(age > float(comb_rows), u - before, 0.0), block, (k, 0))
+        row = row + row
+        position += 1
+        if position == comb_rows:
+            position = 0
+    tile[COMB_ROW, 0] = position
+    store(age, tile, (COMB_AGE, 0))
 
 
 @compiled
@@ -192,6 +228,13 @@ def keep(block, rows, signals, start, column, past_caches):
     else:
         for k in range(rows):
             store(load(block, (k, 0)), signals, (start + k, column))
+
+
+@compiled
+def keep_roots(block, rows, signals, start, column):
+    """Copy the roots of a tile's values to the result, from ``column`` on."""
+    for k in range(rows):
+        store(root(load(block, (k, 0))), signals, (start + k, column))
 
 
 @compiled

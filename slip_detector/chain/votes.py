@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 from slip_detector.chain.compiled import as_silent, compiled
 from slip_detector.chain.lanes import (
     LANES,
-    floats_of,
     floor,
     load,
     select,
     spread,
     store,
-    words_of,
 )
+from slip_detector.chain.logarithms import exponents, fractions, polynomial, powers_of_2
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW
 
 #: The votes that are no count of channels, as numbers.
@@ -40,16 +39,6 @@ DIGITS = 32
 
 #: Stands for the level of a channel that is not valid: less than any level.
 NO_VOTE = -1.0
-
-# Of a float64: the bits of the fraction, how many they are, and those of the exponent of 1.
-FRACTION = np.uint64(2**52 - 1)
-FRACTION_BITS = np.uint64(52)
-ONE = np.uint64(0x3FF << 52)
-BIAS = 1023.0
-
-# Added to an integer below it, 2^52 leaves the integer in the bits of the fraction.
-LARGE = 2.0**52
-LARGE_BITS = np.uint64(0x433 << 52)
 
 #: The least float64 with a whole fraction; smaller ones are scaled by 2^54 before they are split.
 LEAST_NORMAL = 2.0**-1022
@@ -158,32 +147,6 @@ def gather_levels(block, rows, valid, at, levels, places):
 
 
 @compiled
-def _exponents(values):
-    """Return the exponents of float64, as float64."""
-    return floats_of((words_of(values) >> FRACTION_BITS) | LARGE_BITS) - (LARGE + BIAS)
-
-
-@compiled
-def _fractions(values):
-    """Return the fractions of float64, from 1 to below 2."""
-    return floats_of((words_of(values) & FRACTION) | ONE)
-
-
-@compiled
-def _powers_of_2(exponents):
-    """Return 2 to the power of integers from -1022 to 1023."""
-    return floats_of(words_of(exponents + (LARGE + BIAS)) << FRACTION_BITS)
-
-
-@compiled
-def _polynomial(coefficients, x):
-    value = spread(0.0)
-    for coefficient in coefficients:
-        value = value * x + coefficient
-    return value
-
-
-@compiled
 def _extremes(levels, members, k):
     """Return the least valid level of sixteen rows and the largest.
 
@@ -209,14 +172,14 @@ def _product(levels, members, k):
         valid = level >= 0.0
         small = level < LEAST_NORMAL
         level = select(small, level * 2.0**SCALE_BITS, level)
-        own = _exponents(level) - select(small, spread(SCALE_BITS), spread(0.0))
+        own = exponents(level) - select(small, spread(SCALE_BITS), spread(0.0))
         count = count + select(valid, spread(1.0), spread(0.0))
         exponent = select(valid, exponent + own, exponent)
-        product = select(valid, product * _fractions(level), product)
+        product = select(valid, product * fractions(level), product)
         if j % FACTORS == FACTORS - 1:
-            exponent = exponent + _exponents(product)
-            product = _fractions(product)
-    return count, exponent + _exponents(product), _fractions(product)
+            exponent = exponent + exponents(product)
+            product = fractions(product)
+    return count, exponent + exponents(product), fractions(product)
 
 
 @compiled
@@ -229,7 +192,7 @@ def _mean_logarithm(levels, members, k):
     count = select(count > 0.0, count, 1.0)
     whole = floor(exponent / count + 0.5)
     s = (product - 1.0) / (product + 1.0)
-    logarithm = s * _polynomial(LOGARITHM, s * s)
+    logarithm = s * polynomial(LOGARITHM, s * s)
     return whole, ((exponent - whole * count) * LN_2 + logarithm) / count
 
 
@@ -245,7 +208,7 @@ def _geometric_mean(levels, members, k, least, most):
     whole, rest = _mean_logarithm(levels, members, k)
     # In two steps: the smallest numbers are below 2^-1022.
     half = floor(whole * 0.5)
-    mean = _polynomial(EXPONENTIAL, rest) * _powers_of_2(half) * _powers_of_2(whole - half)
+    mean = polynomial(EXPONENTIAL, rest) * powers_of_2(half) * powers_of_2(whole - half)
     # Not beyond the levels by rounding: of equal levels it is that level.
     mean = select(mean < least, least, mean)
     mean = select(mean > most, most, mean)

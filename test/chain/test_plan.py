@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,6 +36,10 @@ def configs(draw):
         common_mode=draw(st.sampled_from(['none', 'mean', 'median'])),
         vote=draw(st.sampled_from(['all', 'mean', 1])),
         valid_range_v=(-3.0, 4.0),
+        decision=draw(st.sampled_from(['mean', 'evidence'])),
+        noise_floor=[10.0**k for k in range(channels)] if channels < 30 else 0.1,
+        impact_v=draw(st.sampled_from([0.0, 2.0])),
+        impact_channels=1,
     )
 
 
@@ -64,7 +69,7 @@ def test_tiles_hold_each_enabled_channel_and_none_is_without(config):
 
 @given(configs())
 def test_each_enabled_channel_has_one_seat_in_the_tile_that_holds_it(config):
-    _plan, settings, ranges, _, layout, scratch = plan_and_parts(config)
+    _plan, settings, ranges, _, _, layout, scratch = plan_and_parts(config)
     enabled = enabled_of(config)
     assert layout.columns.tolist() == enabled
     assert len(set(layout.seats.tolist())) == len(enabled) == settings.enabled
@@ -82,7 +87,7 @@ def test_each_enabled_channel_has_one_seat_in_the_tile_that_holds_it(config):
 
 @given(configs())
 def test_a_lane_without_a_channel_that_takes_part_takes_no_sample(config):
-    _plan, _, ranges, _, layout, _ = plan_and_parts(config)
+    _plan, _, ranges, _, _, layout, _ = plan_and_parts(config)
     for tile, lane in np.ndindex(layout.bases.size, LANES):
         if layout.bases[tile] + lane not in enabled_of(config):
             low, high = ranges[tile, :, lane]
@@ -91,7 +96,7 @@ def test_a_lane_without_a_channel_that_takes_part_takes_no_sample(config):
 
 @given(configs())
 def test_groups_are_their_enabled_members_one_after_the_other(config):
-    _plan, _, _, _, layout, _ = plan_and_parts(config)
+    _plan, _, _, _, _, layout, _ = plan_and_parts(config)
     seat_of = dict(zip(layout.columns.tolist(), layout.seats.tolist(), strict=True))
     for i, channels in enumerate(config.groups.values()):
         members = layout.members[layout.bounds[i] : layout.bounds[i + 1]]
@@ -100,13 +105,24 @@ def test_groups_are_their_enabled_members_one_after_the_other(config):
     assert (layout.places >= 0).sum() == layout.members.size
 
 
+@given(configs())
+def test_each_channel_has_its_own_least_floor_in_decibels(config):
+    _plan, _, _, least_db, _, layout, _ = plan_and_parts(config)
+    if config.decision == 'mean':
+        assert least_db.shape == (0, LANES)
+        return
+    for channel, seat in zip(layout.columns.tolist(), layout.seats.tolist(), strict=True):
+        wanted = 20 * np.log10(config.noise_floors[channel])
+        assert least_db[seat // LANES, seat % LANES] == pytest.approx(wanted, abs=1e-9)
+
+
 @given(configs(), st.lists(st.sampled_from(['all', 'mean', 1, 2, 3]), max_size=4))
 def test_the_parts_of_a_plan_fill_it_and_none_overlaps_another(config, votes):
-    plan, settings, ranges, sections, layout, scratch = plan_and_parts(config, votes)
+    plan, settings, ranges, least_db, sections, layout, scratch = plan_and_parts(config, votes)
     np.testing.assert_array_equal(sections, SECTIONS)
     assert settings.threshold == config.threshold
     assert settings.votes == layout.votes.size == len(votes)
-    arrays = [ranges, sections, *layout, *scratch]
+    arrays = [ranges, least_db, sections, *layout, *scratch]
     bounds = sorted((part.ctypes.data, part.nbytes) for part in arrays if part.size)
     for (begin, size), (following, _) in itertools.pairwise(bounds):
         assert begin + size <= following
@@ -117,6 +133,10 @@ def test_the_parts_of_a_plan_fill_it_and_none_overlaps_another(config, votes):
     # There is none for what is not wanted.
     assert bool(scratch.deviations.size) == (config.common_mode != 'none')
     assert bool(scratch.levels.size) == (config.vote == 'mean' or bool(votes))
+    evidence = config.decision == 'evidence'
+    assert len(least_db) == evidence * layout.bases.size
+    assert bool(scratch.steps.size) == (evidence and config.impact_v > 0)
+    assert scratch.held.shape == (len(scratch.on),)
     # Levels are those of one word.
     assert len(scratch.on) == len(scratch.common_v) == (1 if scratch.levels.size else CHUNK_WORDS)
 

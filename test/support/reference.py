@@ -2,7 +2,7 @@
 
 After Romeo et al., 'Slippage Detection with Piezoresistive Tactile Sensors',
 Sensors 17 (2017) 1844: band-pass, two stop-bands, rectify, raise to a power,
-RMS envelope, windowed mean, threshold, vote.
+RMS envelope, windowed mean, threshold, vote; or evidence in place of the mean.
 
 Every rule is written out on its own, in the order it is stated, and for a whole
 recording at once; nothing is shared with the fast kernel it is compared with.
@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from support.reference_evidence import decide_by_evidence, mains_rows, take_off_mains
 from support.reference_filters import filter_input, filter_sections, run_filter
 
 
@@ -41,6 +42,18 @@ def reference(
     disabled_channels: Sequence[int] = (),
     groups: Mapping[str, Sequence[int]] | None = None,
     vote: str | int = 'all',
+    mains_hz: float = 0.0,
+    decision: str = 'mean',
+    noise_floor: float | Sequence[float] = (),
+    noise_floor_learnt: bool = False,
+    noise_floor_range_db: float = 60.0,
+    noise_floor_rate_db_s: float = 0.43,
+    evidence_cap_db: float = 13.0,
+    evidence_offset_db: float = 3.5,
+    evidence_limit_db_s: float = 1.3,
+    impact_v: float = 0.0,
+    impact_channels: int = 2,
+    impact_hold_s: float = 0.3,
 ) -> SimpleNamespace:
     """Run the slip-detection chain over a recording.
 
@@ -82,18 +95,29 @@ def reference(
         Channels of each voting group, counted from 1; one group of all channels if None.
     vote : {'all', 'mean'} or int
         Rule by which a group's valid channels decide.
+    mains_hz : float
+        Mains that a comb takes off before the filters; 0: none.
+    decision : {'mean', 'evidence'}
+        What is held against the threshold.
+    noise_floor, noise_floor_learnt, noise_floor_range_db, noise_floor_rate_db_s,
+    evidence_cap_db, evidence_offset_db, evidence_limit_db_s,
+    impact_v, impact_channels, impact_hold_s
+        Of the evidence, see :mod:`support.reference_evidence`.
 
     Returns
     -------
     types.SimpleNamespace
         slip (n,) bool, groups (n, g) bool, can_vote (n, g) bool, channels (n, c) bool,
-        valid (n, c) bool, envelope (n, c) float, level (n, c) float.
+        valid (n, c) bool, envelope (n, c) float, level (n, c) float, held (n, c) float: what is
+        held against the threshold; with evidence also floor, excess (n, c) float and
+        after_impact (n,) bool.
 
     Raises
     ------
     ValueError
         If an option is outside of what is described above.
     """
+    options = SimpleNamespace(**locals())
     volts = np.asarray(volts, dtype=np.float64)
     if volts.ndim != 2:
         raise ValueError('volts must have the shape (rows, channels)')
@@ -112,7 +136,8 @@ def reference(
     flat = _flat(volts, ok, flat_after_s, sample_rate_hz)
     valid = ok & ~flat & enabled
 
-    x = filter_input(volts, ok, valid, common_mode)
+    comb_rows = mains_rows(mains_hz, sample_rate_hz)
+    x = take_off_mains(filter_input(volts, ok, valid, common_mode), ok, comb_rows)
     sections = filter_sections(
         sample_rate_hz,
         passband_hz,
@@ -130,21 +155,26 @@ def reference(
     envelope = np.sqrt(_trailing_mean(powered**2, envelope_rows))
     # Cleared here, so that level follows; a disabled channel never shows a number.
     envelope[:, ~enabled] = 0.0
-    level = _trailing_mean(envelope, decision_rows)
+    if decision == 'evidence':
+        hold_rows = _window_rows(impact_hold_s, sample_rate_hz)
+        decided = decide_by_evidence(
+            volts, ok, valid, enabled, envelope, comb_rows + envelope_rows, hold_rows, options
+        )
+    else:
+        level = _trailing_mean(envelope, decision_rows)
+        # Validity is not asked here: a bad sample holds the filter's input, it doesn't
+        # switch the channel off. It only bars the channel from the vote.
+        decided = SimpleNamespace(level=level, held=level, channels=level > threshold)
+    decided.channels &= enabled
 
-    # Validity is not asked here: a bad sample holds the filter's input, it doesn't
-    # switch the channel off. It only bars the channel from the vote.
-    channels = (level > threshold) & enabled
-
-    in_groups, can_vote = _vote(level, channels, valid, threshold, groups, vote)
+    in_groups, can_vote = _vote(decided.held, decided.channels, valid, threshold, groups, vote)
     return SimpleNamespace(
         slip=in_groups.any(axis=1),
         groups=in_groups,
         can_vote=can_vote,
-        channels=channels,
         valid=valid,
         envelope=envelope,
-        level=level,
+        **vars(decided),
     )
 
 

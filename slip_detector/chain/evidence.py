@@ -1,0 +1,209 @@
+"""The decision by evidence: each channel held against its own noise, sixteen side by side.
+
+The *excess* of a channel is how far its envelope is above its noise floor, in dB. Evidence is the
+sum of excess over time, less an offset: it grows while there is slip and falls while there is none
+(a CUSUM). docs/method.md has the equations.
+
+A channel that is not valid keeps floor and evidence. In the rows that an impact is held for, no
+channel has any excess.
+"""
+
+import numpy as np
+
+from slip_detector.chain.compiled import compiled
+from slip_detector.chain.lanes import LANES, is_number, load, select, size, spread, store
+from slip_detector.chain.logarithms import root_decibels
+from slip_detector.chain.stages import (
+    AGE,
+    EVIDENCE,
+    FIRST_ROW,
+    FLOOR,
+    HELD_EVIDENCE,
+    HIGH,
+    HOLD_ROWS,
+    LAST,
+    LOW,
+    NO_ROW,
+    count_up,
+)
+from slip_detector.chain.votes import rows_of_count
+
+#: The share of a channel's rest in which its envelope is below the floor.
+QUANTILE = 0.1
+
+#: The least excess: less would tell of a pause between two slips, not of noise.
+LEAST_EXCESS_DB = -8.7
+
+
+@compiled
+def _find_steps(volts, start, rows, column, tile_range, impact_v, tile, steps, seat):
+    """Write the rows in which a channel steps by more than ``impact_v`` as words, by seat.
+
+    A step is from the last good sample, which is what the filters are given for a bad one.
+    """
+    low, high = load(tile_range, (LOW, 0)), load(tile_range, (HIGH, 0))
+    last, found, row = load(tile, (LAST, 0)), spread(NO_ROW), spread(FIRST_ROW)
+    for k in range(start, start + rows):
+        sample = load(volts, (k, column))
+        good = (sample >= low) & (sample <= high)
+        found = found | select(good & (size(sample - last) > impact_v), row, NO_ROW)
+        last = select(good, sample, last)
+        row = row + row
+    store(found, steps, seat)
+
+
+@compiled
+def rows_of_impact(volts, start, rows, settings, ranges, layout, tiles, steps, digits):
+    """Return the rows that an impact is held for, as a word.
+
+    What is remembered is how long the last one is held for yet. The samples must not have been
+    checked yet: the last good ones are those before the first row.
+
+    Parameters
+    ----------
+    volts, start, rows
+        The samples, and which of them.
+    settings, ranges, layout
+        Of the plan.
+    tiles
+        The state.
+    steps, digits
+        Memory to work in: a word a seat, and for counting channels.
+    """
+    for t in range(layout.bases.size):
+        _find_steps(
+            volts, start, rows, layout.bases[t], ranges[t], settings.impact_v, tiles[t], steps,
+            t * LANES,
+        )  # fmt: skip
+    impacts = rows_of_count(int(settings.impact_channels), layout.seats, steps, steps, digits)
+    left = min(int(tiles[0, HOLD_ROWS, 0]), int(settings.hold_rows))
+    if impacts == NO_ROW and left == 0:
+        return NO_ROW
+    held, row = NO_ROW, FIRST_ROW
+    for _ in range(rows):
+        if impacts & row:
+            left = int(settings.hold_rows)
+        if left > 0:
+            held |= row
+            left -= 1
+        row = row << FIRST_ROW
+    tiles[0, HOLD_ROWS, 0] = left
+    return held
+
+
+@compiled
+def gains_of_evidence(
+    block, rows, settings, least_db, settle_rows, valid, held, tile, signals, start, floor_column,
+    excess_column,
+):  # fmt: skip
+    """Replace squares of the envelope by what each row adds to the evidence, and follow the floor.
+
+    Parameters
+    ----------
+    block, rows
+        Squares of the envelope, and how many rows of them.
+    settings
+        Of the plan.
+    least_db
+        The least floor of each channel.
+    settle_rows
+        From a channel's first valid row on, rows in which its envelope says nothing yet.
+    valid
+        Rows in which a channel is, as words.
+    held
+        Rows that an impact is held for, as a word.
+    tile
+        The state. A floor that is no number begins with the envelope.
+    signals, start, floor_column, excess_column
+        Where floor and excess are kept; where the column is negative they are not.
+    """
+    most_db = least_db + settings.floor_range_db
+    up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
+    age, floor = load(tile, (AGE, 0)), load(tile, (FLOOR, 0))
+    not_held, row = valid & ~held, spread(FIRST_ROW)
+    for k in range(rows):
+        level = root_decibels(load(block, (k, 0)))
+        age = count_up(age, valid, row)
+        counts = ((valid & row) != NO_ROW) & (age > settle_rows)
+        moved = floor + select(level > floor, up_db, down_db)
+        moved = select(is_number(floor), moved, level)
+        moved = select(moved > least_db, moved, least_db)
+        moved = select(moved < most_db, moved, most_db)
+        floor = select(counts, moved, floor)
+        excess = level - floor
+        excess = select(excess > LEAST_EXCESS_DB, excess, LEAST_EXCESS_DB)
+        excess = select(excess < settings.cap_db, excess, settings.cap_db)
+        excess = select(counts & ((not_held & row) != NO_ROW), excess, 0.0)
+        if floor_column >= 0:
+            shown = select(is_number(floor), floor, least_db)
+            store(shown, signals, (start + k, floor_column))
+        if excess_column >= 0:
+            store(excess, signals, (start + k, excess_column))
+        gain = (excess - settings.offset_db) * settings.period_s
+        store(select(counts, gain, 0.0), block, (k, 0))
+        row = row + row
+    store(age, tile, (AGE, 0))
+    store(floor, tile, (FLOOR, 0))
+
+
+@compiled
+def sum_evidence(block, rows, limit, tile):
+    """Replace what each row adds to the evidence by the evidence, from 0 to ``limit``."""
+    evidence = load(tile, (EVIDENCE, 0))
+    for k in range(rows):
+        evidence = evidence + load(block, (k, 0))
+        evidence = select(evidence > 0.0, evidence, 0.0)
+        evidence = select(evidence < limit, evidence, limit)
+        store(evidence, block, (k, 0))
+    store(evidence, tile, (EVIDENCE, 0))
+
+
+@compiled
+def hold_evidence(block, rows, tile):
+    """Replace evidence by the number that is above a threshold exactly where the channel is ON.
+
+    A channel comes ON above its threshold and goes OFF where twice its evidence is not above it.
+    So at any threshold, whichever it is, this decides: the evidence itself, or what the number was
+    before as long as that is not more than twice the evidence.
+    """
+    held = load(tile, (HELD_EVIDENCE, 0))
+    for k in range(rows):
+        evidence = load(block, (k, 0))
+        most = evidence + evidence
+        held = select(held < most, held, most)
+        held = select(held > evidence, held, evidence)
+        store(held, block, (k, 0))
+    store(held, tile, (HELD_EVIDENCE, 0))
+
+
+def floor_steps_db(rate_db_s: float, sample_rate_hz: float) -> tuple[float, float]:
+    """Return by how much a row moves a floor up, and down, in dB.
+
+    A floor stays where up and down are in balance: ``QUANTILE`` of the rows below it.
+
+    Parameters
+    ----------
+    rate_db_s
+        How fast it moves up.
+    sample_rate_hz
+        Rows a second.
+
+    Examples
+    --------
+    >>> up_db, down_db = floor_steps_db(rate_db_s=0.5, sample_rate_hz=100.0)
+    >>> round(up_db, 6), round(down_db, 6)
+    (0.005, 0.045)
+    """
+    up_db = rate_db_s / sample_rate_hz
+    return up_db, up_db * (1.0 - QUANTILE) / QUANTILE
+
+
+def least_floor_db(noise_floor: float) -> float:
+    """Return a noise floor in dB of the envelope's unit.
+
+    Examples
+    --------
+    >>> least_floor_db(0.01)
+    -40.0
+    """
+    return 20.0 * float(np.log10(noise_floor))

@@ -1,0 +1,79 @@
+"""Exponents, fractions and logarithms of float64 in vectors, by operations that IEEE 754 rounds.
+
+Logarithms of a library differ in their last bits from one machine to another; these do not, and
+they take a fraction of the time.
+"""
+
+import numpy as np
+
+from slip_detector.chain.compiled import compiled
+from slip_detector.chain.lanes import floats_of, spread, words_of
+
+# Of a float64: the bits of the fraction, how many they are, and those of the exponent of 1.
+FRACTION = np.uint64(2**52 - 1)
+FRACTION_BITS = np.uint64(52)
+ONE = np.uint64(0x3FF << 52)
+BIAS = 1023.0
+
+# Added to an integer below it, 2^52 leaves the integer in the bits of the fraction.
+LARGE = 2.0**52
+LARGE_BITS = np.uint64(0x433 << 52)
+
+#: Decibels of the root of 2, as :func:`root_decibels` is given squares.
+OCTAVE_DB = 10.0 * float(np.log10(2.0))
+
+#: q of log2(1 + t) = t + t (1 - t) q(t), from the highest power of t to the lowest: the polynomial
+#: of its degree with the least error for t within [0, 1]. At both ends it is exact, so that the
+#: logarithm is continuous, and it always rises.
+BETWEEN_OCTAVES = (
+    0.025841442564341566,
+    -0.09595644602069042,
+    0.18194887353480288,
+    -0.2756003104344289,
+    0.44254494337489514,
+)
+
+#: Largest error of :func:`root_decibels`.
+DECIBEL_ERROR = 7e-6
+
+#: What :func:`root_decibels` gives for 0 and for infinity.
+LEAST_DB, MOST_DB = -BIAS * OCTAVE_DB, (BIAS + 1.0) * OCTAVE_DB
+
+
+@compiled
+def exponents(values):
+    """Return the exponents of float64, as float64."""
+    return floats_of((words_of(values) >> FRACTION_BITS) | LARGE_BITS) - (LARGE + BIAS)
+
+
+@compiled
+def fractions(values):
+    """Return the fractions of float64, from 1 to below 2."""
+    return floats_of((words_of(values) & FRACTION) | ONE)
+
+
+@compiled
+def powers_of_2(exponent):
+    """Return 2 to the power of integers from -1022 to 1023."""
+    return floats_of(words_of(exponent + (LARGE + BIAS)) << FRACTION_BITS)
+
+
+@compiled
+def polynomial(coefficients, x):
+    """Return the value of a polynomial whose highest power comes first."""
+    value = spread(coefficients[0])
+    for coefficient in coefficients[1:]:
+        value = value * x + coefficient
+    return value
+
+
+@compiled
+def root_decibels(squares):
+    """Return the decibels of the roots of numbers that are not negative: 10 log10 of them.
+
+    The error is at most ``DECIBEL_ERROR``. Below the least normal number the logarithm falls
+    along a line to ``LEAST_DB`` at 0; of infinity it is ``MOST_DB``. Nothing gives infinity or
+    what is no number.
+    """
+    t = fractions(squares) - 1.0
+    return (exponents(squares) + (t + t * (1.0 - t) * polynomial(BETWEEN_OCTAVES, t))) * OCTAVE_DB
