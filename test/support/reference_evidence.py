@@ -1,7 +1,7 @@
-"""The decision by evidence of the reference, a row and a channel at a time.
+"""The decision by evidence of the reference, a row at a time.
 
-Part of :mod:`support.reference`, written as plainly. Each function is one equation, so that each can
-be held against what the chain gives for it.
+Part of :mod:`support.reference`, written as plainly. Each function is one equation, so that each
+can be held against what the chain gives for it.
 """
 
 from __future__ import annotations
@@ -121,13 +121,13 @@ def decibels(envelope: np.ndarray) -> np.ndarray:
 
 
 def moved_floor(
-    floor_db: float, level_db: float, rate_db_s: float, sample_rate_hz: float
-) -> float:
-    """Move a floor by one row towards the quantile of the level."""
+    floor_db: np.ndarray, level_db: np.ndarray, rate_db_s: float, sample_rate_hz: float
+) -> np.ndarray:
+    """Move floors by one row towards the quantile of the level."""
     per_row = rate_db_s / (QUANTILE * sample_rate_hz)
-    if level_db > floor_db:
-        return floor_db + per_row * QUANTILE
-    return floor_db - per_row * (1 - QUANTILE)
+    return np.where(
+        level_db > floor_db, floor_db + per_row * QUANTILE, floor_db - per_row * (1 - QUANTILE)
+    )
 
 
 def floors_of(
@@ -162,20 +162,16 @@ def floors_of(
         Floors in dB, shape (n, c); the least before the first row that counts.
     """
     floors = np.zeros(level_db.shape)
-    for column in range(level_db.shape[1]):
-        least_db = 20 * np.log10(least[column])
-        floor_db = least_db
-        begun = learnt
-        for row in range(level_db.shape[0]):
-            if counts[row, column]:
-                level = level_db[row, column]
-                if begun:
-                    floor_db = moved_floor(floor_db, level, rate_db_s, sample_rate_hz)
-                else:
-                    floor_db = level
-                    begun = True
-                floor_db = min(max(floor_db, least_db), least_db + range_db)
-            floors[row, column] = floor_db
+    least_db = 20 * np.log10(least)
+    floor_db = least_db
+    begun = np.full(least.shape, learnt)
+    for row in range(level_db.shape[0]):
+        moved = moved_floor(floor_db, level_db[row], rate_db_s, sample_rate_hz)
+        moved = np.where(begun, moved, level_db[row])
+        moved = np.clip(moved, least_db, least_db + range_db)
+        floor_db = np.where(counts[row], moved, floor_db)
+        begun = begun | counts[row]
+        floors[row] = floor_db
     return floors
 
 
@@ -202,25 +198,22 @@ def evidence_of(
 ) -> np.ndarray:
     """Sum the excess beyond an offset, from 0 to a limit; shape (n, c), in dB s."""
     evidence = np.zeros(excess_db.shape)
-    for column in range(excess_db.shape[1]):
-        g = 0.0
-        for row in range(excess_db.shape[0]):
-            if counts[row, column]:
-                g = g + (excess_db[row, column] - offset_db) / sample_rate_hz
-                g = min(max(g, 0.0), limit_db_s)
-            evidence[row, column] = g
+    g = np.zeros(excess_db.shape[1])
+    for row in range(excess_db.shape[0]):
+        summed = np.clip(g + (excess_db[row] - offset_db) / sample_rate_hz, 0.0, limit_db_s)
+        g = np.where(counts[row], summed, g)
+        evidence[row] = g
     return evidence
 
 
 def channels_on(evidence: np.ndarray, threshold: float) -> np.ndarray:
     """Return where channels are ON: from above the threshold on until not above half of it."""
     on = np.zeros(evidence.shape, dtype=bool)
-    for column in range(evidence.shape[1]):
-        is_on = False
-        for row in range(evidence.shape[0]):
-            g = evidence[row, column]
-            is_on = g > threshold or (is_on and g > threshold / 2)
-            on[row, column] = is_on
+    before = np.zeros(evidence.shape[1], dtype=bool)
+    for row in range(evidence.shape[0]):
+        g = evidence[row]
+        before = (g > threshold) | (before & (g > threshold / 2))
+        on[row] = before
     return on
 
 
@@ -231,13 +224,10 @@ def largest_threshold(evidence: np.ndarray) -> np.ndarray:
     ever since.
     """
     largest = np.zeros(evidence.shape)
-    for column in range(evidence.shape[1]):
-        for row in range(evidence.shape[0]):
-            since = np.inf
-            for came_on in range(row, -1, -1):
-                since = min(since, evidence[came_on, column])
-                able = min(evidence[came_on, column], 2 * since)
-                largest[row, column] = max(largest[row, column], able)
+    for row in range(evidence.shape[0]):
+        came_on = evidence[row::-1]  # from this row backwards
+        since = np.minimum.accumulate(came_on, axis=0)
+        largest[row] = np.minimum(came_on, 2 * since).max(axis=0)
     return largest
 
 
