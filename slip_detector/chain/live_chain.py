@@ -23,10 +23,24 @@ OF_THE_DECISION = (
     'valid_range_v',
     'flat_after_s',
     'max_gap_s',
+    'noise_floor',
+    'noise_floor_learnt',
+    'noise_floor_range_db',
+    'noise_floor_rate_db_s',
+    'evidence_cap_db',
+    'evidence_offset_db',
+    'evidence_limit_db_s',
+    'impact_v',
+    'impact_channels',
+    'impact_hold_s',
     'threshold',
     'vote',
     'groups',
 )
+
+#: A chain in which only these differ from the one before, and those of the decision, takes over
+#: its noise floors: five seconds tell less of them than all rows before did.
+FLOOR_OUTLASTS = ('disabled_channels', 'envelope_window_s', 'decision_window_s')
 
 #: What is changed within this time of a first change is built at once.
 GATHER_S = 0.1
@@ -61,11 +75,12 @@ class LiveChain:
     to be designed or a chain to be built. :meth:`change` orders a chain and :meth:`swap` puts it
     in the place of the running one, between two rows.
 
-    For parameters of the decision alone (threshold, vote, groups, ...) the chain is ready at once,
-    and goes on with the state of the filters. For any other it is built in a thread of its own,
-    after ``GATHER_S`` in which more may be ordered, and fed with the rows of the last
-    ``HISTORY_S``: it decides as if it had run for that long. Where the rate or the number of
-    channels changes, it starts without any rows.
+    For parameters of the decision alone (threshold, vote, groups, ..., and those of floors,
+    evidence and impacts) the chain is ready at once, and goes on with the state of the filters,
+    floors and evidence. For any other it is built in a thread of its own, after ``GATHER_S`` in
+    which more may be ordered, and fed with the rows of the last ``HISTORY_S``: it decides as if it
+    had run for that long. Where the rate or the number of channels changes, it starts without any
+    rows.
 
     Parameters
     ----------
@@ -116,6 +131,12 @@ class LiveChain:
             self._chain.reset()
             self._forget()
 
+    def restart(self) -> None:
+        """Begin again after a gap: forget all rows, but keep the noise floors."""
+        with self._lock:
+            self._chain.restart()
+            self._forget()
+
     def change(self, config: ChainConfig) -> bool:
         """Order another configuration; return whether :meth:`swap` may be called for it at once.
 
@@ -151,6 +172,7 @@ class LiveChain:
             if settled is not None:
                 assert chain is not None
                 self._catch_up(chain, *settled)
+                self._keep_floors(chain)
             elif chain is not None:
                 chain.state = self._chain.state
             self._chain, self.config = chain or self._chain, config
@@ -194,6 +216,12 @@ class LiveChain:
         if self._rows_seen > seen:
             behind = np.concatenate(list(self._history))[seen - self._rows_seen :]
             chain.update(behind, envelope=False, level=False)
+
+    def _keep_floors(self, chain: SlipChain) -> None:
+        """Give a chain that has been built the noise floors of the running one if they fit."""
+        evidence = chain.config.decision == self.config.decision == 'evidence'
+        if evidence and self._differ(chain.config) <= {*OF_THE_DECISION, *FLOOR_OUTLASTS}:
+            chain.take_floors(self._chain)
 
     def _forget(self) -> None:
         self._history.clear()

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.kernel import KEEP_ENVELOPE, KEEP_EXCESS, KEEP_FLOOR, KEEP_LEVEL
-from slip_detector.chain.lanes import LANES
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -116,5 +115,6 @@ class SlipResult:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
         before = (self._kept & (signal - 1)).bit_count()
         # With few channels there are further columns, which have no meaning.
-        columns = max(self._shape[1], LANES)
+        others = self._shape[2] + bool(self._kept & KEEP_EXCESS)
+        columns = (self._signals.shape[1] - others) // self._kept.bit_count()
         return self._signals[:, columns * before :][:, : self._shape[1]]

@@ -110,6 +110,37 @@ class SlipChain:
         self.reset()
         self.state[:, FLOOR] = floors
 
+    def take_floors(self, other: 'SlipChain') -> None:
+        """Take over the noise floors of another chain that decides by evidence.
+
+        Parameters
+        ----------
+        other
+            A chain with as many channels. Channels that it does not compute keep their floors.
+
+        Raises
+        ------
+        ValueError
+            When one of the two does not decide by evidence, or has other channels.
+
+        Examples
+        --------
+        >>> config = ChainConfig(decision='evidence', noise_floor=1e-3)
+        >>> SlipChain(config).take_floors(SlipChain(config))
+        """
+        if not (self._evidence and other._evidence and self._channels == other._channels):
+            raise ValueError(
+                'noise floors are taken over from a chain that has none for these channels, '
+                'allowed: decision: evidence in both, and as many channels'
+            )
+        floors = np.full(self._columns, np.nan)
+        for base, tile in zip(tile_bases_of(other.config), other.state, strict=True):
+            floors[base : base + LANES] = tile[FLOOR]
+        floors[[channel - 1 for channel in other.config.disabled_channels]] = np.nan
+        for base, tile in zip(tile_bases_of(self.config), self.state, strict=True):
+            its = floors[base : base + LANES]
+            tile[FLOOR] = np.where(np.isnan(its), tile[FLOOR], its)
+
     def take_filters(self, other: 'SlipChain') -> None:
         """Take over the state of another chain's filters, with empty windows.
 

@@ -35,7 +35,8 @@ class TrueSlip:
         The parts of the latency, by :data:`STAGES`; their sum is the latency. ``filter`` ends
         when a channel of the deciding group has a filtered signal (rectified, to its exponent)
         above the threshold: it has the delay of the filter and the time until the sensor feels
-        the slip. ``envelope`` ends when the envelope of a channel is above the threshold,
+        the slip. ``envelope`` ends when the envelope of a channel is above the threshold (of
+        evidence see :mod:`slip_detector.evaluation.stages`),
         ``decision`` when its level is, which turns the channel ON, and ``vote`` when the group is
         ON. None where there is no latency, where the alarm rises before the label and where the
         global decision was ON before the slip.

@@ -273,7 +273,7 @@ class _Run:
         self._row += missing
         if self._observer and missing:
             self._observer.gap(missing / self._rate_hz)
-        self._chain.reset()
+        self._chain.restart()
 
     def _end_stretch(self) -> None:
         self._labels.close(self._row)
@@ -287,7 +287,10 @@ class _Run:
         watching = self._watch is not None and self._watch.watching
         votes = (self._chain.config.vote,) if self._tally else ()
         level = self._observer is not None
-        result = self._chain.update(volts, envelope=watching, level=level, votes=votes)
+        floor = watching and self._watch is not None and self._watch.needs_floor
+        result = self._chain.update(
+            volts, envelope=watching, level=level, floor=floor, votes=votes
+        )
         on = np.ascontiguousarray(result.slip)
         self._labels.add(truth, self._row)
         self._alarms.add(on, self._row)

@@ -3,6 +3,9 @@
 The filtered signal comes from a second chain with windows of one sample: its envelope is the
 rectified signal to its exponent. It takes over the state of the filters where a slip begins and
 runs only until the alarm. So the algorithm is not written twice and hardly runs twice.
+
+Filtered signal and envelope are held against the threshold; where evidence decides, against the
+channel's noise floor and ``evidence_offset_db``, above which evidence grows.
 """
 
 import dataclasses
@@ -35,17 +38,23 @@ class StageWatch:
     watching : bool
         Whether a slip is being followed, which needs the chain's envelope. :meth:`begin` sets
         it; the caller clears it at the end.
+    needs_floor : bool
+        Whether following takes the noise floor too.
     """
 
     def __init__(self, config: ChainConfig) -> None:
         one_sample_s = 1.0 / config.sample_rate_hz
         self._filters = SlipChain(
             dataclasses.replace(
-                config, envelope_window_s=one_sample_s, decision_window_s=one_sample_s
+                config,
+                envelope_window_s=one_sample_s,
+                decision_window_s=one_sample_s,
+                decision='mean',
             )
         )
         self._members = [np.array(members) - 1 for members in config.groups.values()]
-        self._threshold = config.threshold
+        self._threshold, self._offset_db = config.threshold, config.evidence_offset_db
+        self.needs_floor = config.decision == 'evidence'
         self.watching = False
 
     def begin(self, chain: SlipChain, row: int) -> None:
@@ -72,7 +81,7 @@ class StageWatch:
         volts : ndarray, shape (n, c)
             At least one row.
         result
-            The chain's result for these rows, with the envelope.
+            The chain's result for these rows, with envelope and, if it is needed, floor.
         row
             Number of the first of these rows.
         rise
@@ -81,9 +90,12 @@ class StageWatch:
         n = len(volts) if rise is None else rise + 1
         filtered = self._filters.update(volts[:n], level=False).envelope
         valid = result.valid[:n]
+        least: Floats | float = self._threshold
+        if self.needs_floor:
+            least = 10.0 ** ((result.floor[:n] + self._offset_db) / 20.0)
         passed = (
-            valid & (filtered > self._threshold),
-            valid & (result.envelope[:n] > self._threshold),
+            valid & (filtered > least),
+            valid & (result.envelope[:n] > least),
             valid & result.channels[:n],
         )
         for first, through in zip(self._first, passed, strict=True):

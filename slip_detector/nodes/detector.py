@@ -378,7 +378,7 @@ class Detector(LifecycleNode):
             self._log('bridged', f'{missing} samples missing, bridged with the last one', missing)
             return arrival.bridge(self._last_row, rows)
         self._log('reset', 'the input had a gap or its clock was set, the chain restarts')
-        self._chain.reset()
+        self._chain.restart()
         self._health.restart()
         return rows
 

@@ -6,6 +6,7 @@ filters run once, and in each row only the thresholds are touched that the numbe
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -60,9 +61,13 @@ class VoteStatistics:
     """
 
     def __init__(self, config: ChainConfig, votes: Sequence[Vote]) -> None:
-        # At a threshold of 1 the statistic has the unit of the level. The chain's own decision is
-        # not used, so it has the vote that takes the least time.
-        self._chain = SlipChain(dataclasses.replace(config, vote='all', threshold=1.0))
+        # At a threshold of 1 the statistic has the unit of the level; where evidence never gets
+        # there, a power of two makes it so without rounding. The chain's own decision is not used,
+        # so it has the vote that takes the least time.
+        self._unit = 1.0
+        if config.decision == 'evidence' and config.evidence_limit_db_s <= 1.0:
+            self._unit = 2.0 ** (math.floor(math.log2(config.evidence_limit_db_s)) - 1)
+        self._chain = SlipChain(dataclasses.replace(config, vote='all', threshold=self._unit))
         self._votes = tuple(votes)
 
     def of(self, track: Track, out: Floats | None = None) -> Floats:
@@ -86,22 +91,25 @@ class VoteStatistics:
             out = np.empty(shape)
         for begin, end, _, new_stretch in track.pieces:
             if new_stretch:
-                self._chain.reset()
+                self._chain.restart() if begin else self._chain.reset()
             for start in range(begin, end, ROWS_PER_CALL):
                 rows = slice(start, min(start + ROWS_PER_CALL, end))
                 result = self._chain.update(
                     track.volts[rows], envelope=False, level=False, votes=self._votes
                 )
-                _transpose(result.vote_statistic, out, start)
+                _transpose(result.vote_statistic, self._unit, out, start)
         return out
 
 
 @compiled
-def _transpose(statistics, out, start):
-    """Write rows of statistics, shape (n, votes), to columns of ``out`` from ``start`` on."""
+def _transpose(statistics, unit, out, start):
+    """Write rows of statistics, shape (n, votes), to columns of ``out`` from ``start`` on.
+
+    They are multiplied by ``unit``.
+    """
     for v in range(statistics.shape[1]):
         for k in range(statistics.shape[0]):
-            out[v, start + k] = statistics[k, v]
+            out[v, start + k] = unit * statistics[k, v]
 
 
 @compiled

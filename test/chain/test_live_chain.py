@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain import live_chain
+from slip_detector.chain import live_chain, stages
 from slip_detector.chain.live_chain import HISTORY_S, LiveChain
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
@@ -203,3 +203,92 @@ def test_taking_a_change_back_before_it_was_built_leaves_all_as_it_was():
     np.testing.assert_array_equal(
         bed.levels(rows[200:]), SlipChain(CONFIG).update(rows).level[200:]
     )
+
+
+EVIDENCE = dataclasses.replace(
+    CONFIG, decision='evidence', noise_floor=1e-9, threshold=0.1, noise_floor_rate_db_s=30.0
+)
+
+
+def state_of(bed):
+    return bed.chain._chain.state
+
+
+@pytest.mark.parametrize(
+    'values',
+    [
+        {'noise_floor': [1e-6, 2e-6, 3e-6, 4e-6]},
+        {'noise_floor_learnt': True},
+        {'noise_floor_range_db': 200.0},
+        {'noise_floor_rate_db_s': 1.0},
+        {'evidence_cap_db': 20.0, 'evidence_offset_db': 1.0},
+        {'evidence_limit_db_s': 0.4, 'threshold': 0.3},
+        {'impact_v': 0.1, 'impact_channels': 1, 'impact_hold_s': 0.5},
+    ],
+)
+def test_parameters_of_evidence_change_at_once_and_keep_its_state(values):
+    rows = noise(500)
+    bed = Bed(EVIDENCE)
+    bed.chain.update(rows[:400], level=False)
+    before = state_of(bed).copy()
+    assert bed.change(**values)
+    assert bed.chain.swap()
+    np.testing.assert_array_equal(state_of(bed), before)
+    # As a chain that had this state and these parameters all along.
+    wanted = SlipChain(bed.chain.config)
+    wanted.state = before
+    found = bed.chain.update(rows[400:], level=True)
+    result = wanted.update(rows[400:])
+    np.testing.assert_array_equal(found.level, result.level)
+    np.testing.assert_array_equal(found.flags, result.flags)
+
+
+@pytest.mark.parametrize(
+    ('values', 'kept'),
+    [
+        ({'envelope_window_s': 0.1}, True),
+        ({'disabled_channels': (3,), 'groups': {}}, True),
+        ({'passband_hz': (20.0, 100.0)}, False),
+        ({'gain': 50.0}, False),
+    ],
+)
+def test_a_new_chain_keeps_the_floors_where_they_are_those_of_its_envelope(values, kept):
+    # A loud start that has long left the history: the floor has come down since.
+    quiet = 4.0 + 1e-3 * (noise(3 * KEPT) - 4.0)
+    quiet[:400] = noise(400)
+    bed = Bed(EVIDENCE)
+    bed.chain.update(quiet, level=False)
+    before = state_of(bed)[0, stages.FLOOR].copy()
+    assert not bed.change(**values)
+    assert bed.built.wait(60.0)
+    assert bed.chain.swap()
+    after = state_of(bed)[0, stages.FLOOR]
+    channels = [0, 1, 3]
+    assert np.array_equal(after[channels], before[channels]) == kept
+
+
+def test_a_gap_keeps_the_floors_and_a_reset_does_not():
+    bed = Bed(EVIDENCE)
+    bed.chain.update(noise(400), level=False)
+    before = state_of(bed)[0, stages.FLOOR, :4].copy()
+    assert np.isfinite(before).all()
+    bed.chain.restart()
+    np.testing.assert_array_equal(state_of(bed)[0, stages.FLOOR, :4], before)
+    assert not bed.chain._history
+    bed.chain.reset()
+    assert np.isnan(state_of(bed)[0, stages.FLOOR, :4]).all()
+
+
+def test_evidence_takes_the_place_of_the_mean_and_gives_it_back():
+    rows = noise(1000)
+    bed = Bed()
+    bed.levels(rows[:300])
+    for values in ({'decision': 'evidence', 'noise_floor': 1e-6}, {'decision': 'mean'}):
+        assert not bed.change(**values)
+        assert bed.built.wait(60.0)
+        assert bed.chain.swap()
+        wanted = SlipChain(bed.chain.config).update(rows[:400]).level[300:]
+        found = bed.chain.update(rows[300:400], level=True).level
+        np.testing.assert_array_equal(found, wanted)
+        bed.chain.reset()
+        bed.levels(rows[:300])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from slip_detector.chain.kernel import KEEP_ENVELOPE, KEEP_EXCESS, KEEP_FLOOR, KEEP_LEVEL
 from slip_detector.chain.result import SlipResult
 
 N, GROUPS, CHANNELS = 4, 2, 3
@@ -11,7 +12,8 @@ N, GROUPS, CHANNELS = 4, 2, 3
 def result_of(columns, envelope, level, votes):
     flags = np.arange(N * (1 + 2 * GROUPS + 2 * CHANNELS)).reshape(N, -1) % 3 == 0
     signals = np.arange(float(N * (columns * (envelope + level) + votes))).reshape(N, -1)
-    return SlipResult(flags, signals, (GROUPS, CHANNELS, votes), envelope, level), flags, signals
+    kept = KEEP_ENVELOPE * envelope + KEEP_LEVEL * level
+    return SlipResult(flags, signals, (GROUPS, CHANNELS, votes), kept), flags, signals
 
 
 # The kernel may have more columns than there are channels.
@@ -35,6 +37,23 @@ def test_a_signal_that_was_not_kept_is_an_error_that_says_how_to_keep_it(votes):
     np.testing.assert_array_equal(result.vote_statistic, signals)
     with pytest.raises(ValueError, match='level was not kept: call update with level=True'):
         _ = result.level
+
+
+@pytest.mark.parametrize('columns', [CHANNELS, 8])
+@pytest.mark.parametrize('votes', [0, 2])
+@pytest.mark.parametrize('before', [0, KEEP_LEVEL, KEEP_ENVELOPE | KEEP_LEVEL])
+def test_floor_and_excess_stand_after_envelope_and_level_before_impacts(columns, votes, before):
+    kept = before | KEEP_FLOOR | KEEP_EXCESS
+    width = columns * kept.bit_count() + 1 + votes
+    signals = np.arange(float(N * width)).reshape(N, -1) % 7
+    flags = np.zeros((N, 1 + 2 * GROUPS + 2 * CHANNELS), np.bool_)
+    result = SlipResult(flags, signals, (GROUPS, CHANNELS, votes), kept)
+    floor = columns * before.bit_count()
+    np.testing.assert_array_equal(result.floor, signals[:, floor : floor + CHANNELS])
+    excess = floor + columns
+    np.testing.assert_array_equal(result.excess, signals[:, excess : excess + CHANNELS])
+    np.testing.assert_array_equal(result.after_impact, signals[:, excess + columns] != 0)
+    np.testing.assert_array_equal(result.vote_statistic, signals[:, excess + columns + 1 :])
 
 
 def test_decisions_are_side_by_side():

@@ -1,4 +1,4 @@
-"""A chain that takes over the filters of another."""
+"""A chain that takes over the filters, or the noise floors, of another."""
 
 import dataclasses
 
@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.chain import stages
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 
@@ -78,3 +79,71 @@ def test_its_windows_are_empty():
 def test_a_chain_of_other_channels_or_filters_is_refused(changes, said):
     with pytest.raises(ValueError, match=said):
         SlipChain(dataclasses.replace(CONFIG, **changes)).take_filters(SlipChain(CONFIG))
+
+
+EVIDENCE = dataclasses.replace(
+    CONFIG, stopbands_hz=(), mains_hz=50.0, decision='evidence', noise_floor=0.01, threshold=0.1
+)
+
+
+@given(st.integers(0, 100), st.booleans())
+def test_with_evidence_the_window_is_full_before_anything_counts(at, mains):
+    config = dataclasses.replace(EVIDENCE, mains_hz=50.0 * mains, noise_floor_learnt=True)
+    volts = np.random.default_rng(0).normal(size=(160, 5))
+    first, second = SlipChain(config), SlipChain(config)
+    first.update(volts[:at])
+    second.take_filters(first)
+    found = second.update(volts[at:], excess=True, floor=True)
+    window = config.samples(config.envelope_window_s)
+    begin = max(config.mains_rows - at, 0) + window
+    assert (found.excess[:begin] == 0).all()
+    assert (found.floor[:begin] == -40).all()
+    assert (found.excess[begin] != 0).all()
+    whole = SlipChain(config).update(volts)
+    wanted = whole.envelope[at + window :]
+    np.testing.assert_allclose(found.envelope[window:], wanted, rtol=1e-12)
+
+
+def test_the_filters_of_a_chain_without_evidence_will_do_but_not_of_other_mains():
+    mean = SlipChain(dataclasses.replace(EVIDENCE, decision='mean'))
+    volts = np.random.default_rng(0).normal(size=(160, 5))
+    mean.update(volts[:100])
+    chain = SlipChain(EVIDENCE)
+    chain.take_filters(mean)
+    whole = SlipChain(EVIDENCE).update(volts)
+    found = chain.update(volts[100:]).envelope
+    np.testing.assert_allclose(found[8:], whole.envelope[108:], rtol=1e-12)
+    with pytest.raises(ValueError, match=r'has mains_hz = 50.0, allowed: 0.0'):
+        SlipChain(dataclasses.replace(EVIDENCE, mains_hz=0.0)).take_filters(mean)
+
+
+def test_noise_floors_are_taken_over_by_channel():
+    config = dataclasses.replace(
+        EVIDENCE,
+        channels=40,
+        groups={},
+        noise_floor_rate_db_s=300.0,
+        noise_floor_range_db=300.0,
+        disabled_channels=(3,),
+    )
+    other = dataclasses.replace(config, disabled_channels=tuple(range(5, 21)), groups={})
+    volts = np.random.default_rng(0).normal(size=(400, 40)) * np.geomspace(0.1, 10, 40)
+    chain, its = SlipChain(config), SlipChain(other)
+    mine = chain.update(volts[:200], floor=True).floor[-1]
+    taken = its.update(volts, floor=True).floor[-1]
+    chain.take_floors(its)
+    chain.state[:, stages.AGE] = 0.0  # so that no floor moves
+    found = chain.update(volts[200:201], floor=True).floor[0]
+    kept = np.zeros(40, dtype=bool)
+    kept[4:20] = True
+    assert np.array_equal(found[kept], mine[kept])
+    enabled = np.arange(40) != 2
+    assert np.array_equal(found[~kept & enabled], taken[~kept & enabled])
+    assert (found != mine)[~kept & enabled].all()
+
+
+def test_noise_floors_are_taken_only_of_the_same_channels_and_of_evidence():
+    chain = SlipChain(EVIDENCE)
+    for values in ({'decision': 'mean'}, {'channels': 6, 'groups': {}}):
+        with pytest.raises(ValueError, match='allowed: decision: evidence in both'):
+            chain.take_floors(SlipChain(dataclasses.replace(EVIDENCE, **values)))
