@@ -68,7 +68,7 @@ def design(config: ChainConfig) -> Array:
 @functools.lru_cache(maxsize=64)
 def _unit_gain_network(*parameters: Any) -> Array:
     """Return the network with a gain of 1, from memory or disk if it is there."""
-    return design_cache.kept(parameters, lambda: _designed_network(*parameters))
+    return design_cache.load_or_make(parameters, lambda: _designed_network(*parameters))
 
 
 def _designed_network(

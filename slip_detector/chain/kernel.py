@@ -41,11 +41,11 @@ from slip_detector.chain.votes import (
     rows_of_count,
 )
 
-#: Signals of more values than this (2 MB) go to memory past the caches: a store that misses them
-#: all would fetch first what it overwrites.
+#: Signals of more values than this (2 MB) are written past the caches: an ordinary store would
+#: first fetch the cache line that it overwrites.
 CACHED_VALUES = 2**18
 
-#: The vote of a chain that asks for it, as those of a statistic are given.
+#: The vote ``mean`` alone, in the form that :func:`raise_to_votes` takes.
 MEAN_ALONE = np.array([VOTE_MEAN])
 
 
@@ -84,7 +84,7 @@ def _decide(rows, vote, threshold, on, valid, layout, scratch):
 
 @compiled
 def _write_flags(decisions, flags, start, rows):
-    """Write words as a byte a row."""
+    """Write each word as one column of flags, with a byte for each of its rows."""
     width = flags.shape[1]
     if width < LANES:
         for i in range(width):
@@ -103,7 +103,7 @@ def _write_flags(decisions, flags, start, rows):
 
 @compiled
 def _write_statistics(rows, layout, threshold, scratch, signals, start):
-    """Write what each vote holds against 1 to the last columns of ``signals``."""
+    """Write the statistic of each vote, ON above 1, to the last columns of ``signals``."""
     scratch.statistics[:] = 0.0
     for g in range(layout.bounds.size - 1):
         first, end = layout.bounds[g], layout.bounds[g + 1]
@@ -111,7 +111,7 @@ def _write_statistics(rows, layout, threshold, scratch, signals, start):
         raise_to_votes(levels, end - first, rows, layout.votes, scratch.statistics)
     column = signals.shape[1] - layout.votes.size
     for v in range(layout.votes.size):
-        if threshold != 1.0:  # the tuner's, which asks for levels
+        if threshold != 1.0:  # it is 1 for the tuner
             for k in range(0, rows, LANES):
                 store(load(scratch.statistics, (v, k)) / threshold, scratch.statistics, (v, k))
         for k in range(rows):
@@ -139,7 +139,7 @@ def _run_tile(
     volts, chunk, end, t, settings, tile_range, sections, layout, tile, scratch, signals,
     keep_envelope, keep_level, past_caches,
 ):  # fmt: skip
-    """Run the rows of a chunk through the stages of one tile, up to the words of its channels."""
+    """Run the rows of a chunk through one tile, up to where its channels are ON and valid."""
     block, column = scratch.block, layout.bases[t]
     envelope_rows, level_rows = int(settings.envelope_rows), int(settings.level_rows)
     envelope_tail = FIXED_SLOTS + 2 * sections.shape[0]
@@ -181,8 +181,8 @@ def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
     flags
         Decisions, shape (n, 1 + 2 g + 2 c): slip, groups, whether they can vote, channels, valid.
     signals
-        What is kept: envelope and level, as many columns each as ``volts``, and the statistic of
-        v votes; shape (n, columns, twice the columns or none, and v).
+        Envelope and level, where they are kept, each with as many columns as ``volts``; then the
+        statistics of v votes, a column each.
     tiles
         The state, shape (t, slots, 16).
     plan
@@ -191,7 +191,7 @@ def run(volts, flags, signals, tiles, plan, keep_envelope, keep_level):
         Whether ``signals`` has these.
     """
     settings, ranges, sections, layout, scratch = parts_of(plan)
-    # Empty results have no address.
+    # The size is compared first, as an empty array has no address.
     past_caches = (
         signals.size > CACHED_VALUES
         and signals.shape[1] % LINE == 0

@@ -15,7 +15,7 @@ from slip_detector.chain.result import SlipResult
 from slip_detector.chain.stages import COMMON_V, FIRST, FIXED_SLOTS, HELD, LAST, REPEATS
 from slip_detector.parameters.detector import ChainConfig
 
-BOOL = np.dtype(np.bool_)  # as an object: looking the type up costs more than the array
+BOOL = np.dtype(np.bool_)  # made once: to look the type up takes longer than to make an array
 
 
 class SlipChain:
@@ -63,10 +63,10 @@ class SlipChain:
         self._columns, self._channels = max(config.channels, LANES), config.channels
         self._groups = len(config.groups)
         self._width = 1 + 2 * self._groups + 2 * config.channels
-        # Columns of disabled channels may be in no tile, and are not written.
+        # Columns of disabled channels may be in no tile; these are not written.
         self._new_signals = np.zeros if config.disabled_channels else np.empty
         self.reset()
-        # Compiling, or loading what an earlier run compiled, must not wait for the first sample.
+        # Compiles the kernel, or loads it from the cache, before the first sample comes.
         self.update(np.zeros((0, config.channels)))
 
     def reset(self) -> None:
@@ -146,7 +146,9 @@ class SlipChain:
             padded = np.zeros((len(rows), LANES))
             padded[:, :channels] = rows
             rows = padded
-        elif not rows.flags.writeable:  # another type to Numba, which would compile once more
+        elif (
+            not rows.flags.writeable
+        ):  # to Numba this is another type, for which it would compile again
             rows = rows.copy()
         n, many = len(rows), len(votes)
         flags = np.empty((n, self._width), BOOL)

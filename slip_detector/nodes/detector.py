@@ -20,7 +20,7 @@ from slip_detector.nodes.diagnostics import Diagnostics
 from slip_detector.nodes.health import Health
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos
-from slip_detector.nodes.outputs import OF_THE_TOPICS, Outputs
+from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import answer_impossible_transitions
 from slip_detector.parameters.detector import DetectorConfig
@@ -290,7 +290,7 @@ class Detector(LifecycleNode):
         config = self._running
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
         self._health.config = config
-        if differ & set(OF_THE_TOPICS):
+        if differ & set(TOPIC_PARAMETERS):
             self._topics.destroy()
             self._outputs = Outputs(self, config)
         if self._subscription is None:
@@ -301,7 +301,7 @@ class Detector(LifecycleNode):
         if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
             self._forget_input()
         self._stamp_grid.max_gap_s = config.max_gap_s
-        of_timers = {'heartbeat_hz', 'input_timeout_s', *OF_THE_TOPICS}
+        of_timers = {'heartbeat_hz', 'input_timeout_s', *TOPIC_PARAMETERS}
         if differ & of_timers or self._replayed != self._time_is_replayed():
             self._stop_timers()
             self._start_timers()

@@ -8,6 +8,9 @@ from slip_detector.parameters.sets import ParameterSet
 #: Lowest band edge as a share of the sample rate: a filter with a lower one is lost to round-off.
 LOWEST_EDGE = 1e-5
 
+#: What all channels of a row share, and how it is computed, is one of these.
+COMMON_MODES = ('none', 'median', 'mean')
+
 #: Channels of the paper's fingertip.
 PAPER_CHANNELS = 16
 
@@ -87,7 +90,7 @@ class ChainConfig(ParameterSet):
     common_mode: str = parameter(
         'none',
         'What all channels share and is taken off each row: none, median or mean.',
-        choices=('none', 'median', 'mean'),
+        choices=COMMON_MODES,
     )
     passband_hz: tuple[float, float] = parameter(
         (7.0, 50.0),

@@ -19,8 +19,8 @@ from slip_detector.chain import slip_chain as chain_module
 from slip_detector.chain.lanes import LANES
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.chain.stages import WORD_ROWS
-from slip_detector.parameters.detector import ChainConfig
-from support.chain_cases import COMMON_MODES, VOTES, bits, noise, sine
+from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from support.chain_cases import VOTES, bits, noise, sine
 from support.interpreted import interpreted_chain
 from support.reference import _vote as reference_vote
 from support.reference import reference
