@@ -308,17 +308,17 @@ class Detector(LifecycleNode):
 
     # The input.
 
-    def _on_voltages(self, source: Input, raw: bytes, info: dict[str, int]) -> None:
+    def _on_voltages(self, source: Input, raw: bytes, info: dict[str, int | None]) -> None:
         with self._lock:
             if source is self._input:
                 self._decide_on(source, raw, info)
 
-    def _decide_on(self, source: Input, raw: bytes, info: dict[str, int]) -> None:
+    def _decide_on(self, source: Input, raw: bytes, info: dict[str, int | None]) -> None:
         """Check the samples of a message, run them through the chain, publish what changed."""
         began_s = time.perf_counter()
         config = self._chain.config
         try:
-            rows, at_ns, names, frame_id = source.read(raw, info)
+            rows, at_ns, names, frame_id, number = source.read(raw, info)
         except ValueError as error:
             self._drop('field', str(error))
             return
@@ -336,7 +336,7 @@ class Detector(LifecycleNode):
             # Replayed samples without times of their own follow each other without gaps.
             at_ns = self._now_ns()
         else:
-            arrival = self._stamp_grid.arrive(at_ns, n)
+            arrival = self._stamp_grid.arrive(at_ns, n, number)
             if not arrival.accepted:
                 self._drop('backwards', 'the stamp of a message is not after the one before')
                 return
