@@ -63,7 +63,7 @@ def scene_precision(path: Path, sizes: SceneSizes) -> dict[str, Any]:
     }
     for n in sizes.steps_per_sample:
         entry['runs'].append(_live(description, n, errors, ode, sizes))
-    shipped = _live(description, scene.plan.steps_per_sample, errors, ode, sizes)
+    shipped = _live(description, scene.constants.steps_per_sample, errors, ode, sizes)
     entry['shipped_live'] = shipped
     for name in ('LSODA', 'BDF', 'Radau', *EXPLICIT):
         tolerances = sizes.explicit_tolerances if name in EXPLICIT else sizes.tolerances
@@ -171,11 +171,11 @@ def _live(
     onset_s = live_onset_s(sheared, ode)
     return {
         'method': 'live',
-        'setting': f'{scene.plan.steps_per_sample} steps a sample',
+        'setting': f'{scene.constants.steps_per_sample} steps a sample',
         'over': [0.0, float(errors.reference.time_s[-1])],
         **errors.of(clean_v, position_m, onset_s),
         'run_time_per_s': least_s * rate_hz / n,
-        'steps': scene.plan.steps_per_sample * (n - 1),
+        'steps': scene.constants.steps_per_sample * (n - 1),
         'said': '',
     }
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.commands.tune import Settings
+from slip_detector.commands.tune import TuningParameters
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.reading import read_yaml
@@ -81,7 +81,7 @@ def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int])
 
 
 def search_candidate(
-    tracks: Sequence[Track], settings: Settings, trials: int, seed: int
+    tracks: Sequence[Track], parameters: TuningParameters, trials: int, seed: int
 ) -> Candidate | None:
     """Search on all tracks.
 
@@ -90,20 +90,22 @@ def search_candidate(
     Candidate or None
         The best that was found; None where none is better than the given parameters.
     """
-    before = Objective(tracks, settings.evaluation, settings.tune).as_it_is(settings.chain)
+    before = Objective(tracks, parameters.evaluation, parameters.tune).as_it_is(parameters.chain)
     problem = Problem(
-        list(tracks), settings.chain, before.figures, settings.evaluation, settings.tune
+        list(tracks), parameters.chain, before.figures, parameters.evaluation, parameters.tune
     )
     study = problem.study(None, 'in memory', seed)
     search(problem, study, trials, lambda: False, lambda count: None)
     return problem.choice(study)
 
 
-def tune_and_judge(tracks: Sequence[Track], settings: Settings, trials: int, seed: int) -> Verdict:
+def tune_and_judge(
+    tracks: Sequence[Track], parameters: TuningParameters, trials: int, seed: int
+) -> Verdict:
     """Tune as ``slip_tune`` does: search on a part of the tracks, judge on the rest."""
     training, held = held_out(tracks, SHARE)
-    choice = search_candidate(training, settings, trials, seed)
-    problem = Problem(training, settings.chain, None, settings.evaluation, settings.tune)
+    choice = search_candidate(training, parameters, trials, seed)
+    problem = Problem(training, parameters.chain, None, parameters.evaluation, parameters.tune)
     return judge(problem, held, choice)
 
 
@@ -122,18 +124,18 @@ def measure_families(
         Seeds of the scenes.
     """
     result = {}
-    settings = Settings()
+    parameters = TuningParameters()
     for name, descriptions in families().items():
-        verdict = tune_and_judge(play_scenes(descriptions, tuned_on), settings, trials, seed=0)
+        verdict = tune_and_judge(play_scenes(descriptions, tuned_on), parameters, trials, seed=0)
         tracks = play_scenes(descriptions, reported_on)
         both = {}
-        for which, chain in (('given', settings.chain), ('tuned', verdict.chain)):
-            replay = Replay(chain, settings.evaluation, scores=False, stages=False)
+        for which, chain in (('given', parameters.chain), ('tuned', verdict.chain)):
+            replay = Replay(chain, parameters.evaluation, scores=False, stages=False)
             whole = pooled_figures(
                 [replay.run(track.rows(), track.sample_rate_hz) for track in tracks]
             )
             both[which] = {figure: whole[figure] for figure in FIGURES}
-        parameters = verdict.chain.to_parameters()
+        tuned = verdict.chain.to_parameters()
         result[name] = {
             **both,
             'kept': verdict.kept,
@@ -141,7 +143,7 @@ def measure_families(
                 _less(both['tuned'][figure], both['given'][figure])
                 for figure in ('latency_median_all_ms', 'false_alarms_per_minute')
             ),
-            'parameters': {parameter: parameters[parameter] for parameter in SEARCHED},
+            'parameters': {parameter: tuned[parameter] for parameter in SEARCHED},
         }
     return result
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tune.families import search_candidate
-from slip_detector.commands.tune import settings_of
+from slip_detector.commands.tune import tuning_parameters_of
 from slip_detector.evaluation.labelled_rows import MOTION
 from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
@@ -54,17 +54,17 @@ def measure_real_recordings(
     ValueError
         When the recordings or the parameters cannot be read; names them.
     """
-    settings = settings_of(str(config))
-    tracks = load_tracks([str(folder)], settings.loader)[0]
+    parameters = tuning_parameters_of(str(config))
+    tracks = load_tracks([str(folder)], parameters.loader)[0]
     by_seed = {}
     for seed in seeds:
         chains = []
         for track in tracks:
             others = [other for other in tracks if other is not track]
-            choice = search_candidate(others, settings, trials, seed)
-            chains.append(settings.chain if choice is None else choice.chain)
+            choice = search_candidate(others, parameters, trials, seed)
+            chains.append(parameters.chain if choice is None else choice.chain)
         by_seed[str(seed)] = _pooled_auc(tracks, chains)
-    given = _pooled_auc(tracks, [settings.chain] * len(tracks))
+    given = _pooled_auc(tracks, [parameters.chain] * len(tracks))
     return {
         'recordings': len(tracks),
         'trials': trials,

@@ -15,7 +15,7 @@ from slip_detector.chain.result import SlipResult
 from slip_detector.chain.stages import COMMON_V, FIRST, FIXED_SLOTS, HELD, LAST, REPEATS
 from slip_detector.parameters.detector import ChainConfig
 
-BOOL = np.dtype(np.bool_)  # made once: to look the type up takes longer than to make an array
+BOOL_TYPE = np.dtype(np.bool_)  # made once: to look the type up takes longer than to make an array
 
 
 class SlipChain:
@@ -151,7 +151,7 @@ class SlipChain:
         ):  # to Numba this is another type, for which it would compile again
             rows = rows.copy()
         n, many = len(rows), len(votes)
-        flags = np.empty((n, self._width), BOOL)
+        flags = np.empty((n, self._width), BOOL_TYPE)
         shape = (n, self._columns * (envelope + level) + many)
         if n * shape[1] > CACHED_VALUES:
             signals = aligned(self._new_signals, shape)
