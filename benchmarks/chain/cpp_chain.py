@@ -109,15 +109,23 @@ def _compiled(**macros: int) -> 'ctypes._FuncPointer':
     with tempfile.TemporaryDirectory() as folder:
         library = Path(folder) / 'cpp_chain.so'
         defined = [f'-D{name}={value}' for name, value in macros.items()]
-        done = subprocess.run(
-            [*compiler, '-std=c++17', *compiler_options(), '-shared', '-fPIC', *defined,
-             str(SOURCE), '-o', str(library)],
-            capture_output=True, text=True, timeout=COMPILE_TIMEOUT_S, check=False,
-        )  # fmt: skip
-        if done.returncode:
-            first = (done.stderr.strip() or 'it wrote nothing').splitlines()[0]
-            raise RuntimeError(f'{shlex.join(compiler)} failed: {first}')
-        run = ctypes.CDLL(str(library)).run
+        failed = f'{shlex.join(compiler)} failed'
+        try:
+            done = subprocess.run(
+                [*compiler, '-std=c++17', *compiler_options(), '-shared', '-fPIC', *defined,
+                 str(SOURCE), '-o', str(library)],
+                capture_output=True, text=True, timeout=COMPILE_TIMEOUT_S, check=False,
+            )  # fmt: skip
+            if done.returncode:
+                first = (done.stderr.strip() or 'it wrote nothing').splitlines()[0]
+                raise RuntimeError(f'{failed}: {first}')
+            run = ctypes.CDLL(str(library)).run
+        except subprocess.TimeoutExpired:
+            raise RuntimeError(f'{failed}: it took longer than {COMPILE_TIMEOUT_S:g} s') from None
+        except (
+            OSError
+        ) as error:  # It cannot be started, or there is no library that can be loaded.
+            raise RuntimeError(f'{failed}: {error}') from None
     pointer, number = ctypes.c_void_p, ctypes.c_double
     run.argtypes = [
         pointer, ctypes.c_int64, pointer, pointer, number, number, number, number, pointer, pointer
