@@ -68,7 +68,7 @@ ALL = 10**9
 REFERENCES = (('LSODA', 1e-9), ('BDF', 1e-8))
 REFERENCE_S = 12.0
 
-#: Without another method as the reference, it is the live stepper with this many times the steps.
+#: If no other method can be the reference, it is the live stepper with this many times the steps.
 FINER = 16
 
 HOUR_S, MINUTE_S = 3600.0, 60.0
@@ -164,9 +164,9 @@ def _reference(description: Mapping[str, Any]) -> tuple[Solution, str, float | N
         for method, rtol in REFERENCES:
             try:
                 solutions.append((solve(ode, method, rtol, budget_s=REFERENCE_S), method))
-            except (BudgetSpentError, RuntimeError):  # The other one may do it.
+            except (BudgetSpentError, RuntimeError):  # The other method may succeed.
                 continue
-    except ValueError:  # It is no differential equation.
+    except ValueError:  # The scene is not a differential equation.
         pass
     if not solutions:
         scene = build_scene(description)
@@ -188,7 +188,7 @@ def _reference(description: Mapping[str, Any]) -> tuple[Solution, str, float | N
 
 
 def _created(ledger: Floats) -> float:
-    """Return the energy that friction gave back in excess, as a share of the work done on it."""
+    """Return the energy that friction has created, as a share of the work done on it."""
     return max(0.0, -float(ledger[LEAST])) / max(float(ledger[WORK]), 1e-300)
 
 

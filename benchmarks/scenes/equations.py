@@ -15,13 +15,13 @@ from slip_detector.scenes.friction import LIGHTEST_LOAD_N, bristle_force
 from slip_detector.scenes.roughness import roughness_between
 from slip_detector.scenes.texture import ridges_between
 
-#: Change of a state for the differences that make the Jacobian, relative to its scale.
+#: Change of a state in the difference quotients of the Jacobian, relative to its scale.
 DIFFERENCE = 1e-7
 
-#: Iterations for the velocity of skin without mass; about six are needed.
+#: Most iterations for the velocity of skin without mass; about six are needed.
 MOST_ITERATIONS = 100
 
-#: What the velocity is accurate to, as a share of it, or of the force.
+#: The iteration ends when velocity or force are exact to this share of themselves.
 ROUNDING = 1e-15
 
 
@@ -29,7 +29,7 @@ ROUNDING = 1e-15
 def _passing_velocity(v, x, z, load, skin, law):
     """Return the velocity w at which the surface passes over skin without mass.
 
-    It is the root of c (v - w) + k x = F(w, z); there is one as long as something damps.
+    It is the root of c (v - w) + k x = F(w, z), which exists if skin or friction have damping.
     """
     c = skin.damping_n_s_m
     pull = c * v + skin.stiffness_n_m * x
@@ -37,7 +37,7 @@ def _passing_velocity(v, x, z, load, skin, law):
     balance = pull - at_rest
     if balance == 0.0:
         return 0.0
-    # From here on w is positive in the direction in which it goes.
+    # From here on w is counted in its own direction: it is positive.
     sign = 1.0 if balance > 0.0 else -1.0
     low, high = 0.0, np.inf
     w = abs(balance) / (c + law.viscous_n_s_m + law.bristle_n_s_m)
@@ -66,7 +66,7 @@ def _patch_rates(v, load, x, u, z, constants):
     """Return dx/dt, du/dt, dz/dt and the friction force of one patch."""
     skin = constants.skin
     if load == 0.0 and x == 0.0 and u == 0.0 and z == 0.0:
-        return 0.0, 0.0, 0.0, 0.0  # Nothing touches it: as in the live stepper.
+        return 0.0, 0.0, 0.0, 0.0  # Without contact nothing moves, as in the live stepper.
     if skin.mass_kg > 0.0:
         force, dz = bristle_force(v - u, z, load, constants.friction)
         pull = force - skin.damping_n_s_m * u - skin.stiffness_n_m * x
@@ -100,7 +100,13 @@ def _channel_volts(c, load, x, position, constants):
 
 @compiled
 def rates(t, side, y, numbers, constants, cutoff_rad_s, loads, out):
-    """Write dy/dt; the states of each patch are x, u (with mass), z, V (with a low-pass)."""
+    """Write dy/dt to ``out``.
+
+    The states of each patch are its displacement x, its velocity u (with mass), the deflection z
+    of its bristles and the voltage V (with a low-pass); then come position and velocity of an
+    object. ``numbers`` are those of the drive; ``side`` is a time in the smooth piece of the drive
+    in which t is.
+    """
     drive = drive_at(t, side, numbers)
     n_channels, n_patches = constants.positions_m.shape[0], constants.patches.size
     with_object = constants.body.mass_kg > 0.0
@@ -134,7 +140,7 @@ def rates(t, side, y, numbers, constants, cutoff_rad_s, loads, out):
 
 @compiled
 def jacobian(t, side, y, scales, numbers, constants, cutoff_rad_s, loads, out):
-    """Write the Jacobian of :func:`rates`: no patch acts on another but by way of the object."""
+    """Write the Jacobian of :func:`rates`; a patch acts on another only through the object."""
     drive = drive_at(t, side, numbers)
     n_channels, n_patches = constants.positions_m.shape[0], constants.patches.size
     with_object = constants.body.mass_kg > 0.0
@@ -193,8 +199,8 @@ def volts_and_positions(
 ):
     """Write volts before the low-pass and the position of the surface at given times.
 
-    ``own`` is the number of states of a patch, ``stride`` the places from one patch to the next.
-    Where ``clean_v`` has no rows, no volts are computed.
+    ``own`` is the number of mechanical states of a patch, ``stride`` the distance in ``states``
+    from one patch to the next. If ``clean_v`` has no rows, no volts are computed.
     """
     with_object = constants.body.mass_kg > 0.0
     for k in range(times_s.size):
@@ -211,7 +217,7 @@ def volts_and_positions(
 
 @compiled
 def settling_rates(times_s, numbers, constants, loads):
-    """Return the mean and the largest rate (1/s) at which bristles settle, over given times."""
+    """Return the mean and the largest rate (1/s) at which bristles settle at the given times."""
     total, most = 0.0, 0.0
     law, skin = constants.friction, constants.skin
     give = skin.damping_n_s_m + law.bristle_n_s_m + law.viscous_n_s_m

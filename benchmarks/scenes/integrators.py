@@ -62,7 +62,7 @@ class Solution(NamedTuple):
 
 
 class BudgetSpentError(RuntimeError):
-    """A method took more time than it was given."""
+    """A method has used up its processor time."""
 
 
 def refuse_impossible(ode: Ode, method: str, span_s: tuple[float, float]) -> None:
@@ -99,14 +99,14 @@ def solve(
     start: Floats | None = None,
     budget_s: float = math.inf,
 ) -> Solution:
-    """Integrate a scene, beginning anew at each corner of its drive.
+    """Integrate a scene; the method starts again at each corner of its drive.
 
     The absolute tolerance of each state is ``rtol`` times its scale.
 
     Parameters
     ----------
     ode
-        What to integrate.
+        The differential equation.
     method
         One of :data:`INTEGRATORS`.
     rtol

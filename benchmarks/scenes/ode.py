@@ -162,7 +162,7 @@ class Ode:
     def corners_s(self) -> Floats:
         """Return the times between which the drive is smooth; contact made or lost is one, too."""
         rising = np.unique([*self.scene.corners_s(), *self._lifts_s])
-        # Two that differ by round-off are one: no method can step from one to the other.
+        # Corners that differ only by round-off are one: no method can step between them.
         return rising[np.diff(rising, prepend=-1.0) > SAME_S]
 
     def moving_s(self) -> float:
@@ -171,7 +171,7 @@ class Ode:
             load = LoadNumbers(*self.drive.load)
             pulled = np.flatnonzero(load.force_n)
             return float(load.corners_s[pulled[0] - 1]) if len(pulled) else math.inf
-        # The piece that ends with the first velocity there is.
+        # The start of the piece at whose end there is a velocity for the first time.
         plate = PlateNumbers(*self.drive.plate)
         moved = np.flatnonzero(plate.velocity_m_s)
         return float(plate.starts_s[moved[0] - 1]) if len(moved) else math.inf

@@ -27,7 +27,7 @@ from slip_detector.scenes.motion import LoadNumbers
 
 Floats = NDArray[np.float64]
 
-#: How far the stretch reaches before and after the start of the motion.
+#: Time before and after the start of the motion that belongs to the stretch.
 STRETCH_S = (0.02, 0.18)
 
 #: Methods and relative tolerances; the first two that succeed are the reference and its check.
@@ -82,7 +82,7 @@ def scene_precision(path: Path, sizes: SceneSizes) -> dict[str, Any]:
 
 
 def _references(ode: Ode) -> list[tuple[str, float, Solution]]:
-    """Return two solutions of the tightest tolerances by two methods."""
+    """Return the solutions of two methods with the tightest tolerances."""
     solutions: list[tuple[str, float, Solution]] = []
     for method, rtol in REFERENCES:
         try:

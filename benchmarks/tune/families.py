@@ -1,12 +1,12 @@
 """What tuning brings on families of simulated scenes.
 
-The figures are of other seeds than those that are tuned on.
-
-:func:`measure_families` gives, by the name of the family, ``given`` and ``tuned``, each with
-``slips``, ``recall``, ``false_alarms_per_minute``, ``latency_median_ms`` of the slips detected and
-``latency_median_all_ms`` of all, a missed one later than any, on seeds that the search has not
-seen; ``kept``: why the given parameters were kept, else empty; ``better``: whether the latency of
-all and the false alarms are both better; and ``parameters``: what was searched, as tuned.
+:func:`measure_families` gives an object for each family, by its name: ``given`` and ``tuned``, the
+figures of both chains on scenes with seeds that the search has not seen (``slips``, ``recall``,
+``false_alarms_per_minute``, ``latency_median_ms`` of the detected slips, and
+``latency_median_all_ms`` of all slips, where a missed one counts as later than any other);
+``kept``: why the given parameters were kept, else empty; ``better``: whether
+``latency_median_all_ms`` and the false alarms are both better; and ``parameters``: the tuned
+values of the parameters that are searched.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,18 +25,18 @@ from slip_detector.tuning.search import search
 from slip_detector.tuning.tracks import Track, held_out, track_of
 from slip_detector.tuning.verdict import Verdict, judge, pooled_figures
 
-#: The paper's plates; a family plays each with each of its seeds.
+#: The paper's plates; each is a scene of a family, with each seed.
 PLATES = ('plate_400um', 'plate_440um', 'plate_480um')
 
 TUNED_ON = range(900, 906)
 REPORTED_ON = range(1000, 1010)
 
-#: Share of the tracks tuned on that the search does not see, but the judgement.
+#: Share of the tracks that is held out of the search, for the judgement.
 SHARE = 1 / 3
 
 TRIALS = 200
 
-#: Taps and rolling come while the plate is held, before and after the slide.
+#: There are taps and rolling while the plate is held, before and after the slide.
 TAPS_S = (2.0, 2.6, 7.3, 8.0)
 ROLLING_S = 6.6
 
@@ -88,7 +88,7 @@ def search_candidate(
     Returns
     -------
     Candidate or None
-        The best that was found; None where none is better than the given parameters.
+        The best candidate; None where none is better than the given parameters.
     """
     before = Objective(tracks, parameters.evaluation, parameters.tune).as_it_is(parameters.chain)
     problem = Problem(
@@ -119,9 +119,9 @@ def measure_families(
     Parameters
     ----------
     trials
-        Of each search.
+        Number of trials of each search.
     tuned_on, reported_on
-        Seeds of the scenes.
+        Seeds of the scenes for the search and for the figures.
     """
     result = {}
     parameters = TuningParameters()
