@@ -164,8 +164,7 @@ def test_late_batches_are_rows_with_their_own_times_and_a_lost_one_is_bridged(be
 )
 def test_a_type_or_field_there_is_not_stops_the_start_with_one_line(bench, parameters, words):
     process = bench.start('slip_detector', parameters=parameters)
-    assert process.wait() == 1
-    (line,) = process.log().strip().splitlines()
+    line = process.refusal()
     assert line.startswith('slip_detector: ')
     for word in words:
         assert word in line

@@ -71,6 +71,12 @@ class Process:
         """Wait for the end and return the exit code."""
         return self._process.wait(timeout=DEADLINE_S)
 
+    def refusal(self):
+        """Wait for the end with exit code 1; return the one line that the process has printed."""
+        assert self.wait() == 1, self.log()
+        (line,) = self.log().strip().splitlines()
+        return line
+
     def end(self):
         """End it as a user would; kill it when that fails."""
         self._process.terminate()
