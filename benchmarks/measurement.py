@@ -1,4 +1,4 @@
-"""What all subcommands share: options, the form of the result, and facts about the machine."""
+"""Shared by all subcommands: options, the form of the result, and facts about the machine."""
 
 import argparse
 import importlib
@@ -39,8 +39,7 @@ def shared_options(command: str, description: str, picture: str = '') -> argpars
     description
         What it measures.
     picture
-        File that ``--plot`` writes when none is named. Empty for a subcommand that draws nothing
-        and has no ``--plot``.
+        File that ``--plot`` writes if it names none; empty for a subcommand without ``--plot``.
     """
     options = argparse.ArgumentParser(
         prog=f'python -m benchmarks {command}', description=description
@@ -87,12 +86,12 @@ def _processor() -> str:
 
 
 def heading(figures: Mapping[str, Any]) -> str:
-    """Return the first lines of the tables: the machine, and how was measured.
+    """Return the lines above the tables: the machine, and how run times are measured.
 
     Parameters
     ----------
     figures
-        With the keys ``machine`` and ``quick``.
+        Figures with the keys ``machine`` and ``quick``.
     """
     facts = figures['machine']
     how = f'Numba {facts["numba"]}' if facts['compiled'] else 'no Numba: interpreted'

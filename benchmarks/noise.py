@@ -1,4 +1,4 @@
-"""Noise for a chain that decides: slip comes and goes in it."""
+"""Noise in which slip comes and goes, so that a chain has something to decide."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Processes: how they are started, watched and ended, and what they take of the machine."""
+"""Starts, watches and ends processes, and reads the processor time and memory that they take."""
 
 import contextlib
 import json
@@ -11,10 +11,10 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-#: Modules of the benchmarks are found from here.
+#: The folder from which the modules of the benchmarks are found.
 CHECKOUT = Path(__file__).resolve().parents[1]
 
-#: The nodes are on one machine and need no network.
+#: All nodes are on this machine: they need no network.
 ON_THIS_MACHINE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
 
 #: Time for the import of rclpy, long enough for a busy machine.
@@ -23,7 +23,7 @@ IMPORT_TIMEOUT_S = 120.0
 #: Time that a node is given to end before it is killed.
 END_TIMEOUT_S = 10.0
 
-#: The same for a process that has nodes of its own to end first.
+#: The same for a process that first has to end nodes of its own.
 SESSION_END_TIMEOUT_S = 15.0
 
 
@@ -54,8 +54,8 @@ def figures_of_process(
     """Run a module of the benchmarks as a process; return the JSON object that it prints.
 
     The process has a session of its own. So Ctrl-C reaches only the caller, which ends the
-    process, which in turn ends its nodes in order; and when the process has to be killed, its
-    whole session is killed with it.
+    process, and the process ends its nodes. If it has to be killed, its whole session is killed
+    with it.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def raise_if_ended(processes: 'Mapping[str, subprocess.Popen[bytes]]') -> None:
     Raises
     ------
     RuntimeError
-        When one does not; names it and its exit code.
+        When one has ended; names it and its exit code.
     """
     for name, process in processes.items():
         if process.poll() is not None:

@@ -1,8 +1,8 @@
-"""Run times of functions that are measured in turns.
+"""Measures the run times of functions in turns.
 
 A machine's speed differs from hour to hour; the ratio of two run times measured in turns hardly
 does. So every claim about speed is a ratio: the sides take turns (A B A B ...), and the shortest
-time of each counts, as the one that was disturbed least.
+time of each counts, because it was disturbed least.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ def least_times_s(
     rounds
         How often each side is run.
     clock
-        Seconds. ``time.thread_time`` leaves out the time in which other processes have the
+        Returns seconds. ``time.thread_time`` leaves out the time in which other processes have the
         processor; it is right for sides that neither wait nor start threads.
 
     Returns

@@ -1,4 +1,4 @@
-"""Comparison of the measured figures with what is wanted of them."""
+"""Compares measured figures with the bounds that are wanted."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,14 +9,14 @@ from slip_detector.evaluation.bounds import Bound
 def verdicts(
     bounds: Mapping[str, Bound], values: Mapping[str, float | None], judged: bool = True
 ) -> dict[str, dict[str, Any]]:
-    """Compare each measured figure with what is wanted of it.
+    """Compare each measured figure with its bound.
 
     Parameters
     ----------
     bounds
-        What is wanted, by claim.
+        The wanted bounds, by claim.
     values
-        What was measured, by claim; None where it was not.
+        The measured values, by claim; None for what was not measured.
     judged
         False when the measurement is too short to be judged.
 
@@ -42,6 +42,21 @@ def verdicts(
     }
 
 
+def values_of(
+    bounds: Mapping[str, Bound], figures: Mapping[str, Mapping[str, Any]]
+) -> dict[str, float | None]:
+    """Return the measured values of claims ``part.figure``; None where there is no such figure.
+
+    Examples
+    --------
+    >>> bounds = {'blocks.speedup': Bound(low=10.0), 'one_row.speedup': Bound(low=11.0)}
+    >>> values_of(bounds, {'blocks': {'rows': 5, 'speedup': 12.5}})
+    {'blocks.speedup': 12.5, 'one_row.speedup': None}
+    """
+    places = {claim: claim.split('.') for claim in bounds}
+    return {claim: figures.get(part, {}).get(figure) for claim, (part, figure) in places.items()}
+
+
 def verdict_in_words(verdict: Mapping[str, Any]) -> str:
     """Return whether a claim of :func:`verdicts` is met, in words.
 
@@ -58,7 +73,7 @@ def verdict_in_words(verdict: Mapping[str, Any]) -> str:
 
 
 def claim_in_words(verdict: Mapping[str, Any]) -> str:
-    """Return what is wanted and whether it is met, to be printed after the figure.
+    """Return the bound and whether it is met, to be printed after the figure.
 
     Examples
     --------

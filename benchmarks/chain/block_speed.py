@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.chain.cpp_chain import CppChain, compiler_options, find_compiler
+from benchmarks.chain.errors import ROWS_PER_CALL
 from benchmarks.chain.numpy_chain import NumpyChain
 from benchmarks.noise import swelling_noise_v
 from benchmarks.timing import least_times_s
@@ -20,12 +21,8 @@ from slip_detector.parameters.detector import ChainConfig
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: NumPy is fastest with about so many rows a call: all that a call touches stays in the
-#: second-level cache, and what a call costs by itself does not show.
-ROWS_PER_CALL = 4096
-
 #: Rounding differs between the sides, so a level next to the threshold may be above it for
-#: one and below it for the other; more such decisions than this are a fault.
+#: one and below it for the other; with less agreement than this there is a fault.
 LEAST_AGREEMENT = 1 - 1e-5
 
 
@@ -35,7 +32,7 @@ def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
     Parameters
     ----------
     n_rows
-        How many.
+        Number of rows.
     rounds
         How often the sides take turns.
 
@@ -108,7 +105,7 @@ def _cpp_chain(config: ChainConfig) -> tuple[CppChain | None, str]:
 
 
 def _agreement(ours: Mapping[str, Bools], theirs: Mapping[str, Bools]) -> float:
-    """Return the share of equal decisions, of the kind where it is least."""
+    """Return the share of equal decisions, for the kind of decision with the least agreement."""
     return min(float((ours[name] == theirs[name]).mean()) for name in ours)
 
 

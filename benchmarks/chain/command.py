@@ -13,7 +13,7 @@ from benchmarks.pictures import draw_chain_precision
 from benchmarks.processes import figures_of_process
 from slip_detector.report.pictures import writable_picture
 
-#: For a measurement that takes a minute or two, and some more to compile.
+#: Time for a measurement that takes a minute or two, and for compiling.
 SPEED_TIMEOUT_S = 1200.0
 
 
@@ -48,7 +48,7 @@ def run(words: argparse.Namespace) -> Measurement:
     """
     if words.plot and words.part == 'speed':
         raise ValueError('--plot draws the precision, allowed: --part all or precision')
-    # What cannot be written is said before the measurement.
+    # A picture that cannot be written is reported before the measurement, not after it.
     picture = writable_picture(words.plot) if words.plot else None
     figures = {'machine': machine(), 'quick': words.quick}
     tables = [heading(figures)]
@@ -64,7 +64,7 @@ def run(words: argparse.Namespace) -> Measurement:
 
 
 def _speed_figures(words: argparse.Namespace) -> dict[str, Any]:
-    """Measure the speed; in a process of its own where Numba has to be told before it starts."""
+    """Measure the speed; without AVX-512 in another process, as Numba reads its options once."""
     if not words.without_avx512:
         return measure_chain_speed(words.quick)
     given = ['--quick'] * words.quick

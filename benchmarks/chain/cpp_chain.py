@@ -19,16 +19,16 @@ Bools = NDArray[np.bool_]
 
 SOURCE = Path(__file__).with_name('cpp_chain.cpp')
 
-#: Looked for in this order where ``$CXX`` names none.
+#: Compilers that are tried in this order if ``$CXX`` names none.
 COMPILERS = ('g++', 'clang++', 'c++')
 
 OPTIONS = ('-O3', '-march=native')
 
-#: Tells Numba to do without AVX-512, as ``NUMBA_CPU_FEATURES``; the name of an older processor
-#: alone does not.
+#: With this in ``NUMBA_CPU_FEATURES`` Numba does not use AVX-512; to name an older processor is
+#: not enough.
 NUMBA_WITHOUT_AVX512 = '+sse4.2,+avx,+avx2,+bmi,+bmi2,+popcnt,+lzcnt,-avx512f'
 
-#: Tells a compiler the same.
+#: The same for a C++ compiler.
 CPP_WITHOUT_AVX512 = '-mno-avx512f'
 
 COMPILE_TIMEOUT_S = 120.0
@@ -44,23 +44,24 @@ def find_compiler() -> list[str]:
 
 
 def compiler_options() -> list[str]:
-    """Return the options for a rival with the instructions that Numba has, too."""
+    """Return the options with which the compiler uses the instructions that Numba uses."""
     without = '-avx512f' in os.environ.get('NUMBA_CPU_FEATURES', '')
     return [*OPTIONS, *([CPP_WITHOUT_AVX512] if without else [])]
 
 
 class CppChain:
-    """The chain in C++, with its lengths known to the compiler; from the first row on.
+    """The chain in C++, in which the compiler knows all lengths; it starts with the first row.
 
     Parameters
     ----------
     config
-        The chain's, with its defaults but for channels, filters, windows, threshold and groups.
+        Configuration of the chain; only channels, filters, windows, threshold and groups may
+        differ from the defaults.
 
     Raises
     ------
     ValueError
-        When the configuration asks for what it cannot do.
+        When other parameters differ from the defaults.
     RuntimeError
         When there is no compiler, or it fails; says which and why.
     """
@@ -109,15 +110,21 @@ def _compiled(**macros: int) -> 'ctypes._FuncPointer':
     with tempfile.TemporaryDirectory() as folder:
         library = Path(folder) / 'cpp_chain.so'
         defined = [f'-D{name}={value}' for name, value in macros.items()]
-        done = subprocess.run(
-            [*compiler, '-std=c++17', *compiler_options(), '-shared', '-fPIC', *defined,
-             str(SOURCE), '-o', str(library)],
-            capture_output=True, text=True, timeout=COMPILE_TIMEOUT_S, check=False,
-        )  # fmt: skip
-        if done.returncode:
-            first = (done.stderr.strip() or 'it wrote nothing').splitlines()[0]
-            raise RuntimeError(f'{shlex.join(compiler)} failed: {first}')
-        run = ctypes.CDLL(str(library)).run
+        failed = f'{shlex.join(compiler)} failed'
+        try:
+            done = subprocess.run(
+                [*compiler, '-std=c++17', *compiler_options(), '-shared', '-fPIC', *defined,
+                 str(SOURCE), '-o', str(library)],
+                capture_output=True, text=True, timeout=COMPILE_TIMEOUT_S, check=False,
+            )  # fmt: skip
+            if done.returncode:
+                first = (done.stderr.strip() or 'it wrote nothing').splitlines()[0]
+                raise RuntimeError(f'{failed}: {first}')
+            run = ctypes.CDLL(str(library)).run
+        except subprocess.TimeoutExpired:
+            raise RuntimeError(f'{failed}: it took longer than {COMPILE_TIMEOUT_S:g} s') from None
+        except OSError as error:  # The compiler cannot be started, or its result not be loaded.
+            raise RuntimeError(f'{failed}: {error}') from None
     pointer, number = ctypes.c_void_p, ctypes.c_double
     run.argtypes = [
         pointer, ctypes.c_int64, pointer, pointer, number, number, number, number, pointer, pointer

@@ -9,20 +9,21 @@ from benchmarks.chain import reference
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
-#: Rows of one type or the other.
+#: An array of float64 or float32.
 Reals = NDArray[Any]
 
 BASELINE_V = 4.25
-#: Samples are whole multiples of this.
+#: Samples are multiples of this.
 STEP_V = 2.0**-18
 SWING_V = 0.02
 
-#: NumPy is fastest with about so many rows a call.
+#: NumPy is fastest with about this many rows in a call: the arrays of the call fit into the
+#: second-level cache, and the call itself takes little of its time.
 ROWS_PER_CALL = 4096
 
 
 def tones_v(config: ChainConfig, rows: int, channels: int = 1, seed: int = 0) -> Floats:
-    """Make tones inside the pass-band and noise that swell and fade; exact in float32.
+    """Make tones inside the pass-band, with noise, that swell and fade; exact in float32.
 
     Returns
     -------
@@ -41,7 +42,7 @@ def tones_v(config: ChainConfig, rows: int, channels: int = 1, seed: int = 0) ->
 
 
 def quantised(signals: Floats) -> Floats:
-    """Round to whole multiples of ``STEP_V``.
+    """Round to multiples of ``STEP_V``.
 
     Examples
     --------
@@ -52,7 +53,7 @@ def quantised(signals: Floats) -> Floats:
 
 
 class ReferenceResult(NamedTuple):
-    """What the reference gives on one channel: each number the sum of two float64; shapes (n,)."""
+    """The reference on one channel: each number is the sum of two float64, shapes (n,)."""
 
     envelope: tuple[Floats, Floats]
     level: tuple[Floats, Floats]
@@ -64,11 +65,12 @@ def run_reference(config: ChainConfig, samples: Floats, sections: Any = None) ->
     Parameters
     ----------
     config
-        The chain's.
+        Configuration of the chain.
     samples : ndarray, shape (n,)
         Volts.
     sections
-        Of :func:`benchmarks.chain.reference.exactly`; the reference's own design without.
+        Sections from :func:`benchmarks.chain.reference.exactly`; those of the reference's own
+        design if not given.
     """
     filtered = reference.run_filter(sections or reference.design(config), samples)
     envelope, level = reference.envelope_and_level(filtered, config)

@@ -1,4 +1,4 @@
-"""The chain at extreme inputs: what it gives, what traces they leave, and what they cost."""
+"""The chain at extreme inputs: its results, the traces that the inputs leave, and the run time."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 
 EXPONENTS = (1, 2, 3, 4, 5, 6)
 
-#: Rows before an event, and after it until no trace may be left: the slowest pole of the default
-#: network, at a radius of 0.993, makes 1e-23 of what it was. The last rows are looked at.
+#: Rows before an event, rows after it until no trace may be left (the slowest pole of the default
+#: network, at a radius of 0.993, has decayed to 1e-23 by then), and last rows, which are compared.
 EVENT_ROW, EVENT_ROWS, AFTER_ROWS = 500, 8500, 760
 
 #: Rows after which a pulse has decayed to denormals in the default network.
@@ -35,12 +35,12 @@ DECAY_ROWS = 150_000
 
 
 def extreme_inputs(rows: int) -> Iterator[dict[str, Any]]:
-    """Yield what the chain gives on each extreme input.
+    """Yield the result of the chain on each extreme input.
 
     Parameters
     ----------
     rows
-        That the reference runs.
+        Number of rows that the reference runs.
 
     Yields
     ------

@@ -14,16 +14,16 @@ Bools = NDArray[np.bool_]
 class NumpyChain:
     """The chain as a user of SciPy and NumPy would write it, for whole blocks of rows.
 
-    It has no check of the samples, as such scripts have none: that work is the chain's own.
+    It does not check the samples, as such scripts do not: the chain does this work in addition.
 
     Parameters
     ----------
     config
-        The chain's.
+        Configuration of the chain.
     first_row
-        What the input had been before.
+        Volts that the input is taken to have had before its first row.
     in_place
-        Whether to spare NumPy its temporary arrays and powers: faster, and worse to read.
+        Whether it avoids temporary arrays and NumPy's powers: faster, but harder to read.
     """
 
     def __init__(self, config: ChainConfig, first_row: Floats, in_place: bool = False) -> None:

@@ -1,9 +1,9 @@
-"""How exact the chain is: its error against 50 digits, beside its run time and its rivals'.
+"""How exact the chain is: its error against 50 digits, and those of its rivals, with run times.
 
-The reference is :mod:`benchmarks.chain.reference`. An error is the worst difference
-of the level (the windowed mean that is compared with the threshold) over the rows, as a share of
-the largest level. Samples are multiples of 2**-18 V about 4.25 V, so that float32 holds them
-exactly and errors are of the design and the arithmetic alone.
+The reference is :mod:`benchmarks.chain.reference`. An error is the largest difference of the level
+(the windowed mean that is compared with the threshold) over the rows, as a share of the largest
+level. Samples are multiples of 2**-18 V near 4.25 V: float32 represents them exactly, so that all
+errors come from the design and the arithmetic.
 
 The methods: ``chain`` is :class:`slip_detector.chain.slip_chain.SlipChain`; ``sections`` and
 ``polynomials`` are SciPy's ``sosfilt`` and ``lfilter`` on the same filters, in float64 and in
@@ -16,34 +16,34 @@ inside the unit circle, and ``lost`` where its error exceeds a tenth.
 ``python -m benchmarks chain --json``):
 
 ``digits``
-    Of the reference.
+    Number of decimal digits of the reference.
 ``rates``
     One object for each sample rate: ``sample_rate_hz``, ``passband_hz``, ``stopbands_hz``,
-    ``rows``, ``largest_pole_radius``, ``run_error`` (of the chain, against the same float64
-    coefficients run in 50 digits: what is left of the error is the design's) and ``methods``. By
-    name of the method these are ``error``, ``envelope_error`` (null where not all that came out
-    is finite), ``differing_decisions`` (rows that are ON in one and OFF in the other; the
-    threshold is in the middle of the levels), ``state`` (``unstable``, ``lost`` or
-    empty) and ``ns_per_row``, of 16 channels.
+    ``rows``, ``largest_pole_radius``, ``run_error`` (of the chain against its own float64
+    coefficients run in 50 digits: the error without that of the design) and ``methods``. For each
+    method, by its name, these are ``error``, ``envelope_error`` (null where a result is not
+    finite), ``differing_decisions`` (rows that are ON in one and OFF in the other, with the
+    median level as the threshold), ``state`` (``unstable``, ``lost`` or empty) and ``ns_per_row``
+    of 16 channels.
 ``rates_note``
     Why the bands differ from the defaults.
 ``edges``
-    The same, without times, for bands that go down, with ``network`` (which bands),
+    The same without times, for bands at lower and lower edges, with ``network`` (which bands),
     ``lowest_edge_hz``, its share ``edge_share`` of the sample rate and ``refused``: the line with
     which the configuration is refused, else empty.
 ``long_run``
-    Errors over the last period after so many ``rows`` of a signal of ``period_rows`` rows, against
-    its steady state: by name of the method in ``methods``, ``errors``.
+    A periodic signal: ``period_rows``; ``rows`` after which errors are taken over the last period,
+    against the steady state; and in ``methods``, by the method's name, these ``errors``.
 ``extremes``
-    One object a case: ``case``, ``error`` of the chain (null where it has no meaning), ``others``
-    (errors of its rivals by name, where they tell something), ``finite`` (all that came out),
-    ``largest_level`` and ``found``, in words.
+    One object for each case: ``case``, ``error`` of the chain (null where it has no meaning),
+    ``others`` (errors of the rivals by name, where there are any), ``finite`` (whether all results
+    are), ``largest_level`` and ``found``, what was found in words.
 ``slow_down``
-    Time a row of ``denormal_input`` and of a ``decay_to_denormals``, as a multiple of an ordinary
-    one.
+    Time for a row of a ``denormal_input`` and of a ``decay_to_denormals``, as a multiple of that
+    for an ordinary row.
 ``wanted``
-    As in :mod:`benchmarks.chain.speed`: ``rates.error``, ``edges.error``,
-    ``long_run.error`` and ``extremes.error`` are the chain's worst ones.
+    As in :mod:`benchmarks.chain.speed`; ``rates.error``, ``edges.error``, ``long_run.error`` and
+    ``extremes.error`` are the largest errors of the chain there.
 """
 
 from collections.abc import Callable
@@ -89,7 +89,7 @@ WANTED = {
     'extremes.error': Bound(high=1e-6),
 }
 
-#: An error of this much has no right digit.
+#: With an error of this share not one digit is right.
 LOST = 0.1
 
 TIMED_CHANNELS = 16
@@ -97,8 +97,8 @@ TIMED_CHANNELS = 16
 #: Rows of one period: the tones in it are multiples of 3.8 Hz at 380 Hz.
 PERIOD_ROWS = 100
 
-#: Bands where the paper's do not fit: 50 Hz is at or above half the sample rate, and at 100 kHz
-#: the edge at 0.5 Hz is too low to be accepted.
+#: Bands for rates at which the paper's do not fit: 50 Hz is at or above half the sample rate, and
+#: at 100 kHz the edge at 0.5 Hz is too low to be accepted.
 RATES: dict[float, dict[str, Any]] = {
     50.0: {'passband_hz': (7.0, 20.0), 'stopbands_hz': ((0.5, 7.0),)},
     100.0: {'passband_hz': (7.0, 40.0), 'stopbands_hz': ((0.5, 7.0),)},
@@ -118,17 +118,17 @@ class PrecisionSizes(NamedTuple):
     Attributes
     ----------
     rates_hz : tuple of float
-        Of ``RATES``.
+        Keys of ``RATES``.
     edge_shares : tuple of float
-        Of ``EDGE_SHARES``.
+        Shares as in ``EDGE_SHARES``.
     fewest_rows, most_rows : int
-        That the reference runs.
+        Least and largest number of rows that the reference runs.
     seconds : float
-        That it runs at a high rate.
+        Length of what the reference runs at high rates.
     long_run_rows : tuple of int
-        After which the error is noted.
+        Numbers of rows of the long run after which its error is taken.
     timed_rows : int
-        Of 16 channels.
+        Number of rows of 16 channels whose time is taken.
     rounds : int
         How often the sides take turns.
     """
@@ -163,7 +163,7 @@ def method_errors(
     """Run a method on one channel and compare it with the reference."""
     envelope, level = (part[:, 0] for part in run(method, samples[:, None], config))
     worst = worst_error(level, wanted.level)
-    # Between the two rows in the middle: with the level of one of them rounding would decide.
+    # Between two levels: at a level itself, rounding errors would decide about its row.
     middle = len(level) // 2
     threshold = np.sort(wanted.level[0])[middle - 1 : middle + 1].mean()
     state = ''
@@ -251,7 +251,7 @@ def errors_of(config: ChainConfig, rows: int) -> dict[str, Any]:
 
 
 def times_ns(config: ChainConfig, sizes: PrecisionSizes) -> dict[str, float]:
-    """Measure the time of a row of 16 channels by method, in blocks that stay in the cache."""
+    """Measure the time of each method for a row of 16 channels, in blocks that fit the cache."""
     config = ChainConfig(
         sample_rate_hz=config.sample_rate_hz,
         passband_hz=config.passband_hz,
@@ -273,14 +273,14 @@ def times_ns(config: ChainConfig, sizes: PrecisionSizes) -> dict[str, float]:
 
         return passes
 
-    # An unstable method overflows soon, and sums of what is not finite take as long as others.
+    # An unstable method overflows soon, which does not change its run time.
     sides = [side(make(config)) for make in METHODS.values()]
     rows = piece * len(pieces)
     times_s = least_times_s(sides, sizes.rounds)
     return {name: s / rows * 1e9 for name, s in zip(METHODS, times_s, strict=True)}
 
 
-#: Bands that follow from their lowest edge: by name, the sample rate and how they follow.
+#: By name, a sample rate and a function that returns the bands for a lowest edge.
 NETWORKS: dict[str, tuple[float, Callable[[float], dict[str, Any]]]] = {
     'the whole default network scaled down': (
         380.0,
@@ -297,7 +297,7 @@ NETWORKS: dict[str, tuple[float, Callable[[float], dict[str, Any]]]] = {
 
 
 def _edge(network: str, share: float, sizes: PrecisionSizes) -> dict[str, Any]:
-    """Measure with one lowest edge, or note why it is refused."""
+    """Measure with one lowest edge, or return why it is refused."""
     rate_hz, bands = NETWORKS[network]
     lead = {'network': network, 'lowest_edge_hz': share * rate_hz, 'edge_share': share}
     # Rounded up in the last place: 1e-5 of the rate is the lowest edge that is allowed.
@@ -322,7 +322,7 @@ def long_run(sizes: PrecisionSizes) -> dict[str, Any]:
     filtered = reference.run_periodic(reference.design(config), period)
     _, level = reference.envelope_and_level(filtered, config, before='same')
     wanted = reference.as_two(level)
-    # Whole periods and whole windows: 300 rows hold both.
+    # Blocks have whole periods and whole windows; 300 rows is the shortest such length.
     block_rows = 300 * (min(150_000, sizes.long_run_rows[0]) // 300 + 1)
     block = np.tile(period, block_rows // PERIOD_ROWS)[:, None]
     methods = {}

@@ -7,7 +7,7 @@ from benchmarks.verdicts import claim_in_words
 
 TABLE_COLUMNS = 99
 
-#: Methods by the heads of their columns, in the tables; the chain's come first.
+#: Heads of the methods' columns, by method; the chain's comes first.
 COLUMNS = {
     'chain': 'chain',
     'sections float64': 'float64',
@@ -18,12 +18,12 @@ COLUMNS = {
 
 
 def chain_precision_table(figures: dict[str, Any]) -> str:
-    """Lay the figures out as text.
+    """Return the figures as text.
 
     Parameters
     ----------
     figures
-        Of :func:`benchmarks.chain.precision.measure_chain_precision`.
+        Result of :func:`benchmarks.chain.precision.measure_chain_precision`.
     """
 
     def claim(name: str) -> str:
@@ -95,7 +95,7 @@ def _figure(worst: float | None) -> str:
 
 
 def _heads(lead: str) -> list[str]:
-    """Return the two lines over columns of errors; ``run`` is of the chain too."""
+    """Return the two lines above columns of errors; the column ``run`` is also the chain's."""
     first, *rest = COLUMNS.values()
     return [
         f'{"":{len(lead) + 18}}{"SciPy sections":>18}{"SciPy polynomials":>18}',

@@ -1,10 +1,9 @@
 """The slip chain in 50 digits, the design of its filters included.
 
-It shares no line with :mod:`slip_detector.chain.filters` and
-:mod:`slip_detector.chain.slip_chain`, takes no
-coefficient from SciPy, and is slow: some 0.1 ms a row of one channel. Analogue prototypes are
-moved to their band on the axis s = (z - 1) / (z + 1), on which a frequency f lies at
-tan(pi f / rate): the bilinear transform, prewarped.
+It shares no line with :mod:`slip_detector.chain`, takes no coefficient from SciPy, and is slow:
+some 0.1 ms for a row of one channel. Analogue prototypes are moved to their band on the axis
+s = (z - 1) / (z + 1), on which a frequency f lies at tan(pi f / rate): the bilinear transform,
+prewarped.
 
 Sources: S. Butterworth, Wireless Engineer 7 (1930) 536, for the poles of the band-pass;
 S. Orfanidis, Lecture Notes on Elliptic Filter Design (2006), sections 2, 5 and 6, for the poles
@@ -23,7 +22,7 @@ from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
 
-#: Decimal digits of everything here.
+#: Decimal digits of all numbers here.
 DIGITS = 50
 
 #: A number of 50 digits, real or complex: mpmath has no types.
@@ -38,7 +37,7 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 
 
 def _in_digits(function: Function) -> Function:
-    """Let a function compute with ``DIGITS``."""
+    """Return the function with ``DIGITS`` as its precision."""
     wrapped: Function = mpmath.workdps(DIGITS)(function)
     return wrapped
 
@@ -145,7 +144,8 @@ def _factors(roots: list[Number]) -> list[tuple[Number, Number, Number]]:
     real = sorted(mpmath.re(root) for root in roots if abs(mpmath.im(root)) < REAL_BELOW)
     upper = [root for root in roots if mpmath.im(root) >= REAL_BELOW]
     factors = [(mpf(1), -2 * mpmath.re(root), abs(root) ** 2) for root in upper]
-    # The lowest with the highest, so that a band-pass has a zero of either kind in each section.
+    # The lowest root with the highest: so each section of a band-pass has a zero at 0 Hz and one
+    # at half the sample rate.
     while len(real) > 1:
         one, other = real.pop(0), real.pop()
         factors.append((mpf(1), -(one + other), one * other))
@@ -153,7 +153,7 @@ def _factors(roots: list[Number]) -> list[tuple[Number, Number, Number]]:
 
 
 def exactly(sections: NDArray[Any]) -> list[Section]:
-    """Take over designed coefficients as they are: what is left is the error of the run."""
+    """Return given coefficients as they are: with them the only errors are those of the run."""
     return [
         tuple(mpf(float(value)) / mpf(float(row[3])) for value in (*row[:3], *row[4:]))
         for row in sections
@@ -167,7 +167,7 @@ def run_filter(sections: Iterable[Section], volts: Floats) -> list[Number]:
     Parameters
     ----------
     sections
-        Of :func:`design` or :func:`exactly`.
+        Result of :func:`design` or :func:`exactly`.
     volts : ndarray, shape (n,)
         Taken as exact.
 
@@ -195,12 +195,12 @@ def envelope_and_level(
     Parameters
     ----------
     filtered
-        Of :func:`run_filter`, gain included.
+        Result of :func:`run_filter`, gain included.
     config
-        Rectifier, exponent and windows.
+        Configuration with rectifier, exponent and windows.
     before
-        What came before the first row: ``zeros``, or the ``same`` row by row, for a signal that
-        is one period.
+        What came before the first row: ``zeros``, or the ``same`` rows, for one period of a
+        periodic signal.
     """
     if config.rectify == 'half':
         filtered = [max(value, mpf(0)) for value in filtered]
@@ -235,7 +235,7 @@ def run_periodic(sections: list[Section], period: Floats) -> list[Number]:
     Parameters
     ----------
     sections
-        Of :func:`design` or :func:`exactly`.
+        Result of :func:`design` or :func:`exactly`.
     period : ndarray, shape (n,)
         One channel over one period, taken as exact.
     """
@@ -257,7 +257,7 @@ def run_periodic(sections: list[Section], period: Floats) -> list[Number]:
 
 
 def as_two(values: list[Number]) -> tuple[Floats, Floats]:
-    """Split numbers into a float64 and the rest: together some 32 digits, for NumPy.
+    """Split numbers into the nearest float64 and the rest: together some 32 digits.
 
     Returns
     -------

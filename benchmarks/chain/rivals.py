@@ -13,7 +13,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
-#: Rows of one type or the other.
+#: An array of float64 or float32.
 Reals = NDArray[Any]
 
 
@@ -23,13 +23,13 @@ class ScipyChain:
     Parameters
     ----------
     config
-        The chain's.
+        Configuration of the chain.
     form
         ``sections`` or ``polynomials``.
     dtype
         Type of all numbers: float64 or float32.
     running
-        Whether windows are running sums; else sums of terms only, like the chain's.
+        Whether windows are running sums; otherwise terms are only added, as in the chain.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class ScipyChain:
         self._first: Reals | None = None
 
     def is_stable(self) -> bool:
-        """Return whether all poles of the coefficients, as stored, are inside the circle."""
+        """Return whether all poles of the stored coefficients are inside the unit circle."""
         for _, coefficients, _ in self._stages:
             sections = len(coefficients) == 1
             rows = coefficients[0][:, 3:] if sections else coefficients[1][None]
@@ -89,7 +89,7 @@ class ScipyChain:
         Parameters
         ----------
         volts : ndarray, shape (n, channels)
-            A whole number of windows, which must be of one length.
+            As many rows as a whole number of windows; both windows must have the same length.
         """
         if self._first is None:
             self._first = volts[0].copy()
@@ -127,7 +127,8 @@ class ScipyChain:
 def is_stable(polynomial: Reals) -> bool:
     """Return whether all roots are inside the unit circle, by the test of Schur and Cohn.
 
-    It is exact; root finders err by more than the distance of such roots to the circle.
+    It is exact, while root finders have larger errors than the distance of such roots to the
+    circle.
 
     Examples
     --------
@@ -144,13 +145,13 @@ def is_stable(polynomial: Reals) -> bool:
 
 
 class PackageChain:
-    """The chain of the package, with the same two methods."""
+    """The chain of the package, with the methods of :class:`ScipyChain`."""
 
     def __init__(self, config: ChainConfig) -> None:
         self._chain = SlipChain(config)
 
     def is_stable(self) -> bool:
-        """Return true: the package refuses designs that are not."""
+        """Return True: the package refuses unstable designs."""
         return True
 
     def update(self, volts: Floats) -> tuple[Floats, Floats]:
@@ -161,7 +162,7 @@ class PackageChain:
 
 Method = PackageChain | ScipyChain
 
-#: By name, how each method is made.
+#: The methods, by name.
 METHODS: dict[str, Callable[[ChainConfig], Method]] = {
     'chain': PackageChain,
     'sections float64': lambda config: ScipyChain(config, 'sections', np.float64),
@@ -181,6 +182,6 @@ def run(method: Method, samples: Floats, config: ChainConfig) -> tuple[Reals, Re
     """Run a method over any number of rows; return envelope and level."""
     window = config.samples(config.envelope_window_s)
     filled = np.concatenate([samples, np.repeat(samples[-1:], -len(samples) % window, axis=0)])
-    with np.errstate(all='ignore'):  # The figures show an overflow.
+    with np.errstate(all='ignore'):  # An overflow is seen in the figures.
         envelope, level = method.update(filled)
     return envelope[: len(samples)], level[: len(samples)]

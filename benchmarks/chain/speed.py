@@ -1,29 +1,31 @@
-"""How fast the chain is, always against a rival measured in the same run.
+"""How fast the chain is, against rivals that are measured in the same run.
 
 :func:`measure_chain_speed` gives one object (keys of ``python -m benchmarks chain --json``):
 
 ``blocks``
     All stages on blocks of rows, from volts to decisions: ``rows``, ``channels``, ``rounds``,
-    ``slip_share`` (of the rows), ``rows_per_call`` of what is in pieces, and ``ns_per_row`` of
-    each side: ``chain``, ``kept`` (with envelope and level) and ``numpy`` (SciPy and NumPy, an
-    expression a stage) all rows in one call; in pieces ``chain_in_pieces``, ``kept_in_pieces``,
-    ``median_in_pieces`` (with the median as common mode), ``in_place_in_pieces`` (NumPy at its
-    best) and ``cpp_in_pieces``. From these ``speedup`` against NumPy and ``in_place_speedup``;
-    ``cpp_ratio``, the run time as a multiple of that of C++, null where that is left out;
-    ``kept_ratio``, ``whole_kept_ratio`` (in one call) and ``median_ratio`` as multiples of
-    decisions alone. ``cpp_left_out`` says why there is no C++, ``cpp_command`` how it was
-    compiled. ``agreement`` is the share of equal decisions by rival: ``numpy``, ``in_place`` and
-    ``cpp``.
+    ``slip_share`` (of the rows), ``rows_per_call`` (where rows are given in pieces), and
+    ``ns_per_row`` of each side. With all rows in one call the sides are ``chain``, ``kept`` (the
+    chain with envelope and level kept) and ``numpy`` (SciPy and NumPy, an expression for each
+    stage); in pieces ``chain_in_pieces``, ``kept_in_pieces``, ``median_in_pieces`` (with the
+    median as common mode), ``in_place_in_pieces`` (NumPy without temporary arrays) and
+    ``cpp_in_pieces``. From these follow ``speedup`` (against ``numpy``), ``in_place_speedup``,
+    ``cpp_ratio`` (the run time as a multiple of that of C++; null without C++), and as multiples
+    of the run time of decisions alone ``kept_ratio``, ``whole_kept_ratio`` (in one call) and
+    ``median_ratio``. ``cpp_left_out`` says why there is no C++, ``cpp_command`` how it was
+    compiled. ``agreement`` is the share of equal decisions of each rival: ``numpy``, ``in_place``
+    and ``cpp``.
 ``one_row``
     One row per call against one bare ``scipy.signal.sosfilt``: ``channels``, ``calls``,
     ``rounds``, ``chain_us_per_call``, ``sosfilt_us_per_call``, ``speedup``; and the memory of a
     call beyond the arrays of its result: ``kept_bytes_per_call`` after it,
-    ``peak_bytes_per_call`` during it (by number of channels), ``temporary_bytes_per_channel``,
-    which is what the peak grows by with the channels.
+    ``peak_bytes_per_call`` during it (by number of channels) and
+    ``temporary_bytes_per_channel``, by which the peak grows with each channel.
 ``channels``
-    The chain by number of channels, envelope and level kept: ``channel_samples`` of a call,
-    ``rounds``, ``ns_per_channel_sample``, ``ratio`` to 16 channels (both by number of channels),
-    ``worst_ratio`` and that of the most channels, ``last_ratio``.
+    The chain with different numbers of channels, envelope and level kept: ``channel_samples`` of a
+    call, ``rounds``, ``ns_per_channel_sample`` and its ``ratio`` to that of 16 channels (both by
+    number of channels), the largest ratio ``worst_ratio``, and ``last_ratio``, that of the most
+    channels.
 ``wanted``
     For each claim, by ``section.figure``: the measured ``value``, the ``bound`` as text and
     whether it is ``met``, null where nothing is judged.
@@ -44,7 +46,7 @@ from benchmarks.chain.block_speed import measure_blocks
 from benchmarks.noise import swelling_noise_v
 from benchmarks.processes import print_figures
 from benchmarks.timing import garbage_collection_off, least_times_s
-from benchmarks.verdicts import verdicts
+from benchmarks.verdicts import values_of, verdicts
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
 from slip_detector.chain.slip_chain import SlipChain
@@ -53,7 +55,7 @@ from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
 
-#: What is wanted, by section and figure.
+#: The bounds that are wanted, by section and figure.
 WANTED = {
     'blocks.speedup': Bound(low=10.0),
     'blocks.in_place_speedup': Bound(low=5.0),
@@ -63,7 +65,7 @@ WANTED = {
     'blocks.median_ratio': Bound(high=2.0),
     'one_row.speedup': Bound(low=11.0),
     'one_row.kept_bytes_per_call': Bound(high=1.0, strict=True),
-    # The least temporary that could be per channel is a byte.
+    # A temporary array has at least one byte for each channel.
     'one_row.temporary_bytes_per_channel': Bound(high=1.0, strict=True),
     'channels.worst_ratio': Bound(high=1.5),
     'channels.last_ratio': Bound(high=0.8),
@@ -76,11 +78,11 @@ class SpeedSizes(NamedTuple):
     Attributes
     ----------
     rows : int
-        Of 16 channels, for ``blocks``.
+        Rows of 16 channels, for ``blocks``.
     channel_samples : int
-        Of one call, for ``channels``.
+        Samples of one call times channels, for ``channels``.
     calls : int
-        Of one round, for ``one_row``.
+        Calls of one round, for ``one_row``.
     rounds : int
         How often the sides take turns.
     one_row_rounds : int
@@ -109,7 +111,7 @@ def measure_chain_speed(quick: bool = False) -> dict[str, Any]:
     Parameters
     ----------
     quick
-        Few rows and rounds; nothing is judged.
+        Measure few rows and rounds, and judge nothing.
 
     Raises
     ------
@@ -125,11 +127,7 @@ def measure_chain_speed(quick: bool = False) -> dict[str, Any]:
         'one_row': measure_one_row(sizes),
         'channels': measure_channels(sizes),
     }
-    values = {}
-    for claim in WANTED:
-        section, figure = claim.split('.')
-        values[claim] = result[section][figure]
-    result['wanted'] = verdicts(WANTED, values, judged=not quick)
+    result['wanted'] = verdicts(WANTED, values_of(WANTED, result), judged=not quick)
     return result
 
 
@@ -174,14 +172,14 @@ def memory_of_a_call(n_channels: int, calls: int) -> tuple[float, int]:
     Parameters
     ----------
     n_channels
-        Of a row.
+        Number of channels of a row.
     calls
-        Over which what is kept is averaged.
+        Number of calls over which the kept bytes are averaged.
 
     Returns
     -------
     kept : float
-        Bytes per call that are still held when the result is gone.
+        Bytes per call that are still allocated after the result is deleted.
     peak : int
         Most bytes during a call: headers of the result's arrays and Python's own objects.
     """

@@ -54,7 +54,7 @@ def moving(*velocities_m_s: float, seconds: float = 0.1) -> list[dict[str, float
     return [*STEPS[:3], *push, *STEPS[4:]]
 
 
-def held(mass_kg: float) -> dict[str, Any]:
+def held_object(mass_kg: float) -> dict[str, Any]:
     """Return a scene in which an object is gripped, lifted, held and let slip."""
     grip_n = 1.5 * mass_kg * STANDARD_GRAVITY_M_S2 / (FINGERS * 0.6)
     return {
@@ -171,7 +171,7 @@ def cases() -> list[Case]:
         Case('velocity', '80 mm/s, no low-pass', fast),
     ]
     rows += [
-        Case('object', f'{mass * 1e3:g} g', held(mass), of_quick=mass == 0.2)
+        Case('object', f'{mass * 1e3:g} g', held_object(mass), of_quick=mass == 0.2)
         for mass in (1e-3, 1e-2, 0.2, 1.0, 10.0)
     ]
     rows.append(Case('coulomb', 'texture', {'friction': 'coulomb'}))

@@ -68,7 +68,7 @@ ALL = 10**9
 REFERENCES = (('LSODA', 1e-9), ('BDF', 1e-8))
 REFERENCE_S = 12.0
 
-#: Without another method as the reference, it is the live stepper with this many times the steps.
+#: If no other method can be the reference, it is the live stepper with this many times the steps.
 FINER = 16
 
 HOUR_S, MINUTE_S = 3600.0, 60.0
@@ -136,7 +136,7 @@ def measure_case(case: Case, with_reference: bool = True) -> dict[str, Any]:
     _, shear_n, _, _ = sheared.clean(ALL)
     finite = all(np.isfinite(a).all() for a in (clean_v, position_m, sliding, shear_n, ledger))
     shear_share, volts_share = _shares(scene, clean_v, shear_n)
-    most = 2.0 if scene.plan.skin.mass_kg > 0.0 else 1.0 + 1e-6
+    most = 2.0 if scene.constants.skin.mass_kg > 0.0 else 1.0 + 1e-6
     row |= {
         'finite': bool(finite),
         'bounded': bool(max(shear_share, volts_share) <= most),
@@ -164,14 +164,14 @@ def _reference(description: Mapping[str, Any]) -> tuple[Solution, str, float | N
         for method, rtol in REFERENCES:
             try:
                 solutions.append((solve(ode, method, rtol, budget_s=REFERENCE_S), method))
-            except (BudgetSpentError, RuntimeError):  # The other one may do it.
+            except (BudgetSpentError, RuntimeError):  # The other method may succeed.
                 continue
-    except ValueError:  # It is no differential equation.
+    except ValueError:  # The scene is not a differential equation.
         pass
     if not solutions:
         scene = build_scene(description)
         times_s, clean_v, position_m, _ = build_scene(
-            description, step_s=scene.plan.step_s / FINER
+            description, step_s=scene.constants.step_s / FINER
         ).clean(ALL)
         nothing = np.zeros(0)
         finer = Solution(
@@ -188,21 +188,23 @@ def _reference(description: Mapping[str, Any]) -> tuple[Solution, str, float | N
 
 
 def _created(ledger: Floats) -> float:
-    """Return the energy that friction gave back in excess, as a share of the work done on it."""
+    """Return the energy that friction has created, as a share of the work done on it."""
     return max(0.0, -float(ledger[LEAST])) / max(float(ledger[WORK]), 1e-300)
 
 
 def _shares(scene: Scene, clean_v: Floats, shear_n: Floats) -> tuple[float, float]:
     """Return the largest shear and voltage as shares of what contact and friction allow."""
-    plan = scene.plan
+    constants = scene.constants
     times_s = np.linspace(0.0, scene.duration_s, 4001)
     force_n = float(scene.force_n(times_s).max())
     load_n = scene.contact.largest_load_n(1.001 * force_n) + LIGHTEST_LOAD_N
-    coefficient = plan.friction.static if plan.friction.static else plan.friction.kinetic
-    friction_n = max(coefficient, plan.friction.kinetic) * load_n
-    ridges = float(np.abs(plan.ridges.amplitudes).sum())
-    most_v = np.abs(plan.normal_v_n) * load_n * (1.0 + ridges)
-    most_v = most_v + np.abs(plan.shear_v_n) * friction_n
+    coefficient = (
+        constants.friction.static if constants.friction.static else constants.friction.kinetic
+    )
+    friction_n = max(coefficient, constants.friction.kinetic) * load_n
+    ridges = float(np.abs(constants.ridges.amplitudes).sum())
+    most_v = np.abs(constants.normal_v_n) * load_n * (1.0 + ridges)
+    most_v = most_v + np.abs(constants.shear_v_n) * friction_n
     return (
         float(np.abs(shear_n).max()) / friction_n,
         float((np.abs(clean_v).max(axis=0) / most_v).max()),

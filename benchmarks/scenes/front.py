@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: At this error and above, the live stepper is wanted to be the fastest.
+#: The live stepper is wanted to be the fastest at this error and above.
 FRONT_ERROR = 1e-3
 
-#: An error of 0 has no logarithm.
+#: Stands for an error of 0, which has no logarithm.
 LEAST_ERROR = 1e-16
 
 

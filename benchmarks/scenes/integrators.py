@@ -62,7 +62,7 @@ class Solution(NamedTuple):
 
 
 class BudgetSpentError(RuntimeError):
-    """A method took more time than it was given."""
+    """A method has used up its processor time."""
 
 
 def refuse_impossible(ode: Ode, method: str, span_s: tuple[float, float]) -> None:
@@ -80,7 +80,7 @@ def refuse_impossible(ode: Ode, method: str, span_s: tuple[float, float]) -> Non
             'the scene has no friction and no low-pass: its volts are a closed form of the '
             'time; allowed: scenes with one of them'
         )
-    if method in EXPLICIT and ode.plan.patches.size:
+    if method in EXPLICIT and ode.constants.patches.size:
         mean, most = ode.stiffness_1_s(span_s)
         steps = mean * (span_s[1] - span_s[0]) / EXPLICIT_REACH[method]
         if steps > MOST_EXPLICIT_STEPS:
@@ -99,14 +99,14 @@ def solve(
     start: Floats | None = None,
     budget_s: float = math.inf,
 ) -> Solution:
-    """Integrate a scene, beginning anew at each corner of its drive.
+    """Integrate a scene; the method starts again at each corner of its drive.
 
     The absolute tolerance of each state is ``rtol`` times its scale.
 
     Parameters
     ----------
     ode
-        What to integrate.
+        The differential equation.
     method
         One of :data:`INTEGRATORS`.
     rtol
@@ -140,7 +140,7 @@ def solve(
     inside = inside[(inside > time_s[0]) & (inside < time_s[-1])]
     pieces = np.concatenate([time_s[:1], inside, time_s[-1:]])
     moving_s = ode.moving_s()
-    x_at = ode.own_at if ode.plan.patches.size else None
+    x_at = ode.own_at if ode.constants.patches.size else None
     onset_s = np.full(len(ode.own_at), np.nan)
     at_start_m: Floats | None = None
     lost_s, steps, calls, done = math.inf, 0, 0, 1
@@ -162,10 +162,10 @@ def solve(
             if not steps % 50 and time.thread_time() - begin_s > budget_s:
                 raise BudgetSpentError(f'{method}: given up after {budget_s:g} s')
             dense, stop = None, solver.t
-            if ode.with_object and solver.y[-2] > ode.plan.body.length_m:
+            if ode.with_object and solver.y[-2] > ode.constants.body.length_m:
                 dense = solver.dense_output()
                 stop = lost_s = _crossing(
-                    dense, solver, lambda t, y: float(y[-2]) - ode.plan.body.length_m
+                    dense, solver, lambda t, y: float(y[-2]) - ode.constants.body.length_m
                 )
             if done < len(time_s) and time_s[done] <= stop:
                 dense = dense or solver.dense_output()
@@ -233,7 +233,7 @@ def live_onset_s(scene: Scene, ode: Ode, rows_per_read: int = 20_000) -> Floats:
     moving_s = ode.moving_s()
     at_start: Floats | None = None
     before: tuple[float, Floats] | None = None
-    stiffness_n_m = scene.plan.skin.stiffness_n_m
+    stiffness_n_m = scene.constants.skin.stiffness_n_m
     while math.isfinite(moving_s):
         time_s, shear_n, position_m, _ = scene.clean(rows_per_read)
         if not len(time_s):
@@ -263,7 +263,7 @@ def live_onset_s(scene: Scene, ode: Ode, rows_per_read: int = 20_000) -> Floats:
 
 def showing_shears(description: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
     """Return the same scene with the shears as its volts, and one sample for each step."""
-    steps_hz = scene.plan.steps_per_sample * scene.sample_rate_hz
+    steps_hz = scene.constants.steps_per_sample * scene.sample_rate_hz
     kept = {
         name: part for name, part in description.items() if name not in ('texture', 'roughness')
     }

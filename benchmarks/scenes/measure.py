@@ -1,6 +1,7 @@
 """Error against run time of the scenes, for the live stepper and SciPy's integrators.
 
-The reference of each scene is a tight-tolerance implicit solution, checked by a second method.
+The reference of each scene is an implicit method's solution with a tight tolerance, checked by a
+second method.
 Voltage errors are the worst over samples and channels, as a share of the range of the
 reference's volts (clean: without baselines, noise and faults). An onset is when the surface has
 passed 10 um further over a taxel than at the start of the motion. The object's position counts

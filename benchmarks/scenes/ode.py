@@ -10,7 +10,7 @@ from benchmarks.scenes import equations
 from slip_detector.scenes import Scene
 from slip_detector.scenes.drive import drive_at
 from slip_detector.scenes.friction import COULOMB, LIGHTEST_LOAD_N
-from slip_detector.scenes.mechanics import Plan
+from slip_detector.scenes.mechanics import SceneConstants
 from slip_detector.scenes.motion import LoadNumbers, PlateNumbers
 
 Floats = NDArray[np.float64]
@@ -85,39 +85,39 @@ class Ode:
     def __post_init__(self) -> None:
         """Collect the numbers."""
         scene = self.scene
-        self.plan: Plan = scene.plan
-        plan = self.plan
-        if plan.patches.size and plan.friction.model == COULOMB:
+        self.constants: SceneConstants = scene.constants
+        constants = self.constants
+        if constants.patches.size and constants.friction.model == COULOMB:
             raise ValueError(
                 'friction: model is coulomb, whose force at rest is no function of the state; '
                 'allowed: lugre for LSODA, BDF, Radau, RK45 and DOP853, or the live stepper'
             )
-        skin = plan.skin
-        damping = skin.damping_n_s_m + plan.friction.viscous_n_s_m
-        if plan.patches.size and skin.mass_kg == 0.0 and damping == 0.0:
+        skin = constants.skin
+        damping = skin.damping_n_s_m + constants.friction.viscous_n_s_m
+        if constants.patches.size and skin.mass_kg == 0.0 and damping == 0.0:
             raise ValueError(
                 'skin: mass_kg and damping_n_s_m are 0, so that no state says how fast it moves; '
                 'allowed: one of them above 0 for LSODA, BDF, Radau, RK45 and DOP853, or the live '
                 'stepper'
             )
         self.drive = scene.drive_numbers
-        self.with_object = plan.body.mass_kg > 0.0
-        self.with_mass = plan.skin.mass_kg > 0.0
+        self.with_object = constants.body.mass_kg > 0.0
+        self.with_mass = constants.skin.mass_kg > 0.0
         self.cutoff_rad_s = 2.0 * np.pi * scene.electronics.bandwidth_hz
-        self._loads = np.zeros(max(plan.patches.size, plan.positions_m.shape[0]))
-        n_channels = plan.positions_m.shape[0]
-        self._own = (2 + self.with_mass) if plan.patches.size else 0
+        self._loads = np.zeros(max(constants.patches.size, constants.positions_m.shape[0]))
+        n_channels = constants.positions_m.shape[0]
+        self._own = (2 + self.with_mass) if constants.patches.size else 0
         times = np.linspace(0.0, scene.duration_s, 2001)
         load_n = scene.contact.largest_load_n(float(scene.force_n(times).max()))
         load_n = max(load_n, LIGHTEST_LOAD_N)
-        law = plan.friction
-        shear_n = law.static * load_n if plan.patches.size else 0.0
+        law = constants.friction
+        shear_n = law.static * load_n if constants.patches.size else 0.0
         x_m, z_m = shear_n / max(skin.stiffness_n_m, 1e-9), shear_n / law.bristle_n_m
         self.speed_m_s = max(scene.largest_velocity_m_s, 1e-3)
-        volts = float(np.abs(plan.normal_v_n).max()) * load_n
-        volts += float(np.abs(plan.shear_v_n).max()) * shear_n
+        volts = float(np.abs(constants.normal_v_n).max()) * load_n
+        volts += float(np.abs(constants.shear_v_n).max()) * shear_n
         own = [x_m, self.speed_m_s, z_m] if self.with_mass else [x_m, z_m]
-        own = own if plan.patches.size else []
+        own = own if constants.patches.size else []
         filtered = [max(volts, 1e-6)] if self.cutoff_rad_s else []
         scales = (own + filtered) * n_channels
         self.own_at = np.arange(n_channels) * (self._own + len(filtered))
@@ -133,7 +133,7 @@ class Ode:
         """Return dy/dt."""
         out = np.empty(self.size)
         equations.rates(
-            t, self.side_s, y, self.drive, self.plan, self.cutoff_rad_s, self._loads,
+            t, self.side_s, y, self.drive, self.constants, self.cutoff_rad_s, self._loads,
             out,
         )  # fmt: skip
         return out
@@ -142,7 +142,7 @@ class Ode:
         """Return the derivatives of the rates by the states, shape (size, size)."""
         out = np.zeros((self.size, self.size))
         equations.jacobian(
-            t, self.side_s, y, self.scales, self.drive, self.plan, self.cutoff_rad_s,
+            t, self.side_s, y, self.scales, self.drive, self.constants, self.cutoff_rad_s,
             self._loads, out,
         )  # fmt: skip
         return out
@@ -154,7 +154,7 @@ class Ode:
             direct_v = np.empty((1, len(self.own_at)))
             equations.volts_and_positions(
                 np.zeros(1), y[np.newaxis], self._own, self._own + 1, self.drive,
-                self.plan, self._loads, direct_v, np.empty(1),
+                self.constants, self._loads, direct_v, np.empty(1),
             )  # fmt: skip
             y[self._smooth_at] = direct_v[0]
         return y
@@ -162,7 +162,7 @@ class Ode:
     def corners_s(self) -> Floats:
         """Return the times between which the drive is smooth; contact made or lost is one, too."""
         rising = np.unique([*self.scene.corners_s(), *self._lifts_s])
-        # Two that differ by round-off are one: no method can step from one to the other.
+        # Corners that differ only by round-off are one: no method can step between them.
         return rising[np.diff(rising, prepend=-1.0) > SAME_S]
 
     def moving_s(self) -> float:
@@ -171,7 +171,7 @@ class Ode:
             load = LoadNumbers(*self.drive.load)
             pulled = np.flatnonzero(load.force_n)
             return float(load.corners_s[pulled[0] - 1]) if len(pulled) else math.inf
-        # The piece that ends with the first velocity there is.
+        # The start of the piece at whose end there is a velocity for the first time.
         plate = PlateNumbers(*self.drive.plate)
         moved = np.flatnonzero(plate.velocity_m_s)
         return float(plate.starts_s[moved[0] - 1]) if len(moved) else math.inf
@@ -189,7 +189,7 @@ class Ode:
         position_m = np.empty(len(time_s))
         clean_v = states[:, self._smooth_at] if smooth else np.empty((len(time_s), n_channels))
         equations.volts_and_positions(
-            time_s, states, self._own, self._own + smooth, self.drive, self.plan,
+            time_s, states, self._own, self._own + smooth, self.drive, self.constants,
             self._loads, np.empty((0, n_channels)) if smooth else clean_v, position_m,
         )  # fmt: skip
         return clean_v, position_m
@@ -204,5 +204,5 @@ class Ode:
     def stiffness_1_s(self, span_s: tuple[float, float]) -> tuple[float, float]:
         """Return the mean and the largest rate at which bristles settle in a span of time."""
         times_s = np.linspace(*span_s, 2001)
-        mean, most = equations.settling_rates(times_s, self.drive, self.plan, self._loads)
+        mean, most = equations.settling_rates(times_s, self.drive, self.constants, self._loads)
         return float(mean), float(most)

@@ -27,7 +27,7 @@ from slip_detector.scenes.motion import LoadNumbers
 
 Floats = NDArray[np.float64]
 
-#: How far the stretch reaches before and after the start of the motion.
+#: Time before and after the start of the motion that belongs to the stretch.
 STRETCH_S = (0.02, 0.18)
 
 #: Methods and relative tolerances; the first two that succeed are the reference and its check.
@@ -63,7 +63,7 @@ def scene_precision(path: Path, sizes: SceneSizes) -> dict[str, Any]:
     }
     for n in sizes.steps_per_sample:
         entry['runs'].append(_live(description, n, errors, ode, sizes))
-    shipped = _live(description, scene.plan.steps_per_sample, errors, ode, sizes)
+    shipped = _live(description, scene.constants.steps_per_sample, errors, ode, sizes)
     entry['shipped_live'] = shipped
     for name in ('LSODA', 'BDF', 'Radau', *EXPLICIT):
         tolerances = sizes.explicit_tolerances if name in EXPLICIT else sizes.tolerances
@@ -82,7 +82,7 @@ def scene_precision(path: Path, sizes: SceneSizes) -> dict[str, Any]:
 
 
 def _references(ode: Ode) -> list[tuple[str, float, Solution]]:
-    """Return two solutions of the tightest tolerances by two methods."""
+    """Return the solutions of two methods with the tightest tolerances."""
     solutions: list[tuple[str, float, Solution]] = []
     for method, rtol in REFERENCES:
         try:
@@ -171,11 +171,11 @@ def _live(
     onset_s = live_onset_s(sheared, ode)
     return {
         'method': 'live',
-        'setting': f'{scene.plan.steps_per_sample} steps a sample',
+        'setting': f'{scene.constants.steps_per_sample} steps a sample',
         'over': [0.0, float(errors.reference.time_s[-1])],
         **errors.of(clean_v, position_m, onset_s),
         'run_time_per_s': least_s * rate_hz / n,
-        'steps': scene.plan.steps_per_sample * (n - 1),
+        'steps': scene.constants.steps_per_sample * (n - 1),
         'said': '',
     }
 

@@ -1,1 +1,1 @@
-"""Drivers and detectors as processes: for long, for many fingers, and against a bare relay."""
+"""Drivers and detectors as processes: over a long time, for many fingers, against a bare relay."""

@@ -1,27 +1,27 @@
 """The detector node against a bare relay node, for ``python -m benchmarks soak``.
 
-Three processes: the detector as it ships, a relay that runs no chain, and a meter that sends the
-samples and receives ``slip`` from both. What is compared, and why:
+There are three processes: the detector as it ships, a relay that runs no chain, and a meter that
+sends the samples and receives ``slip`` from both. How they are compared, and why:
 
 - The two nodes take turns within each sample period: sample k goes to the detector when it is due
-  and to the relay half a period later, with the same content. Whatever the machine does meanwhile
-  hits both, and neither works while the other does.
-- The relay publishes a Bool on the very samples on which the detector publishes its changes, not
-  on every sample: a Bool for every sample would cost the relay more than the chain costs the
-  detector and flatter the ratio. What the relay is to publish is in ``effort``, in the messages
-  to both nodes; the detector does not read that field. So the relay is the least that a node can
-  do for the same input and output, and the detector's heartbeat, ``slip_valid`` and
-  ``slip_onset`` count against the detector.
-- The detector has all its topics, as it ships, and the default chain, with short windows and a
+  and to the relay half a period later, with the same content. Other load of the machine
+  affects both alike, and neither works while the other does.
+- The relay publishes a Bool on those samples on which the detector publishes a change, not on
+  every sample: a Bool for every sample would cost the relay more than the chain costs the detector
+  and make the ratio look better. What the relay has to publish is in ``effort`` of the messages to
+  both nodes; the detector does not read that field. So the relay is the least that a node can do
+  for the same input and output, and the detector's heartbeat, ``slip_valid`` and ``slip_onset``
+  count against the detector.
+- The detector has all topics and the chain that it ships with, but short windows and a
   threshold at which a tone within the band toggles ``slip`` about fifty times a second. Only one
   channel toggles, and its group with it, while the others of the group stay ON and all other
   channels OFF: so a change of ``slip`` brings one message on ``slip/group/*`` and one on
   ``slip/channel/*``, not twenty.
-- The k-th change received belongs to the sample on which the same chain, run offline on the same
-  rows, decides. Latency counts from just before that sample is handed to ``publish``, not from
-  its nominal stamp: how late the meter wakes up is the same for both and would only bring the
-  ratio closer to one.
-- Processor time is that of the whole process over the measured span, user and system.
+- The k-th change received belongs to the sample of the k-th change of the same chain, run offline
+  on the same rows. Latency counts from just before that sample is given to ``publish``, not from
+  its stamp: the meter is late by the same time for both, which would only bring the ratio closer
+  to one.
+- Processor time is the user and system time of the whole process over the measured span.
 """
 
 import argparse
@@ -45,7 +45,7 @@ from slip_detector.parameters.detector import DetectorConfig
 
 Floats = NDArray[np.float64]
 
-#: The detector's parameters that are not defaults.
+#: The parameters of the detector that differ from the defaults.
 PARAMETERS = {
     'envelope_window_s': 0.008,
     'decision_window_s': 0.008,
@@ -54,11 +54,12 @@ PARAMETERS = {
 
 TONE_HZ = 12.0
 TOGGLING_V = 0.02
-#: Only next to its zero crossings is it below the threshold, for less than the windows.
+#: A tone of this amplitude is below the threshold only near its zero crossings, for a shorter time
+#: than the windows.
 STAYING_ON_V = 2.0
 NOISE_V = 1e-4
 
-START_TIMEOUT_S = 60.0
+START_TIMEOUT_S = 300.0
 DRAIN_TIMEOUT_S = 5.0
 SPIN_S = 0.05
 
@@ -69,7 +70,7 @@ def measure_end_to_end(seconds: float) -> dict[str, Any]:
     Parameters
     ----------
     seconds
-        Measured time.
+        Length of the measured span.
 
     Returns
     -------
@@ -114,7 +115,7 @@ def measure_end_to_end(seconds: float) -> dict[str, Any]:
 
 
 def tone_v(config: DetectorConfig, rows: int) -> Floats:
-    """Return a tone that toggles one channel of the first group and keeps the others of it ON.
+    """Return a tone that toggles one channel of the first group and keeps its other channels ON.
 
     Returns
     -------
@@ -162,7 +163,7 @@ def send_and_receive(
     deadline_s = time.monotonic() + REST_S + tone_s + START_TIMEOUT_S
     while meter.thread.is_alive():
         spin(deadline_s, 'the last sample to be sent')
-    # A change that does not come by then is lost.
+    # A change that has not come after this time is lost.
     drained_s = time.monotonic() + DRAIN_TIMEOUT_S
     while time.monotonic() < drained_s and any(
         len(received) < changes for received in meter.received.values()

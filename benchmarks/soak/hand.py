@@ -1,7 +1,7 @@
-"""The processes of a soak: a driver and a detector for all fingers, watched by their diagnostics.
+"""The processes of a soak: drivers and detectors of all fingers, watched by their diagnostics.
 
-What is counted as lost is what the detectors themselves miss, by the stamps of the samples:
-bridged, dropped, or a stretch that begins again. So no other process has to receive the samples.
+Losses are counted by the detectors, from the stamps of the samples: samples that are bridged or
+dropped, and new stretches. So no other process has to receive the samples.
 """
 
 import argparse
@@ -38,21 +38,20 @@ from slip_detector.recordings import write_recording
 START_TIMEOUT_S = 300.0
 SPIN_S = 0.2
 
-#: A recording is so much longer than the soak: to begin again takes its time.
+#: The recording is this much longer than the soak: it must not end, as to start again takes time.
 NOISE_EXTRA_S = 60.0
 
-#: What the nodes compile, and discovery, are over after a minute, or after this share of a short
-#: soak.
+#: Compiling and discovery have ended after a minute, or after this share of a short soak.
 WARM_UP_S, WARM_UP_SHARE = 60.0, 0.2
 
 
 class Watch(Node):
-    """Notes the diagnostics of the detectors, and the memory of all processes."""
+    """Keeps the diagnostics of the detectors and the memory of all processes."""
 
     def __init__(self, namespace: str, processes: 'dict[str, subprocess.Popen[bytes]]') -> None:
         super().__init__('slip_watch', namespace=namespace)
         self._processes = processes
-        # By detector: the values of each report, with the time of its receipt.
+        # By detector: the values of each report, and when it was received.
         self.reports: dict[str, list[tuple[float, dict[str, str]]]] = {}
         self.memory_kib: dict[str, list[tuple[float, int]]] = {name: [] for name in processes}
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
@@ -78,13 +77,14 @@ def run_hand(
     Parameters
     ----------
     seconds
-        How long, warm-up included.
+        How long the nodes run, warm-up included.
     fingers
-        So many drivers and so many detectors.
+        Number of drivers, and of detectors.
     sample_rate_hz
-        That of the simulated fingertip, which is played then; at any other a recording is.
+        At the rate of the simulated fingertip the drivers simulate it; at any other they play a
+        recording.
     samples_per_message
-        Of the drivers.
+        Parameter of the drivers.
 
     Returns
     -------
@@ -125,7 +125,7 @@ def run_hand(
 
 
 def write_noise(folder: Path, sample_rate_hz: float, seconds: float) -> Path:
-    """Write a recording of noise that swells and decays, so that decisions change; return it."""
+    """Write a recording of noise that swells and fades, so that decisions change."""
     config, rows = DetectorConfig(), round(seconds * sample_rate_hz)
     volts = swelling_noise_v(rows, config.channels, period_rows=sample_rate_hz)
     stamps_ns = np.round(np.arange(rows) * 1e9 / sample_rate_hz).astype(np.int64)
@@ -137,7 +137,7 @@ def write_noise(folder: Path, sample_rate_hz: float, seconds: float) -> Path:
 def _watched(
     watch: Watch, processes: 'dict[str, subprocess.Popen[bytes]]', seconds: float, fingers: int
 ) -> dict[str, Any]:
-    """Watch the processes for so long and return the figures of the time after the warm-up."""
+    """Watch the processes for some time; return the figures of the time after the warm-up."""
     executor = SingleThreadedExecutor()
     executor.add_node(watch)
 

@@ -11,9 +11,10 @@ def latencies_of_changes_ns(
     stamps_ns : list of int
         When the sample of each change was sent, in order.
     states : list of bool
-        What each change is to.
+        The state after each change.
     received
-        Time of receipt in nanoseconds and state, in order, each differing from the one before.
+        Time in nanoseconds and state of each message, in order; each state differs from the one
+        before.
 
     Returns
     -------
@@ -27,8 +28,8 @@ def latencies_of_changes_ns(
     >>> latencies_of_changes_ns([0, 100], [True, False], [(5, True)])
     [5, None]
     """
-    # As long as nothing is lost, the k-th received is the k-th change, however late. Where some
-    # are lost, a receipt belongs to a change only if it came before the next one of its kind.
+    # If nothing is lost, the k-th message is of the k-th change, however late it came. If some are
+    # lost, a message belongs to a change only if it came before the next change to the same state.
     lost_some = len(received) < len(stamps_ns)
     latencies_ns: list[int | None] = []
     next_one = 0

@@ -5,30 +5,31 @@
 ``relay``
     Detector node against a bare relay node: ``rate_hz``, ``samples``, ``changes``, ``detector``
     and ``relay`` with ``median_ms``, ``p99_ms``, ``cpu_percent`` and ``lost``, then
-    ``latency_ratio`` (of the medians) and ``cpu_ratio``. How and why so: see
-    :mod:`benchmarks.soak.end_to_end`.
+    ``latency_ratio`` (of the medians) and ``cpu_ratio``; :mod:`benchmarks.soak.end_to_end` tells
+    how they are measured and why.
 ``finger``, ``hand``, ``fast_hand``, ``fast_finger``
     A driver and a detector for one or five fingers of 16 channels; ``finger`` and ``hand`` play
     the simulated fingertip at 380 Hz, ``fast_hand`` a recording at 1 kHz, ``fast_finger`` one at 5
-    kHz in messages of ten samples. ``seconds`` measured after the warm-up, ``fingers``,
-    ``sample_rate_hz``, ``samples_per_message``, ``samples``, ``lost`` (by kind) and
-    ``lost_total``, ``latency_median_ms``, ``latency_p99_ms`` (first and second half: the median
-    of the 99th percentiles of each second), ``latency_p99_growth`` (their ratio),
+    kHz in messages of ten samples. The figures are ``seconds`` measured after the warm-up,
+    ``fingers``, ``sample_rate_hz``, ``samples_per_message``, ``samples``, ``lost`` (by kind) and
+    ``lost_total``, ``latency_median_ms``, ``latency_p99_ms`` (of the first and of the second half:
+    the median of the 99th percentiles of all seconds) and ``latency_p99_growth``, their ratio,
     ``memory_growth_percent`` (of the process that grew most), ``memory_mib`` and ``cpu_percent``
-    by role, ``cpu_percent_total``.
+    by executable, and ``cpu_percent_total``.
 ``wanted``
-    By claim, ``part.figure``: ``value``, ``bound``, ``met``; value and met are null where the part
-    was not measured, and met where nothing is judged.
+    For each claim, by ``part.figure``: the measured ``value``, the ``bound`` as text and whether
+    it is ``met``; both are null where the part was not measured, and ``met`` where nothing is
+    judged.
 """
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from benchmarks.processes import figures_of_process, why_not_ros
-from benchmarks.verdicts import verdicts
+from benchmarks.verdicts import values_of, verdicts
 from slip_detector.evaluation.bounds import Bound
 
-#: What is wanted, by part and figure.
+#: The bounds that are wanted, by part and figure.
 WANTED = {
     'relay.latency_ratio': Bound(high=1.2),
     'relay.cpu_ratio': Bound(high=0.6),
@@ -49,9 +50,9 @@ class Part(NamedTuple):
     Attributes
     ----------
     module : str
-        What runs as a process.
+        Module that runs as a process.
     words : tuple of str
-        Its arguments.
+        Arguments of the process.
     seconds, quick_seconds : float
         How long the nodes run, warm-up included.
     """
@@ -76,7 +77,7 @@ PARTS = {
     'fast_finger': _hand(1, 5000.0, 10, 60.0),
 }
 
-#: For the start and the end of the processes on a busy machine.
+#: Time for the start and the end of the processes on a busy machine.
 EXTRA_S = 420.0
 
 
@@ -88,11 +89,11 @@ def measure_soak(
     Parameters
     ----------
     parts
-        Which of ``PARTS``.
+        Keys of ``PARTS``.
     quick
-        Whether each part runs for its short time; nothing is judged then.
+        Run each part for its ``quick_seconds``, and judge nothing.
     seconds
-        How long each part runs, if not for its own time.
+        How long each part runs, instead of its own time.
 
     Raises
     ------
@@ -108,8 +109,5 @@ def measure_soak(
         lasts_s = seconds or (part.quick_seconds if quick else part.seconds)
         words = ['--seconds', str(lasts_s), *part.words]
         figures[name] = figures_of_process(part.module, words, lasts_s + EXTRA_S)
-    values = {}
-    for claim in WANTED:
-        name, figure = claim.split('.')
-        values[claim] = figures[name][figure] if name in figures else None
-    return {**figures, 'wanted': verdicts(WANTED, values, judged=not quick)}
+    verdicts_of_all = verdicts(WANTED, values_of(WANTED, figures), judged=not quick)
+    return {**figures, 'wanted': verdicts_of_all}

@@ -1,4 +1,4 @@
-"""The node that sends samples to detector and relay and notes when their answers arrive."""
+"""The node that sends samples to detector and relay and takes the times of their answers."""
 
 import itertools
 import threading
@@ -14,38 +14,38 @@ from std_msgs.msg import Bool, Header
 from benchmarks.processes import processor_time_s
 from slip_detector.nodes.messages import sensor_qos, time_message
 
-#: What is compared: the two take turns.
+#: The nodes that are compared, in the order of their turns.
 NODES = ('detector', 'relay')
 
-#: What all channels show at rest.
+#: The volts of all channels at rest.
 BASELINE_V = 4.3
 
-#: Before both nodes have answered, the relay is told to publish ON and OFF in turn, for so many
+#: Until both nodes have answered, the relay has to publish ON and OFF in turn, for this many
 #: samples each.
 CALL_SAMPLES = 20
 
-#: At rest between calling and the tone, for messages still on their way.
+#: Rest before the tone, in which the messages that are still on their way arrive.
 REST_S = 0.5
 
-#: Of the tone, not measured: the filters settle and the processes warm up.
+#: Start of the tone that is not measured: filters settle and processes warm up.
 WARM_UP_S = 1.0
 
 
 class Meter(Node):
-    """Sends the samples and notes the answers of both nodes, with their times.
+    """Sends the samples and keeps the answers of both nodes, with their times.
 
     Parameters
     ----------
     namespace
-        Of the three nodes; the detector and the relay are each in their own below it.
+        Namespace of the three nodes; detector and relay each have their own within it.
     rows
         Volts of each sample of the tone.
     states
-        What the relay is to publish on each.
+        What the relay has to publish on each sample.
     names
-        Of the channels.
+        Names of the channels.
     rate_hz
-        Of the samples.
+        Rate of the samples.
     pids
         Processes of the nodes, whose processor time is read.
     """
@@ -70,8 +70,8 @@ class Meter(Node):
         self._stop = threading.Event()
         self.connected = threading.Event()
         self.error: BaseException | None = None
-        # By node: when each sample of the tone was sent, what has been received since the first
-        # (time and state of each change), and processor time at both ends of the measured span.
+        # By node: when each sample of the tone was sent, the changes received since the first
+        # sample (time and state), and the processor time at both ends of the measured span.
         self.sent_ns: dict[str, list[int]] = {name: [] for name in NODES}
         self.received: dict[str, list[tuple[int, bool]]] = {name: [] for name in NODES}
         self.processor_times_s: dict[str, list[float]] = {name: [] for name in NODES}
@@ -80,8 +80,7 @@ class Meter(Node):
         self._voltages = [
             self.create_publisher(JointState, f'{name}/voltages', sensor_qos()) for name in NODES
         ]
-        # Deeper than the nodes': what counts is when a change arrives, not that this process may
-        # have been slow to take it.
+        # A deeper queue than the nodes have: no change may be lost because this process is slow.
         every_state = QoSProfile(
             depth=1000,
             reliability=ReliabilityPolicy.RELIABLE,

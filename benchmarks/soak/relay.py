@@ -1,6 +1,6 @@
-"""A node that only relays: the least that a node can do for the detector's input and output.
+"""A node that only relays: the least that a node can do with the detector's input and output.
 
-It is a process of its own and imports nothing of the package but the quality of service.
+It is a process of its own and imports only the quality of service from the package.
 """
 
 import rclpy

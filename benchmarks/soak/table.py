@@ -18,7 +18,7 @@ def soak_table(figures: dict[str, Any]) -> str:
 
 
 def _claims_of(part: str, wanted: dict[str, Any]) -> dict[str, str]:
-    """Return what is wanted of the figures of a part, with two spaces before it."""
+    """Return the claims about the figures of a part, in words, after two spaces."""
     claims = {}
     for claim, verdict in wanted.items():
         name, _, figure = claim.partition('.')

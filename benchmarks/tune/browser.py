@@ -1,4 +1,4 @@
-"""A browser without a screen, which opens pages of the package."""
+"""A browser without a screen, which opens the pages that the package writes."""
 
 import contextlib
 import importlib
@@ -14,7 +14,7 @@ BROWSERS = (
     'google-chrome-stable',
 )  # fmt: skip
 
-#: No screen, no updates, no requests of its own.
+#: Without a screen, updates or requests of its own.
 FLAGS = (
     '--headless', '--no-sandbox', '--disable-gpu', '--no-first-run',
     '--disable-background-networking', '--disable-component-update', '--disable-sync',
@@ -41,7 +41,7 @@ def browser() -> Iterator[Any]:
     ------
     playwright.sync_api.Browser
     """
-    # By name: Playwright may be missing, see why_no_browser.
+    # By name, as Playwright may be missing (see why_no_browser).
     sync_playwright = importlib.import_module('playwright.sync_api').sync_playwright
     path = next(path for path in map(shutil.which, BROWSERS) if path)
     with sync_playwright() as playwright:

@@ -31,7 +31,7 @@ def options() -> argparse.ArgumentParser:
 
 
 def run(words: argparse.Namespace) -> Measurement:
-    """Measure the tuner and what is around it.
+    """Measure reading, evaluation, search and report, and what tuning brings.
 
     Raises
     ------

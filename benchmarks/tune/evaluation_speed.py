@@ -1,4 +1,4 @@
-"""What evaluating an hour costs, against copying the hour and holding it against a threshold.
+"""What it costs to evaluate an hour, against copying it and comparing it with a threshold.
 
 Both sides read the same npz file, not compressed and in the page cache, in turns. The plain
 pass reads the array with ``numpy.load``, copies it and compares it with a number. The evaluation
@@ -7,11 +7,11 @@ is that of ``slip_evaluate``, from the file to the figures.
 :func:`measure_evaluation` gives one object:
 
 ``rows``, ``channels``, ``rounds``
-    The recording.
+    Size of the recording, and how often each side ran.
 ``evaluation_s``, ``plain_s``, ``plain_without_reading_s``
-    Least time of each.
+    Shortest time of the evaluation, of the plain pass, and of the plain pass without reading.
 ``ratio``
-    The first to the second.
+    ``evaluation_s`` divided by ``plain_s``.
 ``times_real_time``
     How many times faster than real time the evaluation is.
 ``figures``
@@ -54,7 +54,7 @@ def write_trials(path: Path, rows: int = HOUR_ROWS) -> None:
     path
         The npz file.
     rows
-        How many; the last trial is cut.
+        Number of rows; the last trial is cut there.
     """
     trials = [trial for plate in SCENES.values() for trial in simulate_trials(plate, range(2))]
     volts = np.concatenate([trial.volts for trial in trials])
@@ -74,9 +74,9 @@ def measure_evaluation(rows: int = HOUR_ROWS, rounds: int = ROUNDS) -> dict[str,
     Parameters
     ----------
     rows
-        Of 16 channels.
+        Number of rows of 16 channels.
     rounds
-        How often each side has its turn.
+        How often the sides take turns.
     """
     config = ChainConfig()
     evaluator = Evaluator(RecordingLoader(config, RecordingConfig(), EvaluationConfig()))

@@ -1,12 +1,12 @@
 """What tuning brings on families of simulated scenes.
 
-The figures are of other seeds than those that are tuned on.
-
-:func:`measure_families` gives, by the name of the family, ``given`` and ``tuned``, each with
-``slips``, ``recall``, ``false_alarms_per_minute``, ``latency_median_ms`` of the slips detected and
-``latency_median_all_ms`` of all, a missed one later than any, on seeds that the search has not
-seen; ``kept``: why the given parameters were kept, else empty; ``better``: whether the latency of
-all and the false alarms are both better; and ``parameters``: what was searched, as tuned.
+:func:`measure_families` gives an object for each family, by its name: ``given`` and ``tuned``, the
+figures of both chains on scenes with seeds that the search has not seen (``slips``, ``recall``,
+``false_alarms_per_minute``, ``latency_median_ms`` of the detected slips, and
+``latency_median_all_ms`` of all slips, where a missed one counts as later than any other);
+``kept``: why the given parameters were kept, else empty; ``better``: whether
+``latency_median_all_ms`` and the false alarms are both better; and ``parameters``: the tuned
+values of the parameters that are searched.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.commands.tune import Settings
+from slip_detector.commands.tune import TuningParameters
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.reading import read_yaml
@@ -25,18 +25,18 @@ from slip_detector.tuning.search import search
 from slip_detector.tuning.tracks import Track, held_out, track_of
 from slip_detector.tuning.verdict import Verdict, judge, pooled_figures
 
-#: The paper's plates; a family plays each with each of its seeds.
+#: The paper's plates; each is a scene of a family, with each seed.
 PLATES = ('plate_400um', 'plate_440um', 'plate_480um')
 
 TUNED_ON = range(900, 906)
 REPORTED_ON = range(1000, 1010)
 
-#: Share of the tracks tuned on that the search does not see, but the judgement.
+#: Share of the tracks that is held out of the search, for the judgement.
 SHARE = 1 / 3
 
 TRIALS = 200
 
-#: Taps and rolling come while the plate is held, before and after the slide.
+#: There are taps and rolling while the plate is held, before and after the slide.
 TAPS_S = (2.0, 2.6, 7.3, 8.0)
 ROLLING_S = 6.6
 
@@ -81,29 +81,31 @@ def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int])
 
 
 def search_candidate(
-    tracks: Sequence[Track], settings: Settings, trials: int, seed: int
+    tracks: Sequence[Track], parameters: TuningParameters, trials: int, seed: int
 ) -> Candidate | None:
     """Search on all tracks.
 
     Returns
     -------
     Candidate or None
-        The best that was found; None where none is better than the given parameters.
+        The best candidate; None where none is better than the given parameters.
     """
-    before = Objective(tracks, settings.evaluation, settings.tune).as_it_is(settings.chain)
+    before = Objective(tracks, parameters.evaluation, parameters.tune).as_it_is(parameters.chain)
     problem = Problem(
-        list(tracks), settings.chain, before.figures, settings.evaluation, settings.tune
+        list(tracks), parameters.chain, before.figures, parameters.evaluation, parameters.tune
     )
     study = problem.study(None, 'in memory', seed)
     search(problem, study, trials, lambda: False, lambda count: None)
     return problem.choice(study)
 
 
-def tune_and_judge(tracks: Sequence[Track], settings: Settings, trials: int, seed: int) -> Verdict:
+def tune_and_judge(
+    tracks: Sequence[Track], parameters: TuningParameters, trials: int, seed: int
+) -> Verdict:
     """Tune as ``slip_tune`` does: search on a part of the tracks, judge on the rest."""
     training, held = held_out(tracks, SHARE)
-    choice = search_candidate(training, settings, trials, seed)
-    problem = Problem(training, settings.chain, None, settings.evaluation, settings.tune)
+    choice = search_candidate(training, parameters, trials, seed)
+    problem = Problem(training, parameters.chain, None, parameters.evaluation, parameters.tune)
     return judge(problem, held, choice)
 
 
@@ -117,23 +119,23 @@ def measure_families(
     Parameters
     ----------
     trials
-        Of each search.
+        Number of trials of each search.
     tuned_on, reported_on
-        Seeds of the scenes.
+        Seeds of the scenes for the search and for the figures.
     """
     result = {}
-    settings = Settings()
+    parameters = TuningParameters()
     for name, descriptions in families().items():
-        verdict = tune_and_judge(play_scenes(descriptions, tuned_on), settings, trials, seed=0)
+        verdict = tune_and_judge(play_scenes(descriptions, tuned_on), parameters, trials, seed=0)
         tracks = play_scenes(descriptions, reported_on)
         both = {}
-        for which, chain in (('given', settings.chain), ('tuned', verdict.chain)):
-            replay = Replay(chain, settings.evaluation, scores=False, stages=False)
+        for which, chain in (('given', parameters.chain), ('tuned', verdict.chain)):
+            replay = Replay(chain, parameters.evaluation, scores=False, stages=False)
             whole = pooled_figures(
                 [replay.run(track.rows(), track.sample_rate_hz) for track in tracks]
             )
             both[which] = {figure: whole[figure] for figure in FIGURES}
-        parameters = verdict.chain.to_parameters()
+        tuned = verdict.chain.to_parameters()
         result[name] = {
             **both,
             'kept': verdict.kept,
@@ -141,7 +143,7 @@ def measure_families(
                 _less(both['tuned'][figure], both['given'][figure])
                 for figure in ('latency_median_all_ms', 'false_alarms_per_minute')
             ),
-            'parameters': {parameter: parameters[parameter] for parameter in SEARCHED},
+            'parameters': {parameter: tuned[parameter] for parameter in SEARCHED},
         }
     return result
 

@@ -1,15 +1,15 @@
-"""How many hours of recording are evaluated in a second, by number of jobs and by format.
+"""How many hours of recordings are evaluated in a second, by format and number of jobs.
 
 :func:`measure_jobs` gives one object:
 
 ``recordings``, ``minutes``, ``channels``, ``sample_rate_hz``
-    How many there are of each format, how long each is and what it holds.
+    Number of recordings of each format, and length, channels and rate of each.
 ``npz``, ``mcap``
-    Of each format: ``bytes_per_hour`` on disk; ``hours_per_s`` by number of jobs, from files to
-    the figures, the least time of all rounds; and ``processor_s_per_hour``, which processes that
-    do something else hardly change.
+    For each format: ``bytes_per_hour`` on disk; ``hours_per_s`` by number of jobs, from the files
+    to the figures, in the fastest round; and ``processor_s_per_hour``, which hardly depends on
+    other load of the machine.
 ``memory_mib``
-    The most that any worker process held.
+    The largest memory of a worker process.
 ``same``
     Whether all numbers of jobs gave the same figures.
 """
@@ -34,7 +34,7 @@ FORMATS = ('npz', 'mcap')
 
 JOBS = (1, 2)
 
-#: Recordings of each format, and minutes of each.
+#: Number of recordings of each format, and the minutes of each.
 RECORDINGS, MINUTES = 4, 15.0
 
 ROUNDS = 2
@@ -51,14 +51,14 @@ def measure_jobs(
     Parameters
     ----------
     recordings
-        Of each format.
+        Number of recordings of each format.
     minutes
         Length of each.
     rounds
-        How often they are evaluated with each number of jobs, after once that does not count:
-        then the processes have started and the files are in the page cache.
+        How often they are evaluated with each number of jobs. A round before these is not counted:
+        in it the processes start and the files get into the page cache.
     jobs
-        Numbers of processes.
+        Numbers of jobs to measure.
     """
     result: dict[str, Any] = {
         'recordings': recordings,
@@ -88,7 +88,7 @@ def measure_jobs(
 
 
 def _evaluate(folder: str, jobs: int, rounds: int) -> tuple[float, float, dict[str, Any]]:
-    """Return the least time of a round, the processor time here of all, and the figures."""
+    """Return the shortest time of a round, this process's processor time, and the figures."""
     evaluator = Evaluator(RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig()))
     least_s, processor_s = float('inf'), 0.0
     with Workers(jobs) as workers:

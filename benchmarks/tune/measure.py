@@ -1,23 +1,23 @@
 """Recordings read, evaluated, searched and reported, and what tuning brings.
 
-:func:`measure_tuning` gives one object (keys of ``python -m benchmarks tune --json``). ``--part``
-leaves out what it does not name:
+:func:`measure_tuning` gives one object (keys of ``python -m benchmarks tune --json``); with
+``--part`` only the named keys are there:
 
 ``evaluate``
-    As :mod:`benchmarks.tune.evaluation_speed` has it.
+    The figures of :mod:`benchmarks.tune.evaluation_speed`.
 ``read``
-    As :mod:`benchmarks.tune.reading_speed` has it, of an MCAP file.
+    The figures of :mod:`benchmarks.tune.reading_speed` for an MCAP file.
 ``jobs``
-    As :mod:`benchmarks.tune.jobs_speed` has it.
+    The figures of :mod:`benchmarks.tune.jobs_speed`.
 ``search``
-    As :mod:`benchmarks.tune.search_speed` has it.
+    The figures of :mod:`benchmarks.tune.search_speed`.
 ``report``
-    As :mod:`benchmarks.tune.report_size` has it.
+    The figures of :mod:`benchmarks.tune.report_size`.
 ``families``
-    As :mod:`benchmarks.tune.families` has it, by the name of the family under ``by_name``, with
-    ``better``, in how many of them latency and false alarms are better.
+    The figures of :mod:`benchmarks.tune.families`, ``by_name`` of the family; ``better``: in how
+    many families latency and false alarms are both better.
 ``real``
-    As :mod:`benchmarks.tune.real_recordings` has it.
+    The figures of :mod:`benchmarks.tune.real_recordings`.
 ``wanted``
     For each claim, by ``part.figure``: the measured ``value``, the ``bound`` as text and whether
     it is ``met``; both are null where it was not measured, and ``met`` with ``--quick``, which is
@@ -36,10 +36,10 @@ from benchmarks.tune.reading_speed import measure_reading, write_labelled_noise
 from benchmarks.tune.real_recordings import TRIALS, measure_real_recordings
 from benchmarks.tune.report_size import measure_report
 from benchmarks.tune.search_speed import measure_search
-from benchmarks.verdicts import verdicts
+from benchmarks.verdicts import values_of, verdicts
 from slip_detector.evaluation.bounds import Bound
 
-#: All that can be measured; ``real`` needs recordings.
+#: The parts; ``real`` needs recordings.
 PARTS = ('evaluate', 'read', 'jobs', 'search', 'report', 'families', 'real')
 
 WANTED = {
@@ -52,7 +52,7 @@ WANTED = {
     'real.least_auc_moving': Bound(low=0.90),
 }
 
-#: Searches on the real recordings, each with the next seed.
+#: Number of searches on the real recordings; their seeds count from 0.
 REAL_SEEDS = 5
 
 
@@ -67,11 +67,11 @@ def measure_tuning(
     Parameters
     ----------
     quick
-        Small and rough, for tests.
+        Measure little, and judge nothing.
     parts
-        Of :data:`PARTS`; none: all, but ``real`` only where there are recordings.
+        Some of :data:`PARTS`; without any all are measured, ``real`` only with recordings.
     recordings, config
-        A folder of labelled recordings and the parameters to begin with.
+        A folder of labelled recordings and the file of the parameters that are tuned.
 
     Raises
     ------
@@ -93,12 +93,7 @@ def measure_tuning(
             result['real'] = measure_real_recordings(recordings, config, seeds, trials)
         else:
             result[part] = _MEASURES[part](quick)
-    values = {
-        claim: result.get(part, {}).get(figure)
-        for claim in WANTED
-        for part, figure in [claim.split('.')]
-    }
-    result['wanted'] = verdicts(WANTED, values, judged=not quick)
+    result['wanted'] = verdicts(WANTED, values_of(WANTED, result), judged=not quick)
     return result
 
 

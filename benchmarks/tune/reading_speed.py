@@ -20,7 +20,7 @@ def write_labelled_noise(path: 'str | Path', seconds: float = 3600.0) -> None:
     Parameters
     ----------
     path
-        A new file; its ending is that of its format.
+        The new file; its ending tells the format.
     seconds
         Length of the recording.
     """

@@ -1,12 +1,12 @@
-"""What tuning brings on real recordings, each left out of its own search.
+"""What tuning brings on real recordings, each of which is left out of one search.
 
-:func:`measure_real_recordings` leaves each recording out of one search and scores it with the
-chain found there. It gives ``recordings``, how many; ``trials`` of a search; the area under the
-ROC curve of slip against motion over all recordings: ``given``, without tuning, and by the seed
-of the searches in ``seeds``, each ``auc_moving`` and ``auc_moving_by_threshold``; and
-``least_auc_moving``, of the seeds. Scores of different chains are made comparable by the
-recordings tuned on: by median and quartiles of their rows of motion, or by the threshold, which
-few slips set.
+:func:`measure_real_recordings` scores each recording with the chain that a search on the others
+has found. It gives ``recordings``, their number; ``trials`` of a search; the area under the ROC
+curve of slip against motion over all recordings, as ``auc_moving`` and
+``auc_moving_by_threshold``: in ``given`` without tuning, and in ``seeds`` by the seed of the
+searches; and ``least_auc_moving`` of all seeds. The recordings tuned on make the scores of
+different chains comparable: ``auc_moving`` scales them by the median and the quartiles of the rows
+of motion, ``auc_moving_by_threshold`` by the threshold, which depends on a few slips.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tune.families import search_candidate
-from slip_detector.commands.tune import settings_of
+from slip_detector.commands.tune import tuning_parameters_of
 from slip_detector.evaluation.labelled_rows import MOTION
 from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
@@ -24,7 +24,7 @@ from slip_detector.tuning.loading import load_tracks
 from slip_detector.tuning.sweep import VoteStatistics
 from slip_detector.tuning.tracks import Track
 
-#: Of each search; there is one for each recording and seed.
+#: Trials of each search; there is a search for each recording and seed.
 TRIALS = 100
 
 
@@ -36,13 +36,13 @@ def measure_real_recordings(
     Parameters
     ----------
     folder
-        Labelled recordings.
+        Folder of labelled recordings.
     config
-        A file of the parameters to begin with.
+        File of the parameters that are tuned.
     seeds
-        Of the searches.
+        Seeds of the searches.
     trials
-        Of each search.
+        Number of trials of each search.
 
     Returns
     -------
@@ -54,17 +54,17 @@ def measure_real_recordings(
     ValueError
         When the recordings or the parameters cannot be read; names them.
     """
-    settings = settings_of(str(config))
-    tracks = load_tracks([str(folder)], settings.loader)[0]
+    parameters = tuning_parameters_of(str(config))
+    tracks = load_tracks([str(folder)], parameters.loader)[0]
     by_seed = {}
     for seed in seeds:
         chains = []
         for track in tracks:
             others = [other for other in tracks if other is not track]
-            choice = search_candidate(others, settings, trials, seed)
-            chains.append(settings.chain if choice is None else choice.chain)
+            choice = search_candidate(others, parameters, trials, seed)
+            chains.append(parameters.chain if choice is None else choice.chain)
         by_seed[str(seed)] = _pooled_auc(tracks, chains)
-    given = _pooled_auc(tracks, [settings.chain] * len(tracks))
+    given = _pooled_auc(tracks, [parameters.chain] * len(tracks))
     return {
         'recordings': len(tracks),
         'trials': trials,
@@ -75,7 +75,7 @@ def measure_real_recordings(
 
 
 def _pooled_auc(tracks: Sequence[Track], chains: Sequence[ChainConfig]) -> dict[str, float]:
-    """Return the area of slip against motion of tracks, each with its chain."""
+    """Return the areas under the ROC curve of slip against motion over all tracks."""
     by_motion, by_threshold = ScoreTally(), ScoreTally()
     for track, chain in zip(tracks, chains, strict=True):
         one_pass = VoteStatistics(chain, [chain.vote])

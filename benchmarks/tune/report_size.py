@@ -1,4 +1,4 @@
-"""How large the report of an hour is, and how soon a browser has drawn it."""
+"""How large the report of an hour is, and how long a browser takes to draw it."""
 
 import tempfile
 from collections.abc import Iterator
@@ -16,13 +16,13 @@ from slip_detector.report.overview import Overview, events_of
 from slip_detector.report.page_data import Variant
 from slip_detector.scenes import find_scene, load_scene
 
-#: The hour is made of these, one after another and again.
+#: The hour consists of these scenes, which are repeated.
 SCENES = ('plate_400um', 'taps', 'tremor_hum', 'rolling')
 
-#: Added to each sample: repetitions without noise would compress to nothing.
+#: Noise that is added to each sample: repetitions without noise would compress too well.
 NOISE_V = 5e-4
 
-#: They differ as much as those before and after a search.
+#: The variants differ as much as a chain before and after a search.
 CONFIGS = {
     'given': ChainConfig(),
     'tuned': ChainConfig(
@@ -78,7 +78,7 @@ def _scene(name: str, seed: int) -> LabelledRows:
 def _pieces(
     parts: list[LabelledRows], rows: int, random: np.random.Generator
 ) -> Iterator[LabelledRows]:
-    """Yield the parts, with noise and again and again, until there are so many rows."""
+    """Yield the parts, repeated and with noise, until there are this many rows."""
     left = rows
     while left > 0:
         for volts, truth, *_ in parts:

@@ -1,15 +1,15 @@
-"""A search against the same around a chain in SciPy and NumPy, trial by trial in turns.
+"""A search against the same search with a chain in SciPy and NumPy; their trials take turns.
 
 :func:`measure_search` gives one object:
 
 ``trials``, ``minutes``, ``channels``, ``sample_rate_hz``
-    Of each search, and of the recording that it searches on.
+    Trials of each search, and length, channels and rate of the recording.
 ``search_s``, ``numpy_s``, ``speedup``
-    Processor time of all trials of each, so that other work is not counted, and their ratio.
+    Processor time of all trials of each search, and their ratio; other load is not counted.
 ``sampler_s``
-    What of each went into asking for the next trial.
+    The part of each that the sampler takes to propose the next trial.
 ``agreement``
-    Share of the trials in which both found the same cost.
+    Share of the trials in which both searches found the same cost.
 """
 
 import time
@@ -38,10 +38,10 @@ Floats = NDArray[np.float64]
 #: next to a threshold may be above it for one and below it for the other.
 SAME_COST_MS = 0.5
 
-#: More of the trials than this must have the same cost.
+#: At least this share of the trials must have the same cost.
 LEAST_AGREEMENT = 0.9
 
-#: Trials of each search, and minutes of the recording.
+#: Trials of each search, and length of the recording.
 TRIALS, MINUTES = 100, 15.0
 
 
@@ -60,9 +60,9 @@ def slips_and_noise(minutes: float, seed: int = 0) -> Track:
 
 
 class NumpyObjective(Objective):
-    """The objective with chain and sweep as a user of SciPy and NumPy would write them.
+    """The objective, with chain and sweep as a user of SciPy and NumPy would write them.
 
-    It has no check of the samples, as such scripts have none.
+    It does not check the samples, as such scripts do not.
     """
 
     def statistics(
@@ -73,7 +73,7 @@ class NumpyObjective(Objective):
         return {vote: [one[vote] for one in tracks] for vote in votes}
 
     def sweep(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
-        """Return what becomes of the tracks at each threshold."""
+        """Return latencies and false alarms of the tracks at each threshold."""
         false = np.zeros(limits.size, np.int64)
         latencies_ms = []
         for part, track in zip(statistic, self._tracks, strict=True):
@@ -107,7 +107,7 @@ class NumpyObjective(Objective):
 
 
 def _level(config: ChainConfig, volts: Floats) -> Floats:
-    """Return the level of a recording without gaps, an expression a stage; shape (n, c)."""
+    """Return the level of a recording without gaps, an expression for each stage; shape (n, c)."""
     deviations = volts - volts[0]
     if config.common_mode != 'none':
         take = np.median if config.common_mode == 'median' else np.mean
@@ -125,7 +125,7 @@ def _windowed_mean(values: Floats, window: int) -> Floats:
 
 
 def _statistics(level: Floats, config: ChainConfig, votes: Sequence[Vote]) -> dict[Vote, Floats]:
-    """Return the largest statistic of the groups by vote, shapes (n,)."""
+    """Return the largest statistic of all groups for each vote; shapes (n,)."""
     best = {vote: np.zeros(len(level)) for vote in votes}
     for members in config.groups.values():
         ordered = np.sort(level[:, np.array(members) - 1], axis=1)
@@ -142,14 +142,14 @@ def _statistics(level: Floats, config: ChainConfig, votes: Sequence[Vote]) -> di
 
 
 def measure_search(trials: int = TRIALS, minutes: float = MINUTES) -> dict[str, Any]:
-    """Compare a search with the same around :class:`NumpyObjective`.
+    """Compare a search with the same search with :class:`NumpyObjective`.
 
     Parameters
     ----------
     trials
-        Of each search.
+        Number of trials of each search.
     minutes
-        Of the recording.
+        Length of the recording.
 
     Raises
     ------

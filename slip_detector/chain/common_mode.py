@@ -1,8 +1,8 @@
 """The common mode: what all valid channels of a row have in common, as mean or median.
 
 It is taken of deviations from each channel's first good sample: baselines differ by far more than
-the signal, and a channel that leaves for a row would otherwise step all others. A channel that
-starts late is taken to have followed the others until then.
+the signal, and a channel without a good sample in one row would otherwise make all others jump. A
+channel that starts late is taken to have followed the others until then.
 
 A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane.
 """
@@ -13,17 +13,17 @@ from slip_detector.chain.compiled import compiled
 from slip_detector.chain.lanes import LANES, is_number, load, select, store
 from slip_detector.chain.stages import COMMON_V, FIRST, FIRST_ROW, HIGH, LOW, NO_ROW, WORD_ROWS
 
-#: What the parameter ``common_mode`` allows, and these as numbers.
-COMMON_MODES = ('none', 'mean', 'median')
+#: The values of the parameter ``common_mode`` as numbers.
 NO_COMMON_MODE, MEAN, MEDIAN = range(3)
+COMMON_MODE_NUMBERS = {'none': NO_COMMON_MODE, 'mean': MEAN, 'median': MEDIAN}
 
-#: Up to so many channels are ordered for the median by exchanges, sixteen rows side by side.
+#: For the median up to this many channels are sorted by exchanges, sixteen rows side by side.
 EXCHANGED_CHANNELS = 32
 
 
 @compiled
-def _all_count(rows, seats, tiles, valid):
-    """Return whether all channels are valid in all rows, and have been before."""
+def _all_valid(rows, seats, tiles, valid):
+    """Return whether all channels have started and are valid in all rows."""
     whole = ~NO_ROW >> np.uint64(WORD_ROWS - rows)
     for seat in seats:
         if np.isnan(tiles[seat // LANES, FIRST, seat % LANES]) or valid[seat] != whole:
@@ -33,7 +33,7 @@ def _all_count(rows, seats, tiles, valid):
 
 @compiled
 def _medians(volts, start, rows, columns, seats, tiles, deviations, common_v):
-    """Write the medians of rows in which all channels count.
+    """Write the medians of rows in which all channels are valid.
 
     A sort of one row has an unpredictable branch for each pair; exchanges of sixteen rows have
     none.
@@ -43,7 +43,7 @@ def _medians(volts, start, rows, columns, seats, tiles, deviations, common_v):
         first = tiles[seats[i] // LANES, FIRST, seats[i] % LANES]
         for k in range(rows):
             deviations[i, k] = volts[start + k, columns[i]] - first
-    # Each pass carries the largest of what is left to its place; half of them are enough.
+    # Each pass carries the largest value that is left to its place; half of the passes are enough.
     for k in range(0, rows, LANES):
         for end in range(channels - 1, channels - channels // 2 - 2, -1):
             most = load(deviations, (0, k))
@@ -60,7 +60,7 @@ def _medians(volts, start, rows, columns, seats, tiles, deviations, common_v):
 
 @compiled
 def _of_row(kind, values, before_v):
-    """Return the mean or median of a row's values; where there is none, that of the row before."""
+    """Return the mean or median of a row's values; without values, that of the row before."""
     n = values.size
     if n == 0:
         return before_v
@@ -77,7 +77,7 @@ def _of_row(kind, values, before_v):
 def find_common_mode(
     volts, start, rows, kind, bases, columns, seats, ranges, tiles, valid, deviations, common_v
 ):
-    """Write the common mode of each row to ``common_v``, and begin the channels that start.
+    """Write the common mode of each row to ``common_v``; keep the first sample of each channel.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def find_common_mode(
     if (
         kind == MEDIAN
         and seats.size <= EXCHANGED_CHANNELS
-        and _all_count(rows, seats, tiles, valid)
+        and _all_valid(rows, seats, tiles, valid)
     ):
         _medians(volts, start, rows, columns, seats, tiles, deviations, common_v)
         tiles[0, COMMON_V, 0] = common_v[rows - 1]

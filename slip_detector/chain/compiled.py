@@ -15,7 +15,7 @@ except ImportError:  # not every robot has Numba
     COMPILED = False
 
 
-#: A file with one of these has compiled functions.
+#: A file that contains one of these has compiled functions.
 MARKS = (b'@compiled', b'@intrinsic')
 
 
@@ -33,12 +33,12 @@ FINGERPRINT = _fingerprint()
 
 
 def on_compiling(say: Callable[[str], None]) -> None:
-    """Have a function called each time a function of the package is not in the cache.
+    """Call a function each time that Numba compiles a function of this package.
 
     Parameters
     ----------
     say
-        Is given the function's module before it is compiled, in the thread that compiles.
+        Is given the module of the function that is compiled, before it is, in the same thread.
 
     Examples
     --------

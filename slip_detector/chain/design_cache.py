@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 FOLDER = Path(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')) / 'slip_detector'
 
 
-def kept(key: tuple[object, ...], design: Callable[[], Array]) -> Array:
+def load_or_make(key: tuple[object, ...], design: Callable[[], Array]) -> Array:
     """Return a design from disk, or make it and write it to disk.
 
-    Where the signal package is loaded already the design is only made, as no time can be saved.
-    So a search over thousands of filters leaves no files.
+    Where the signal package is loaded already, nothing is read or written: no time could be saved,
+    and a search over thousands of filters leaves no files.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def kept(key: tuple[object, ...], design: Callable[[], Array]) -> Array:
         if sections.ndim == 2 and sections.shape[1] == 6 and sections.dtype == np.float64:
             return sections
     sections = design()
-    # Where the file cannot be written the next start takes as long as this one.
+    # If the file cannot be written, the next start takes as long as this one.
     with contextlib.suppress(OSError):
         FOLDER.mkdir(parents=True, exist_ok=True)
         # It gets its name when it is complete, as another process may read it at any time.

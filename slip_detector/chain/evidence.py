@@ -11,7 +11,7 @@ channel has any excess.
 import numpy as np
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.chain.lanes import LANES, is_number, load, select, size, spread, store
+from slip_detector.chain.lanes import LANES, absolute, is_number, load, select, spread, store
 from slip_detector.chain.logarithms import root_decibels
 from slip_detector.chain.stages import (
     AGE,
@@ -46,7 +46,7 @@ def _find_steps(volts, start, rows, column, tile_range, impact_v, tile, steps, s
     for k in range(start, start + rows):
         sample = load(volts, (k, column))
         good = (sample >= low) & (sample <= high)
-        found = found | select(good & (size(sample - last) > impact_v), row, NO_ROW)
+        found = found | select(good & (absolute(sample - last) > impact_v), row, NO_ROW)
         last = select(good, sample, last)
         row = row + row
     store(found, steps, seat)

@@ -17,7 +17,7 @@ EDGE_TOLERANCE = 1e-3
 
 #: Largest bound of the gain's relative error by rounding the coefficients to float64. The actual
 #: error is about a tenth of the bound. Narrow bands at low edges exceed it.
-ROUND_OFF = 3e-6
+LARGEST_ROUND_OFF = 3e-6
 
 #: Least distance of a pole from the unit circle: in float64 a closer pole cannot be told from an
 #: unstable one.
@@ -68,7 +68,7 @@ def design(config: ChainConfig) -> Array:
 @functools.lru_cache(maxsize=64)
 def _unit_gain_network(*parameters: Any) -> Array:
     """Return the network with a gain of 1, from memory or disk if it is there."""
-    return design_cache.kept(parameters, lambda: _designed_network(*parameters))
+    return design_cache.load_or_make(parameters, lambda: _designed_network(*parameters))
 
 
 def _designed_network(
@@ -116,7 +116,7 @@ def _check(sections: Array, edges_hz: list[float], rate_hz: float, name: str, ga
     radius = largest_pole_radius(sections)
     measured = np.abs(response(sections, np.array(edges_hz), rate_hz))
     lost = not np.all(np.abs(measured - gain) <= EDGE_TOLERANCE * gain)
-    if radius > 1 - STABILITY_MARGIN or lost or round_off(sections) > ROUND_OFF:
+    if radius > 1 - STABILITY_MARGIN or lost or round_off(sections) > LARGEST_ROUND_OFF:
         edges = ' and '.join(f'{edge:g}' for edge in edges_hz)
         what = 'unstable' if radius >= 1 else 'lost to round-off'
         raise ValueError(
@@ -144,7 +144,7 @@ def round_off(sections: Array) -> float:
 
     Examples
     --------
-    >>> bool(round_off(design(ChainConfig())) < ROUND_OFF)
+    >>> bool(round_off(design(ChainConfig())) < LARGEST_ROUND_OFF)
     True
     """
     worst = 0.0

@@ -49,14 +49,14 @@ from slip_detector.chain.votes import (
     rows_of_count,
 )
 
-#: Signals of more values than this (2 MB) go to memory past the caches: a store that misses them
-#: all would fetch first what it overwrites.
+#: Signals of more values than this (2 MB) are written past the caches: an ordinary store would
+#: first fetch the cache line that it overwrites.
 CACHED_VALUES = 2**18
 
 #: Bits of the signals that are kept, in their order.
 KEEP_ENVELOPE, KEEP_LEVEL, KEEP_FLOOR, KEEP_EXCESS = 1, 2, 4, 8
 
-#: The vote of a chain that asks for it, as those of a statistic are given.
+#: The vote ``mean`` alone, in the form that :func:`raise_to_votes` takes.
 MEAN_ALONE = np.array([VOTE_MEAN])
 
 
@@ -95,7 +95,7 @@ def _decide(rows, vote, threshold, on, valid, layout, scratch):
 
 @compiled
 def _write_flags(decisions, flags, start, rows):
-    """Write words as a byte a row."""
+    """Write each word as one column of flags, with a byte for each of its rows."""
     width = flags.shape[1]
     if width < LANES:
         for i in range(width):
@@ -114,7 +114,7 @@ def _write_flags(decisions, flags, start, rows):
 
 @compiled
 def _write_statistics(rows, layout, threshold, scratch, signals, start):
-    """Write what each vote holds against 1 to the last columns of ``signals``."""
+    """Write the statistic of each vote, ON above 1, to the last columns of ``signals``."""
     scratch.statistics[:] = 0.0
     for g in range(layout.bounds.size - 1):
         first, end = layout.bounds[g], layout.bounds[g + 1]
@@ -122,7 +122,7 @@ def _write_statistics(rows, layout, threshold, scratch, signals, start):
         raise_to_votes(levels, end - first, rows, layout.votes, scratch.statistics)
     column = signals.shape[1] - layout.votes.size
     for v in range(layout.votes.size):
-        if threshold != 1.0:  # the tuner's, which asks for levels
+        if threshold != 1.0:  # it is 1 for the tuner
             for k in range(0, rows, LANES):
                 store(load(scratch.statistics, (v, k)) / threshold, scratch.statistics, (v, k))
         for k in range(rows):
@@ -171,7 +171,7 @@ def _run_tile(
     volts, chunk, end, t, settings, checked, tile_range, least_db, sections, layout, tile, scratch,
     signals, kept, past_caches,
 ):  # fmt: skip
-    """Run the rows of a chunk through the stages of one tile, up to the words of its channels.
+    """Run the rows of a chunk through one tile, up to where its channels are ON and valid.
 
     ``checked`` tells whether the samples have been checked already.
     """
@@ -247,9 +247,9 @@ def run(volts, flags, signals, tiles, plan, kept):
     flags
         Decisions, shape (n, 1 + 2 g + 2 c): slip, groups, whether they can vote, channels, valid.
     signals
-        What is kept, side by side, with as many columns each as ``volts``: envelope, level, floor,
-        excess; beside excess a column that tells where an impact is held for; then the statistic
-        of v votes.
+        Envelope, level, floor and excess, where they are kept, each with as many columns as
+        ``volts``; after excess a column that tells where an impact is held for; then the
+        statistics of v votes, a column each.
     tiles
         The state, shape (t, slots, 16).
     plan
@@ -258,7 +258,7 @@ def run(volts, flags, signals, tiles, plan, kept):
         The bits of the signals that are kept.
     """
     settings, ranges, least_db, sections, layout, scratch = parts_of(plan)
-    # Empty results have no address.
+    # The size is compared first, as an empty array has no address.
     past_caches = (
         signals.size > CACHED_VALUES
         and signals.shape[1] % LINE == 0

@@ -9,8 +9,8 @@ vectors of a kind, or a vector and a number:
 - words: ``+ & | >> <<`` and ``!=``;
 - bool: ``& |``.
 
-Every operation is rounded as IEEE 754 has it, a multiplication and an addition are never fused:
-with and without Numba, and on any processor, the bits are the same.
+Every operation is rounded as IEEE 754 demands, and a multiplication is never fused with an
+addition: with and without Numba, and on any processor, the bits are the same.
 """
 
 import operator
@@ -19,10 +19,12 @@ import numpy as np
 
 from slip_detector.chain.compiled import COMPILED
 
-#: Twice what the widest registers hold: one half is worked on while the other waits for a result.
+#: Values in a vector. The widest registers hold half of them: while the result of one half is
+#: awaited, the other half is computed.
 LANES = 16
 
-#: Values of float64 in a cache line: a vector that begins elsewhere costs double.
+#: Float64 values in a cache line: to load or store a vector costs double unless it begins where
+#: a line does.
 LINE = 8
 
 if not COMPILED:
@@ -62,11 +64,11 @@ if not COMPILED:
         """Return which values are not NaN."""
         return ~np.isnan(values)
 
-    def root(values):
+    def square_root(values):
         """Return the square roots."""
         return np.sqrt(values)
 
-    def size(values):
+    def absolute(values):
         """Return the absolute values."""
         return np.abs(values)
 
@@ -125,7 +127,10 @@ else:
         return builder.shuffle_vector(one, one, zeros)
 
     def _of_vectors(result, emit):
-        """Return what ``intrinsic`` wants of a function of vectors or numbers."""
+        """Return the result type and a code generator for ``intrinsic``.
+
+        ``emit`` is given the builder and the arguments, numbers among them in all lanes.
+        """
 
         def codegen(context, builder, signature, args):
             return emit(builder, *(_in_all_lanes(builder, value) for value in args))
@@ -133,7 +138,7 @@ else:
         return result, codegen
 
     def _operator(function, kind, result, emit):
-        """Make Numba take an operator of two vectors, or of one and a number."""
+        """Define an operator of two vectors, or of a vector and a number, for Numba."""
 
         @intrinsic
         def call(typing, a, b):
@@ -203,7 +208,7 @@ else:
         return kind(array, at), codegen
 
     def _write(context, builder, signature, args, align):
-        """Write a vector to an array from an index on, and return the instruction."""
+        """Write a vector to an array from an index on; return the instruction of LLVM."""
         address = _address(context, builder, *signature.args[1:], *args[1:])
         pointer = builder.bitcast(address, args[0].type.as_pointer())
         return builder.store(args[0], pointer, align=align)
@@ -223,9 +228,9 @@ else:
 
     @intrinsic
     def store_past_caches(typing, values, array, at):
-        """Write float64 to memory without reading it into the caches before.
+        """Write a vector of float64 to memory without fetching its cache lines first.
 
-        The first value has to be where a cache line begins.
+        The index must be where a cache line begins.
         """
 
         def codegen(context, builder, signature, args):
@@ -239,9 +244,8 @@ else:
     def _part_as(element):
         """Return a function of an array of 64-bit values, a place in it, and a shape.
 
-        It returns the part that begins there, with this type of element. Unlike a slice it is not
-        counted as a reference, which costs each slice of a call 25 ns: it must not outlive the
-        array.
+        It returns the part that begins there, with this type of element. Unlike a slice, the part
+        keeps no reference to the array, which would cost 25 ns: it must not outlive the array.
         """
 
         @intrinsic
@@ -288,7 +292,7 @@ else:
         return _of_vectors(BOOLS(values), lambda builder, a: builder.fcmp_ordered('ord', a, a))
 
     def _of_floats(name):
-        """Return what LLVM has for each float64 under the name."""
+        """Return a function that emits a call of LLVM's function of this name on each float64."""
 
         def emit(builder, a):
             kind = ir.FunctionType(a.type, [a.type])
@@ -300,12 +304,12 @@ else:
         return emit
 
     @intrinsic
-    def root(typing, values):
+    def square_root(typing, values):
         """Return the square roots."""
         return _of_vectors(FLOATS(values), _of_floats('sqrt'))
 
     @intrinsic
-    def size(typing, values):
+    def absolute(typing, values):
         """Return the absolute values."""
         return _of_vectors(FLOATS(values), _of_floats('fabs'))
 

@@ -13,12 +13,12 @@ from slip_detector.chain.result import SlipResult
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 
-#: Rows kept for a new chain to settle on. The slowest pole of the paper's filters falls to a
-#: thousandth in two seconds.
+#: The rows of this time are kept, and a new chain starts with them. The slowest response of the
+#: paper's filters falls to a thousandth in two seconds.
 HISTORY_S = 5.0
 
-#: What the chain remembers of the rows so far does not depend on these: they change at once.
-OF_THE_DECISION = (
+#: The state of the chain does not depend on these parameters: they change at once.
+DECISION_PARAMETERS = (
     'channel_names',
     'valid_range_v',
     'flat_after_s',
@@ -42,25 +42,25 @@ OF_THE_DECISION = (
 #: its noise floors: five seconds tell less of them than all rows before did.
 FLOOR_OUTLASTS = ('disabled_channels', 'envelope_window_s', 'decision_window_s')
 
-#: What is changed within this time of a first change is built at once.
+#: One chain is built for all changes that come within this time of the first.
 GATHER_S = 0.1
 
-#: With these, the rows kept are no longer rows of this input.
-OF_THE_INPUT = ('sample_rate_hz', 'channels')
+#: When one of these parameters changes, the rows kept cannot be used.
+INPUT_PARAMETERS = ('sample_rate_hz', 'channels')
 
 
-class Ready(NamedTuple):
-    """A chain that may take the place of the running one.
+class Replacement(NamedTuple):
+    """A chain that is ready to take the place of the running one.
 
     Attributes
     ----------
     chain : SlipChain or None
-        None: only parameters that the chain does not have were changed.
+        None where only parameters of the node were changed, which the chain does not have.
     config : ChainConfig
         The whole configuration.
     settled : tuple of int or None
-        Rows seen and resets when it was fed with the rows kept; None: it goes on with the state of
-        the running one.
+        The numbers of rows and of resets at the time at which the chain was given the rows kept;
+        None where it takes over the state of the running one.
     """
 
     chain: SlipChain | None
@@ -71,16 +71,15 @@ class Ready(NamedTuple):
 class LiveChain:
     """A :class:`SlipChain` for a stream of rows, whose configuration can be replaced.
 
-    Rows may come in one thread while another changes the configuration: no row waits for filters
-    to be designed or a chain to be built. :meth:`change` orders a chain and :meth:`swap` puts it
+    Rows may come in one thread while another changes the configuration: no row waits for the
+    design of filters or for a new chain. :meth:`change` orders a chain, and :meth:`swap` puts it
     in the place of the running one, between two rows.
 
-    For parameters of the decision alone (threshold, vote, groups, ..., and those of floors,
-    evidence and impacts) the chain is ready at once, and goes on with the state of the filters,
-    floors and evidence. For any other it is built in a thread of its own, after ``GATHER_S`` in
-    which more may be ordered, and fed with the rows of the last ``HISTORY_S``: it decides as if it
-    had run for that long. Where the rate or the number of channels changes, it starts without any
-    rows.
+    When only parameters of the decision change (threshold, vote, groups, ..., and those of floors,
+    evidence and impacts), the new chain is ready at once and takes over the state of the running
+    one. Otherwise it is built in a thread of its own, after ``GATHER_S`` in which further changes
+    are awaited, and is given the rows of the last ``HISTORY_S``: it decides as if it had run for
+    that long. When the rate or the number of channels changes, it starts without any rows.
 
     Parameters
     ----------
@@ -102,18 +101,17 @@ class LiveChain:
         self.config = config
         self._chain = SlipChain(config)
         self._on_built = on_built
-        # Held for the rows, and for what takes no longer than a row.
+        # Held while rows are taken, and for nothing that takes longer than a row.
         self._lock = threading.Lock()
         self._history: deque[NDArray[np.float64]] = deque()
         self._kept_rows = config.samples(HISTORY_S)
         self._rows_in_history = 0
-        # Since the last reset.
-        self._rows_seen = 0
+        self._rows_seen = 0  # since the last reset
         self._resets = 0
-        # What is to be built, and whether a thread is waiting to build it.
+        # The chain that is to be built, and whether a thread is waiting to build it.
         self._ordered: ChainConfig | None = None
         self._gathering = False
-        self._ready: Ready | None = None
+        self._replacement: Replacement | None = None
 
     def update(self, rows: NDArray[np.float64], *, level: bool) -> SlipResult:
         """Take the next rows, shape (n, c), and decide on each."""
@@ -140,14 +138,14 @@ class LiveChain:
     def change(self, config: ChainConfig) -> bool:
         """Order another configuration; return whether :meth:`swap` may be called for it at once.
 
-        Else a chain is built, and it may be called then. What was ordered before and has not been
-        put in place never is.
+        If not, a chain is built first, and then ``on_built`` is called. An order replaces the one
+        before it, unless that is in place already.
         """
         with self._lock:
             differ = self._differ(config)
-            decision_only = differ <= set(OF_THE_DECISION)
+            decision_only = differ <= set(DECISION_PARAMETERS)
             chain = SlipChain(config) if differ and decision_only else None
-            self._ready = Ready(chain, config) if decision_only else None
+            self._replacement = Replacement(chain, config) if decision_only else None
             self._ordered = None if decision_only else config
             gather = not decision_only and not self._gathering
             self._gathering |= gather
@@ -158,17 +156,17 @@ class LiveChain:
         return decision_only
 
     def swap(self) -> bool:
-        """Put what was ordered last in the place of the running chain.
+        """Put the chain that was ordered last in the place of the running one.
 
         Returns
         -------
         bool
-            False when it is not ready, or is in place already.
+            False where no chain is ready, or it is in place already.
         """
         with self._lock:
-            if self._ready is None:
+            if self._replacement is None:
                 return False
-            (chain, config, settled), self._ready = self._ready, None
+            (chain, config, settled), self._replacement = self._replacement, None
             if settled is not None:
                 assert chain is not None
                 self._catch_up(chain, *settled)
@@ -188,13 +186,13 @@ class LiveChain:
         }
 
     def _build(self) -> None:
-        """Build what has been ordered, and say so if nothing else has been ordered meanwhile."""
+        """Build the chain that was ordered; say so unless another has been ordered meanwhile."""
         with self._lock:
             self._gathering = False
             config = self._ordered
             if config is None:
                 return
-            same_input = not self._differ(config) & set(OF_THE_INPUT)
+            same_input = not self._differ(config) & set(INPUT_PARAMETERS)
             settle_on = list(self._history) if same_input else []
             seen, resets = self._rows_seen, self._resets
         chain = SlipChain(config)
@@ -203,12 +201,12 @@ class LiveChain:
         with self._lock:
             if config is not self._ordered:
                 return
-            self._ordered, self._ready = None, Ready(chain, config, (seen, resets))
+            self._ordered, self._replacement = None, Replacement(chain, config, (seen, resets))
         self._on_built()
 
     def _catch_up(self, chain: SlipChain, seen: int, resets: int) -> None:
-        """Feed a chain that has been built with the rows that have come since."""
-        if self._differ(chain.config) & set(OF_THE_INPUT):
+        """Give a chain the rows that have come since it was built."""
+        if self._differ(chain.config) & set(INPUT_PARAMETERS):
             self._forget()
         elif resets != self._resets:
             chain.reset()
@@ -220,7 +218,7 @@ class LiveChain:
     def _keep_floors(self, chain: SlipChain) -> None:
         """Give a chain that has been built the noise floors of the running one if they fit."""
         evidence = chain.config.decision == self.config.decision == 'evidence'
-        if evidence and self._differ(chain.config) <= {*OF_THE_DECISION, *FLOOR_OUTLASTS}:
+        if evidence and self._differ(chain.config) <= {*DECISION_PARAMETERS, *FLOOR_OUTLASTS}:
             chain.take_floors(self._chain)
 
     def _forget(self) -> None:

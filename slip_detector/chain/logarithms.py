@@ -9,13 +9,14 @@ import numpy as np
 from slip_detector.chain.compiled import compiled
 from slip_detector.chain.lanes import floats_of, spread, words_of
 
-# Of a float64: the bits of the fraction, how many they are, and those of the exponent of 1.
+# The parts of a float64: the bits of the fraction and their number, the bits of 1.0, and the bias
+# of the exponent.
 FRACTION = np.uint64(2**52 - 1)
 FRACTION_BITS = np.uint64(52)
 ONE = np.uint64(0x3FF << 52)
 BIAS = 1023.0
 
-# Added to an integer below it, 2^52 leaves the integer in the bits of the fraction.
+# The sum of 2^52 and a smaller integer has that integer as the bits of its fraction.
 LARGE = 2.0**52
 LARGE_BITS = np.uint64(0x433 << 52)
 

@@ -1,10 +1,10 @@
-"""What the kernel is told beside samples and state, and its memory to work in: one array.
+"""The plan: all that the kernel needs beside samples and state, in one array.
 
-Each array that is passed to compiled code costs a call 100 ns and a tuple of them a microsecond,
-hence a *plan* is one array of float64, and the kernel gives its parts names once it has it:
+A call of compiled code takes 100 ns for each array that it is given, and a microsecond for a tuple
+of arrays. Therefore a *plan* is one array of float64, and the kernel divides it into its parts:
 :class:`Settings`, then the tiles' ranges of good samples and least noise floors and the filters'
-sections, then :class:`Layout` as the bits of integers, then :class:`Scratch`. Interpreted, naming
-them would cost each call memory and time: there a plan is its :class:`Parts`.
+sections, then :class:`Layout` as the bits of integers, then :class:`Scratch`. Without Numba
+dividing it would cost each call time: there a plan is its :class:`Parts`.
 
 A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane. Tiles may
 overlap; then a channel's seat is in the first of them, and in the other it is computed to the
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.chain.common_mode import COMMON_MODES, NO_COMMON_MODE
+from slip_detector.chain.common_mode import COMMON_MODE_NUMBERS, NO_COMMON_MODE
 from slip_detector.chain.compiled import COMPILED, compiled
 from slip_detector.chain.evidence import floor_steps_db, least_floor_db
 from slip_detector.chain.lanes import LANES, LINE, float_part, integer_part, word_part
@@ -33,7 +33,7 @@ CHUNK_WORDS = 8
 
 
 class Settings(NamedTuple):
-    """Numbers of a configuration.
+    """What the kernel needs of a configuration, as numbers.
 
     Attributes
     ----------
@@ -41,12 +41,12 @@ class Settings(NamedTuple):
         Repeats of a sample from which on a channel is flat; may be infinite.
     threshold : float
     common_mode : float
-        Place in :data:`slip_detector.chain.common_mode.COMMON_MODES`.
+        ``NO_COMMON_MODE``, ``MEAN`` or ``MEDIAN``.
     full_wave : float
         0 for half-wave.
     exponent : float
     vote : float
-        As :func:`slip_detector.chain.votes.vote_numbers` has it.
+        As :func:`slip_detector.chain.votes.vote_numbers` returns it.
     envelope_rows, level_rows : float
         Lengths of the windows; with evidence there is no second one.
     comb_rows : float
@@ -138,17 +138,18 @@ class Scratch(NamedTuple):
     digits : ndarray of words, shape (DIGITS,)
         For counting votes.
     on, valid : ndarray of words, shape (w, 16 t + 1)
-        By seat the rows in which it is; the last is that of disabled channels: none.
+        For each seat the rows in which the channel is; the last seat stands for disabled channels
+        and has none.
     steps : ndarray of words, shape (16 t,)
-        By seat the rows in which it steps; none where no impact is looked for.
+        For each seat the rows in which the channel steps; none where no impact is looked for.
     held : ndarray of words, shape (w,)
         Rows that an impact is held for.
     decisions : ndarray of words, shape (1 + 2 g + 2 c,)
-        By column of the flags.
+        The columns of the flags, as words.
     mean : ndarray, shape (1, 64)
         For the geometric mean of a group.
     deviations, levels : ndarray, shape (e, 64)
-        For the common mode and for the votes; none where these do not need them.
+        For the common mode and for the votes; empty where these do not need them.
     statistics : ndarray, shape (v, 64)
     """
 
@@ -341,7 +342,7 @@ def tile_bases_of(config: ChainConfig) -> list[int]:
     [0, 24]
     """
     disabled = set(config.disabled_channels)
-    # The kernel sees a tile at least.
+    # The rows that the kernel is given have at least the columns of one tile.
     last = max(config.channels, LANES) - LANES
     bases: list[int] = []
     for channel in range(config.channels):
@@ -387,7 +388,7 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
     Raises
     ------
     ValueError
-        When a vote is none.
+        When a vote is not allowed.
     """
     wanted = vote_numbers(votes)
     disabled = {channel - 1 for channel in config.disabled_channels}
@@ -420,7 +421,7 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
     settings = Settings(
         flat_rows=config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
         threshold=config.threshold,
-        common_mode=COMMON_MODES.index(config.common_mode),
+        common_mode=COMMON_MODE_NUMBERS[config.common_mode],
         full_wave=config.rectify == 'full',
         exponent=config.exponent,
         vote=int(vote_numbers([config.vote])[0]),

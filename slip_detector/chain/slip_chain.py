@@ -33,7 +33,7 @@ from slip_detector.chain.stages import (
 )
 from slip_detector.parameters.detector import ChainConfig
 
-BOOL = np.dtype(np.bool_)  # as an object: looking the type up costs more than the array
+BOOL_TYPE = np.dtype(np.bool_)  # made once: to look the type up takes longer than to make an array
 
 
 class SlipChain:
@@ -83,10 +83,10 @@ class SlipChain:
         self._columns, self._channels = max(config.channels, LANES), config.channels
         self._groups = len(config.groups)
         self._width = 1 + 2 * self._groups + 2 * config.channels
-        # Columns of disabled channels may be in no tile, and are not written.
+        # Columns of disabled channels may be in no tile; these are not written.
         self._new_signals = np.zeros if config.disabled_channels else np.empty
         self.reset()
-        # Compiling, or loading what an earlier run compiled, must not wait for the first sample.
+        # Compiles the kernel, or loads it from the cache, before the first sample comes.
         self.update(np.zeros((0, config.channels)))
 
     def reset(self) -> None:
@@ -221,7 +221,9 @@ class SlipChain:
             padded = np.zeros((len(rows), LANES))
             padded[:, :channels] = rows
             rows = padded
-        elif not rows.flags.writeable:  # another type to Numba, which would compile once more
+        elif (
+            not rows.flags.writeable
+        ):  # to Numba this is another type, for which it would compile again
             rows = rows.copy()
         n, many = len(rows), len(votes)
         kept = KEEP_ENVELOPE * envelope + KEEP_LEVEL * level
@@ -231,7 +233,7 @@ class SlipChain:
                 raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
             kept += KEEP_FLOOR * floor + KEEP_EXCESS * excess
             signal_columns += self._columns * (floor + excess) + excess
-        flags = np.empty((n, self._width), BOOL)
+        flags = np.empty((n, self._width), BOOL_TYPE)
         shape = (n, signal_columns)
         if n * shape[1] > CACHED_VALUES:
             signals = aligned(self._new_signals, shape)

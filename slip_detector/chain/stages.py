@@ -12,12 +12,12 @@ import numpy as np
 from slip_detector.chain.compiled import compiled
 from slip_detector.chain.lanes import (
     LINE,
+    absolute,
     is_number,
     load,
-    root,
     select,
-    size,
     spread,
+    square_root,
     store,
     store_past_caches,
 )
@@ -27,10 +27,11 @@ WORD_ROWS = 64
 
 NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
 
-# Slots of a tile's state before those of the sections, the comb and the windows. Lane 0 alone
-# counts of the rows into the present stretch of a window or of the comb, and, in the first tile,
-# of the last row's common mode and of how many more rows an impact is held for. From COMB_ROW on
-# they are those of comb and evidence.
+# The first slots of a tile's state; those of the sections, of the comb and of the windows follow.
+# Five are one number for the whole tile, in lane 0: ENVELOPE_ROW and LEVEL_ROW, the rows of the
+# present stretch of a window so far, COMB_ROW, the same of the comb, and, in the first tile alone,
+# COMMON_V, the common mode of the last row, and HOLD_ROWS, how many more rows an impact is held
+# for. From COMB_ROW on they are those of comb and evidence.
 (
     LAST,
     REPEATS,
@@ -51,7 +52,7 @@ NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
     FIXED_SLOTS,
 ) = range(17)
 
-# Rows of a tile's range of good samples.
+# Rows of a tile's range: the lowest and the highest good sample of each channel.
 LOW, HIGH = 0, 1
 
 
@@ -59,8 +60,8 @@ LOW, HIGH = 0, 1
 def check_samples(volts, start, rows, column, tile_range, flat_rows, tile, words, at):
     """Write the rows with a good sample that is not flat to ``words`` from ``at`` on.
 
-    ``column`` is the first of the tile's columns in ``volts``. What is remembered: each channel's
-    last good sample, and how often it has come again.
+    ``column`` is the first of the tile's columns in ``volts``. The state keeps each channel's last
+    good sample and how many times it has been repeated.
     """
     low, high = load(tile_range, (LOW, 0)), load(tile_range, (HIGH, 0))
     last, repeats = load(tile, (LAST, 0)), load(tile, (REPEATS, 0))
@@ -82,8 +83,8 @@ def load_deviations(volts, start, rows, column, tile_range, common_v, tile, bloc
     """Write the filters' input to ``block``: deviations from each channel's first good sample.
 
     The network passes no constant, so the deviation from the first sample, filtered from rest, is
-    the sample itself filtered from the steady state of the first; without its rounding errors.
-    In place of a bad sample the input before it is held.
+    the sample itself filtered from the steady state of the first, without the rounding errors of
+    a large constant. A bad sample is replaced by the input of the row before.
     """
     low, high = load(tile_range, (LOW, 0)), load(tile_range, (HIGH, 0))
     first, held = load(tile, (FIRST, 0)), load(tile, (HELD, 0))
@@ -144,7 +145,7 @@ def _store_delays(delays, tile, s):
 
 @compiled
 def _section(u, coefficients, delays):
-    """Return a row's output of a second-order section (transposed direct form II), and delays."""
+    """Return the output of a second-order section (transposed direct form II), and its delays."""
     b0, b1, b2, a1, a2 = coefficients
     y = b0 * u + delays[0]
     return y, ((b1 * u + delays[1]) - a1 * y, b2 * u - a2 * y)
@@ -154,7 +155,7 @@ def _section(u, coefficients, delays):
 def run_filters(block, rows, sections, tile):
     """Run rows through the second-order sections, in place.
 
-    They go through two sections at a time: so many coefficients and delays fit in registers.
+    They go through two sections at a time: the registers hold as many coefficients and delays.
     """
     n = sections.shape[0]
     for s in range(0, n - 1, 2):
@@ -179,7 +180,7 @@ def rectified_power(block, rows, full_wave, exponent):
     """Rectify (Eq. 3) and raise to the exponent (Eq. 5), then square for the RMS (Eq. 6)."""
     for k in range(rows):
         u = load(block, (k, 0))
-        u = size(u) if full_wave else select(u > 0.0, u, 0.0)
+        u = absolute(u) if full_wave else select(u > 0.0, u, 0.0)
         power = u
         if exponent == 3:  # the paper's, without a loop
             power = u * u * u
@@ -193,10 +194,10 @@ def rectified_power(block, rows, full_wave, exponent):
 def window_means(block, rows, window, tile, row_slot, head_slot, tail, take_root):
     """Replace each value by the mean of the last ``window`` values, zeros before the first.
 
-    Time is cut into stretches of ``window`` rows: a sum is the head of the present stretch and
-    the tail of the one before, whose tails are summed once when it ends. Only sums of terms, no
-    differences: a huge value leaves nothing behind when it leaves the window. ``tail`` is the slot
-    of the first tail. With ``take_root`` it is the root of the mean.
+    Time is cut into stretches of ``window`` rows. A window is the head of the present stretch and
+    the tail of the one before; the sums of all tails are computed once, when a stretch ends. Terms
+    are added and never subtracted: so a huge value leaves no error behind. ``tail`` is the slot of
+    the first tail. With ``take_root`` the result is the root of the mean.
     """
     position, head, per = int(tile[row_slot, 0]), load(tile, (head_slot, 0)), 1.0 / window
     for k in range(rows):
@@ -204,7 +205,7 @@ def window_means(block, rows, window, tile, row_slot, head_slot, tail, take_root
         head = head + u
         store(u, tile, (tail + position, 0))
         mean = (head + load(tile, (tail + position + 1, 0))) * per
-        mean = root(mean) if take_root else mean
+        mean = square_root(mean) if take_root else mean
         store(mean, block, (k, 0))
         position += 1
         if position == window:
@@ -220,7 +221,7 @@ def window_means(block, rows, window, tile, row_slot, head_slot, tail, take_root
 def keep(block, rows, signals, start, column, past_caches):
     """Copy a tile's values to the result, from ``column`` on.
 
-    ``past_caches`` tells whether the result is larger than the caches, and aligned.
+    ``past_caches`` tells whether the result is large and its rows begin where cache lines do.
     """
     if past_caches and column % LINE == 0:
         for k in range(rows):
@@ -234,7 +235,7 @@ def keep(block, rows, signals, start, column, past_caches):
 def keep_roots(block, rows, signals, start, column):
     """Copy the roots of a tile's values to the result, from ``column`` on."""
     for k in range(rows):
-        store(root(load(block, (k, 0))), signals, (start + k, column))
+        store(square_root(load(block, (k, 0))), signals, (start + k, column))
 
 
 @compiled

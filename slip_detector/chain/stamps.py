@@ -31,6 +31,10 @@ GAP_PERIODS = 1.5
 #: A sample this many periods behind the grid comes after a gap, unless the jitter is larger.
 BEHIND_A_GAP = 0.5
 
+#: A message whose number follows the one before may be late by this much. After a longer pause
+#: the source itself must have stopped.
+LONGEST_DELAY_S = 1.0
+
 #: Jitter in periods that is assumed before any was observed.
 FIRST_JITTER = 0.75
 
@@ -168,6 +172,11 @@ class StampGrid:
     rise for longer than ``max_gap_s``, the clock was set back, or a bag was started again, and a
     new stretch begins. Else one such step would silence the detector forever.
 
+    The time at which a message was published may be later than that of its samples by any number
+    of periods: a late message, with the next ones close behind it, is not a gap. Where whoever
+    carries the messages numbers them, the numbers tell exactly which of them are missing, and
+    the stamps only follow.
+
     Parameters
     ----------
     period_s
@@ -199,6 +208,7 @@ class StampGrid:
         self._nominal_ns = period_ns
         self.max_gap_s = max_gap_s
         self._last_ns: int | None = None
+        self._number: int | None = None
         self._dropped_first_ns: int | None = None
         self._dropped_last_ns = 0
 
@@ -207,35 +217,37 @@ class StampGrid:
         """Time from sample to sample, by the stamps."""
         return float(self._line[PERIOD_NS])
 
-    def arrive(self, stamp_ns: int, rows: int = 1) -> Arrival:
-        """Return what to do with the next sample, by its stamp in nanoseconds.
+    def arrive(self, stamp_ns: int, rows: int = 1, number: int | None = None) -> Arrival:
+        """Return what to do with the samples of the next message.
 
-        A batch of ``rows`` samples has the stamp of the last one; it arrives or is missing as a
-        whole.
+        Parameters
+        ----------
+        stamp_ns
+            Of its last sample. Messages with numbers may have the time of publication instead.
+        rows
+            Number of its samples; they arrive or are missing as a whole.
+        number
+            Of the message, which is one more than that of the message sent before it; None where
+            messages are not numbered. A number that is not greater than the last one is that of
+            another sender: such a message is judged by its stamp.
+
+        Examples
+        --------
+        >>> grid = StampGrid(period_s=0.001, max_gap_s=0.1)
+        >>> published_ms = {1: 10, 2: 20, 3: 75, 4: 76, 6: 77}  # 3 was late, 5 is missing.
+        >>> [grid.arrive(ms * 1_000_000, 10, n).missing for n, ms in published_ms.items()]
+        [0, 0, 0, 0, 10]
         """
         if self._last_ns is None:
             self._begin(stamp_ns)
-            return NEXT
-        step_ns = stamp_ns - self._last_ns
-        if step_ns <= 0:
-            return self._backwards(stamp_ns)
-        self._dropped_first_ns = None
-        period_ns, until_next_ns, _, jitter, _, _ = self._line.tolist()
-        # In periods of the messages.
-        behind = ((step_ns - until_next_ns) / period_ns - (rows - 1)) / rows
-        if behind < -LARGEST_JITTER:
-            self._begin(stamp_ns)
-            return NEXT
-        missing = 0
-        if behind >= BEHIND_A_GAP:
-            missing = max(0, round(behind - max(0.0, jitter - BEHIND_A_GAP)))
-            if missing and step_ns - (rows - 1) * period_ns > self.max_gap_s * 1e9:
-                self._begin(stamp_ns)
-                return NEW_STRETCH
-            behind -= missing
-        _follow(self._line, behind, float(rows))
-        self._last_ns = stamp_ns
-        return Arrival(True, missing * rows, False) if missing else NEXT
+            arrival = NEXT
+        elif number is None or self._number is None or number <= self._number:
+            arrival = self._arrive_by_stamp(stamp_ns, rows)
+        else:
+            arrival = self._arrive_by_number(stamp_ns, rows, number - self._number - 1)
+        if arrival.accepted:
+            self._number = number
+        return arrival
 
     def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
         """Take all samples at once if each is the next one; else take none of them.
@@ -313,6 +325,50 @@ class StampGrid:
             bridged,
             dropped,
         )
+
+    def _arrive_by_stamp(self, stamp_ns: int, rows: int) -> Arrival:
+        assert self._last_ns is not None
+        step_ns = stamp_ns - self._last_ns
+        if step_ns <= 0:
+            return self._backwards(stamp_ns)
+        self._dropped_first_ns = None
+        period_ns, until_next_ns, _, jitter, _, _ = self._line.tolist()
+        # In periods of the messages.
+        behind = ((step_ns - until_next_ns) / period_ns - (rows - 1)) / rows
+        if behind < -LARGEST_JITTER:
+            self._begin(stamp_ns)
+            return NEXT
+        missing = 0
+        if behind >= BEHIND_A_GAP:
+            missing = max(0, round(behind - max(0.0, jitter - BEHIND_A_GAP)))
+            if missing and step_ns - (rows - 1) * period_ns > self.max_gap_s * 1e9:
+                self._begin(stamp_ns)
+                return NEW_STRETCH
+            behind -= missing
+        _follow(self._line, behind, float(rows))
+        self._last_ns = stamp_ns
+        return Arrival(True, missing * rows, False) if missing else NEXT
+
+    def _arrive_by_number(self, stamp_ns: int, rows: int, lost: int) -> Arrival:
+        """Return what to do with a message before which so many messages are missing."""
+        assert self._last_ns is not None
+        step_ns = stamp_ns - self._last_ns
+        missing = lost * rows
+        period_ns, until_next_ns = self._line[:2].tolist()
+        too_many = missing > 0 and (missing + 1) * period_ns > self.max_gap_s * 1e9
+        pause_ns = step_ns - rows * period_ns
+        if too_many or pause_ns > max(self.max_gap_s, LONGEST_DELAY_S) * 1e9:
+            self._begin(stamp_ns)
+            return NEW_STRETCH
+        if step_ns <= 0:  # The clock was set back.
+            self._begin(stamp_ns)
+        else:
+            # In periods of the messages.
+            behind = ((step_ns - until_next_ns) / period_ns - (rows - 1)) / rows - lost
+            _follow(self._line, behind, float(rows))
+            self._last_ns = stamp_ns
+            self._dropped_first_ns = None
+        return Arrival(True, missing, False) if missing else NEXT
 
     def _begin(self, stamp_ns: int) -> None:
         self._last_ns = stamp_ns

@@ -1,17 +1,17 @@
-"""The vote of a group: one number of its levels, which is held against the threshold.
+"""The vote of a group: one number, which is compared with the threshold.
 
-Of the levels of its valid channels each vote takes one number in the level's own unit:
+Each vote computes it from the levels of the valid channels, in the level's own unit:
 
-- ``all``: the least of them, so that all are above a threshold that it is above;
+- ``all``: the least of them: where it is above the threshold, all are;
 - k: the k-th largest;
 - ``mean``: the geometric mean.
 
-The group is ON where that number is above the threshold (Table 1 has ``all``). It does not depend
-on the threshold: what it is held against can be chosen afterwards.
+The group is ON where that number is above the threshold (the paper has ``all``, Table 1). The
+number does not depend on the threshold, which can be chosen afterwards.
 
-Where only the decision is asked for, ``all`` and counts are taken of 64 rows at once: words with
-a bit a row tell where a channel is ON and where it is valid. Numbers are taken of levels in an
-array of shape (members, rows), with :data:`NO_VOTE` for one that is not valid.
+Where only the decision is asked for, ``all`` and k are computed for 64 rows at once, from words
+with a bit a row that tell where a channel is ON and where it is valid. The numbers are computed
+from levels of shape (members, rows), where :data:`NO_VOTE` stands for a channel that is not valid.
 """
 
 from collections.abc import Sequence
@@ -31,20 +31,20 @@ from slip_detector.chain.lanes import (
 from slip_detector.chain.logarithms import exponents, fractions, polynomial, powers_of_2
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW
 
-#: The votes that are no count of channels, as numbers.
+#: The votes that are not a count of channels, as numbers.
 VOTE_ALL, VOTE_MEAN = 0, -1
 
-#: Digits of a count of channels, in base 2: more than there ever are.
+#: Binary digits of a count of channels; there are never as many channels as they can count.
 DIGITS = 32
 
 #: Stands for the level of a channel that is not valid: less than any level.
 NO_VOTE = -1.0
 
-#: The least float64 with a whole fraction; smaller ones are scaled by 2^54 before they are split.
+#: The least normal float64; smaller ones are scaled by 2^54 before they are split into parts.
 LEAST_NORMAL = 2.0**-1022
 SCALE_BITS = 54.0
 
-#: So many factors of up to 2 are within the range of float64.
+#: A product of this many factors, each below 2, does not overflow.
 FACTORS = 512
 
 # ln m = 2 (s + s^3/3 + s^5/5 + ...) with s = (m - 1) / (m + 1), and exp z = 1 + z + z^2/2 + ...:
@@ -57,7 +57,7 @@ ROOT_2 = float(np.sqrt(2.0))
 
 
 def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
-    """Return votes as the kernel has them.
+    """Return votes as numbers, which the kernel takes.
 
     Parameters
     ----------
@@ -106,8 +106,8 @@ def rows_of_any(members, valid):
 def rows_of_count(count, members, words, valid, digits):
     """Return the rows in which at least ``count`` valid members have their bit in ``words``.
 
-    The rows' counts are held in base 2, a digit a word: adding a member is adding one bit to 64
-    numbers at once. ``digits`` has a word for each.
+    The counts of 64 rows are binary numbers, and each word of ``digits`` holds one digit of all of
+    them: to count a member is to add one bit to 64 numbers at once.
     """
     digits[:] = NO_ROW
     for m in members:
@@ -126,16 +126,16 @@ def rows_of_count(count, members, words, valid, digits):
 
 @compiled
 def gather_levels(block, rows, valid, at, levels, places):
-    """Write the levels of a tile to those of all members, a row each.
+    """Copy the levels of a tile to ``levels``, which has a row for each member of a group.
 
-    Its words in ``valid`` begin at ``at``: a word's number and the tile's first seat. ``places``
-    tells by seat which row of ``levels`` is a channel's, -1 for none.
+    The tile's words in ``valid`` begin at ``at``: the word's number and the tile's first seat.
+    ``places`` has the row in ``levels`` of each seat, -1 for none.
     """
     row = FIRST_ROW
     words = load(valid, at)
     for k in range(rows):
         level = load(block, (k, 0))
-        level = select(level > 0.0, level, 0.0)  # what is no number is 0
+        level = select(level > 0.0, level, 0.0)  # also where it is NaN
         store(select((words & row) != NO_ROW, level, NO_VOTE), block, (k, 0))
         row = row << FIRST_ROW
     for lane in range(LANES):
@@ -184,7 +184,10 @@ def _product(levels, members, k):
 
 @compiled
 def _mean_logarithm(levels, members, k):
-    """Return the mean logarithm of sixteen rows: of base 2 a whole number, of base e the rest."""
+    """Return the mean logarithm of sixteen rows in two parts.
+
+    The first is a whole number, to base 2, the second the rest, to base e.
+    """
     count, exponent, product = _product(levels, members, k)
     large = product > ROOT_2
     exponent = select(large, exponent + 1.0, exponent)
@@ -202,8 +205,8 @@ def _geometric_mean(levels, members, k, least, most):
 
     ``least`` and ``most`` are the extremes of these levels.
 
-    Only operations that IEEE 754 rounds are used: logarithms of a library differ in their last
-    bits.
+    All operations are those whose rounding IEEE 754 defines; the logarithms of two libraries may
+    differ in their last bits.
     """
     whole, rest = _mean_logarithm(levels, members, k)
     # In two steps: the smallest numbers are below 2^-1022.
@@ -232,12 +235,12 @@ def _sort(levels, members, count, k):
 @as_silent
 @compiled
 def raise_to_votes(levels, members, rows, votes, statistics):
-    """Raise each vote's statistic to the number that one group has by that vote.
+    """Raise the statistic of each vote to the number of one group, where that is larger.
 
     Parameters
     ----------
     levels
-        Shape (members, rows) or more, rows in whole vectors; left in disorder.
+        Shape (members, rows) or more, rows in whole vectors; their order is not kept.
     members, rows
         How many of each there are.
     votes

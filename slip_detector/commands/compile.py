@@ -11,8 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from slip_detector.chain.compiled import COMPILED, on_compiling
-from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.chain.stamps import StampGrid
+from slip_detector.chain.warm_up import compile_chain
 from slip_detector.commands.command_line import run
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay
@@ -56,27 +55,18 @@ def compile_all() -> str:
     return f'Compiled {len(modules)} functions in {time.monotonic() - began_s:.0f} s.'
 
 
-def use_chain() -> None:
-    """Use the chain, and the stamps of samples that arrive one by one and all at once."""
-    SlipChain()
-    grid = StampGrid(period_s=0.01, max_gap_s=0.1)
-    stamps_ns = np.arange(0, 100_000_000, 10_000_000)
-    grid.arrive_all(stamps_ns)
-    grid.arrive(100_000_000)
-
-
-def use_scenes() -> None:
+def _use_scenes() -> None:
     """Use the simulated fingertip with each scene of the package."""
     for path in sorted((shared_folder() / 'config' / 'scenes').glob('*.yaml')):
         open_source(DriverConfig(scene=str(path))).read(1)
 
 
-def use_evaluation() -> None:
+def _use_evaluation() -> None:
     """Use the functions that match slips with alarms and that count scores."""
     Replay(ChainConfig()).run([_labelled_rows()])
 
 
-def use_tuning() -> None:
+def _use_tuning() -> None:
     """Use the functions that evaluate all thresholds."""
     config = ChainConfig()
     track = track_of('compiled', [_labelled_rows()], config.sample_rate_hz)
@@ -86,10 +76,10 @@ def use_tuning() -> None:
 
 
 PARTS: dict[str, Callable[[], None]] = {
-    'chain': use_chain,
-    'simulated fingertip': use_scenes,
-    'evaluation': use_evaluation,
-    'tuning': use_tuning,
+    'chain': compile_chain,
+    'simulated fingertip': _use_scenes,
+    'evaluation': _use_evaluation,
+    'tuning': _use_tuning,
 }
 
 

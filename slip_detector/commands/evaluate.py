@@ -70,7 +70,7 @@ def evaluate(
     Parameters
     ----------
     arguments
-        Files and folders, see :func:`slip_detector.recordings.sets.recording_sets`.
+        Files and folders, see :func:`slip_detector.recordings.folders.recording_sets`.
     evaluator
         Evaluates each recording.
     workers

@@ -45,7 +45,7 @@ LINES = 10
 NEEDS_OPTUNA = "needs optuna, which is not installed: pip install 'slip_detector[tune]'"
 
 
-class Settings(NamedTuple):
+class TuningParameters(NamedTuple):
     """The sets of parameters that tuning needs."""
 
     chain: ChainConfig = ChainConfig()
@@ -59,7 +59,7 @@ class Settings(NamedTuple):
         return RecordingLoader(self.chain, self.recording, self.evaluation)
 
 
-def settings_of(file: str | None) -> Settings:
+def tuning_parameters_of(file: str | None) -> TuningParameters:
     """Read the sets of parameters from a file; without a file return the defaults.
 
     Raises
@@ -69,12 +69,12 @@ def settings_of(file: str | None) -> Settings:
 
     Examples
     --------
-    >>> settings_of(None).tune.missed_costs_ms
+    >>> tuning_parameters_of(None).tune.missed_costs_ms
     500.0
     """
     if file is None:
-        return Settings()
-    return Settings(
+        return TuningParameters()
+    return TuningParameters(
         ChainConfig.from_yaml(file),
         RecordingConfig.from_yaml(file),
         EvaluationConfig.from_yaml(file),
@@ -177,10 +177,10 @@ def _listed(tracks: Sequence[Track]) -> str:
     return f'{names} ({n} slip{"" if n == 1 else "s"} in {minutes:.3g} min)'
 
 
-def _settings(options: Namespace) -> Settings:
-    settings = settings_of(options.config)
-    recording = config_for_workers(options, with_recording_options(settings.recording, options))
-    return settings._replace(recording=recording)
+def _parameters(options: Namespace) -> TuningParameters:
+    parameters = tuning_parameters_of(options.config)
+    recording = config_for_workers(options, with_recording_options(parameters.recording, options))
+    return parameters._replace(recording=recording)
 
 
 def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
@@ -199,13 +199,13 @@ def _set_threshold(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     # SciPy's statistics take longer to load than all else.
     from slip_detector.tuning.quiet import quiet_threshold
 
-    settings = _settings(options)
+    parameters = _parameters(options)
     check_writable(options.out)
-    tracks, notes = load_tracks([options.quiet], settings.loader, labelled=False)
+    tracks, notes = load_tracks([options.quiet], parameters.loader, labelled=False)
     if len(tracks) != 1:
         raise ValueError(f'{options.quiet}: has {len(tracks)} recordings, allowed: one')
     found = quiet_threshold(
-        tracks[0], settings.chain, options.false_alarms_per_hour,
+        tracks[0], parameters.chain, options.false_alarms_per_hour,
         np.random.default_rng(options.seed),
     )  # fmt: skip
     lines = [*notes, f'On {tracks[0].name}, without slip: {found}']
@@ -218,19 +218,19 @@ def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     """Search and write the result; return the lines to print."""
     if importlib.util.find_spec('optuna') is None:
         raise ValueError(NEEDS_OPTUNA)
-    settings = _settings(options)
+    parameters = _parameters(options)
     for path in (options.out, options.report):
         if path is not None:
             check_writable(path)
     files = TrainingFiles(
         paths_for_workers(options, options.recordings),
-        settings.loader,
+        parameters.loader,
         paths_for_workers(options, options.held_out),
         None if options.held_out else options.hold_out,
     )
     training, held, notes = files.load()
     if options.held_out:
-        held, more_notes = load_tracks(options.held_out, settings.loader)
+        held, more_notes = load_tracks(options.held_out, parameters.loader)
         notes += more_notes
         for part, what in ((training, 'to tune on'), (held, 'held out')):
             if not any(track.slips for track in part):
@@ -247,11 +247,11 @@ def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
             )
     stopper = Stopper()
     with stopper.listening():
-        problem = Problem(training, settings.chain, None, settings.evaluation, settings.tune)
+        problem = Problem(training, parameters.chain, None, parameters.evaluation, parameters.tune)
         before = Objective(training, problem.evaluation, problem.config).as_it_is(problem.given)
-        if not settings.tune.trade:
+        if not parameters.tune.trade:
             problem = Problem(
-                training, settings.chain, before.figures, settings.evaluation, settings.tune
+                training, parameters.chain, before.figures, parameters.evaluation, parameters.tune
             )
         where = options.storage or f'{options.out}.study.journal'
         with workers_of(options) as workers:

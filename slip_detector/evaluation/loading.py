@@ -133,14 +133,14 @@ class RecordingLoader:
         last = -1
         for piece in recording.pieces(wanted_hz, self.chain_config.max_gap_s):
             truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
-            last = int(piece.rows[-1])
+            last = int(piece.row_numbers[-1])
             if moving is None:
                 yield LabelledRows(piece.volts, truth, piece.stamps_ns, piece.new_stretch)
                 continue
             if last >= len(moving):
                 raise self._other_length(recording, moving)
             yield LabelledRows(
-                piece.volts, truth, piece.stamps_ns, piece.new_stretch, moving[piece.rows]
+                piece.volts, truth, piece.stamps_ns, piece.new_stretch, moving[piece.row_numbers]
             )
         # The last rows may have been dropped; resampling may end a row before the last.
         spare = 1 if rates_differ(recording.sample_rate_hz, wanted_hz) else 0

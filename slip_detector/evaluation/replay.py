@@ -32,7 +32,7 @@ from slip_detector.evaluation.labelled_rows import (
 from slip_detector.evaluation.matching import OnIntervals, match, tolerance_rows
 from slip_detector.evaluation.paper_figures import mean_and_sd, paper_figures
 from slip_detector.evaluation.scores import ScoreCounts, ScoreTally
-from slip_detector.evaluation.stages import StageWatch
+from slip_detector.evaluation.stage_watch import StageWatch
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 

@@ -19,7 +19,11 @@ from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.paper_figures import first_on_delay_s, mean_and_sd, percent
-from slip_detector.nodes.demonstration import NodeProcesses, run_demonstration
+from slip_detector.nodes.demonstration import (
+    START_TIMEOUT_S,
+    NodeProcesses,
+    run_demonstration,
+)
 from slip_detector.nodes.executor import SampleExecutor
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
@@ -27,12 +31,11 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.recordings import write_recording
 from slip_detector.recordings.truth import states_at
-from slip_detector.sources import Source, open_source
+from slip_detector.sources import Source
+from slip_detector.sources.scene import SceneSource
 
 NAMESPACE = 'slip_demo'
 
-DISCOVERY_TIMEOUT_S = 60.0
-SCENE_TIMEOUT_S = 120.0
 SPIN_S = 0.05
 
 #: Number of samples that are written at a time.
@@ -128,25 +131,23 @@ class SlipRecorder(Node):
 
 
 def play(
-    arguments: argparse.Namespace, parameter_file: Path
+    arguments: argparse.Namespace, parameter_file: Path, duration_s: float
 ) -> tuple[SlipRecorder, DetectorConfig]:
-    """Run both nodes on a scene until it ends, and record what they publish."""
+    """Run both nodes on a scene of this duration, and record what they publish."""
     config = DetectorConfig.from_yaml(parameter_file)
     rclpy.init()
     recorder = SlipRecorder(config)
     try:
         with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
             nodes.start('slip_detector', '--params-file', str(parameter_file))
-            nodes.wait_until(
-                recorder.receives_all, 'the detector to be heard', DISCOVERY_TIMEOUT_S
-            )
+            nodes.wait_until(recorder.receives_all, 'the detector to be heard', START_TIMEOUT_S)
             nodes.start(
                 'slip_driver',
                 *('-p', 'wait_for_subscribers:=2'),
                 *('-p', f'seed:={arguments.seed}'),
                 *('-p', f'scene:={arguments.scene}'),
             )
-            nodes.wait_for_end('slip_driver', 'the scene to end', SCENE_TIMEOUT_S)
+            nodes.wait_for_end('slip_driver', 'the scene to end', START_TIMEOUT_S + duration_s)
     finally:
         recorder.stop()
     recorder.read()
@@ -280,12 +281,12 @@ def main() -> None:
 
 def _demonstrate(arguments: argparse.Namespace) -> None:
     # A wrong argument is reported before anything is started.
-    source = open_source(DriverConfig(scene=arguments.scene, seed=arguments.seed))
+    source = SceneSource(DriverConfig(scene=arguments.scene, seed=arguments.seed))
     if arguments.record:
         record_trial(arguments.record, source, time.time_ns())
     arguments.out.mkdir(parents=True, exist_ok=True)
     parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
-    recorder, config = play(arguments, parameter_file)
+    recorder, config = play(arguments, parameter_file, source.duration_s)
     result = demo_figures(recorder, config)
     (arguments.out / 'demo.json').write_text(json.dumps(to_microseconds(result), indent=2) + '\n')
     _draw(recorder, config, arguments.out / 'demo.png')

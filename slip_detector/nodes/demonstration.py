@@ -12,6 +12,10 @@ from rclpy.executors import ExternalShutdownException
 #: Time that a node is given to end before it is killed.
 END_TIMEOUT_S = 10.0
 
+#: Time that nodes are given to start: the first start compiles, on a small or busy machine for
+#: minutes.
+START_TIMEOUT_S = 600.0
+
 #: How long messages are still received after a node has ended.
 DRAIN_S = 0.5
 

@@ -20,7 +20,7 @@ from slip_detector.nodes.diagnostics import Diagnostics
 from slip_detector.nodes.health import Health
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos
-from slip_detector.nodes.outputs import OF_THE_TOPICS, Outputs
+from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import answer_impossible_transitions
 from slip_detector.parameters.detector import DetectorConfig
@@ -290,7 +290,7 @@ class Detector(LifecycleNode):
         config = self._running
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
         self._health.config = config
-        if differ & set(OF_THE_TOPICS):
+        if differ & set(TOPIC_PARAMETERS):
             self._topics.destroy()
             self._outputs = Outputs(self, config)
         if self._subscription is None:
@@ -301,24 +301,24 @@ class Detector(LifecycleNode):
         if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
             self._forget_input()
         self._stamp_grid.max_gap_s = config.max_gap_s
-        of_timers = {'heartbeat_hz', 'input_timeout_s', *OF_THE_TOPICS}
+        of_timers = {'heartbeat_hz', 'input_timeout_s', *TOPIC_PARAMETERS}
         if differ & of_timers or self._replayed != self._time_is_replayed():
             self._stop_timers()
             self._start_timers()
 
     # The input.
 
-    def _on_voltages(self, source: Input, raw: bytes, info: dict[str, int]) -> None:
+    def _on_voltages(self, source: Input, raw: bytes, info: dict[str, int | None]) -> None:
         with self._lock:
             if source is self._input:
                 self._decide_on(source, raw, info)
 
-    def _decide_on(self, source: Input, raw: bytes, info: dict[str, int]) -> None:
+    def _decide_on(self, source: Input, raw: bytes, info: dict[str, int | None]) -> None:
         """Check the samples of a message, run them through the chain, publish what changed."""
         began_s = time.perf_counter()
         config = self._chain.config
         try:
-            rows, at_ns, names, frame_id = source.read(raw, info)
+            rows, at_ns, names, frame_id, number = source.read(raw, info)
         except ValueError as error:
             self._drop('field', str(error))
             return
@@ -336,7 +336,7 @@ class Detector(LifecycleNode):
             # Replayed samples without times of their own follow each other without gaps.
             at_ns = self._now_ns()
         else:
-            arrival = self._stamp_grid.arrive(at_ns, n)
+            arrival = self._stamp_grid.arrive(at_ns, n, number)
             if not arrival.accepted:
                 self._drop('backwards', 'the stamp of a message is not after the one before')
                 return

@@ -3,7 +3,7 @@
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 
 from rclpy.clock import ClockType
@@ -13,7 +13,7 @@ from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from slip_detector.nodes.rclpy_internals import WaitSet, call_if_due, held, receiver, until_due_ns
+from slip_detector.nodes.rclpy_internals import WaitSet, call_if_due, held, until_due_ns
 
 #: Number of messages of a topic taken in a row before other topics and timers have their turn.
 AT_MOST = 32
@@ -53,7 +53,6 @@ class SampleExecutor(SingleThreadedExecutor):
         self._changed = True
         self._guard_of_samples = SignalHandlerGuardCondition(self.context)
         self._held = ExitStack()
-        self._receivers: dict[int, Callable[[], None]] = {}
         self._timers: list[Timer] = []
         self._due_ns = 0
         self._due_may_move = False
@@ -100,11 +99,11 @@ class SampleExecutor(SingleThreadedExecutor):
         due_ns = self._due_ns - time.monotonic_ns()
         if timeout_sec is not None:
             due_ns = min(due_ns, round(timeout_sec * 1e9))
-        with_messages = self._wait_set.wait(max(0, due_ns))
-        for pointer in with_messages:
-            self._receivers[pointer]()
+        receivers = self._wait_set.wait(max(0, due_ns))
+        for receive in receivers:
+            receive()
         # Checking the context at each message would be a tenth of the cost.
-        if not with_messages or time.monotonic_ns() >= self._due_ns or self._due_may_move:
+        if not receivers or time.monotonic_ns() >= self._due_ns or self._due_may_move:
             if self._failure is not None:
                 raise self._failure
             if not self.context.ok():
@@ -135,10 +134,9 @@ class SampleExecutor(SingleThreadedExecutor):
         subscriptions = held((each for node in nodes for each in node.subscriptions), stack)
         self._timers = held((each for node in nodes for each in node.timers), stack)
         guards = held([self._guard_of_samples], stack)
-        self._wait_set = WaitSet(subscriptions, guards, self.context)
+        self._wait_set = WaitSet(subscriptions, guards, self.context, AT_MOST)
         self._held.close()
         self._held = stack
-        self._receivers = {each.handle.pointer: receiver(each, AT_MOST) for each in subscriptions}
         # A published clock may be set at any time.
         self._due_may_move = any(
             timer.clock.clock_type == ClockType.ROS_TIME for timer in self._timers

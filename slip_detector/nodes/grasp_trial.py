@@ -10,7 +10,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from slip_detector.nodes.demonstration import NodeProcesses
+from slip_detector.nodes.demonstration import START_TIMEOUT_S, NodeProcesses
 from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
 
 NAMESPACE = 'slip_grasp'
@@ -18,7 +18,6 @@ NAMESPACE = 'slip_grasp'
 DRIVER = 'slip_driver'
 EXECUTABLES = ('slip_detector', 'grasp_controller', DRIVER)
 
-TRIAL_TIMEOUT_S = 120.0
 SPIN_S = 0.05
 
 #: A raise of the grip later than this after an onset is not the answer to it.
@@ -130,5 +129,5 @@ def play_grasp(recorder: GraspRecorder, seed: int, config: Path, scene: Path) ->
         for executable in EXECUTABLES:
             own = of_driver if executable == DRIVER else []
             nodes.start(executable, '--params-file', str(config), *own)
-        nodes.wait_for_end(DRIVER, 'the scene to end', TRIAL_TIMEOUT_S)
+        nodes.wait_for_end(DRIVER, 'the scene to end', START_TIMEOUT_S)
     return recorder.trial()

@@ -58,18 +58,20 @@ class Input:
         self._quick = self.message_class is JointState and config.input_field == 'position'
         self._reader: JointStateReader | None = None
 
-    def read(self, raw: bytes, info: dict[str, int]) -> Sample:
+    def read(self, raw: bytes, info: dict[str, int | None]) -> Sample:
         """Return the samples of a serialised message.
 
         Their stamp is that of the header. Where the message has no header, or the stamp is 0, it
-        is the time at which the message was published; None where time is replayed.
+        is the time at which the message was published; None where time is replayed. A loaded
+        machine publishes late, so only the number of such a message tells what was lost.
 
         Parameters
         ----------
         raw
             The serialised message.
         info
-            What the middleware says of the message; ``source_timestamp`` is used.
+            What the middleware says of the message; ``source_timestamp`` and
+            ``publication_sequence_number`` are used.
 
         Raises
         ------
@@ -81,7 +83,11 @@ class Input:
             sample = self._read_whole(raw)
         if sample.stamp_ns:
             return sample
-        return sample._replace(stamp_ns=None if self.replayed else info['source_timestamp'])
+        if self.replayed:
+            return sample._replace(stamp_ns=None)
+        return sample._replace(
+            stamp_ns=info['source_timestamp'], number=info['publication_sequence_number']
+        )
 
     def _read_whole(self, raw: bytes) -> Sample:
         try:

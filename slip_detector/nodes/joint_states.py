@@ -38,12 +38,16 @@ class Sample(NamedTuple):
         Of the channels, where the message says them.
     frame_id : str
         Frame of the fingertip, where the message has one.
+    number : int or None
+        Of the message among those of its publisher, where the stamp is the time of publication
+        and the middleware numbers messages.
     """
 
     rows: NDArray[np.float64]
     stamp_ns: int | None
     names: list[str]
     frame_id: str
+    number: int | None = None
 
 
 class JointStateReader:

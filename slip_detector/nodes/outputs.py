@@ -27,7 +27,7 @@ from slip_detector.parameters.detector import DetectorConfig
 DEADLINE_BEATS = 2.0
 
 #: Parameters on which the topics depend.
-OF_THE_TOPICS = (
+TOPIC_PARAMETERS = (
     'channels',
     'channel_names',
     'disabled_channels',

@@ -76,6 +76,8 @@ class WaitSet:
         Entities to wait for; they must not be destroyed during a wait, see :func:`held`.
     context
         The context of the entities.
+    at_most
+        Number of messages of a subscription that are passed on in a row.
     """
 
     def __init__(
@@ -83,16 +85,19 @@ class WaitSet:
         subscriptions: Sequence[Subscription],
         guards: Sequence[GuardCondition],
         context: Context,
+        at_most: int,
     ) -> None:
         make = _internal(rclpy_implementation, 'WaitSet')
         self._made = make(len(subscriptions), len(guards), 0, 0, 0, 0, context.handle)
         self._subscriptions = [subscription.handle for subscription in subscriptions]
         self._guards = [guard.handle for guard in guards]
+        self._receivers = {each.handle.pointer: receiver(each, at_most) for each in subscriptions}
 
-    def wait(self, timeout_ns: int) -> list[int]:
-        """Wait, at most for a given time, and return the pointers of subscriptions with messages.
+    def wait(self, timeout_ns: int) -> list[Callable[[], None]]:
+        """Wait, at most for a given time, and return what passes the messages to the callbacks.
 
-        A triggered guard condition ends one wait only.
+        There is a function, see :func:`receiver`, for each subscription that has messages. A
+        triggered guard condition ends one wait only.
         """
         made = self._made
         made.clear_entities()
@@ -101,8 +106,7 @@ class WaitSet:
         for guard in self._guards:
             made.add_guard_condition(guard)
         made.wait(timeout_ns)
-        with_messages: list[int] = made.get_ready_entities('subscription')
-        return with_messages
+        return [self._receivers[pointer] for pointer in made.get_ready_entities('subscription')]
 
 
 def held(entities: Iterable[Entity], until: ExitStack) -> list[Entity]:

@@ -134,15 +134,10 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
         from slip_detector.nodes.driver import drivers
 
         return drivers
-    from slip_detector.chain.slip_chain import SlipChain
-    from slip_detector.chain.stamps import StampGrid
+    from slip_detector.chain.warm_up import compile_chain
     from slip_detector.nodes.detector import Detector
 
-    # Without a cache, compiling takes seconds; it is done here, where a signal ends the process.
-    SlipChain()
-    grid = StampGrid(period_s=1.0, max_gap_s=1.0)
-    for stamp_ns in (0, 1_000_000_000):
-        grid.arrive(stamp_ns)
+    compile_chain()  # here, where a signal ends the process at once
     return lambda of_each: [Detector(arguments) for arguments in of_each]
 
 

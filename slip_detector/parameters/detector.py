@@ -10,6 +10,9 @@ from slip_detector.parameters.sets import ParameterSet
 #: strays as far.
 WHOLE_PERIODS = 1e-3
 
+#: What all channels of a row share, and how it is computed, is one of these.
+COMMON_MODES = ('none', 'median', 'mean')
+
 #: Channels of the paper's fingertip.
 PAPER_CHANNELS = 16
 
@@ -89,7 +92,7 @@ class ChainConfig(ParameterSet):
     common_mode: str = parameter(
         'none',
         'What all channels share and is taken off each row: none, median or mean.',
-        choices=('none', 'median', 'mean'),
+        choices=COMMON_MODES,
     )
     mains_hz: float = parameter(
         0.0,

@@ -1,8 +1,9 @@
 """Writes ROS parameter files, and checks beforehand that files can be written."""
 
+import contextlib
 import os
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -74,13 +75,35 @@ def write_file(path: Path, document: Mapping[str, Any], comments: Iterable[str])
     """
     text = ''.join(f'# {line}'.rstrip() + '\n' for line in comments)
     text += yaml.safe_dump(document, sort_keys=False, default_flow_style=None, allow_unicode=True)
+    with (
+        write_errors_of(path),
+        tempfile.TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as folder,
+    ):
+        new = Path(folder) / path.name
+        new.write_text(text, encoding='utf-8')
+        os.replace(new, path)
+
+
+@contextlib.contextmanager
+def write_errors_of(path: str | Path) -> Iterator[None]:
+    """Within a block, make each error of the file system one line that names the path.
+
+    Raises
+    ------
+    ValueError
+        For any OSError within the block.
+
+    Examples
+    --------
+    >>> with write_errors_of('pictures'):
+    ...     raise OSError(28, 'No space left on device')
+    Traceback (most recent call last):
+    ValueError: pictures: cannot be written (No space left on device)
+    """
     try:
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as folder:
-            new = Path(folder) / path.name
-            new.write_text(text, encoding='utf-8')
-            os.replace(new, path)
+        yield
     except OSError as error:
-        raise ValueError(f'{path}: cannot be written ({error.strerror})') from None
+        raise ValueError(f'{path}: cannot be written ({error.strerror or error})') from None
 
 
 def check_writable(path: Path) -> None:
@@ -97,7 +120,7 @@ def check_writable(path: Path) -> None:
     Traceback (most recent call last):
     ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
     """
-    try:
+    with write_errors_of(path):
         if path.is_dir():
             raise IsADirectoryError(0, 'is a folder')
         if path.exists() and not path.is_file():  # A device must not be replaced by a file.
@@ -109,8 +132,6 @@ def check_writable(path: Path) -> None:
             path.unlink()
         with tempfile.TemporaryFile(dir=path.parent):  # A new file will replace the old one.
             pass
-    except OSError as error:
-        raise ValueError(f'{path}: cannot be written ({error.strerror})') from None
 
 
 def writable_folder(folder: Path) -> Path:

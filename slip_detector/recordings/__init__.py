@@ -1,10 +1,10 @@
 """Recordings: rows of volts with their stamps and labels, in bags, npz and csv files."""
 
+from slip_detector.recordings.folders import recording_sets
 from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
 from slip_detector.recordings.reading import ENDINGS, is_recording, open_recording
 from slip_detector.recordings.recording import PIECE_ROWS, Recording, RecordingCounts
-from slip_detector.recordings.sets import recording_sets
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [

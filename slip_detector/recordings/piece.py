@@ -20,7 +20,7 @@ class Piece(NamedTuple):
     truth : ndarray of bool, shape (n,), or None
     new_stretch : bool
         Whether the chain is reset before these rows: in the first piece and after a long gap.
-    rows : ndarray of int, shape (n,)
+    row_numbers : ndarray of int, shape (n,)
         Number of each row in the recording, from 0; a row that bridges a gap has the number of
         the row before it.
     """
@@ -29,4 +29,4 @@ class Piece(NamedTuple):
     stamps_ns: Stamps
     truth: 'Bools | None'
     new_stretch: bool
-    rows: Stamps
+    row_numbers: Stamps

@@ -215,10 +215,10 @@ class Recording:
         self.counts.gaps += mended.gaps
         self.counts.bridged_rows += mended.bridged
         self.counts.dropped += mended.dropped
-        rows, which, places = Samples(*piece[:3]), piece.rows, mended.places
+        rows, which, places = Samples(*piece[:3]), piece.row_numbers, mended.places
         if last is not None:  # Its last row may bridge the first gap.
             rows = Samples(*last[:3]).take(slice(-1, None)).then(rows)
-            which = np.concatenate([last.rows[-1:], which])
+            which = np.concatenate([last.row_numbers[-1:], which])
             places = places + 1
         parts = []
         for i, of_stretch in enumerate(mended.stretches):

@@ -134,7 +134,7 @@ class _Stretch:
         self._piece = self._piece._replace(
             stamps_ns=np.concatenate([self._piece.stamps_ns, piece.stamps_ns]),
             truth=truth,
-            rows=np.concatenate([self._piece.rows, piece.rows]),
+            row_numbers=np.concatenate([self._piece.row_numbers, piece.row_numbers]),
         )
         self.known += len(piece.volts)
 
@@ -162,7 +162,7 @@ class _Stretch:
             stamps_ns=self._piece.stamps_ns[at] + after_ns,
             truth=None if truth is None else truth[at],
             new_stretch=new,
-            rows=self._piece.rows[at],
+            row_numbers=self._piece.row_numbers[at],
         )
 
     def forget(self, place: int) -> None:
@@ -177,7 +177,7 @@ class _Stretch:
         self._piece = self._piece._replace(
             stamps_ns=self._piece.stamps_ns[n:],
             truth=None if truth is None else truth[n:],
-            rows=self._piece.rows[n:],
+            row_numbers=self._piece.row_numbers[n:],
         )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Samples
+from slip_detector.parameters.writing import write_errors_of
 from slip_detector.recordings.bag_storage import load_rosbags
 from slip_detector.recordings.message_encoder import JointStateEncoder
 from slip_detector.recordings.topics import BOOL, JOINT_STATE, standard_typestore
@@ -81,14 +82,12 @@ def write_recording(
         )
     if path.exists():
         raise ValueError(f'{path}: is there already, allowed: a new path')
-    try:
+    with write_errors_of(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         # The file gets its name when it is complete, so a failure leaves no incomplete recording.
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as folder:
             writers[path.suffix](Path(folder) / path.name)
             os.replace(Path(folder) / path.name, path)
-    except OSError as error:
-        raise ValueError(f'{path}: cannot be written ({error.strerror or error})') from None
 
 
 def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> None:

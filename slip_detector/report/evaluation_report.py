@@ -7,6 +7,7 @@ from pathlib import Path
 from slip_detector.evaluation.evaluator import EvaluatedRecording, recording_figures
 from slip_detector.evaluation.loading import LabelledRecording
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.writing import write_errors_of
 from slip_detector.report.evaluation_pictures import draw_evaluation
 from slip_detector.report.overview import Overview, cells_of_each, events_of
 from slip_detector.report.page import write_page, write_pictures
@@ -86,9 +87,7 @@ def write_evaluation_report(
     if folder is not None:
         written += write_pictures(folder, variants)
         path = folder / 'evaluation.png'
-        try:
+        with write_errors_of(path):
             draw_evaluation(path, [one.outcome for one in titles.values()])
-        except OSError as error:
-            raise ValueError(f'{path}: cannot be written ({error.strerror})') from None
         written.append(path)
     return written

@@ -9,7 +9,7 @@ from slip_detector.report.text_table import UNDEFINED, text_table
 Cells = tuple[str, ...]
 
 
-class Section(NamedTuple):
+class TableSection(NamedTuple):
     """One table.
 
     Attributes
@@ -27,8 +27,8 @@ class Section(NamedTuple):
     optional: bool = False
 
 
-SECTIONS = (
-    Section(
+TABLE_SECTIONS = (
+    TableSection(
         '',
         {
             'rows': 'rows',
@@ -38,7 +38,7 @@ SECTIONS = (
             'auc_moving': 'AUC moving',
         },
     ),
-    Section(
+    TableSection(
         "as the paper's",
         {
             'mean_delay_ms': 'mean delay [ms]',
@@ -47,7 +47,7 @@ SECTIONS = (
             'false_positive_percent': 'false positives [%]',
         },
     ),
-    Section(
+    TableSection(
         'slips',
         {
             'slips': 'slips',
@@ -60,7 +60,7 @@ SECTIONS = (
             'latency_worst_ms': 'worst [ms]',
         },
     ),
-    Section(
+    TableSection(
         'alarms',
         {
             'alarms': 'alarms',
@@ -70,17 +70,17 @@ SECTIONS = (
             'false_alarms_per_minute': 'false a minute',
         },
     ),
-    Section(
+    TableSection(
         'mean latency, by stage',
         {f'{stage}_ms': f'{stage} [ms]' for stage in STAGES},
         True,
     ),
-    Section(
+    TableSection(
         'of the late ones',
         {f'late_{stage}_ms': f'{stage} [ms]' for stage in STAGES},
         True,
     ),
-    Section(
+    TableSection(
         'missed slips, lost at',
         {
             **{f'missed_at_{stage}': stage for stage in STAGES},
@@ -88,7 +88,7 @@ SECTIONS = (
         },
         True,
     ),
-    Section(
+    TableSection(
         'what was met',
         {
             'bad_samples': 'bad samples',
@@ -120,7 +120,7 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
     for name, whole in report['sets'].items():
         blocks += _tables(name, {**whole['recordings'], 'all rows': whole}, whole)
         files = whole['recordings'].items()
-        if not any(whole[column] for column in SECTIONS[-1].columns):
+        if not any(whole[column] for column in TABLE_SECTIONS[-1].columns):
             notes.append(NOTHING_MET.format(name))
         notes += [f'{file}: {one["lost"]}' for file, one in files if one['lost']]
     if len(report['sets']) > 1:
@@ -138,7 +138,7 @@ def _tables(
     name: str, rows: Mapping[str, Mapping[str, Any]], whole: Mapping[str, Any]
 ) -> list[list[Cells]]:
     """Return the cells of the table of each section; all first columns are equally wide."""
-    width = max(map(len, [name, *rows, *(section.title for section in SECTIONS)]))
+    width = max(map(len, [name, *rows, *(section.title for section in TABLE_SECTIONS)]))
     return [
         [
             ((section.title or name).ljust(width), *section.columns.values()),
@@ -150,7 +150,7 @@ def _tables(
                 for row, figures in rows.items()
             ),
         ]
-        for section in SECTIONS
+        for section in TABLE_SECTIONS
         if not section.optional or any(whole[column] for column in section.columns)
     ]
 

@@ -22,7 +22,7 @@ Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
 #: Kinds of events; those that a reader looks for come first.
-KINDS = ('false alarm', 'missed', 'late', 'detected')
+EVENT_KINDS = ('false alarm', 'missed', 'late', 'detected')
 
 #: How much before and after the start of a slip or an alarm is kept row by row.
 BEFORE_S, AFTER_S = 0.15, 0.3
@@ -53,7 +53,7 @@ class Event(NamedTuple):
     Attributes
     ----------
     kind : str
-        One of :data:`KINDS`.
+        One of :data:`EVENT_KINDS`.
     start_s, end_s : float
         Times of the alarm where the kind is a false alarm, else of the true slip, counted from the
         first row.

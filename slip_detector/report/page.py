@@ -14,6 +14,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from slip_detector.parameters.writing import write_errors_of
 from slip_detector.report.evaluation_tables import figure_text
 from slip_detector.report.overview import Overview
 from slip_detector.report.page_data import (
@@ -99,10 +100,8 @@ def write_page(
     )
     # HTML has no NUL; a browser would drop it in one place and replace it in another.
     page = page.replace('\0', '\N{REPLACEMENT CHARACTER}')
-    try:
+    with write_errors_of(path):
         Path(path).write_text(page, encoding='utf-8', errors='backslashreplace')
-    except OSError as error:
-        raise ValueError(f'{path}: cannot be written ({error.strerror})') from None
 
 
 def write_pictures(
@@ -143,7 +142,7 @@ def write_pictures(
     recordings = _recordings(variants)
     names = [variant.name for variant in variants]
     folder, paths = Path(folder), []
-    try:
+    with write_errors_of(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for r, overviews in enumerate(recordings):
             number = f'{r + 1}_' if len(recordings) > 1 else ''
@@ -156,8 +155,6 @@ def write_pictures(
             page_pictures.png(page_pictures.front_figure(trials), paths[-1])
         paths.append(folder / 'figures.txt')
         paths[-1].write_text(figures_text(variants), encoding='utf-8', errors='backslashreplace')
-    except OSError as error:
-        raise ValueError(f'{folder}: cannot be written ({error.strerror})') from None
     return paths
 
 

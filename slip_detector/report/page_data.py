@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.overview import KINDS, Event, Overview, RowNumbers, Snippet, Volts
+from slip_detector.report.overview import EVENT_KINDS, Event, Overview, RowNumbers, Snippet, Volts
 
 #: Limits of a whole report: bins times channels, and rows of snippets times channels.
 MOST_BIN_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19
@@ -40,8 +40,6 @@ GOLDEN = 0.5 * 5**0.5 - 0.5
 #: Code of a bin without samples, and the highest code of a channel's range. Finer steps would make
 #: the file larger and would not be seen: a channel has some 40 pixels in the timeline.
 NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
-
-Recording = Sequence[Overview]
 
 
 class Variant(NamedTuple):
@@ -133,7 +131,7 @@ def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
     return [trial for _, trial in sorted(best, key=lambda pair: pair[0])]
 
 
-def bin_rows(recordings: Sequence[Recording]) -> list[int]:
+def bin_rows(recordings: Sequence[Sequence[Overview]]) -> list[int]:
     """Return how many rows a bin has in each recording so that all fit into one report.
 
     Examples
@@ -153,11 +151,11 @@ def bin_rows(recordings: Sequence[Recording]) -> list[int]:
     return sizes
 
 
-def choose_snippets(recordings: Sequence[Recording]) -> list[list[list[Snippet]]]:
+def choose_snippets(recordings: Sequence[Sequence[Overview]]) -> list[list[list[Snippet]]]:
     """Choose the snippets that fit into a report, for each recording and variant, in order.
 
-    Snippets with an event of the first kind in :data:`KINDS` are chosen first, then those of the
-    next kind. Within a kind they are spread over the whole length of each recording.
+    Snippets with an event of the first kind in :data:`EVENT_KINDS` are chosen first, then those of
+    the next kind. Within a kind they are spread over the whole length of each recording.
     """
     candidates = [
         (_rank(snippet, overview), i * GOLDEN % 1.0, r, v, snippet)
@@ -182,15 +180,15 @@ def _rank(snippet: Snippet, overview: Overview) -> int:
     rate = overview.sample_rate_hz
     stop = snippet.start + len(snippet.codes)
     shown = [
-        KINDS.index(event.kind)
+        EVENT_KINDS.index(event.kind)
         for event in overview.events
         if snippet.start <= round(event.start_s * rate) < stop
     ]
-    return min(shown, default=len(KINDS))
+    return min(shown, default=len(EVENT_KINDS))
 
 
 def pack_recording(
-    variants: Recording, rows_of_bin: int, snippets: Sequence[Sequence[Snippet]]
+    variants: Sequence[Overview], rows_of_bin: int, snippets: Sequence[Sequence[Snippet]]
 ) -> tuple[dict[str, Any], str]:
     """Return the header and the data of one recording.
 
@@ -267,7 +265,7 @@ def _event(event: Event) -> list[Any]:
     # Microseconds are finer than any sample.
     times = [None if t is None else round(t, 6) for t in event[1:4]]
     parts = {name: round(t, 6) for name, t in event.parts.items()}
-    return [KINDS.index(event.kind), *times, parts, event.note]
+    return [EVENT_KINDS.index(event.kind), *times, parts, event.note]
 
 
 def _scale(low: Volts, high: Volts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

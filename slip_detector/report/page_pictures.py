@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from slip_detector.chain.filters import design, group_delay_s, response
-from slip_detector.report.overview import KINDS, Overview, RowNumbers
+from slip_detector.report.overview import EVENT_KINDS, Overview, RowNumbers
 from slip_detector.report.page_data import SearchTrial, Variant, trade_off_front
 from slip_detector.report.pictures import COLORS
 
@@ -180,7 +180,7 @@ def timeline_figure(names: Sequence[str], overviews: Sequence[Overview]) -> Figu
     places = iter(zip(bottoms + 0.1, heights - 0.2, strict=True))
 
     bottom, height = next(places)
-    for kind, (marker, color) in zip(KINDS, EVENT_STYLES, strict=True):
+    for kind, (marker, color) in zip(EVENT_KINDS, EVENT_STYLES, strict=True):
         starts_s = [event.start_s for event in last.events if event.kind == kind]
         middle = np.full(len(starts_s), bottom + height / 2)
         axis.plot(starts_s, middle, marker, color=color, markersize=5, label=kind)
@@ -211,7 +211,7 @@ def timeline_figure(names: Sequence[str], overviews: Sequence[Overview]) -> Figu
         f'{_plain(last.name)} (grey: label; each channel from its lowest to its highest volts)'
     )
     if last.events:
-        figure.legend(loc='outside lower right', ncols=len(KINDS), fontsize=8, frameon=False)
+        figure.legend(loc='outside lower right', ncols=len(EVENT_KINDS), fontsize=8, frameon=False)
     return figure
 
 

@@ -20,6 +20,7 @@ from slip_detector.evaluation.protocol_trials import (
     band_name,
 )
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.writing import write_errors_of
 from slip_detector.report.pictures import COLORS, save_picture
 from slip_detector.report.trial_pictures import ENLARGED_S, draw_stages, draw_trial
 
@@ -110,7 +111,7 @@ def draw_protocol(
     channel = next(c for c in range(1, config.channels + 1) if c not in config.disabled_channels)
     of_trial = f'plate of {first_plate} µm, trial with the seed {result["seeds"][0]}'
     paths = {number: folder / f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)}
-    try:
+    with write_errors_of(folder):
         draw_stages(
             paths[2],
             trial.time_s,
@@ -148,8 +149,6 @@ def draw_protocol(
             ),
             PAPER_DELAY_MS,
         )
-    except OSError as error:
-        raise ValueError(f'{folder}: cannot be written to ({error.strerror})') from None
     return list(paths.values())
 
 

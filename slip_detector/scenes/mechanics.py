@@ -4,7 +4,7 @@ The integrator is the two-stage singly diagonally implicit Runge-Kutta method of
 is L-stable (Alexander 1977), so stiff bristles do not shorten its steps. The patches of skin act
 on each other only through the surface that moves over them. Therefore each stage of each patch is
 one equation for one velocity. An object in the grip adds one equation for its own velocity. An
-absent part of a scene has empty arrays in the :class:`Plan`.
+absent part of a scene has empty arrays in :class:`SceneConstants`.
 """
 
 from typing import NamedTuple
@@ -28,8 +28,8 @@ from slip_detector.scenes.texture import RidgeNumbers, ridges_between
 Floats = NDArray[np.float64]
 
 #: The times of the two stages as shares of a step; the first is also the method's diagonal.
-STAGES = (1.0 - np.sqrt(0.5), 1.0)
-DIAGONAL = STAGES[0]
+STAGE_TIMES = (1.0 - np.sqrt(0.5), 1.0)
+DIAGONAL = STAGE_TIMES[0]
 
 #: The share of the first stage's rate in the second stage.
 CARRY = (1.0 - DIAGONAL) / DIAGONAL
@@ -52,7 +52,7 @@ POSITION, SPEED, LOST = range(3)
 WORK, STORED, LEAST = range(3)
 
 
-class Plan(NamedTuple):
+class SceneConstants(NamedTuple):
     """What the integrator needs and does not change while a scene runs.
 
     Attributes
@@ -110,7 +110,7 @@ class State(NamedTuple):
 
 
 @compiled
-def _find_stage(v, step, loads, base, patches, found, plan):
+def _find_stage(v, step, loads, base, patches, found, constants):
     """Advance all patches by one implicit step under a surface of velocity v.
 
     Returns the sum of the forces of all patches on the surface, and its slope in v.
@@ -125,29 +125,29 @@ def _find_stage(v, step, loads, base, patches, found, plan):
             patches[p, PASSING],
             loads[p],
             step,
-            plan.skin,
-            plan.friction,
+            constants.skin,
+            constants.friction,
         )
         found[p, FOUND_PASSING] = passing
         found[p, FOUND_FORCE] = force
         found[p, FOUND_SLOPE] = stiffness
         found[p, FOUND_DEFLECTION] = after
-        total += plan.patches[p] * force
-        slope += plan.patches[p] * stiffness
+        total += constants.patches[p] * force
+        slope += constants.patches[p] * stiffness
     return total, slope
 
 
 @compiled
-def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, plan):
+def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, constants):
     """Find the velocity of the object at the end of an implicit step.
 
     M (v - v_base) / step + friction of both fingers (v) = load; the left side rises with v.
     """
-    inertia = plan.body.mass_kg / step
+    inertia = constants.body.mass_kg / step
     low, high = -np.inf, np.inf
     v = v_last
     for _ in range(MOST_ITERATIONS):
-        force, slope = _find_stage(v, step, loads, base, patches, found, plan)
+        force, slope = _find_stage(v, step, loads, base, patches, found, constants)
         balance = load_n - FINGERS * force - inertia * (v - v_base)
         if balance > 0.0:
             low = v
@@ -170,7 +170,7 @@ def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, plan
 
 
 @compiled
-def _take_stage(v, step, base, patches, found, plan):
+def _take_stage(v, step, base, patches, found):
     """Set the patches' state to the solution of a stage."""
     for p in range(patches.shape[0]):
         speed = v - found[p, FOUND_PASSING]
@@ -181,26 +181,26 @@ def _take_stage(v, step, base, patches, found, plan):
 
 
 @compiled
-def _book(weight_s, found, plan, ledger):
+def _book(weight_s, found, constants, ledger):
     """Add the work of a stage on the friction to the ledger."""
-    for p in range(plan.patches.size):
+    for p in range(constants.patches.size):
         ledger[WORK] += (
-            weight_s * plan.patches[p] * found[p, FOUND_FORCE] * found[p, FOUND_PASSING]
+            weight_s * constants.patches[p] * found[p, FOUND_FORCE] * found[p, FOUND_PASSING]
         )
 
 
 @compiled
-def _step(i, drive, state, plan, loads, base, found, ledger):
+def _step(i, drive, state, constants, loads, base, found, ledger):
     """Take one step of skin and object; afterwards ``loads`` are those at its end."""
     patches, body = state.patches, state.body
-    diagonal_s = DIAGONAL * plan.step_s
-    with_object = plan.body.mass_kg > 0.0
+    diagonal_s = DIAGONAL * constants.step_s
+    with_object = constants.body.mass_kg > 0.0
     surface_v = 0.0
     for stage in range(2):
         force = 0.0 if body[LOST] else drive.force_n[i, stage]
         spread_load(
-            force, drive.centre_x_m[i, stage], drive.centre_y_m[i, stage], plan.positions_m,
-            plan.hertz, plan.body.rest_patches, loads,
+            force, drive.centre_x_m[i, stage], drive.centre_y_m[i, stage], constants.positions_m,
+            constants.hertz, constants.body.rest_patches, loads,
         )  # fmt: skip
         if stage == 0:
             base[:, :] = patches[:, :3]
@@ -216,86 +216,87 @@ def _step(i, drive, state, plan, loads, base, found, ledger):
         if with_object and not body[LOST]:
             surface_v = _find_object(
                 body[SPEED], v_base, drive.load_n[i, stage], diagonal_s, loads, base, patches,
-                found, plan,
+                found, constants,
             )  # fmt: skip
             body[SPEED] = surface_v
             body[POSITION] = s_base + diagonal_s * surface_v
         else:
             surface_v = drive.velocity_m_s[i, stage]
-            _find_stage(surface_v, diagonal_s, loads, base, patches, found, plan)
-        _take_stage(surface_v, diagonal_s, base, patches, found, plan)
+            _find_stage(surface_v, diagonal_s, loads, base, patches, found, constants)
+        _take_stage(surface_v, diagonal_s, base, patches, found)
         if ledger.size:
-            _book((1.0 - DIAGONAL if stage == 0 else DIAGONAL) * plan.step_s, found, plan, ledger)
+            share = 1.0 - DIAGONAL if stage == 0 else DIAGONAL
+            _book(share * constants.step_s, found, constants, ledger)
     if ledger.size:
         stored = 0.0
         for p in range(patches.shape[0]):
-            stored += plan.patches[p] * patches[p, DEFLECTION] ** 2
-        ledger[STORED] = 0.5 * plan.friction.bristle_n_m * stored
+            stored += constants.patches[p] * patches[p, DEFLECTION] ** 2
+        ledger[STORED] = 0.5 * constants.friction.bristle_n_m * stored
         ledger[LEAST] = min(ledger[LEAST], ledger[WORK] - ledger[STORED])
-    if with_object and body[POSITION] > plan.body.length_m:
+    if with_object and body[POSITION] > constants.body.length_m:
         body[LOST] = 1.0
         body[SPEED] = 0.0
 
 
 @compiled
-def _sense(c, load, displacement, way, before, plan):
+def _sense(c, load, displacement, way, before, constants):
     """Return the mean voltage of a channel since ``before``, without its baseline.
 
     Without a low-pass filter ``before`` is the present, and the mean is the present value.
     """
     mean_load = 0.5 * (before[0] + load)
     texture = 0.0
-    if mean_load > 0.0 and plan.ridges.amplitudes.size:
-        texture += ridges_between(before[2], way, plan.ridges)
-    if mean_load > 0.0 and plan.rough.heights.size:
-        texture += roughness_between(before[2], way, plan.rough)
-    shear = plan.skin.stiffness_n_m * 0.5 * (before[1] + displacement)
-    return plan.normal_v_n[c] * mean_load * (1.0 + texture) + plan.shear_v_n[c] * shear
+    if mean_load > 0.0 and constants.ridges.amplitudes.size:
+        texture += ridges_between(before[2], way, constants.ridges)
+    if mean_load > 0.0 and constants.rough.heights.size:
+        texture += roughness_between(before[2], way, constants.rough)
+    shear = constants.skin.stiffness_n_m * 0.5 * (before[1] + displacement)
+    return constants.normal_v_n[c] * mean_load * (1.0 + texture) + constants.shear_v_n[c] * shear
 
 
 @compiled
-def _sense_all(state, loads, position, plan, smooth, out):
+def _sense_all(state, loads, position, constants, smooth, out):
     """Read all channels at the end of a step, through the low-pass filter if there is one."""
     with_skin = state.patches.shape[0] > 0
-    for c in range(plan.positions_m.shape[0]):
+    for c in range(constants.positions_m.shape[0]):
         displacement = state.patches[c, DISPLACEMENT] if with_skin else 0.0
-        way = position - displacement + plan.positions_m[c, 0]
+        way = position - displacement + constants.positions_m[c, 0]
         before = state.before[c]
         if not smooth:
             before[0], before[1], before[2] = loads[c], displacement, way
-        value = _sense(c, loads[c], displacement, way, before, plan)
+        value = _sense(c, loads[c], displacement, way, before, constants)
         if smooth:
-            value += plan.decay * (state.smoothed_v[c] - value)
+            value += constants.decay * (state.smoothed_v[c] - value)
         state.smoothed_v[c] = value
         before[0], before[1], before[2] = loads[c], displacement, way
         out[c] = value
 
 
 @compiled
-def _sliding_share(state, loads, plan):
+def _sliding_share(state, loads, constants):
     """Return the share of the normal load under which the surface slides over the skin."""
     total, sliding = 0.0, 0.0
-    for p in range(plan.patches.size):
-        load = plan.patches[p] * loads[p]
+    for p in range(constants.patches.size):
+        load = constants.patches[p] * loads[p]
         total += load
         sliding += load if abs(state.patches[p, PASSING]) > SLIDING_M_S else 0.0
     return sliding / total if total > LIGHTEST_LOAD_N else 0.0
 
 
 @compiled
-def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
+def advance(drive, state, constants, begin, clean_v, position_m, sliding, ledger):
     """Advance a scene by some samples; the state is changed in place.
 
     Parameters
     ----------
     drive : Drive
-        Arrays of shape (m, 2): at the two stages, :data:`STAGES`, of each step. There are
+        Arrays of shape (m, 2): at the two stages, :data:`STAGE_TIMES`, of each step. There are
         ``steps_per_sample`` steps for each sample. With ``begin`` the first sample is taken
         before any step, and the first row of the drive is for this sample.
     state : State
         The state of the scene.
-    plan : Plan
-        The plan of the scene.
+    constants : SceneConstants
+        The constants of the scene.
     begin : bool
         Whether the first sample is the first of the scene.
     clean_v : ndarray, shape (n, channels)
@@ -308,28 +309,28 @@ def advance(drive, state, plan, begin, clean_v, position_m, sliding, ledger):
         Work done on the friction, energy stored in it, and the smallest difference of the two so
         far; it is not computed if the array is empty.
     """
-    n_patches = plan.patches.size
-    loads = np.zeros(max(n_patches, plan.positions_m.shape[0]))
+    n_patches = constants.patches.size
+    loads = np.zeros(max(n_patches, constants.positions_m.shape[0]))
     base, found = np.zeros((n_patches, 3)), np.zeros((n_patches, 4))
-    with_object = plan.body.mass_kg > 0.0
-    smooth = plan.decay >= 0.0
+    with_object = constants.body.mass_kg > 0.0
+    smooth = constants.decay >= 0.0
     i = 0
     for k in range(clean_v.shape[0]):
         start = begin and k == 0
-        steps = 1 if start else plan.steps_per_sample
+        steps = 1 if start else constants.steps_per_sample
         for j in range(steps):
             if n_patches and not start:
-                _step(i, drive, state, plan, loads, base, found, ledger)
+                _step(i, drive, state, constants, loads, base, found, ledger)
             last = j == steps - 1
             if smooth or last:
                 if not n_patches or start:
                     spread_load(
                         drive.force_n[i, 1], drive.centre_x_m[i, 1], drive.centre_y_m[i, 1],
-                        plan.positions_m, plan.hertz, plan.body.rest_patches, loads,
+                        constants.positions_m, constants.hertz, constants.body.rest_patches, loads,
                     )  # fmt: skip
                 position = state.body[POSITION] if with_object else drive.position_m[i, 1]
-                _sense_all(state, loads, position, plan, smooth and not start, clean_v[k])
+                _sense_all(state, loads, position, constants, smooth and not start, clean_v[k])
                 if last:
                     position_m[k] = position
-                    sliding[k] = _sliding_share(state, loads, plan) if n_patches else 0.0
+                    sliding[k] = _sliding_share(state, loads, constants) if n_patches else 0.0
             i += 1

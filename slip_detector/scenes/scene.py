@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
 from slip_detector.scenes.clock import Clock
 from slip_detector.scenes.compatibility import check_grip, check_parts
+from slip_detector.scenes.constants import scene_constants
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
 from slip_detector.scenes.drops import LossyLink
 from slip_detector.scenes.electronics import Electronics, Frontend
 from slip_detector.scenes.faults import FaultyChannels
 from slip_detector.scenes.hum import HumVoltage
-from slip_detector.scenes.mechanics import STAGES, State, advance
+from slip_detector.scenes.mechanics import STAGE_TIMES, State, advance
 from slip_detector.scenes.motion import LoadNumbers, Motion, PlateNumbers, held_force, plate_at
 from slip_detector.scenes.parts import PARTS, read_parts, read_sampling
-from slip_detector.scenes.plan import build_plan
 from slip_detector.scenes.steps import read_steps
 
 Floats = NDArray[np.float64]
@@ -76,7 +76,7 @@ class Scene:
         The parts that are always there.
     drive_numbers : DriveNumbers
         What acts on the fingertip.
-    plan : Plan
+    constants : SceneConstants
     state : State
         The arguments of :func:`slip_detector.scenes.mechanics.advance`.
 
@@ -127,10 +127,10 @@ class Scene:
             lowest_v = self.electronics.rails_v[0]
             self._faults = FaultyChannels(parts['faults'], children['faults'], lowest_v)
         self._link = LossyLink(parts['drops'], children['drops']) if 'drops' in parts else None
-        self.plan = build_plan(
+        self.constants = scene_constants(
             parts, self.true_rate_hz, sampling.step_s, self._frontend, children['texture']
         )
-        n_patches, n_channels = len(self.plan.patches), PAPER_CHANNELS
+        n_patches, n_channels = len(self.constants.patches), PAPER_CHANNELS
         self.state = State(
             np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
         )
@@ -138,7 +138,7 @@ class Scene:
         #: The largest grip that was checked; what holds under it holds under a smaller one.
         self._allowed_n = 0.0
         # Compiles the functions here, so that the first read does not wait for it.
-        advance(self.drive(np.zeros((0, 2))), self.state, self.plan, False, np.zeros((0, 16)),
+        advance(self.drive(np.zeros((0, 2))), self.state, self.constants, False, np.zeros((0, 16)),
                 np.zeros(0), np.zeros(0), np.zeros(0))  # fmt: skip
         self._truth(np.zeros(0), np.zeros(0))
 
@@ -217,18 +217,19 @@ class Scene:
         last = min(first + n, self.length)
         self._next = max(last, first)
         m = self._next - first
-        plan = self.plan
+        constants = self.constants
         clean_v, position_m, sliding = np.empty((m, PAPER_CHANNELS)), np.empty(m), np.empty(m)
         begin = first == 0
         # Steps are numbered from the scene's start, so that no bit depends on how reads are cut.
         of_steps = np.arange(
-            max(first - 1, 0) * plan.steps_per_sample, max(last - 1, 0) * plan.steps_per_sample
+            max(first - 1, 0) * constants.steps_per_sample,
+            max(last - 1, 0) * constants.steps_per_sample,
         )
-        stages_s = (of_steps[:, np.newaxis] + np.array(STAGES)) * plan.step_s
+        stages_s = (of_steps[:, np.newaxis] + np.array(STAGE_TIMES)) * constants.step_s
         if begin and m:
             stages_s = np.concatenate([np.zeros((1, 2)), stages_s])
         advance(
-            self.drive(stages_s), self.state, plan, begin, clean_v, position_m, sliding,
+            self.drive(stages_s), self.state, constants, begin, clean_v, position_m, sliding,
             np.zeros(0) if ledger is None else ledger,
         )  # fmt: skip
         time_s = np.arange(first, self._next) / self.true_rate_hz

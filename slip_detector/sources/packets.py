@@ -17,7 +17,7 @@ from slip_detector.sources.cobs import cobs_decode
 
 #: First byte of a packet by the type of its values: version 1 in the upper half; in the lower half
 #: the number of bytes of a value, plus 8 where it is unsigned.
-KINDS = {
+PACKET_KINDS = {
     'int16': 0x12,
     'int24': 0x13,
     'int32': 0x14,
@@ -49,7 +49,7 @@ class PacketDecoder:
     channels
         Number of channels.
     values
-        Type of a value, a key of :data:`KINDS`.
+        Type of a value, a key of :data:`PACKET_KINDS`.
     scale_v, offset_v
         The volts of a value are offset + scale x value.
 
@@ -75,7 +75,7 @@ class PacketDecoder:
 
     def __init__(self, channels: int, values: str, scale_v: float, offset_v: float) -> None:
         self.counts: Counter[str] = Counter()
-        self._channels, self._kind = channels, KINDS[values]
+        self._channels, self._kind = channels, PACKET_KINDS[values]
         self._scale_v, self._offset_v = scale_v, offset_v
         self._value_bytes = self._kind & 7
         # COBS adds at most one byte for each 254 bytes.
@@ -209,7 +209,7 @@ def encode(
     integers : array_like of int, shape (n, c)
         The samples, oldest first.
     values
-        Type of a value, a key of :data:`KINDS`.
+        Type of a value, a key of :data:`PACKET_KINDS`.
     sequence
         Number of the packet, one more than that of the packet before; wraps at 2**32.
     time_us
@@ -228,7 +228,7 @@ def encode(
     '12020100 07000000 00000000 00000000 0100ffff db7b5845'
     """
     rows = np.asarray(integers, dtype=np.int64)
-    kind = KINDS[values]
+    kind = PACKET_KINDS[values]
     bits = 8 * (kind & 7)
     low, high = (0, 2**bits - 1) if kind & 8 else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
     if rows.ndim != 2 or not rows.size or rows.shape[1] > 255:

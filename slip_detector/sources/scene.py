@@ -18,6 +18,11 @@ class SceneSource(Source):
     repetition
         How often the scene was played before; it is added to the seed.
 
+    Attributes
+    ----------
+    duration_s : float
+        How long the scene lasts.
+
     Raises
     ------
     ValueError
@@ -39,6 +44,7 @@ class SceneSource(Source):
         self._scene = scene = load_scene(find_scene(config.scene), trial)
         super().__init__(f'scene {config.scene}', scene.channel_names, scene.sample_rate_hz)
         self.has_object = 'object' in scene.parts
+        self.duration_s = scene.duration_s
 
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples, fewer where some are lost, none only after the end."""

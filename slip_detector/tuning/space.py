@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.evaluation.labelled_rows import SLIP
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
@@ -37,8 +37,6 @@ MAINS_HZ = (50.0, 60.0)
 SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.005, 0.3
 
 STOPBANDS = ('given', 'none', 'below', 'above', 'both')
-
-COMMON_MODES = ('none', 'median', 'mean')
 
 #: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3

@@ -1,19 +1,20 @@
-"""The common mode of rows: the mean or median of what counts."""
+"""The common mode of rows: the mean or median of its valid channels."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.common_mode import COMMON_MODES, MEAN, MEDIAN, find_common_mode
+from slip_detector.chain.common_mode import COMMON_MODE_NUMBERS, MEAN, MEDIAN, find_common_mode
 from slip_detector.chain.lanes import LANES
 from slip_detector.chain.stages import COMMON_V, FIRST, FIXED_SLOTS, WORD_ROWS
+from slip_detector.parameters.detector import COMMON_MODES
 
 LIMIT_V = 10.0
 
 
 def common_mode_of(volts, first, kind, before_v=0.0, valid=None):
-    """Return what rows have in common, and the first good samples after them."""
+    """Return the common mode of each row, and the first good samples after them."""
     rows, channels = volts.shape
     tiles_of, columns = -(-channels // LANES), np.arange(channels)
     tiles = np.zeros((tiles_of, FIXED_SLOTS, LANES))
@@ -39,12 +40,13 @@ def common_mode_of(volts, first, kind, before_v=0.0, valid=None):
     return found[:rows], tiles[:, FIRST].reshape(-1)[:channels]
 
 
-def test_the_names_are_those_of_the_numbers():
-    assert (COMMON_MODES[MEAN], COMMON_MODES[MEDIAN]) == ('mean', 'median')
+def test_each_value_of_the_parameter_has_a_number_of_its_own():
+    assert COMMON_MODE_NUMBERS.keys() == set(COMMON_MODES)
+    assert len(set(COMMON_MODE_NUMBERS.values())) == len(COMMON_MODES)
 
 
 @given(st.integers(1, 40), st.integers(1, WORD_ROWS), st.integers(0, 1000))
-def test_of_channels_that_all_count_it_is_that_of_their_deviations(channels, rows, seed):
+def test_of_channels_that_are_all_valid_it_is_that_of_their_deviations(channels, rows, seed):
     rng = np.random.default_rng(seed)
     # Steps of a coarse converter, so that values are equal now and then.
     volts, first = np.round(rng.normal(size=(rows, channels)), 1), rng.normal(size=channels)

@@ -58,14 +58,14 @@ def test_a_second_process_loads_no_signal_package_and_gets_the_same_bits(tmp_pat
 
 
 def test_what_was_kept_is_returned_to_the_bit(folder):
-    assert np.array_equal(design_cache.kept(KEY, lambda: SECTIONS), SECTIONS)
+    assert np.array_equal(design_cache.load_or_make(KEY, lambda: SECTIONS), SECTIONS)
     assert [path.suffix for path in folder.iterdir()] == ['.npy']
-    assert np.array_equal(design_cache.kept(KEY, refuse), SECTIONS)
+    assert np.array_equal(design_cache.load_or_make(KEY, refuse), SECTIONS)
 
 
 @pytest.mark.parametrize('change', ['key', 'numpy', 'scipy', 'filters'])
 def test_another_key_version_or_way_of_designing_is_designed(folder, monkeypatch, change):
-    design_cache.kept(KEY, lambda: SECTIONS)
+    design_cache.load_or_make(KEY, lambda: SECTIONS)
     key = KEY
     if change == 'key':
         key = (380.0, (7.0, np.nextafter(50.0, 51.0)), 4)
@@ -74,36 +74,36 @@ def test_another_key_version_or_way_of_designing_is_designed(folder, monkeypatch
     else:
         package = np if change == 'numpy' else design_cache.scipy
         monkeypatch.setattr(package, '__version__', '1.0')
-    assert np.array_equal(design_cache.kept(key, lambda: 2 * SECTIONS), 2 * SECTIONS)
+    assert np.array_equal(design_cache.load_or_make(key, lambda: 2 * SECTIONS), 2 * SECTIONS)
 
 
 @pytest.mark.parametrize('damage', [b'', b'no array', None])
 def test_a_damaged_file_is_made_again(folder, damage):
-    design_cache.kept(KEY, lambda: SECTIONS)
+    design_cache.load_or_make(KEY, lambda: SECTIONS)
     path = next(folder.iterdir())
     path.write_bytes(path.read_bytes()[:-1] if damage is None else damage)
-    assert np.array_equal(design_cache.kept(KEY, lambda: SECTIONS), SECTIONS)
-    assert np.array_equal(design_cache.kept(KEY, refuse), SECTIONS)
+    assert np.array_equal(design_cache.load_or_make(KEY, lambda: SECTIONS), SECTIONS)
+    assert np.array_equal(design_cache.load_or_make(KEY, refuse), SECTIONS)
 
 
 def test_an_array_of_another_shape_is_not_taken(folder):
-    design_cache.kept(KEY, lambda: SECTIONS)
+    design_cache.load_or_make(KEY, lambda: SECTIONS)
     np.save(next(folder.iterdir()), np.zeros(3))
-    assert np.array_equal(design_cache.kept(KEY, lambda: SECTIONS), SECTIONS)
+    assert np.array_equal(design_cache.load_or_make(KEY, lambda: SECTIONS), SECTIONS)
 
 
 def test_without_a_place_to_keep_it_the_design_is_returned(folder):
     folder.parent.joinpath('cache').write_text('a file where the folder would be')
-    assert np.array_equal(design_cache.kept(KEY, lambda: SECTIONS), SECTIONS)
+    assert np.array_equal(design_cache.load_or_make(KEY, lambda: SECTIONS), SECTIONS)
 
 
 def test_a_design_that_is_refused_is_not_kept(folder):
     with pytest.raises(AssertionError):
-        design_cache.kept(KEY, refuse)
+        design_cache.load_or_make(KEY, refuse)
     assert not folder.exists()
 
 
 def test_with_the_signal_package_loaded_no_file_is_written(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, 'scipy.signal', np)
-    assert np.array_equal(design_cache.kept(KEY, lambda: SECTIONS), SECTIONS)
+    assert np.array_equal(design_cache.load_or_make(KEY, lambda: SECTIONS), SECTIONS)
     assert not folder.exists()

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from slip_detector.chain import slip_chain as chain_module
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.chain.stages import WORD_ROWS
-from slip_detector.parameters.detector import ChainConfig
-from support.chain_cases import COMMON_MODES, VOTES, bits, noise, sine
+from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from support.chain_cases import VOTES, bits, noise, sine
 from support.interpreted import interpreted_chain
 from support.random_chains import (
     assert_same_votes,

@@ -12,16 +12,16 @@ from slip_detector.chain.compiled import COMPILED, compiled
 from slip_detector.chain.lanes import (
     LANES,
     LINE,
+    absolute,
     float_part,
     floats_of,
     floor,
     integer_part,
     is_number,
     load,
-    root,
     select,
-    size,
     spread,
+    square_root,
     store,
     store_past_caches,
     word_part,
@@ -58,7 +58,7 @@ COMPARISONS = {
     f: of_two(f) for f in (operator.gt, operator.ge, operator.lt, operator.le, operator.eq)
 }
 OF_WORDS = {f: of_two(f) for f in (operator.add, operator.and_, operator.or_)}
-OF_FLOATS = {root: np.sqrt, size: np.abs, floor: np.floor}
+OF_FLOATS = {square_root: np.sqrt, absolute: np.abs, floor: np.floor}
 APPLIED = {f: of_one(f) for f in OF_FLOATS}
 
 

@@ -9,8 +9,8 @@ import pytest
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.kernel import CACHED_VALUES
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.parameters.detector import ChainConfig
-from support.chain_cases import COMMON_MODES, bits, noise
+from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from support.chain_cases import bits, noise
 
 # --- input and output ----------------------------------------------------------------------
 

@@ -130,7 +130,7 @@ def test_noise_floors_are_taken_over_by_channel():
     volts = np.random.default_rng(0).normal(size=(400, 40)) * np.geomspace(0.1, 10, 40)
     chain, its = SlipChain(config), SlipChain(other)
     mine = chain.update(volts[:200], floor=True).floor[-1]
-    taken = its.update(volts, floor=True).floor[-1]
+    taken = its.update(volts[::-1], floor=True).floor[-1]
     chain.take_floors(its)
     chain.state[:, stages.AGE] = 0.0  # so that no floor moves
     found = chain.update(volts[200:201], floor=True).floor[0]

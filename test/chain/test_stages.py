@@ -5,8 +5,8 @@ import pytest
 
 from slip_detector.chain.filters import design, largest_pole_radius
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
-from slip_detector.parameters.detector import ChainConfig
-from support.chain_cases import COMMON_MODES, FAST, bits, noise, sine
+from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from support.chain_cases import FAST, bits, noise, sine
 
 # --- baselines and huge values -------------------------------------------------------------
 

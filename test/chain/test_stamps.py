@@ -184,6 +184,87 @@ def test_batches_come_or_are_missing_as_a_whole(rows, n, data):
             assert arrival == (True, rows if number == lost + 1 else 0, False)
 
 
+#: Times between two publications, in batches: quick ones behind a late one too.
+PUBLICATIONS = st.lists(
+    st.one_of(st.integers(1, PERIOD_NS), st.integers(1, 100 * PERIOD_NS)), min_size=1, max_size=80
+)
+
+
+@given(PUBLICATIONS, st.integers(1, 40), st.integers(0, 2**62), st.sampled_from([0.0, MAX_GAP_S]))
+def test_numbered_batches_may_be_published_late_at_any_time(steps_ns, rows, first, max_gap_s):
+    grid = StampGrid(PERIOD_S, max_gap_s)
+    at_ns = np.cumsum([START_NS, *steps_ns]).tolist()
+    judged = [grid.arrive(stamp, rows, first + k) for k, stamp in enumerate(at_ns)]
+    assert judged == [NEXT] * len(judged)
+
+
+@given(PUBLICATIONS, st.integers(1, 40), st.sets(st.integers(1, 79)))
+def test_each_numbered_batch_that_is_lost_is_told_whenever_the_others_come(steps_ns, rows, lost):
+    grid = StampGrid(PERIOD_S, max_gap_s=1e3)
+    at_ns = np.cumsum([START_NS, *steps_ns]).tolist()
+    came = [number for number in range(len(at_ns)) if number not in lost]
+    judged = [grid.arrive(at_ns[number], rows, number) for number in came]
+    assert all(arrival.accepted and not arrival.reset for arrival in judged)
+    missing = np.diff(came, prepend=-1) - 1
+    assert [arrival.missing for arrival in judged] == (rows * missing).tolist()
+
+
+def test_batches_without_numbers_that_come_late_are_taken_for_a_gap():
+    # Nothing but the next one can tell, and that has not come yet.
+    grid = StampGrid(PERIOD_S, MAX_GAP_S)
+    at_ms = [0, 25, 85, 86, 100]
+    judged = [grid.arrive(START_NS + ms * 1_000_000, 10) for ms in at_ms]
+    assert [arrival.missing for arrival in judged] == [0, 0, 10, 0, 0]
+
+
+def test_more_lost_batches_than_are_bridged_begin_a_new_stretch():
+    grid = StampGrid(PERIOD_S, MAX_GAP_S)
+    batch_ns = 10 * PERIOD_NS
+    judged = [grid.arrive(START_NS + n * batch_ns, 10, n) for n in (0, 1, 5, 9, 14, 15)]
+    assert judged == [NEXT, NEXT, (True, 30, False), (True, 30, False), NEW_STRETCH, NEXT]
+
+
+@pytest.mark.parametrize(
+    ('max_gap_s', 'pause_s', 'told'),
+    [(0.0, 0.9, NEXT), (0.1, 0.9, NEXT), (0.1, 1.1, NEW_STRETCH), (5.0, 4.9, NEXT)],
+)
+def test_after_a_long_pause_of_the_source_a_new_stretch_begins(max_gap_s, pause_s, told):
+    grid = StampGrid(PERIOD_S, max_gap_s)
+    grid.arrive(START_NS, 1, 7)
+    pause_ns = PERIOD_NS + round(pause_s * 1e9)
+    assert grid.arrive(START_NS + pause_ns, 1, 8) == told
+    assert grid.arrive(START_NS + pause_ns + PERIOD_NS, 1, 9) == NEXT
+
+
+@given(st.integers(0, 10**12))
+def test_numbers_that_go_on_while_the_clock_is_set_back_lose_nothing(back_ns):
+    grid = StampGrid(PERIOD_S, MAX_GAP_S)
+    for number in range(20):
+        at_ns = START_NS + number * PERIOD_NS - (back_ns if number >= 10 else 0)
+        assert grid.arrive(at_ns, 1, number) == NEXT
+
+
+def test_a_publisher_that_was_started_again_is_judged_by_its_stamps():
+    grid = StampGrid(PERIOD_S, MAX_GAP_S)
+    judged = [grid.arrive(START_NS + k * PERIOD_NS, 1, 100 + k) for k in range(5)]
+    judged += [grid.arrive(START_NS + k * PERIOD_NS, 1, k - 49) for k in (50, 51, 54)]
+    assert judged == [*[NEXT] * 5, NEW_STRETCH, NEXT, (True, 2, False)]
+
+
+def test_the_period_is_that_of_numbered_batches_however_late_some_are():
+    random = np.random.default_rng(0)
+    grid, batch_ns = StampGrid(PERIOD_S, MAX_GAP_S), 10.5 * PERIOD_NS
+    periods_ns, before_ns = [], 0
+    for number in range(5000):
+        late_ns = random.uniform(0, 0.1 * batch_ns)
+        if random.random() < 0.005:
+            late_ns += random.uniform(1, 10) * batch_ns
+        before_ns = max(START_NS + round(number * batch_ns + late_ns), before_ns + 1)
+        grid.arrive(before_ns, 10, number)
+        periods_ns.append(grid.period_ns)
+    assert np.median(periods_ns) == pytest.approx(1.05 * PERIOD_NS, rel=5e-3)
+
+
 @given(st.lists(st.integers(-2, 45), max_size=60), st.lists(st.integers(0, 60), max_size=4))
 def test_samples_taken_all_at_once_are_judged_as_one_by_one(steps, cuts):
     stamps = np.array([START_NS + sum(steps[:i]) * PERIOD_NS for i in range(len(steps) + 1)])

@@ -5,8 +5,8 @@ import pytest
 
 from slip_detector.chain.lanes import LANES
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.parameters.detector import ChainConfig
-from support.chain_cases import COMMON_MODES, FAST, VOTES, noise, sine
+from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from support.chain_cases import FAST, VOTES, noise, sine
 
 # --- votes ---------------------------------------------------------------------------------
 

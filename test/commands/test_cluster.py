@@ -1,4 +1,4 @@
-"""``slip_evaluate`` and ``slip_tune`` on a Dask cluster of which a worker dies."""
+"""``slip_evaluate`` and ``slip_tune`` on a Dask cluster: workers die, and Ctrl-C is pressed."""
 
 import contextlib
 import json
@@ -7,27 +7,23 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
 
 from slip_detector.commands import evaluate, tune
 from support.evaluation_cases import write
+from support.interrupts import (
+    DEADLINE_S,
+    check_interrupted_evaluation,
+    check_interrupted_search,
+    wait_for,
+)
 from support.tuning_cases import journal, trials_of
 
 distributed = pytest.importorskip('distributed', reason='needs distributed')
 
 ROOT = Path(__file__).parents[2]
-DEADLINE_S = 120.0
-
-
-def wait_for(condition):
-    """Look again and again, with a deadline: neither file nor scheduler tells of a change."""
-    deadline_s = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.05)
 
 
 class Cluster:
@@ -113,3 +109,15 @@ def test_a_cluster_finds_the_same_to_the_bit_though_workers_die(
         trials = tuned('there.yaml', '--cluster', cluster.address)
     assert len(trials) == 12
     assert trials == tuned('here.yaml')
+
+
+def test_an_interrupt_leaves_what_a_cluster_found_and_the_cluster_as_it_was(cluster, case):
+    worker = cluster.start_worker()
+    folder, _ = case
+    endless = check_interrupted_evaluation(folder / 'set', '--cluster', cluster.address)
+    # The worker still waits for the recording: its end lets it go on.
+    os.close(os.open(endless, os.O_WRONLY))
+    check_interrupted_search(case, '--cluster', cluster.address)
+    assert worker.poll() is None
+    with distributed.Client(cluster.address) as client:
+        wait_for(lambda: not any(client.processing().values()))

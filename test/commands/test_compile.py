@@ -1,7 +1,5 @@
 """The command ``slip_compile``: it compiles all that any other command or node needs."""
 
-import sys
-
 import numpy as np
 import pytest
 
@@ -11,22 +9,9 @@ from slip_detector.commands.evaluate import main as evaluate
 from slip_detector.commands.tune import main as tune
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
+from support.compiled_signatures import compiled_signatures
 
 needs_numba = pytest.mark.skipif(not COMPILED, reason='without Numba nothing is compiled')
-
-
-def compiled_signatures():
-    """Return the functions that Python has called compiled, and for which types."""
-    from numba.core.dispatcher import Dispatcher
-
-    return {
-        (f'{name}.{function}', signature)
-        for name, module in list(sys.modules.items())
-        if name.startswith('slip_detector.')
-        for function, value in vars(module).items()
-        if isinstance(value, Dispatcher) and value.py_func.__module__ == name
-        for signature in value.signatures
-    }
 
 
 @needs_numba

@@ -1,22 +1,12 @@
 """``slip_evaluate`` with several processes: the same figures, progress, and what Ctrl-C leaves."""
 
-import fcntl
 import json
-import os
-import pty
-import signal
-import struct
-import subprocess
-import sys
-import termios
-from pathlib import Path
 
 import pytest
 
 from slip_detector.commands.evaluate import main
 from support.evaluation_cases import complaint, write
-
-ROOT = Path(__file__).parents[2]
+from support.interrupts import check_interrupted_evaluation
 
 
 def test_any_number_of_jobs_gives_the_same_figures_and_report(capsys, tmp_path):
@@ -45,31 +35,7 @@ def test_what_is_wrong_with_a_recording_is_said_as_without_jobs(capsys, tmp_path
 
 @pytest.mark.parametrize('jobs', ['1', '2'])
 def test_a_terminal_shows_how_many_are_done_and_an_interrupt_leaves_these(tmp_path, jobs):
-    paths = [write(tmp_path / f'{name}.npz', seed) for seed, name in enumerate('ab')]
-    # Who opens it waits without an end for somebody who writes.
-    endless = tmp_path / 'endless.npz'
-    os.mkfifo(endless)
-    mine, its = pty.openpty()
-    fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 80, 0, 0))
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'slip_detector.commands.evaluate', *map(str, [*paths, endless]),
-         '--jobs', jobs, '--json'],
-        stdout=subprocess.PIPE, stderr=its, env={**os.environ, 'PYTHONPATH': str(ROOT)},
-    )  # fmt: skip
-    os.close(its)
-    try:
-        shown = ''
-        while '2/3' not in shown:
-            shown += os.read(mine, 4096).decode()
-        process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=60)
-    finally:
-        process.kill()
-        os.close(mine)
-    assert process.returncode == 130
-    report = json.loads(out)
-    assert list(report['sets'][tmp_path.name]['recordings']) == ['a.npz', 'b.npz']
-    assert report['not_evaluated'] == [str(endless)]
+    check_interrupted_evaluation(tmp_path, '--jobs', jobs)
 
 
 def test_an_interrupt_is_said_in_the_tables(capsys, tmp_path, monkeypatch):

@@ -154,4 +154,4 @@ def test_a_folder_that_cannot_be_made_or_written_to_is_named(capsys, tmp_path):
     assert line == f'{tmp_path / "file"}: cannot be made (File exists)'
     (tmp_path / 'full' / 'paper_fig4.png').mkdir(parents=True)
     line = complaint(capsys, *arguments, tmp_path / 'full', code=1)
-    assert line == f'{tmp_path / "full"}: cannot be written to (Is a directory)'
+    assert line == f'{tmp_path / "full"}: cannot be written (Is a directory)'

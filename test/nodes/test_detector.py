@@ -279,8 +279,7 @@ def test_parameters_come_from_a_file_and_have_descriptions(bench, tmp_path):
 )
 def test_a_wrong_parameter_stops_the_start_with_one_line(bench, parameters, words):
     process = bench.start('slip_detector', parameters=parameters)
-    assert process.wait() == 1
-    (line,) = process.log().strip().splitlines()
+    line = process.refusal()
     assert line.startswith('slip_detector: ')
     for word in words:
         assert word in line
@@ -292,8 +291,7 @@ def test_a_missing_or_broken_parameter_file_is_named_in_one_line(bench, tmp_path
     if content is not None:
         file.write_text(content)
     process = bench.start('slip_detector', '--params-file', file)
-    assert process.wait() == 1
-    (line,) = process.log().strip().splitlines()
+    line = process.refusal()
     assert str(file) in line
 
 

@@ -357,8 +357,7 @@ def test_signals_end_a_driver_that_listens_cleanly(bench, port, number, there):
 )
 def test_a_wrong_parameter_ends_the_driver_with_one_line(bench, parameters, words):
     process = bench.start('slip_driver', parameters=parameters)
-    assert process.wait() == 1
-    (line,) = process.log().strip().splitlines()
+    line = process.refusal()
     assert line.startswith('slip_driver: ')
     for word in words:
         assert word in line

@@ -220,8 +220,7 @@ def test_signals_end_the_controller_cleanly(bench, number):
 )
 def test_a_wrong_parameter_stops_the_start_with_one_line(bench, parameters, words):
     process = bench.start('grasp_controller', parameters=parameters)
-    assert process.wait() == 1
-    (line,) = process.log().strip().splitlines()
+    line = process.refusal()
     assert line.startswith('grasp_controller: ')
     for word in words:
         assert word in line

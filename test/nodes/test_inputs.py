@@ -16,7 +16,7 @@ from slip_detector.nodes.inputs import Input, message_class
 from slip_detector.nodes.messages import time_message
 from slip_detector.parameters.detector import DetectorConfig
 
-PUBLISHED = {'source_timestamp': 5}
+PUBLISHED = {'source_timestamp': 5, 'publication_sequence_number': 8}
 
 
 def read(message, **parameters):
@@ -30,7 +30,7 @@ def test_a_joint_state_has_rows_names_stamp_and_frame():
     source, sample = read(message)
     assert source.has_names
     assert sample.rows.tolist() == [[1.5, -2.5]]
-    assert sample[1:] == (7, ['a', 'b'], 'tip')
+    assert sample[1:] == (7, ['a', 'b'], 'tip', None)
 
 
 def test_a_field_in_the_depth_of_a_stamped_message_is_read():
@@ -41,7 +41,7 @@ def test_a_field_in_the_depth_of_a_stamped_message_is_read():
     )
     assert not source.has_names
     assert sample.rows.tolist() == [[4.5]]
-    assert sample[1:] == (9, [], '')
+    assert sample[1:] == (9, [], '', None)
 
 
 def test_a_batch_without_a_header_has_a_row_for_each_sample_and_the_time_of_publication():
@@ -54,6 +54,7 @@ def test_a_batch_without_a_header_has_a_row_for_each_sample_and_the_time_of_publ
     _, sample = read(message, input_type='std_msgs/Float32MultiArray', input_field='data')
     np.testing.assert_array_equal(sample.rows, rows)
     assert sample.stamp_ns == PUBLISHED['source_timestamp']
+    assert sample.number == PUBLISHED['publication_sequence_number']
 
 
 @pytest.mark.parametrize('name', ['sensor_msgs/msg/JointState', 'sensor_msgs/JointState'])

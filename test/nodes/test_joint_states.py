@@ -19,6 +19,7 @@ from slip_detector.nodes.messages import stamp_ns, time_message
 from slip_detector.parameters.detector import DetectorConfig
 
 PUBLISHED_NS = 7
+PUBLISHED = {'source_timestamp': PUBLISHED_NS, 'publication_sequence_number': 3}
 
 texts = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=9)
 numbers = st.floats(width=64)
@@ -60,7 +61,7 @@ def test_any_messages_in_any_order_are_read_as_rclpy_reads_them(sent):
     source = Input(DetectorConfig())
     for message in sent:
         raw = serialize_message(message)
-        assert_same(source.read(raw, {'source_timestamp': PUBLISHED_NS}), message)
+        assert_same(source.read(raw, PUBLISHED), message)
 
 
 @given(messages(), st.data())
@@ -141,14 +142,13 @@ def test_a_message_with_other_texts_or_lengths_is_not_alike(other):
 
 def test_a_message_that_was_cut_off_or_is_something_else_is_refused_in_one_line():
     source = Input(DetectorConfig())
-    info = {'source_timestamp': PUBLISHED_NS}
     message = a_message()
     raw = serialize_message(message)
-    assert_same(source.read(raw, info), message)
+    assert_same(source.read(raw, PUBLISHED), message)
     for broken in (raw[:50], raw[:20], raw[:4], b'', raw[:4] + b'\xff' * 60):
         with pytest.raises(ValueError, match=r'^a message is no sensor_msgs/msg/JointState$'):
-            source.read(broken, info)
-    assert_same(source.read(raw, info), message)
+            source.read(broken, PUBLISHED)
+    assert_same(source.read(raw, PUBLISHED), message)
 
 
 def test_a_message_of_a_machine_with_the_other_byte_order_is_read():
@@ -156,7 +156,7 @@ def test_a_message_of_a_machine_with_the_other_byte_order_is_read():
     raw = b'\0\0\0\0' + struct.pack('>iI', 3, 4) + struct.pack('>I', 1) + b'\0' * 4
     raw += struct.pack('>I', 0) + struct.pack('>I', 1) + struct.pack('>d', 2.5)
     raw += struct.pack('>II', 0, 0)
-    sample = Input(DetectorConfig()).read(raw, {'source_timestamp': PUBLISHED_NS})
+    sample = Input(DetectorConfig()).read(raw, PUBLISHED)
     np.testing.assert_array_equal(sample.rows, [[2.5]])
     assert sample.stamp_ns == 3_000_000_004
 
@@ -167,4 +167,4 @@ def test_an_empty_stamp_is_that_of_publication_unless_time_is_replayed(replayed,
     source.replayed = replayed
     raw = serialize_message(a_message(at_ns=0))
     for _ in range(2):
-        assert source.read(raw, {'source_timestamp': PUBLISHED_NS}).stamp_ns == wanted
+        assert source.read(raw, PUBLISHED).stamp_ns == wanted

@@ -144,7 +144,6 @@ def test_an_unknown_name_keeps_each_node_from_starting(bench, tmp_path, node, se
     file = tmp_path / 'typo.yaml'
     file.write_text(f'{section.format(node=node)}:\n  ros__parameters: {{{parameter}}}\n')
     process = bench.start(node, '--params-file', file)
-    assert process.wait() == 1
-    (line,) = process.log().strip().splitlines()
+    line = process.refusal()
     name, _, value = parameter.partition(': ')
     assert line.startswith(f'{node}: unknown parameter {name} = {value}; ')

@@ -19,7 +19,7 @@ def test_each_row_of_a_piece_is_that_row_of_the_recording(tmp_path_factory, step
     truth = np.arange(len(stamps_ns)) % 3 == 0
     path = save_rows(tmp_path_factory.mktemp('any') / 'a.npz', volts, stamps_ns, slip=truth)
     pieces = list(open_recording(path).pieces(max_gap_s=0.1))
-    rows = np.concatenate([piece.rows for piece in pieces])
+    rows = np.concatenate([piece.row_numbers for piece in pieces])
     assert rows[0] == 0
     assert (np.diff(rows) >= 0).all()
     np.testing.assert_array_equal(np.concatenate([piece.volts for piece in pieces]), volts[rows])

@@ -2,7 +2,7 @@
 
 from slip_detector.evaluation.replay import Replay, figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.evaluation_tables import SECTIONS, evaluation_tables
+from slip_detector.report.evaluation_tables import TABLE_SECTIONS, evaluation_tables
 
 
 def test_what_was_lost_of_a_recording_is_said():
@@ -20,7 +20,7 @@ def test_what_was_lost_of_a_recording_is_said():
 
 
 def test_a_table_without_gaps_needs_no_legend():
-    names = [name for section in SECTIONS for name in section.columns]
+    names = [name for section in TABLE_SECTIONS for name in section.columns]
     whole = dict.fromkeys(names, 1)
     report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
     assert 'not defined' not in evaluation_tables(report)
@@ -29,7 +29,7 @@ def test_a_table_without_gaps_needs_no_legend():
 
 
 def test_what_there_is_nothing_to_tell_of_is_left_out():
-    names = [name for section in SECTIONS for name in section.columns]
+    names = [name for section in TABLE_SECTIONS for name in section.columns]
     whole = dict.fromkeys(names, 0)
     report = {'sets': {'x': {**whole, 'recordings': {}}}, 'all': whole}
     assert 'missed slips' not in evaluation_tables(report)

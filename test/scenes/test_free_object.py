@@ -197,8 +197,8 @@ def test_what_the_weight_gives_is_moved_stored_or_turned_into_heat(friction, sur
         grip_n, [{'duration_s': 0.3}], friction=friction, sample_rate_hz=rate_hz,
         step_s=1.0 / rate_hz,
     )  # fmt: skip
-    assert scene.plan.steps_per_sample == 1
-    ledger, patches = np.zeros(3), scene.plan.patches
+    assert scene.constants.steps_per_sample == 1
+    ledger, patches = np.zeros(3), scene.constants.patches
     given_j = skin_heat_j = 0.0
     position_m, load_n = 0.0, 0.0
     creep_m_s = np.zeros(len(patches))

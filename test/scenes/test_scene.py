@@ -214,16 +214,16 @@ def test_with_friction_or_texture_motion_is_felt_from_the_push_on(part):
 
 def sizes(scene):
     """Return how much of each part that may be left out has been built."""
-    plan, state, drive = scene.plan, scene.state, scene.drive_numbers
+    constants, state, drive = scene.constants, scene.state, scene.drive_numbers
     return {
-        'friction': len(plan.patches) + state.patches.size + plan.friction.model,
-        'texture': len(plan.ridges.amplitudes),
-        'roughness': len(plan.rough.heights) + len(plan.rough.integral),
-        'object': plan.body.mass_kg + drive.load.size,
+        'friction': len(constants.patches) + state.patches.size + constants.friction.model,
+        'texture': len(constants.ridges.amplitudes),
+        'roughness': len(constants.rough.heights) + len(constants.rough.integral),
+        'object': constants.body.mass_kg + drive.load.size,
         'rolling': drive.rolling.size,
         'taps': drive.taps.begins_s.size,
         'tremor': drive.force_sines.size + drive.motion_sines.size,
-        'bandwidth': plan.decay >= 0.0,
+        'bandwidth': constants.decay >= 0.0,
     }
 
 
@@ -231,7 +231,7 @@ def test_what_is_not_named_is_not_built():
     assert set(built({'steps': SHORT}).parts) == {'motion', 'contact'}
     assert not any(sizes(built({'steps': SHORT})).values())
     # Without skin and filter there is nothing to step through between two samples.
-    assert built({'steps': SHORT}).plan.steps_per_sample == 1
+    assert built({'steps': SHORT}).constants.steps_per_sample == 1
 
 
 @pytest.mark.parametrize(
@@ -314,7 +314,7 @@ def test_texture_and_tremor_keep_their_phase_whatever_else_there_is():
     alone, beside = (
         built({**common, **more}, 3) for more in ({}, {'hum': {}, 'drops': {}, 'friction': {}})
     )
-    assert alone.plan.ridges.start_rad == beside.plan.ridges.start_rad
+    assert alone.constants.ridges.start_rad == beside.constants.ridges.start_rad
     at_s = np.linspace(0.2, 0.8, 50)
     np.testing.assert_array_equal(alone.force_n(at_s), beside.force_n(at_s))
 

@@ -13,8 +13,8 @@ from slip_detector.sources.cobs import cobs_decode, cobs_encode
 from slip_detector.sources.packets import (
     CHECKSUM,
     HEADER,
-    KINDS,
     LONGEST_BYTES,
+    PACKET_KINDS,
     RESTART_US,
     PacketDecoder,
     encode,
@@ -64,7 +64,7 @@ def sent_by(*some):
 
 @given(st.data())
 def test_what_is_encoded_is_decoded(data):
-    values = data.draw(st.sampled_from(sorted(KINDS)))
+    values = data.draw(st.sampled_from(sorted(PACKET_KINDS)))
     bits = int(values.removeprefix('u').removeprefix('int'))
     low, high = (0, 2**bits - 1) if values[0] == 'u' else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
     channels, n = data.draw(st.integers(1, 20)), data.draw(st.integers(1, 9))
@@ -187,10 +187,10 @@ def with_checksum(header, data):
         (encode([[1, 2, 3]], 'uint16', 0, 0), 'kind'),
         (encode([[1, 2, 3]], 'int32', 0, 0), 'kind'),
         (with_checksum((0x22, 3, 1, 0, 0, 0), bytes(6)), 'kind'),
-        (with_checksum((KINDS['int16'], 3, 2, 0, 0, 0), bytes(6)), 'length'),
-        (with_checksum((KINDS['int16'], 3, 1, 0, 0, 0), bytes(7)), 'length'),
-        (with_checksum((KINDS['int16'], 3, 0, 0, 0, 0), b''), 'length'),
-        (with_checksum((KINDS['int16'], 3, 1400, 0, 0, 0), bytes(8400)), 'overlong'),
+        (with_checksum((PACKET_KINDS['int16'], 3, 2, 0, 0, 0), bytes(6)), 'length'),
+        (with_checksum((PACKET_KINDS['int16'], 3, 1, 0, 0, 0), bytes(7)), 'length'),
+        (with_checksum((PACKET_KINDS['int16'], 3, 0, 0, 0, 0), b''), 'length'),
+        (with_checksum((PACKET_KINDS['int16'], 3, 1400, 0, 0, 0), bytes(8400)), 'overlong'),
         (encode([[1, 2, 3], [4, 5, 6]], 'int16', 0, 0, 0), 'period'),
     ],
 )

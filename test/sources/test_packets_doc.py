@@ -7,8 +7,8 @@ from slip_detector.sources import packets, text_lines
 from slip_detector.sources.packets import (
     CHECKSUM,
     HEADER,
-    KINDS,
     LONGEST_BYTES,
+    PACKET_KINDS,
     encode,
 )
 
@@ -17,7 +17,7 @@ TEXT = (Path(__file__).resolve().parents[2] / 'docs' / 'packets.md').read_text(e
 
 def test_the_tables_say_what_the_code_does():
     kinds = re.findall(r'^\| (0x\w+) \| `(\w+)` \| (\d) \|', TEXT, re.M)
-    assert {name: int(kind, 16) for kind, name, _ in kinds} == KINDS
+    assert {name: int(kind, 16) for kind, name, _ in kinds} == PACKET_KINDS
     for kind, name, value_bytes in kinds:
         assert len(encode([[1]], name, 0, 0)) == HEADER.size + int(value_bytes) + CHECKSUM.size
         assert encode([[1]], name, 0, 0)[0] == int(kind, 16)

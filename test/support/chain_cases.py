@@ -3,8 +3,6 @@
 import numpy as np
 
 VOTES = ('all', 1, 2, 'mean')
-COMMON_MODES = ('none', 'mean', 'median')
-
 # A small chain that is quick to settle, for the hand-made cases.
 FAST = {
     'sample_rate_hz': 400.0,

@@ -12,7 +12,6 @@ import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from support.domains import own_domain
@@ -25,7 +24,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
-from slip_detector.chain.slip_chain import SlipChain  # noqa: E402
+from slip_detector.chain.warm_up import compile_chain  # noqa: E402
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos, time_message  # noqa: E402
 from slip_detector.parameters.driver import DriverConfig  # noqa: E402
 from slip_detector.sources import open_source  # noqa: E402
@@ -72,6 +71,12 @@ class Process:
         """Wait for the end and return the exit code."""
         return self._process.wait(timeout=DEADLINE_S)
 
+    def refusal(self):
+        """Wait for the end with exit code 1; return the one line that the process has printed."""
+        assert self.wait() == 1, self.log()
+        (line,) = self.log().strip().splitlines()
+        return line
+
     def end(self):
         """End it as a user would; kill it when that fails."""
         self._process.terminate()
@@ -105,7 +110,7 @@ def compile_nodes():
     path = Path(tempfile.gettempdir()) / f'slip_detector_test_compiling_{os.getuid()}'
     with path.open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        SlipChain().update(np.zeros((1, 16)))
+        compile_chain()
         for scene in ('plate_400um', 'grasp'):
             open_source(DriverConfig(scene=scene)).read(1)
 

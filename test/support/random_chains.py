@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.lanes import LANES
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
-from slip_detector.parameters.detector import ChainConfig
-from support.chain_cases import COMMON_MODES
+from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from support.reference import reference
 
 MOST_ROWS = 200 if COMPILED else 120

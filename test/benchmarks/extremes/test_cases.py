@@ -5,7 +5,14 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from benchmarks.extremes.cases import CYCLE_S, Case, cases, description_of, held, sliding_cycles
+from benchmarks.extremes.cases import (
+    CYCLE_S,
+    Case,
+    cases,
+    description_of,
+    held_object,
+    sliding_cycles,
+)
 from benchmarks.scenes.build import build_scene
 
 
@@ -29,7 +36,7 @@ def test_a_part_that_is_none_is_left_out_and_others_take_the_place_of_the_base()
 
 @pytest.mark.parametrize('mass_kg', [1e-3, 0.2, 10.0])
 def test_a_held_object_stays_until_the_grip_is_halved(mass_kg):
-    scene = build_scene(description_of(Case('object', '', held(mass_kg))))
+    scene = build_scene(description_of(Case('object', '', held_object(mass_kg))))
     time_s, _, position_m, _ = scene.clean(10**9)
     moved_m = np.abs(position_m - position_m[0])
     assert moved_m[time_s < 0.65].max() < 2e-3

@@ -170,7 +170,7 @@ def test_bristles_that_only_bend_give_back_what_they_got_and_no_more(
         ledger = np.zeros(3)
         scene.clean(ALL, ledger)
         ledgers.append(ledger)
-        most_j = 0.05 * 16 * 10.0**log_stiffness * (scene.plan.step_s * velocity_m_s) ** 2
+        most_j = 0.05 * 16 * 10.0**log_stiffness * (scene.constants.step_s * velocity_m_s) ** 2
         assert ledger[LEAST] >= -most_j
     assert ledgers[1][LEAST] >= 2.0 * ledgers[0][LEAST] - 1e-6 * most_j
 

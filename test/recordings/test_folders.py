@@ -1,6 +1,6 @@
 """Recordings of a command line, by their folders."""
 
-from slip_detector.recordings.sets import recording_sets
+from slip_detector.recordings.folders import recording_sets
 
 
 def test_files_of_one_folder_are_one_set_and_folders_are_sorted(tmp_path):

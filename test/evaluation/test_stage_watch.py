@@ -5,7 +5,7 @@ import pytest
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.events import STAGES
-from slip_detector.evaluation.stages import StageWatch
+from slip_detector.evaluation.stage_watch import StageWatch
 from slip_detector.parameters.detector import ChainConfig
 
 RATE_HZ = 400.0

@@ -1,4 +1,4 @@
-"""Builds the plan of a scene: what the integrator needs and does not change while it runs."""
+"""Builds the constants of a scene: what the integrator needs and does not change while it runs."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.electronics import Electronics, Frontend
 from slip_detector.scenes.free_object import FreeObject, ObjectNumbers
 from slip_detector.scenes.friction import Friction, FrictionNumbers
-from slip_detector.scenes.mechanics import Plan
+from slip_detector.scenes.mechanics import SceneConstants
 from slip_detector.scenes.roughness import Roughness, RoughNumbers
 from slip_detector.scenes.skin import Skin, SkinNumbers
 from slip_detector.scenes.texture import RidgeNumbers, Texture
@@ -29,14 +29,14 @@ NO_ROUGHNESS = RoughNumbers(0.0, np.zeros(0), np.zeros(0))
 NO_OBJECT = ObjectNumbers(0.0, 0.0, 1.0)
 
 
-def build_plan(
+def scene_constants(
     parts: Mapping[str, Any],
     true_rate_hz: float,
     longest_step_s: float,
     frontend: Frontend,
     of_texture: np.random.Generator,
-) -> Plan:
-    """Build the plan of a scene; absent parts are empty in it.
+) -> SceneConstants:
+    """Build the constants of a scene; absent parts are empty in it.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def build_plan(
     if free_object:
         patches = np.append(patches, free_object.rest_patches)
     cutoff_rad_s = 2.0 * np.pi * electronics.bandwidth_hz
-    return Plan(
+    return SceneConstants(
         step_s=step_s,
         steps_per_sample=steps_per_sample,
         decay=math.exp(-cutoff_rad_s * step_s) if cutoff_rad_s else -1.0,

@@ -1,0 +1,100 @@
+"""Commands as processes that are interrupted in the midst of their work."""
+
+import fcntl
+import json
+import os
+import pty
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+from slip_detector.parameters.detector import DetectorConfig
+from support.evaluation_cases import write
+from support.tuning_cases import journal, trials_of
+
+ROOT = Path(__file__).parents[2]
+DEADLINE_S = 120.0
+
+
+def wait_for(condition, *processes):
+    """Look again and again, with a deadline: a storage tells nobody that it has changed."""
+    deadline_s = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < deadline_s
+        for process in processes:
+            assert process.poll() is None, process.communicate()
+        time.sleep(0.1)
+
+
+def start_tune(*words):
+    """Start ``slip_tune``."""
+    return subprocess.Popen(
+        [sys.executable, '-m', 'slip_detector.commands.tune', *map(str, words)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, 'PYTHONWARNINGS': 'ignore', 'PYTHONPATH': str(ROOT)},
+    )  # fmt: skip
+
+
+def check_interrupted_search(case, *words):
+    """See that a search leaves what it found, and return its words without the trials."""
+    folder, of_case = case
+    out = folder / 'out.yaml'
+    store = Path(f'{out}.study.journal')
+    mine = [*of_case, '--out', out]
+    process = start_tune(*mine, '--trials', 100_000, *words)
+    wait_for(lambda: store.exists() and store.read_bytes().count(b'"op_code":4') >= 4, process)
+    process.send_signal(signal.SIGINT)
+    shown, err = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0, err
+    assert 'Traceback' not in err
+    assert 'Stopped early.' in shown
+    assert DetectorConfig.from_yaml(out).channels == 4
+    assert len(trials_of(journal(store))) >= 3
+    return mine, store
+
+
+def check_interrupted_evaluation(folder, *words):
+    """See that an evaluation tells its progress and leaves what was evaluated."""
+    paths = [write(folder / f'{name}.npz', seed) for seed, name in enumerate('ab')]
+    # Who opens it waits without an end for somebody who writes.
+    endless = folder / 'endless.npz'
+    os.mkfifo(endless)
+    mine, its = pty.openpty()
+    fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 80, 0, 0))
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'slip_detector.commands.evaluate', *map(str, [*paths, endless]),
+         *map(str, words), '--json'],
+        stdout=subprocess.PIPE, stderr=its, env={**os.environ, 'PYTHONPATH': str(ROOT)},
+    )  # fmt: skip
+    os.close(its)
+    try:
+        shown = ''
+        while '2/3' not in shown:
+            shown += os.read(mine, 4096).decode()
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=DEADLINE_S)
+        shown += read_rest(mine)
+    finally:
+        process.kill()
+        os.close(mine)
+    assert process.returncode == 130
+    assert 'Traceback' not in shown
+    report = json.loads(out)
+    assert list(report['sets'][folder.name]['recordings']) == ['a.npz', 'b.npz']
+    assert report['not_evaluated'] == [str(endless)]
+    return endless
+
+
+def read_rest(terminal):
+    """Return what a process that has ended wrote to a terminal."""
+    shown = b''
+    try:
+        while more := os.read(terminal, 4096):
+            shown += more
+    except OSError:  # The other end is closed.
+        pass
+    return shown.decode()
