@@ -26,6 +26,12 @@ Bools = NDArray[np.bool_]
 LEAST_AGREEMENT = 1 - 1e-5
 
 
+#: The default filters with all that evidence has: comb, floors and impacts.
+ALL_OF_EVIDENCE = ChainConfig(
+    decision='evidence', noise_floor=(1e-6,), mains_hz=50.0, impact_v=1.0
+)
+
+
 def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
     """Measure all stages on rows of 16 channels, from volts to decisions.
 
@@ -45,6 +51,7 @@ def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
     rows = swelling_noise_v(n_rows, config.channels)
     pieces = [rows[i : i + ROWS_PER_CALL] for i in range(0, len(rows), ROWS_PER_CALL)]
     chain, median = SlipChain(config), SlipChain(ChainConfig(common_mode='median'))
+    evidence = SlipChain(ALL_OF_EVIDENCE)
     plain, in_place = NumpyChain(config, rows[0]), NumpyChain(config, rows[0], in_place=True)
     cpp, left_out = _cpp_chain(config)
     mine = chain.update(rows)
@@ -70,6 +77,9 @@ def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
         'median_in_pieces': _turn(
             lambda part: median.update(part, envelope=False, level=False), pieces
         ),
+        'evidence_in_pieces': _turn(
+            lambda part: evidence.update(part, envelope=False, level=False), pieces
+        ),
         'in_place_in_pieces': _turn(in_place.update, pieces),
     }
     if cpp:
@@ -93,6 +103,7 @@ def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
         'kept_ratio': ns['kept_in_pieces'] / in_pieces,
         'whole_kept_ratio': ns['kept'] / ns['chain'],
         'median_ratio': ns['median_in_pieces'] / in_pieces,
+        'evidence_ratio': ns['evidence_in_pieces'] / in_pieces,
     }
 
 

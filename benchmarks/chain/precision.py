@@ -41,9 +41,20 @@ inside the unit circle, and ``lost`` where its error exceeds a tenth.
 ``slow_down``
     Time for a row of a ``denormal_input`` and of a ``decay_to_denormals``, as a multiple of that
     for an ordinary row.
+``evidence``
+    Of the decision by evidence (:mod:`benchmarks.chain.evidence_precision`):
+    ``logarithm_error_db``, the worst error of the kernel's logarithm; ``rates``, for each sample
+    rate ``rows``, ``mains_rows``, the worst ``floor_error_db`` and ``excess_error_db``, the
+    ``level_error`` as a share of the ``largest_level`` (evidence in dB s) and
+    ``differing_decisions``; ``slides``, for each rate floor and evidence that grow for ``rows``
+    without a bound, against exact sums: ``floor_drift_db``, ``drift_db_s`` and what the evidence
+    grows to, ``evidence_db_s``. ``level_error`` and ``drift_db`` are the worst of these.
+    ``extremes`` are ``case``, ``finite`` (and all within its bounds) and ``found``.
 ``wanted``
     As in :mod:`benchmarks.chain.speed`; ``rates.error``, ``edges.error``, ``long_run.error`` and
-    ``extremes.error`` are the largest errors of the chain there.
+    ``extremes.error`` are the largest errors of the chain there;
+    ``evidence.logarithm_error_db``, ``evidence.level_error`` and ``evidence.drift_db`` are those
+    of ``evidence``.
 """
 
 from collections.abc import Callable
@@ -63,6 +74,7 @@ from benchmarks.chain.errors import (
     tones_v,
     worst_error,
 )
+from benchmarks.chain.evidence_precision import evidence_precision
 from benchmarks.chain.extreme_inputs import denormal_slow_down, extreme_inputs
 from benchmarks.chain.rivals import (
     METHODS,
@@ -87,6 +99,9 @@ WANTED = {
     'edges.error': Bound(high=1e-7),
     'long_run.error': Bound(high=1e-12),
     'extremes.error': Bound(high=1e-6),
+    'evidence.logarithm_error_db': Bound(high=0.01),
+    'evidence.level_error': Bound(high=1e-4),
+    'evidence.drift_db': Bound(high=1e-5),
 }
 
 #: With an error of this share not one digit is right.
@@ -127,6 +142,8 @@ class PrecisionSizes(NamedTuple):
         Length of what the reference runs at high rates.
     long_run_rows : tuple of int
         Numbers of rows of the long run after which its error is taken.
+    slide_share : float
+        Share of the long slides that is run.
     timed_rows : int
         Number of rows of 16 channels whose time is taken.
     rounds : int
@@ -139,21 +156,22 @@ class PrecisionSizes(NamedTuple):
     most_rows: int
     seconds: float
     long_run_rows: tuple[int, ...]
+    slide_share: float
     timed_rows: int
     rounds: int
 
 
 FULL = PrecisionSizes(
-    tuple(RATES), EDGE_SHARES, 2000, 50_000, 0.4, (10**4, 10**6, 10**8), 16_384, 40
+    tuple(RATES), EDGE_SHARES, 2000, 50_000, 0.4, (10**4, 10**6, 10**8), 1.0, 16_384, 40
 )
 
 QUICK = PrecisionSizes(
-    (50.0, 380.0, 1e4), (1e-3, 1e-5, 0.99e-5), 600, 1500, 0.1, (10**4, 10**5), 4096, 2
+    (50.0, 380.0, 1e4), (1e-3, 1e-5, 0.99e-5), 600, 1500, 0.1, (10**4, 10**5), 0.01, 4096, 2
 )  # fmt: skip
 
 #: Without Numba the chain takes some 500 times as long.
 INTERPRETED: dict[str, Any] = {
-    'long_run_rows': (10_000, 30_000), 'timed_rows': 4096, 'rounds': 1,
+    'long_run_rows': (10_000, 30_000), 'slide_share': 2e-4, 'timed_rows': 4096, 'rounds': 1,
 }  # fmt: skip
 
 
@@ -205,6 +223,9 @@ def measure_chain_precision(quick: bool = False) -> dict[str, Any]:
         ],
         'long_run': long_run(sizes),
         'extremes': list(extreme_inputs(sizes.fewest_rows)),
+        'evidence': evidence_precision(
+            sizes.rates_hz, sizes.fewest_rows, sizes.seconds, sizes.slide_share
+        ),
         'slow_down': denormal_slow_down(sizes.rounds),
     }
     worst = {
@@ -217,6 +238,8 @@ def measure_chain_precision(quick: bool = False) -> dict[str, Any]:
             entry['error'] for entry in result['extremes'] if entry['error'] is not None
         ],
     }
+    for figure in ('logarithm_error_db', 'level_error', 'drift_db'):
+        worst[f'evidence.{figure}'] = [result['evidence'][figure]]
     result['wanted'] = verdicts(WANTED, {name: max(errors) for name, errors in worst.items()})
     return result
 

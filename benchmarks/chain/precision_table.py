@@ -1,6 +1,7 @@
 """The figures of the chain's precision as text."""
 
 import textwrap
+from collections.abc import Callable
 from typing import Any
 
 from benchmarks.verdicts import claim_in_words
@@ -79,11 +80,37 @@ def chain_precision_table(figures: dict[str, Any]) -> str:
         [
             *lines,
             claim('extremes.error'),
+            *_evidence_lines(figures['evidence'], claim),
             f'  time a row, as a multiple of an ordinary one: denormal input '
             f'{slow["denormal_input"]:.2f},',
             f'  a pulse decayed to denormals {slow["decay_to_denormals"]:.2f}',
         ]
     )
+
+
+def _evidence_lines(part: dict[str, Any], claim: Callable[[str], str]) -> list[str]:
+    lines = ['', '  evidence: worst errors of floor and excess in dB, of the evidence as a share']
+    lines.append(f'  {"rate":>9} {"floor":>9} {"excess":>9} {"evidence":>9}  other decisions')
+    for entry in part['rates']:
+        errors = (entry['floor_error_db'], entry['excess_error_db'], entry['level_error'])
+        cells = ' '.join(f'{error:9.1e}' for error in errors)
+        lines.append(
+            f'  {entry["sample_rate_hz"]:9g} {cells}  {entry["differing_decisions"]} of '
+            f'{entry["rows"]:,} rows'
+        )
+    lines += [claim('evidence.level_error'), '  of its logarithm, in dB']
+    lines.append(claim('evidence.logarithm_error_db'))
+    lines += [
+        f'  drift in {entry["rows"]:,} rows at {entry["sample_rate_hz"]:g} Hz: floor '
+        f'{entry["floor_drift_db"]:.1e} dB, evidence of {entry["evidence_db_s"]:,.0f} dB s '
+        f'{entry["drift_db_s"]:.1e}'
+        for entry in part['slides']
+    ]
+    lines.append(claim('evidence.drift_db'))
+    for entry in part['extremes']:
+        said = entry['found'] + ('' if entry['finite'] else ', NOT finite or out of bounds')
+        lines += _wrapped(said, f'  {entry["case"]:<44} ')
+    return [*lines, '']
 
 
 def _band(edges_hz: tuple[float, float]) -> str:

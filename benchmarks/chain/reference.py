@@ -211,6 +211,54 @@ def envelope_and_level(
     return envelope, _means(envelope, config.samples(config.decision_window_s), before)
 
 
+@_in_digits
+def evidence(
+    filtered: list[Number], config: ChainConfig
+) -> tuple[list[Number], list[Number], list[Number], list[bool]]:
+    """Decide on one channel by evidence, from what comes out of the filters.
+
+    Parameters
+    ----------
+    filtered
+        Of :func:`run_filter`, gain included. Each row is valid, and there are no impacts.
+    config
+        What it decides with.
+
+    Returns
+    -------
+    floor, excess, evidence : list of n numbers
+        In dB, dB and dB s.
+    on : list of n bool
+    """
+    window, rate = config.samples(config.envelope_window_s), mpf(config.sample_rate_hz)
+    squares = _means([value ** (2 * config.exponent) for value in filtered], window, 'zeros')
+    least = 20 * mpmath.log10(mpf(config.noise_floors[0]))
+    most = least + mpf(config.noise_floor_range_db)
+    quantile = mpf(1) / 10
+    step = mpf(config.noise_floor_rate_db_s) / (quantile * rate)
+    offset, cap = mpf(config.evidence_offset_db), mpf(config.evidence_cap_db)
+    limit, threshold = mpf(config.evidence_limit_db_s), mpf(config.threshold)
+    floor, total, is_on, begun = least, mpf(0), False, config.noise_floor_learnt
+    rows = []
+    for row, square in enumerate(squares):
+        excess = mpf(0)
+        if row >= config.mains_rows + window:
+            level = 10 * mpmath.log10(square) if square else -mpmath.inf
+            if not begun:
+                floor, begun = level, True
+            elif level > floor:
+                floor += step * quantile
+            else:
+                floor -= step * (1 - quantile)
+            floor = min(max(floor, least), most)
+            excess = min(max(level - floor, mpf('-8.7')), cap)
+            total = min(max(total + (excess - offset) / rate, mpf(0)), limit)
+        is_on = total > threshold or (is_on and total > threshold / 2)
+        rows.append((floor, excess, total, bool(is_on)))
+    floors, excesses, totals, on = (list(column) for column in zip(*rows, strict=True))
+    return floors, excesses, totals, on
+
+
 def _means(values: list[Number], window: int, before: str) -> list[Number]:
     """Return the means over the last ``window`` values; the sums are exact, so nothing drifts."""
     total = mpf(0)

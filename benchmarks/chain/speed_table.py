@@ -80,7 +80,11 @@ def _block_lines(part: dict[str, Any], claim: Callable[[str], str]) -> list[str]
             f'    run time over that       {part["cpp_ratio"]:10.2f} times  '
             f'{claim("blocks.cpp_ratio")}'
         )
-    for label, name in (('envelope and level kept', 'kept'), ('median as common mode', 'median')):
+    for label, name in (
+        ('envelope and level kept', 'kept'),
+        ('median as common mode', 'median'),
+        ('decision by evidence', 'evidence'),
+    ):
         ratio = f'{name}_ratio'
         lines += [
             f'    {label:<23}  {ns[name + "_in_pieces"]:10.1f} ns a row',

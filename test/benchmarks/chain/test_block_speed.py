@@ -26,6 +26,7 @@ def test_ratios_are_those_of_the_times(chain_speed):
     assert part['kept_ratio'] == pytest.approx(ns['kept_in_pieces'] / in_pieces)
     assert part['whole_kept_ratio'] == pytest.approx(ns['kept'] / ns['chain'])
     assert part['median_ratio'] == pytest.approx(ns['median_in_pieces'] / in_pieces)
+    assert part['evidence_ratio'] == pytest.approx(ns['evidence_in_pieces'] / in_pieces)
     if part['cpp_ratio'] is not None:
         assert part['cpp_ratio'] == pytest.approx(in_pieces / ns['cpp_in_pieces'])
 

@@ -23,7 +23,7 @@ def test_every_section_has_its_figures(chain_speed):
     assert set(chain_speed['blocks']) == {
         'rows', 'rows_per_call', 'channels', 'rounds', 'agreement', 'slip_share', 'ns_per_row',
         'speedup', 'in_place_speedup', 'cpp_ratio', 'cpp_left_out', 'cpp_command', 'kept_ratio',
-        'whole_kept_ratio', 'median_ratio',
+        'whole_kept_ratio', 'median_ratio', 'evidence_ratio',
     }  # fmt: skip
     assert set(chain_speed['one_row']) == {
         'channels', 'calls', 'rounds', 'chain_us_per_call', 'sosfilt_us_per_call', 'speedup',
