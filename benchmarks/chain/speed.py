@@ -14,8 +14,8 @@
     ``cpp_ratio`` (the run time as a multiple of that of C++; null without C++), and as multiples
     of the run time of decisions alone ``kept_ratio``, ``whole_kept_ratio`` (in one call),
     ``median_ratio`` and ``evidence_ratio``. ``cpp_left_out`` says why there is no C++,
-    ``cpp_command`` how it was compiled. ``agreement`` is the share of equal decisions of each rival: ``numpy``, ``in_place``
-    and ``cpp``.
+    ``cpp_command`` how it was compiled. ``agreement`` is the share of equal decisions of each
+    rival: ``numpy``, ``in_place`` and ``cpp``.
 ``one_row``
     One row per call against one bare ``scipy.signal.sosfilt``: ``channels``, ``calls``,
     ``rounds``, ``chain_us_per_call``, ``sosfilt_us_per_call``, ``speedup``; and the memory of a
