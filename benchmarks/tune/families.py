@@ -20,7 +20,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.reading import read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.objective import Candidate, Objective
-from slip_detector.tuning.problem import SEARCHED, Problem
+from slip_detector.tuning.problem import Problem, searched
 from slip_detector.tuning.search import search
 from slip_detector.tuning.tracks import Track, held_out, track_of
 from slip_detector.tuning.verdict import Verdict, judge, pooled_figures
@@ -135,7 +135,6 @@ def measure_families(
                 [replay.run(track.rows(), track.sample_rate_hz) for track in tracks]
             )
             both[which] = {figure: whole[figure] for figure in FIGURES}
-        tuned = verdict.chain.to_parameters()
         result[name] = {
             **both,
             'kept': verdict.kept,
@@ -143,7 +142,7 @@ def measure_families(
                 _less(both['tuned'][figure], both['given'][figure])
                 for figure in ('latency_median_all_ms', 'false_alarms_per_minute')
             ),
-            'parameters': {parameter: tuned[parameter] for parameter in SEARCHED},
+            'parameters': searched(verdict.chain),
         }
     return result
 

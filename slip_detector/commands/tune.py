@@ -34,7 +34,7 @@ from slip_detector.parameters.writing import check_writable, with_parameters, wr
 from slip_detector.tuning.file_objective import FileObjective
 from slip_detector.tuning.loading import TrainingFiles, load_tracks
 from slip_detector.tuning.objective import Candidate, Objective
-from slip_detector.tuning.problem import SEARCHED, Problem
+from slip_detector.tuning.problem import Problem, searched
 from slip_detector.tuning.search import Point, search
 from slip_detector.tuning.tracks import Track, fingerprint
 from slip_detector.tuning.verdict import judge, pooled_figures
@@ -298,8 +298,7 @@ def _finish(
         lines.append(f'The given parameters are kept: {verdict.kept}')
     lines += ['On what was held out:', *comparison_table(*both['held out']).splitlines()]
     lines += ['On what was tuned on:', *comparison_table(*both['tuned on']).splitlines()]
-    parameters = verdict.chain.to_parameters()
-    changes = {} if verdict.kept else {name: parameters[name] for name in SEARCHED}
+    changes = {} if verdict.kept else searched(verdict.chain)
     write_file(options.out, with_parameters(options.config, changes), _comments(argv, lines))
     written = [options.out]
     if shown:

@@ -10,7 +10,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report.overview import Overview, cells_of_each, events_of
 from slip_detector.report.page import write_page, write_pictures
 from slip_detector.report.page_data import SearchTrial, Variant
-from slip_detector.tuning.problem import SEARCHED
+from slip_detector.tuning.problem import searched
 from slip_detector.tuning.tracks import Track
 
 
@@ -78,13 +78,12 @@ def replay_tracks(
 def _trial(name: str, chain: ChainConfig, figures: dict[str, Any]) -> SearchTrial:
     """Return a chain as a point of the trade-off."""
     latency_ms, recall = figures['latency_median_ms'], figures['recall']
-    parameters = chain.to_parameters()
     return SearchTrial(
         None,
         None if latency_ms is None else latency_ms / 1e3,
         figures['false_alarms_per_minute'],
         None if recall is None else 100.0 * (1.0 - recall),
-        {parameter: parameters[parameter] for parameter in SEARCHED},
+        searched(chain),
         name,
     )
 

@@ -14,7 +14,7 @@ from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.space import Vote, thresholds, votes_of
+from slip_detector.tuning.space import Vote, threshold_scale, thresholds, votes_of
 from slip_detector.tuning.sweep import ThresholdSweep, VoteStatistics, sweep_thresholds
 from slip_detector.tuning.tracks import Track
 
@@ -156,7 +156,7 @@ class Objective:
         """
         candidates = []
         for vote, statistic in self.statistics(chain, votes_of(chain)).items():
-            limits = thresholds(statistic, self._tracks, chain.exponent)
+            limits = thresholds(statistic, self._tracks, *threshold_scale(chain))
             if limits.size:
                 sweep = self.sweep(statistic, limits)
                 costs_ms = _with_neighbours(self._event_costs_ms(sweep))

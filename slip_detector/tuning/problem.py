@@ -15,11 +15,29 @@ from slip_detector.tuning.tracks import Track, fingerprint
 if TYPE_CHECKING:
     from slip_detector.tuning.study import Study
 
-#: The parameters of a chain that a search changes.
+#: The parameters of a chain that a search changes, and those of each decision beside them.
 SEARCHED = (
-    'common_mode', 'passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s',
-    'decision_window_s', 'threshold', 'vote',
+    'common_mode', 'passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'threshold',
+    'vote',
 )  # fmt: skip
+OF_DECISIONS = {
+    'mean': ('decision_window_s',),
+    'evidence': (
+        'mains_hz', 'noise_floor', 'evidence_offset_db', 'evidence_cap_db', 'evidence_limit_db_s',
+    ),
+}  # fmt: skip
+
+
+def searched(chain: ChainConfig) -> dict[str, Any]:
+    """Return the parameters of a chain that a search changes, by name, as ROS has them.
+
+    Examples
+    --------
+    >>> searched(ChainConfig())['decision_window_s']
+    0.04
+    """
+    parameters = chain.to_parameters()
+    return {name: parameters[name] for name in (*SEARCHED, *OF_DECISIONS[chain.decision])}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,7 +14,7 @@ from scipy import stats
 
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.space import thresholds
+from slip_detector.tuning.space import threshold_scale, thresholds
 from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
 from slip_detector.tuning.tracks import Track
 
@@ -23,7 +23,8 @@ Floats = NDArray[np.float64]
 #: Confidence of the bounds.
 CONFIDENCE = 0.95
 
-#: Length of a block in lengths of both windows together, and its least length.
+#: Length of a block in lengths of both windows together, or of the window and the time in which
+#: evidence falls to 0, and its least length.
 WINDOWS_PER_BLOCK = 5.0
 SHORTEST_BLOCK_S = 1.0
 
@@ -35,6 +36,9 @@ LEAST_PEAKS = 30
 FURTHEST = 20.0
 
 RESAMPLES = 200
+
+#: Evidence with a smaller offset is taken to fall as fast as with this one.
+LEAST_OFFSET_DB = 0.5
 
 
 class QuietThreshold(NamedTuple):
@@ -131,8 +135,11 @@ def quiet_threshold(
             'guess)'
         )
     statistic = VoteStatistics(chain, [chain.vote]).of(track)[0]
-    limits = thresholds([statistic], [track], chain.exponent)
+    exponent, limit = threshold_scale(chain)
+    limits = thresholds([statistic], [track], exponent, limit)
     if not limits.size:
+        if statistic.max() >= limit:
+            raise _limit_reached(track, limit)
         raise ValueError(
             f'{track.name}: the chain gives 0 throughout, allowed: a sensor that runs'
         )
@@ -151,7 +158,9 @@ def quiet_threshold(
         threshold, alarms = float(limits[first]), int(sweep.false_alarms[first])
         bounds = (float(low * cluster[first]), float(upper[first]))
         return _quiet(chain, threshold, hours, alarms, bounds, extrapolated=False)
-    amplitude = peaks ** (1.0 / chain.exponent)
+    if peaks.max() >= limit:
+        raise _limit_reached(track, limit)
+    amplitude = peaks ** (1.0 / exponent)
     peaked = np.count_nonzero(amplitude)
     if peaked * TAIL_SHARE < LEAST_PEAKS:
         raise ValueError(
@@ -160,12 +169,19 @@ def quiet_threshold(
             f'a rate that counting can show, from {-np.log(1 - CONFIDENCE) / hours:.3g} an hour'
         )
     blocks_per_hour = peaks.size / hours
-    limit = _limit(amplitude, per_hour / blocks_per_hour)
-    shares = [_share(random.choice(amplitude, amplitude.size), limit) for _ in range(RESAMPLES)]
+    found = _limit(amplitude, per_hour / blocks_per_hour)
+    shares = [_share(random.choice(amplitude, amplitude.size), found) for _ in range(RESAMPLES)]
     tails = np.quantile(shares, [1 - CONFIDENCE, CONFIDENCE]) * blocks_per_hour
     bounds = (float(tails[0]), float(tails[1]))
-    alarms = int(np.count_nonzero(amplitude > limit))
-    return _quiet(chain, limit**chain.exponent, hours, alarms, bounds, extrapolated=True)
+    alarms = int(np.count_nonzero(amplitude > found))
+    return _quiet(chain, found**exponent, hours, alarms, bounds, extrapolated=True)
+
+
+def _limit_reached(track: Track, limit_db_s: float) -> ValueError:
+    return ValueError(
+        f'{track.name}: the evidence reaches its limit of {limit_db_s:g} dB s, allowed: a '
+        'recording at rest, and a noise_floor and an offset with which it stays below'
+    )
 
 
 def _quiet(
@@ -186,7 +202,11 @@ def _quiet(
 
 
 def _block_s(chain: ChainConfig) -> float:
-    windows_s = chain.envelope_window_s + chain.decision_window_s
+    decision_s = chain.decision_window_s
+    if chain.decision == 'evidence':
+        # As long as it takes to fall from its limit.
+        decision_s = chain.evidence_limit_db_s / max(chain.evidence_offset_db, LEAST_OFFSET_DB)
+    windows_s = chain.envelope_window_s + decision_s
     return max(SHORTEST_BLOCK_S, WINDOWS_PER_BLOCK * windows_s)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from slip_detector.tuning.objective import Candidate
-from slip_detector.tuning.problem import SEARCHED, Problem
+from slip_detector.tuning.problem import Problem, searched
 from slip_detector.tuning.space import SearchSpace
 
 if TYPE_CHECKING:
@@ -83,12 +83,11 @@ def search(
 
 def _kept(found: Candidate) -> dict[str, Any]:
     """Return what a study stores of a chain, in types of JSON."""
-    whole = found.chain.to_parameters()
     # JSON has no infinity; the largest float takes its place.
     largest = sys.float_info.max
     figures = found.figures._asdict()
     return {
-        'parameters': {name: whole[name] for name in SEARCHED},
+        'parameters': searched(found.chain),
         'cost_ms': found.cost_ms,
         'error_ms': min(found.error_ms, largest),
         'figures': {**figures, 'median_ms': min(figures['median_ms'], largest)},

@@ -51,12 +51,20 @@ STEP = 1.03
 #: Largest ratio, in amplitude, of the highest threshold to the lowest.
 RANGE = 1000.0
 
+#: Ranges of what evidence is made with: how often the given noise floors, in amplitude, and the
+#: offset, the cap above it and the limit.
+FLOOR_SCALE = (0.1, 10.0)
+OFFSET_DB, CAP_ABOVE_DB, LIMIT_DB_S = (0.5, 12.0), (1.0, 30.0), (0.02, 5.0)
+
 #: One of this many rows is used to find the lowest threshold.
 STRIDE = 16
 
 
 class SearchSpace:
     """The chains that are tried: the given one with other bands, windows and stages.
+
+    The decision is that of the given chain: where it is by evidence, what evidence is made with is
+    searched in place of the second window.
 
     Parameters
     ----------
@@ -82,6 +90,8 @@ class SearchSpace:
         self._exponents = (1, max(4, given.exponent))
         self.notches_hz = (0.0, *(f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < HIGHEST * rate))
         enabled = given.channels - len(given.disabled_channels)
+        self._evidence = given.decision == 'evidence'
+        self.mains_hz = (0.0, *filter(self._has_whole_periods, MAINS_HZ))
         self._common_modes = COMMON_MODES if enabled >= LEAST_SHARING else ('none',)
 
     def distributions(self) -> dict[str, Any]:
@@ -92,6 +102,17 @@ class SearchSpace:
             IntDistribution,
         )
 
+        of_decision: dict[str, Any] = {
+            'decision_window_s': FloatDistribution(*self._window_s, log=True)
+        }
+        if self._evidence:
+            of_decision = {
+                'mains_hz': CategoricalDistribution(self.mains_hz),
+                'floor_scale': FloatDistribution(*FLOOR_SCALE, log=True),
+                'evidence_offset_db': FloatDistribution(*OFFSET_DB),
+                'cap_above_db': FloatDistribution(*CAP_ABOVE_DB),
+                'evidence_limit_db_s': FloatDistribution(*LIMIT_DB_S, log=True),
+            }
         return {
             'passband_low_hz': FloatDistribution(*self._low_hz, log=True),
             'passband_octaves': FloatDistribution(*OCTAVES),
@@ -99,12 +120,14 @@ class SearchSpace:
             'notch_hz': CategoricalDistribution(self.notches_hz),
             'exponent': IntDistribution(*self._exponents),
             'envelope_window_s': FloatDistribution(*self._window_s, log=True),
-            'decision_window_s': FloatDistribution(*self._window_s, log=True),
+            **of_decision,
             'common_mode': CategoricalDistribution(self._common_modes),
         }
 
     def chain(self, point: dict[str, Any]) -> ChainConfig:
         """Return the chain of a point, with the given threshold and vote.
+
+        A threshold that its evidence cannot reach is half the limit.
 
         Raises
         ------
@@ -122,9 +145,39 @@ class SearchSpace:
             exponent=point['exponent'],
             # A rounded window must not be shorter than a sample.
             envelope_window_s=max(rounded(point['envelope_window_s']), self._window_s[0]),
-            decision_window_s=max(rounded(point['decision_window_s']), self._window_s[0]),
             common_mode=point['common_mode'],
+            **self._of_decision(point),
         )
+
+    def _of_decision(self, point: dict[str, Any]) -> dict[str, Any]:
+        """Return the parameters of the decision at a point."""
+        if not self._evidence:
+            window_s = max(rounded(point['decision_window_s']), self._window_s[0])
+            return {'decision_window_s': window_s}
+        given, scale = self._given, rounded(point['floor_scale'])
+        power = point['exponent'] / given.exponent
+        floors = given.noise_floor
+        if scale != 1.0 or power != 1.0:
+            factor = scale ** point['exponent']
+            floors = tuple(rounded(factor * floor**power) for floor in floors)
+        offset_db = rounded(point['evidence_offset_db'])
+        limit_db_s = rounded(point['evidence_limit_db_s'])
+        reachable = given.threshold < limit_db_s
+        return {
+            'mains_hz': point['mains_hz'],
+            'noise_floor': floors,
+            'evidence_offset_db': offset_db,
+            'evidence_cap_db': rounded(offset_db + point['cap_above_db']),
+            'evidence_limit_db_s': limit_db_s,
+            'threshold': given.threshold if reachable else rounded(0.5 * limit_db_s),
+        }
+
+    def _has_whole_periods(self, mains_hz: float) -> bool:
+        """Return whether the mains has whole periods in rows of the given rate."""
+        try:
+            return dataclasses.replace(self._given, mains_hz=mains_hz).mains_rows > 0
+        except ValueError:
+            return False
 
     def _stopbands(
         self, point: dict[str, Any], low_hz: float, high_hz: float
@@ -145,6 +198,18 @@ class SearchSpace:
         """Return the point of the space that is nearest to a chain."""
         low_hz, high_hz = chain.passband_hz
         octaves = math.log2(high_hz / low_hz) if high_hz else OCTAVES[1]
+        of_decision: dict[str, Any] = {
+            'decision_window_s': _within(chain.decision_window_s, self._window_s)
+        }
+        if self._evidence:
+            offset_db = chain.evidence_offset_db
+            of_decision = {
+                'mains_hz': chain.mains_hz if chain.mains_hz in self.mains_hz else 0.0,
+                'floor_scale': 1.0,
+                'evidence_offset_db': _within(offset_db, OFFSET_DB),
+                'cap_above_db': _within(chain.evidence_cap_db - offset_db, CAP_ABOVE_DB),
+                'evidence_limit_db_s': _within(chain.evidence_limit_db_s, LIMIT_DB_S),
+            }
         return {
             'passband_low_hz': _within(low_hz, self._low_hz),
             'passband_octaves': _within(octaves, OCTAVES),
@@ -152,7 +217,7 @@ class SearchSpace:
             'notch_hz': 0.0,
             'exponent': int(_within(chain.exponent, self._exponents)),
             'envelope_window_s': _within(chain.envelope_window_s, self._window_s),
-            'decision_window_s': _within(chain.decision_window_s, self._window_s),
+            **of_decision,
             'common_mode': chain.common_mode
             if chain.common_mode in self._common_modes
             else 'none',
@@ -166,12 +231,19 @@ class SearchSpace:
             'envelope_window_s': math.log(high / low),
             'decision_window_s': math.log(high / low),
         }
+        choices = ['stopbands', 'notch_hz', 'common_mode']
+        linear = {}
+        if self._evidence:
+            del spans['decision_window_s']
+            spans['floor_scale'] = math.log(FLOOR_SCALE[1] / FLOOR_SCALE[0])
+            spans['evidence_limit_db_s'] = math.log(LIMIT_DB_S[1] / LIMIT_DB_S[0])
+            linear = {'evidence_offset_db': OFFSET_DB[1], 'cap_above_db': CAP_ABOVE_DB[1]}
+            choices.append('mains_hz')
         steps = [math.log(point[name] / other[name]) / span for name, span in spans.items()]
+        steps += [(point[name] - other[name]) / span for name, span in linear.items()]
         steps.append((point['passband_octaves'] - other['passband_octaves']) / OCTAVES[1])
         steps.append((point['exponent'] - other['exponent']) / self._exponents[1])
-        steps += [
-            float(point[name] != other[name]) for name in ('stopbands', 'notch_hz', 'common_mode')
-        ]
+        steps += [float(point[name] != other[name]) for name in choices]
         return math.hypot(*steps)
 
     def starts(self) -> list[dict[str, Any]]:
@@ -196,7 +268,29 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
     return tuple(votes) if config.vote in votes else (*votes, config.vote)
 
 
-def thresholds(statistic: Sequence[Floats], tracks: Sequence[Track], exponent: int) -> Floats:
+def threshold_scale(chain: ChainConfig) -> tuple[int, float]:
+    """Return the exponent of a chain's level in amplitude, and what thresholds are below.
+
+    Evidence is of decibels: no power of an amplitude, but bounded.
+
+    Examples
+    --------
+    >>> threshold_scale(ChainConfig())
+    (3, inf)
+    >>> threshold_scale(ChainConfig(decision='evidence', noise_floor=1e-3))
+    (1, 1.3)
+    """
+    if chain.decision == 'evidence':
+        return 1, chain.evidence_limit_db_s
+    return chain.exponent, math.inf
+
+
+def thresholds(
+    statistic: Sequence[Floats],
+    tracks: Sequence[Track],
+    exponent: int,
+    limit: float = math.inf,
+) -> Floats:
     """Return the thresholds of a vote to try, in rising order, evenly spaced in amplitude.
 
     They reach from the median of the rows without slip to the value at which nothing is ON. They
@@ -209,7 +303,9 @@ def thresholds(statistic: Sequence[Floats], tracks: Sequence[Track], exponent: i
     tracks
         At least one.
     exponent
-        The exponent of the chain.
+        The exponent of the level in amplitude.
+    limit
+        What thresholds are below; see :func:`threshold_scale`.
 
     Returns
     -------
@@ -237,7 +333,8 @@ def thresholds(statistic: Sequence[Floats], tracks: Sequence[Track], exponent: i
     low = max(rest, top * RANGE**-exponent, 1e-30)
     steps = math.ceil(math.log(top / low) / math.log(ratio)) if low < top else 0
     below = [rounded(top * ratio**step) for step in range(-steps, 0)]
-    return np.array([*below, _rounded_up(top)])
+    found = np.array([*below, _rounded_up(top)])
+    return found[found < limit]
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:

@@ -14,21 +14,34 @@ GROUPS = {'left': (1, 2, 3), 'right': (4, 5, 6, 7)}
 
 @st.composite
 def chains(draw):
-    """Draw a chain of any vote and threshold, with and without disabled channels."""
+    """Draw a chain of any vote, decision and threshold, with and without disabled channels."""
     disabled = draw(st.sampled_from([(), (2,), (4, 5)]), label='disabled')
     fewest = min(len(set(members) - set(disabled)) for members in GROUPS.values())
+    exponent = draw(st.integers(1, 4), label='exponent')
+    decision = {'threshold': draw(st.floats(0.1, 2.0), label='threshold')}
+    if draw(st.booleans(), label='evidence'):
+        limit_db_s = draw(st.sampled_from([0.3, 1.0, 3.0]), label='limit')
+        decision = {
+            'decision': 'evidence',
+            'noise_floor': 0.3**exponent,
+            'noise_floor_rate_db_s': 20.0,
+            'evidence_limit_db_s': limit_db_s,
+            'impact_v': draw(st.sampled_from([0.0, 5.0]), label='impact'),
+            'mains_hz': draw(st.sampled_from([0.0, 50.0]), label='mains'),
+            'threshold': limit_db_s * draw(st.floats(0.01, 0.99), label='share of the limit'),
+        }
     return ChainConfig(
         channels=CHANNELS,
         groups=GROUPS,
         stopbands_hz=(),
         gain=1.0,
         flat_after_s=draw(st.sampled_from([0.0, 0.02]), label='flat'),
-        exponent=draw(st.integers(1, 4), label='exponent'),
+        exponent=exponent,
         common_mode=draw(st.sampled_from(['none', 'mean', 'median']), label='common mode'),
         disabled_channels=disabled,
         envelope_window_s=draw(st.sampled_from([0.003, 0.04]), label='envelope'),
         vote=draw(st.sampled_from(['all', 'mean', *range(1, fewest + 1)]), label='vote'),
-        threshold=draw(st.floats(0.1, 2.0), label='threshold'),
+        **decision,
     )
 
 

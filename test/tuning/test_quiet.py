@@ -73,3 +73,33 @@ def test_the_command_writes_only_another_threshold(tmp_path, capsys):
     assert dataclasses.replace(tuned, threshold=CHAIN.threshold) == CHAIN
     assert 'at 95% confidence' in capsys.readouterr().out
     assert 'at 95% confidence' in out.read_text()
+
+
+EVIDENCE = dataclasses.replace(
+    CHAIN,
+    decision='evidence',
+    passband_hz=(60.0, 0.0),
+    passband_degree=2,
+    stopbands_hz=(),
+    exponent=1,
+    noise_floor=(0.01,),
+    evidence_offset_db=4.0,
+    vote=1,
+)
+
+
+def test_a_threshold_of_evidence_is_found_in_decibel_seconds():
+    recording = track(1, duration_s=600.0, slips=False)
+    found = quiet_threshold(recording, EVIDENCE, 60.0, np.random.default_rng(0))
+    assert 0.0 < found.chain.threshold < EVIDENCE.evidence_limit_db_s
+    assert found.alarms == alarms_at(found.chain, recording)
+    assert found.per_hour[1] <= 60.0
+    lower = dataclasses.replace(found.chain, threshold=found.chain.threshold / 1.5)
+    assert alarms_at(lower, recording) / found.hours > 60.0
+
+
+def test_evidence_that_is_at_its_limit_at_rest_has_no_threshold():
+    deaf = dataclasses.replace(EVIDENCE, noise_floor=(1e-6,), noise_floor_range_db=10.0)
+    recording = track(5, duration_s=60.0, slips=False)
+    with pytest.raises(ValueError, match=r'seed 5: the evidence reaches its limit of 1\.3 dB s'):
+        quiet_threshold(recording, deaf, 100.0, np.random.default_rng(0))

@@ -100,3 +100,50 @@ def test_of_a_silent_or_endless_statistic_there_is_no_threshold():
     quiet = track_of('a', [LabelledRows(np.zeros((3, 1)), np.zeros(3, bool))], 380.0)
     for statistic in (np.zeros(3), np.array([0.0, np.inf, 1.0])):
         assert thresholds([statistic], [quiet], 1).size == 0
+
+
+EVIDENCE = dataclasses.replace(
+    CHAIN,
+    decision='evidence',
+    noise_floor=(0.01, 0.02, 0.03, 0.04),
+    evidence_limit_db_s=0.9,
+    threshold=0.4,
+    mains_hz=50.0,
+    exponent=1,
+)
+
+
+def test_a_chain_that_decides_by_evidence_is_a_point_of_its_space():
+    space = SearchSpace(EVIDENCE)
+    assert space.chain(space.point(EVIDENCE)) == EVIDENCE
+    assert space.mains_hz == (0.0, 50.0, 60.0)
+    assert 'decision_window_s' not in space.distributions()
+    assert set(space.distributions()) == set(space.point(EVIDENCE)) == set(space.starts()[1])
+
+
+@given(shares=st.lists(st.floats(0.0, 1.0), min_size=12, max_size=12))
+def test_every_point_about_evidence_is_a_chain_with_a_threshold_in_reach(shares):
+    space = SearchSpace(EVIDENCE)
+    point = {}
+    for (name, kind), share in zip(space.distributions().items(), shares, strict=True):
+        if hasattr(kind, 'choices'):
+            point[name] = kind.choices[round(share * (len(kind.choices) - 1))]
+        else:
+            value = kind.low + share * (kind.high - kind.low)
+            point[name] = round(value) if name == 'exponent' else value
+    found = space.chain(point)
+    assert found.decision == 'evidence'
+    assert found.threshold < found.evidence_limit_db_s
+    assert found.evidence_cap_db > found.evidence_offset_db
+    # The floors keep their proportions in amplitude.
+    amplitudes = np.array(found.noise_floor) ** (1 / found.exponent)
+    np.testing.assert_allclose(amplitudes / amplitudes[0], [1, 2, 3, 4], rtol=2e-3)
+    assert space.distance(point, point) == 0.0
+    assert space.distance({**point, 'mains_hz': 7.0}, point) == 1.0
+
+
+def test_thresholds_of_evidence_stay_below_its_limit():
+    quiet = track_of('a', [LabelledRows(np.zeros((20, 1)), np.zeros(20, bool))], 380.0)
+    limits = thresholds([np.linspace(0.0, 1.3, 20)], [quiet], 1, 1.3)
+    assert 0.95 * 1.3 < limits[-1] < 1.3
+    assert thresholds([np.full(20, 1.3)], [quiet], 1, 1.3).size == 0

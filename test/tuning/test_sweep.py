@@ -10,7 +10,7 @@ from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.space import thresholds, votes_of
+from slip_detector.tuning.space import threshold_scale, thresholds, votes_of
 from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
 from slip_detector.tuning.tracks import track_of
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
@@ -24,7 +24,7 @@ def test_a_chain_is_on_where_the_statistic_of_its_vote_is_above_its_threshold(co
     chain, on = SlipChain(config), []
     for piece in pieces:
         if piece.new_stretch:
-            chain.reset()
+            chain.restart()
         on += chain.update(piece.volts).slip.tolist()
     assert (statistic > config.threshold).tolist() == on
 
@@ -42,7 +42,7 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
     statistics = [one_pass.of(track) for track in tracks]
     for v, vote in enumerate(votes):
         mine = [statistic[v] for statistic in statistics]
-        limits = thresholds(mine, tracks, config.exponent)
+        limits = thresholds(mine, tracks, *threshold_scale(config))
         if not limits.size:
             continue
         sweep = sweep_thresholds(mine, tracks, limits, evaluation)
