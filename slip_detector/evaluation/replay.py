@@ -51,7 +51,7 @@ class Observer(Protocol):
     """Receives the rows of a recording during its replay, as the overview of a report does."""
 
     def add(self, volts: Floats, result: SlipResult, truth: Bools, /) -> None:
-        """Take the next rows; the result has their level."""
+        """Take the next rows; the result has their level, with evidence floor and excess too."""
 
     def gap(self, seconds: float, /) -> None:
         """Take the length of the gap before the next rows."""
@@ -287,9 +287,11 @@ class _Run:
         watching = self._watch is not None and self._watch.watching
         votes = (self._chain.config.vote,) if self._tally else ()
         level = self._observer is not None
-        floor = watching and self._watch is not None and self._watch.needs_floor
+        # An observer is given all that evidence is made of, the watch the floors.
+        evidence = self._chain.config.decision == 'evidence'
+        floor, excess = evidence and (watching or level), evidence and level
         result = self._chain.update(
-            volts, envelope=watching, level=level, floor=floor, votes=votes
+            volts, envelope=watching, level=level, floor=floor, excess=excess, votes=votes
         )
         on = np.ascontiguousarray(result.slip)
         self._labels.add(truth, self._row)

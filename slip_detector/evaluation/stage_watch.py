@@ -38,8 +38,6 @@ class StageWatch:
     watching : bool
         Whether a slip is being followed, which needs the chain's envelope. :meth:`begin` sets
         it; the caller clears it at the end.
-    needs_floor : bool
-        Whether following takes the noise floor too.
     """
 
     def __init__(self, config: ChainConfig) -> None:
@@ -54,7 +52,7 @@ class StageWatch:
         )
         self._members = [np.array(members) - 1 for members in config.groups.values()]
         self._threshold, self._offset_db = config.threshold, config.evidence_offset_db
-        self.needs_floor = config.decision == 'evidence'
+        self._evidence = config.decision == 'evidence'
         self.watching = False
 
     def begin(self, chain: SlipChain, row: int) -> None:
@@ -81,7 +79,7 @@ class StageWatch:
         volts : ndarray, shape (n, c)
             At least one row.
         result
-            The chain's result for these rows, with envelope and, if it is needed, floor.
+            The chain's result for these rows, with the envelope, and with evidence the floor.
         row
             Number of the first of these rows.
         rise
@@ -91,7 +89,7 @@ class StageWatch:
         filtered = self._filters.update(volts[:n], level=False).envelope
         valid = result.valid[:n]
         least: Floats | float = self._threshold
-        if self.needs_floor:
+        if self._evidence:
             least = 10.0 ** ((result.floor[:n] + self._offset_db) / 20.0)
         passed = (
             valid & (filtered > least),

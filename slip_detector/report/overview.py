@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slip_detector.chain.evidence import LEAST_EXCESS_DB, least_floor_db
 from slip_detector.chain.result import SlipResult
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import ReplayOutcome
@@ -42,6 +43,12 @@ CODES_PER_OCTAVE = 16
 
 #: Code of a level that equals the threshold: above it the channel is ON.
 THRESHOLD_CODE = 128
+
+#: The signals in dB that a decision by evidence has beside its level.
+DECIBELS = ('excess', 'floor')
+
+#: A narrower range of codes is drawn as wide as this.
+LEAST_RANGE_DB = 1e-3
 
 #: A sample with a larger magnitude is not drawn, as float32 ends at 3.4e38.
 MOST_VOLTS = 1e30
@@ -82,8 +89,8 @@ class Snippet(NamedTuple):
         The number of the first row.
     volts : ndarray of float32, shape (n, c)
         NaN where a sample is not a number.
-    codes : ndarray of uint8, shape (n, c)
-        The levels, as :func:`level_codes` writes them.
+    codes : ndarray of uint8, shape (n, s c)
+        The s signals, as :func:`signal_codes` writes them.
     """
 
     start: int
@@ -132,6 +139,58 @@ def level_codes(result: SlipResult, threshold: float) -> Codes:
     # A quotient may round to 1 where the level is just above the threshold.
     steps = np.where(result.channels, np.maximum(steps, 1), np.minimum(steps, 0))
     return np.where(result.valid, steps + THRESHOLD_CODE, 0).astype(np.uint8)
+
+
+def signals_of(config: ChainConfig) -> tuple[str, ...]:
+    """Return the signals that an overview has codes of: the level, with evidence two more.
+
+    Examples
+    --------
+    >>> signals_of(ChainConfig())
+    ('level',)
+    """
+    return ('level', *DECIBELS) if config.decision == 'evidence' else ('level',)
+
+
+def ranges_db(config: ChainConfig) -> dict[str, tuple[float, float]]:
+    """Return between which decibels the codes 1 to 255 of floor and excess are.
+
+    Examples
+    --------
+    >>> config = ChainConfig(decision='evidence', noise_floor=1e-3, evidence_cap_db=12.0)
+    >>> ranges_db(config)
+    {'excess': (-8.7, 12.0), 'floor': (-60.0, 0.0)}
+    """
+    floors = [least_floor_db(floor) for floor in config.noise_floor]
+    return {
+        'excess': (LEAST_EXCESS_DB, config.evidence_cap_db),
+        'floor': (min(floors), max(floors) + config.noise_floor_range_db),
+    }
+
+
+def signal_codes(result: SlipResult, config: ChainConfig) -> Codes:
+    """Return all signals of an overview side by side, a byte for each sample.
+
+    Parameters
+    ----------
+    result
+        Of n rows, with its level, and with evidence also floor and excess.
+    config
+        Of the chain.
+
+    Returns
+    -------
+    ndarray of uint8, shape (n, s c)
+        The codes of the levels, then those of each other signal: 0 where the channel is not
+        valid, else from 1 to 255 over its range in :func:`ranges_db`.
+    """
+    codes = [level_codes(result, config.threshold)]
+    if config.decision == 'evidence':
+        for name, (low, high) in ranges_db(config).items():
+            share = (getattr(result, name) - low) / max(high - low, LEAST_RANGE_DB)
+            steps = 1.0 + np.rint(254.0 * np.clip(share, 0.0, 1.0))
+            codes.append(np.where(result.valid, steps, 0).astype(np.uint8))
+    return np.hstack(codes)
 
 
 def events_of(outcome: ReplayOutcome) -> list[Event]:
@@ -216,9 +275,11 @@ class Overview:
         self._most_bins = 1 << max(most_cells // channels, 2).bit_length() - 1
         self._low = np.full((self._most_bins, channels), np.nan, np.float32)
         self._high = self._low.copy()
-        self._codes = np.zeros((self._most_bins, channels), np.uint8)
+        signals = len(signals_of(config))
+        self._codes = np.zeros((self._most_bins, signals * channels), np.uint8)
         self._truth: OnIntervals | None = None
         self._slip, self._groups = OnIntervals(), [OnIntervals() for _ in config.groups]
+        self._after_impact = OnIntervals()
         self._rows_left = ROWS_PER_BIN * self._most_bins
         self._before, self._after = config.samples(BEFORE_S), config.samples(AFTER_S)
         self._kept: list[tuple[RowNumbers, Volts, Codes]] = []
@@ -233,7 +294,8 @@ class Overview:
         volts : array_like, shape (n, c)
             Oldest row first; NaN where a sample is missing.
         result : SlipResult
-            The chain's result for these rows, with the level.
+            The chain's result for these rows, with the level, and with evidence also floor and
+            excess.
         truth : array_like of bool, shape (n,), or None
             Whether there is slip; None in each call for a recording without labels.
         """
@@ -241,7 +303,9 @@ class Overview:
         if not len(values):
             return
         samples = np.where(np.abs(values) < MOST_VOLTS, values, np.nan).astype(np.float32)
-        codes = level_codes(result, self.config.threshold)
+        codes = signal_codes(result, self.config)
+        if self.config.decision == 'evidence':
+            self._after_impact.add(result.after_impact, self.rows)
         starts = self._slip.add(result.slip, self.rows)
         for group, on in zip(self._groups, result.groups.T, strict=True):
             group.add(on, self.rows)
@@ -256,13 +320,18 @@ class Overview:
         """Count the rows that are missing in a gap of the recording."""
         self._keep_wanted(self._wanted(self.rows), self.rows)
         self._tail, self._starts = self._no_rows(), self._starts[:0]
-        for intervals in (self._slip, *self._groups, *([self._truth] if self._truth else [])):
+        for intervals in (
+            self._slip,
+            *self._groups,
+            self._after_impact,
+            *([self._truth] if self._truth else []),
+        ):
             intervals.close(self.rows)
         self.rows += round(seconds * self.sample_rate_hz)
         self._coarsen_to(self.rows)
 
     def bins(self, bin_rows: int) -> tuple[Volts, Volts, Codes]:
-        """Return the lowest and highest volts and the code of the highest level of each bin.
+        """Return the lowest and highest volts and the highest code of each signal in each bin.
 
         Parameters
         ----------
@@ -273,7 +342,8 @@ class Overview:
         -------
         low, high : ndarray of float32, shape (bins, c)
             NaN where the bin has no sample that is a number.
-        codes : ndarray of uint8, shape (bins, c)
+        codes : ndarray of uint8, shape (bins, s c)
+            Of each of s signals; see :func:`signal_codes`.
         """
         n = -(-self.rows // self.bin_rows)
         low, high, codes = self._low[:n], self._high[:n], self._codes[:n]
@@ -304,6 +374,11 @@ class Overview:
         """Intervals in which each group is ON, by its name: arrays of shape (m, 2)."""
         pairs = [self._pairs(group) for group in self._groups]
         return dict(zip(self.config.groups, pairs, strict=True))
+
+    @property
+    def after_impact(self) -> RowNumbers:
+        """Intervals that an impact is held for, shape (m, 2); none without evidence."""
+        return self._pairs(self._after_impact)
 
     @property
     def truth(self) -> RowNumbers | None:
@@ -363,7 +438,7 @@ class Overview:
 
     def _no_rows(self) -> tuple[Volts, Codes]:
         channels = self.config.channels
-        return np.empty((0, channels), np.float32), np.empty((0, channels), np.uint8)
+        return np.empty((0, channels), np.float32), self._codes[:0]
 
     def _wanted(self, stop: int) -> RowNumbers:
         """Return the places in the tail of the rows before row ``stop`` that are near a start."""

@@ -9,8 +9,9 @@ The bytes are, in the order in which ``templates/report_data.js`` reads them:
 - the lowest volts of each bin as 16-bit codes, channel after channel, each as its difference from
   the bin before; then, in the same order, the highest volts minus the lowest;
 - starts and ends of true slips, each as its difference from the number before;
-- for each variant: the codes of the levels, channel after channel; the intervals of the global
-  decision and of each group; the volts and the codes of the levels of each snippet.
+- for each variant: the codes of the levels, channel after channel, and with evidence those of
+  excess and floor; the intervals of the global decision, of each group and after impacts; the
+  volts and the same codes of each snippet.
 
 Of numbers with more than one byte all lowest bytes come first, then all second bytes, and so on:
 so the numbers of a slow signal compress better. A signed difference d is written as 2 d, or as
@@ -26,7 +27,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.overview import EVENT_KINDS, Event, Overview, RowNumbers, Snippet, Volts
+from slip_detector.report.overview import (
+    EVENT_KINDS,
+    Event,
+    Overview,
+    RowNumbers,
+    Snippet,
+    Volts,
+    ranges_db,
+    signals_of,
+)
 
 #: Limits of a whole report: bins times channels, and rows of snippets times channels.
 MOST_BIN_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19
@@ -241,7 +251,8 @@ def pack_recording(
         slip = _joined(overview.slip, rows_of_bin)
         groups = {name: _joined(on, rows_of_bin) for name, on in overview.groups.items()}
         parts += [overview.bins(rows_of_bin)[2].T.tobytes(), _intervals(slip)]
-        parts += [_intervals(on) for on in groups.values()]
+        after_impact = _joined(overview.after_impact, rows_of_bin)
+        parts += [_intervals(on) for on in (*groups.values(), after_impact)]
         for snippet in mine:
             parts += [
                 _differences(_as_codes(snippet.volts, lowest, step)),
@@ -250,6 +261,9 @@ def pack_recording(
         header['variants'].append(
             {
                 'slip': len(slip),
+                'after_impact': len(after_impact),
+                'signals': signals_of(overview.config),
+                **_decibels(overview.config),
                 'groups': [
                     {'name': name, 'members': members, 'intervals': len(groups[name])}
                     for name, members in overview.config.groups.items()
@@ -259,6 +273,13 @@ def pack_recording(
             }
         )
     return header, base64.b64encode(zlib.compress(b''.join(parts))).decode()
+
+
+def _decibels(config: ChainConfig) -> dict[str, Any]:
+    """Return what the page reads the codes of floor and excess with."""
+    if config.decision != 'evidence':
+        return {}
+    return {'ranges_db': ranges_db(config), 'offset_db': config.evidence_offset_db}
 
 
 def _event(event: Event) -> list[Any]:

@@ -46,29 +46,42 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
     -------
     dict
         Arrays of shape (n,), by the name and unit of the signal, in the order of the stages. The
-        last two are the chain's own envelope and its level, which is compared with the threshold.
+        last ones are the chain's own: envelope, with evidence noise floor and excess, and the
+        level, which is compared with the threshold.
 
     Raises
     ------
     ValueError
         When the chain cannot be built.
     """
-    result = SlipChain(config).update(trial.volts)
+    evidence = config.decision == 'evidence'
+    result = SlipChain(config).update(trial.volts, floor=evidence, excess=evidence)
     # The chain filters the deviation from the first row (the baseline), too.
     deviations = trial.volts - trial.volts[0]
     volts = deviations[:, channel - 1]
     if config.common_mode != 'none':
         enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
         volts = volts - getattr(np, config.common_mode)(deviations[:, enabled], axis=1)
+    if config.mains_rows:
+        before = volts[: -config.mains_rows]
+        volts = np.concatenate([np.zeros(config.mains_rows), volts[config.mains_rows :] - before])
     filtered = signal.sosfilt(design(config), volts)
     rectified = np.abs(filtered) if config.rectify == 'full' else np.maximum(filtered, 0.0)
     unit = 'V' if config.exponent == 1 else f'V$^{config.exponent}$'
+    at = channel - 1
+    decided = {f'mean of the\nenvelope [{unit}]': result.level[:, at]}
+    if evidence:
+        decided = {
+            'noise floor\n[dB]': result.floor[:, at],
+            'excess,\n0 after an\nimpact [dB]': result.excess[:, at],
+            'evidence\n[dB s]': result.level[:, at],
+        }
     return {
         'raw [V]': trial.volts[:, channel - 1],
         f'filtered,\ntimes {config.gain:g} [V]': filtered,
         f'rectified,\nto the power\nof {config.exponent} [{unit}]': rectified**config.exponent,
         f'RMS envelope\n[{unit}]': result.envelope[:, channel - 1],
-        f'mean of the\nenvelope [{unit}]': result.level[:, channel - 1],
+        **decided,
     }
 
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.report import page_data as report_data
 from slip_detector.report.page_data import SearchTrial, trade_off_front
 from support import report_scenes as scenes
@@ -60,6 +61,7 @@ def test_the_data_are_the_overview(variants):
         for group, (name, on) in zip(variant['groups'], overview.groups.items(), strict=True):
             assert group['name'] == name
             np.testing.assert_array_equal(intervals(group['intervals']), on)
+        assert intervals(variant['after_impact']).size == 0
         assert variant['snippets'] == [[s.start, len(s.volts)] for s in mine]
         for snippet in mine:
             rows = len(snippet.volts)
@@ -69,6 +71,30 @@ def test_the_data_are_the_overview(variants):
             levels, rest = unplaned(rest, channels * rows, 1)
             np.testing.assert_array_equal(levels.reshape(channels, rows).T, snippet.codes)
     assert rest == b''
+
+
+def test_of_evidence_the_data_have_excess_floor_and_impacts():
+    seen = scenes.overview('a', scenes.EVIDENCE, *scenes.volts_and_truth())
+    header, data = report_data.pack_recording([seen], 4, [[]])
+    variant, channels, n = header['variants'][0], 16, header['bins']
+    assert variant['signals'] == ('level', 'excess', 'floor')
+    rest = zlib.decompress(base64.b64decode(data))
+    before = 2 * 2 * channels * n + 2 * 8 * header['truth']
+    codes, rest = unplaned(rest[before:], 3 * channels * n, 1)
+    codes = codes.reshape(3 * channels, n).T
+    np.testing.assert_array_equal(codes, seen.bins(4)[2])
+    volts, _ = scenes.volts_and_truth()
+    result = SlipChain(scenes.EVIDENCE).update(volts, floor=True, excess=True)
+    for place, found in ((1, result.excess), (2, result.floor)):
+        low, high = variant['ranges_db'][variant['signals'][place]]
+        mine = codes[:, place * channels : (place + 1) * channels].astype(float)
+        decibels = low + (mine - 1) / 254 * (high - low)
+        highest = found.reshape(n, 4, channels).max(axis=1)
+        np.testing.assert_allclose(decibels, highest, rtol=0, atol=0.51 * (high - low) / 254)
+    rows = np.flatnonzero(np.diff(np.concatenate([[0], result.after_impact, [0]])))
+    np.testing.assert_array_equal(seen.after_impact, rows.reshape(-1, 2))
+    assert variant['after_impact'] == len(rows) // 2 > 0
+    assert variant['offset_db'] == scenes.EVIDENCE.evidence_offset_db
 
 
 def test_a_channel_without_samples_has_none_in_the_data():

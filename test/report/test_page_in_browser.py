@@ -42,7 +42,17 @@ def folder(tmp_path_factory):
         folder / 'coarse.html', 'A title', scenes.variants(('a.npz',), most_cells=16 * 256)
     )
     report.write_page(folder / 'unlabelled.html', 'A title', [unlabelled()])
+    report.write_page(folder / 'evidence.html', 'A title', [variants[0], by_evidence()])
     return folder
+
+
+def by_evidence():
+    names = ('a.npz', 'b.npz')
+    seen = [
+        scenes.overview(name, scenes.EVIDENCE, *scenes.volts_and_truth(seed=i))
+        for i, name in enumerate(names)
+    ]
+    return report.Variant('evidence', scenes.EVIDENCE, seen, {})
 
 
 def unlabelled():
@@ -318,6 +328,33 @@ def read_out(page, share, y):
     page.mouse.move(*point(page, share, y))
     expect(page.locator('#readout')).to_contain_text('threshold')
     return page.inner_text('#readout')
+
+
+def test_of_evidence_excess_floor_and_impacts_are_shown(opened):
+    page = opened('evidence.html')
+    pictures = [pixels(page)]
+    for signal in ('level', 'excess', 'floor'):
+        page.select_option('#signal', signal)
+        pictures.append(pixels(page))
+    assert len(set(pictures)) == 4
+    names = page.evaluate('timeline.lanes.map((lane) => lane.name)')
+    assert names[:5] == ['events', 'label', 'slip given', 'slip evidence', 'after impact']
+    y = page.evaluate('timeline.lanes.find((lane) => lane.curve).top + 10')
+    text = read_out(page, 4.6 / 20.0, y)  # amid the first slip
+    excess_db, floor_db = re.search(
+        r'excess ([-\d.]+) dB \u00b7 floor ([-\d.]+) dB', text
+    ).groups()
+    assert float(excess_db) == pytest.approx(13.0, abs=0.1)
+    assert -80.0 < float(floor_db) < -60.0
+    # The other variant has neither: its level is shown instead.
+    page.check('input[name=variant] >> nth=0')
+    assert 'excess' not in read_out(page, 4.6 / 20.0, y)
+    assert 'after impact' not in page.evaluate('timeline.lanes.map((lane) => lane.name)')
+
+
+def test_where_nothing_decides_by_evidence_there_is_no_choice_of_it(opened):
+    page = opened('one.html')
+    assert page.locator('#signal option').all_inner_texts() == ['volts', 'level / threshold']
 
 
 @pytest.mark.parametrize('name', ['one.html', 'coarse.html'])

@@ -22,3 +22,19 @@ def test_the_stages_that_are_drawn_are_those_of_the_chain(changes):
     window = np.full(15, 1 / 15)  # 40 ms
     rms = np.sqrt(np.convolve(power**2, window)[: len(power)])
     np.testing.assert_allclose(rms, envelope, rtol=1e-6, atol=1e-9 * envelope.max())
+
+
+def test_of_evidence_the_floor_and_the_excess_are_drawn_too():
+    config = ChainConfig(
+        decision='evidence', noise_floor=1e-3, exponent=1, mains_hz=50.0, impact_v=0.1
+    )
+    (trial,) = simulate_trials(SCENES['400'], [0])
+    signals = stage_signals(trial, config, 5)
+    _, _, power, envelope, floor, excess, level = signals.values()
+    result = SlipChain(config).update(trial.volts, floor=True, excess=True)
+    for drawn, wanted in ((floor, result.floor), (excess, result.excess), (level, result.level)):
+        np.testing.assert_array_equal(drawn, wanted[:, 4])
+    window = np.full(15, 1 / 15)
+    rms = np.sqrt(np.convolve(power**2, window)[: len(power)])
+    np.testing.assert_allclose(rms, envelope, rtol=1e-6, atol=1e-9 * envelope.max())
+    assert list(signals)[-1] == 'evidence\n[dB s]'

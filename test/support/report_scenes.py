@@ -10,6 +10,17 @@ from slip_detector.report.page_data import SearchTrial, Variant
 GIVEN = ChainConfig()
 TUNED = ChainConfig(passband_hz=(10.0, 60.0), stopbands_hz=(), threshold=1.0, vote='mean')
 
+#: It takes the tap of :func:`tapped` for an impact.
+EVIDENCE = ChainConfig(
+    decision='evidence',
+    noise_floor=3e-4,
+    exponent=1,
+    gain=1.0,
+    impact_v=0.05,
+    impact_hold_s=0.2,
+    vote=2,
+)
+
 #: Seconds of true slip in each recording.
 SLIPS_S = ((4.0, 5.0), (9.0, 10.0), (15.0, 16.0))
 
@@ -41,11 +52,20 @@ def volts_and_truth(rows=380 * 20, channels=16, seed=0):
     return 4.0 + 0.01 * np.arange(channels) + burst[:, None] + noise, truth
 
 
+def tapped(seed=0):
+    """Return what :func:`volts_and_truth` does, with a tap on all channels at 12 s."""
+    volts, truth = volts_and_truth(seed=seed)
+    volts[12 * 380] += 0.2
+    return volts, truth
+
+
 def overview(name, config, volts, truth, events=(), **settings):
     made, chain = Overview(name, config, **settings), SlipChain(config)
     for a in range(0, len(volts), 1000):
         piece = volts[a : a + 1000]
-        made.add(piece, chain.update(piece), None if truth is None else truth[a : a + 1000])
+        evidence = config.decision == 'evidence'
+        result = chain.update(piece, floor=evidence, excess=evidence)
+        made.add(piece, result, None if truth is None else truth[a : a + 1000])
     made.events = events
     return made
 

@@ -80,7 +80,11 @@ function readOut(seconds, lane) {
       const [low, high] = [piece.low[at], piece.high[at]].map((code) => lowest[c] + step[c] * code);
       words.push(piece.low[at] === NO_SAMPLE ? 'no sample'
         : high > low ? `${volts(low)} to ${volts(high)}` : volts(low),
-      `level / threshold ${ratio(piece.levels[at])}`);
+      `level / threshold ${ratio(piece.signals.level[at])}`);
+      for (const name of ['excess', 'floor']) {
+        const code = piece.signals[name]?.[at];
+        if (code) words.push(`${name} ${decibels(name, code).toFixed(1)} dB`);
+      }
     }
   }
   element('readout').textContent = words.join(' \u00b7 ');
@@ -246,6 +250,10 @@ function start() {
     previous: () => step(-1), next: () => step(1),
   };
   for (const [id, act] of Object.entries(buttons)) element(id).addEventListener('click', act);
+  const signals = header.recordings.flatMap(({variants}) => variants.flatMap((v) => v.signals));
+  for (const option of [...element('signal').options]) {
+    if (option.value !== 'volts' && !signals.includes(option.value)) option.remove();
+  }
   element('signal').addEventListener('change', (event) => {
     element('scale-choice').hidden = event.target.value !== 'volts';
     redraw();

@@ -60,11 +60,14 @@ function decode(header, bytes) {
   const high = low.map((code, i) => code + span[i]);
   const truth = header.truth === null ? null : reader.intervals(header.truth);
   const variants = header.variants.map((variant) => ({
-    levels: halved(reader.bytesOf(channels * n), channels, n, (a, b) => (a > b ? a : b)),
+    signals: each(variant.signals, () => (
+      halved(reader.bytesOf(channels * n), channels, n, (a, b) => (a > b ? a : b)))),
     slip: reader.intervals(variant.slip),
     groups: variant.groups.map((group) => reader.intervals(group.intervals)),
+    afterImpact: reader.intervals(variant.after_impact),
     snippets: variant.snippets.map(([start, rows]) => ({
-      start, rows, volts: reader.summed(channels, rows), levels: reader.bytesOf(channels * rows),
+      start, rows, volts: reader.summed(channels, rows),
+      signals: each(variant.signals, () => reader.bytesOf(channels * rows)),
     })),
   }));
   return {
@@ -74,6 +77,11 @@ function decode(header, bytes) {
     low: halved(low, channels, n, (a, b) => (a < b ? a : b)),
     high: halved(high, channels, n, (a, b) => (a === NO_SAMPLE ? b : b === NO_SAMPLE || a > b ? a : b)),
   };
+}
+
+// What a function returns of each name, in the order of the names.
+function each(names, of) {
+  return Object.fromEntries(names.map((name) => [name, of(name)]));
 }
 
 // The values themselves, then of each two, of each four and so on, channel after channel.
@@ -100,25 +108,26 @@ function halved(values, channels, n, join) {
 function pieces(header, data, variant, from, to, rowsOfPixel) {
   const level = Math.max(0, Math.ceil(Math.log2(rowsOfPixel / header.bin_rows)));
   const size = Math.min(level, data.low.length - 1), rows = header.bin_rows * 2 ** size;
-  const {levels, snippets} = data.variants[variant], found = [];
+  const {signals, snippets} = data.variants[variant], found = [], names = Object.keys(signals);
   // One more at either end, so that curves reach the edge.
   [from, to] = [from - rows, to + rows];
   const bins = (start, stop) => {
     const {values: low, n} = data.low[size];
     const first = Math.max(0, Math.floor(start / rows)), end = Math.min(n, Math.ceil(stop / rows));
     if (end > first) {
-      found.push({row: 0, rows, n, first, stop: end, low, high: data.high[size].values, levels: levels[size].values});
+      found.push({row: 0, rows, n, first, stop: end, low, high: data.high[size].values,
+        signals: each(names, (name) => signals[name][size].values)});
     }
   };
   let at = from;
   if (rows > 1 && size === 0) {
-    for (const {start, rows: n, volts, levels: codes} of snippets) {
+    for (const {start, rows: n, volts, signals: codes} of snippets) {
       const stop = start + n;
       if (stop <= from || start >= to) continue;
       if (start > at) bins(at, start);
       found.push({
         row: start, rows: 1, n, first: Math.max(0, Math.floor(from) - start - 1),
-        stop: Math.min(n, Math.ceil(to) - start + 1), low: volts, high: volts, levels: codes,
+        stop: Math.min(n, Math.ceil(to) - start + 1), low: volts, high: volts, signals: codes,
       });
       at = stop;
     }

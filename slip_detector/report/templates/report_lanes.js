@@ -6,6 +6,8 @@ const TRUTH = '#b9d7ec', ON = '#d55e00', INK = '#23292e';
 const LISTED = 200, THRESHOLD_CODE = 128, STRIP = 4;
 // Codes of levels between which a lane shows them: 1/32 to 32 times the threshold.
 const LEVEL_CODES = [48, 208];
+// Codes of floor and excess: their whole range.
+const DECIBEL_CODES = [1, 255];
 const SHADES = Array.from({length: THRESHOLD_CODE + 1}, (_, code) => {
   const far = 1 - Math.max(0, (code - 48) / 80);
   return `rgb(${[95, 109, 119].map((dark) => Math.round(dark + (238 - dark) * far)).join()})`;
@@ -64,6 +66,24 @@ function ratio(code) {
   return `${code === 1 ? '\u2264 ' : ''}${(2 ** octaves).toPrecision(2)}`;
 }
 
+// The decibels of a code of excess or floor, and back.
+function decibels(name, code) {
+  const [low, high] = now().variants[view.variant].ranges_db[name];
+  return low + (code - 1) / 254 * (high - low);
+}
+
+function codeOf(name, value) {
+  const [low, high] = now().variants[view.variant].ranges_db[name];
+  return 1 + 254 * (value - low) / (high - low);
+}
+
+// What channels show: where a variant lacks what was chosen, its level.
+function signalShown() {
+  const chosen = element('signal').value;
+  const known = chosen === 'volts' || now().variants[view.variant].signals.includes(chosen);
+  return known ? chosen : 'level';
+}
+
 // How fine the drawing can be.
 function resolution() {
   const {bin_rows: bin, rate_hz: rate} = now(), events = eventsOf(view.recording);
@@ -97,6 +117,9 @@ function lanesOf(data, found) {
   names.forEach((name, v) => lanes.push({
     name: names.length > 1 ? `slip ${name}` : 'slip', height: 16, paint: intervals(data.variants[v].slip, ON),
   }));
+  if (variant.afterImpact.length) {
+    lanes.push({name: 'after impact', height: 16, paint: intervals(variant.afterImpact, '#8d99a3')});
+  }
   groups.forEach((group, g) => {
     const decisions = intervals(variant.groups[g], '#e58a4e');
     lanes.push({
@@ -140,12 +163,18 @@ function paintEvents({context, xOf}, lane) {
 const paintStrip = (found) => (pen, lane) => {
   const {context, right, left} = pen, xOf = xOfRow(pen);
   const y = lane.top + lane.height - STRIP - 1;
-  if (element('signal').value === 'level') {
-    const [low, high] = LEVEL_CODES, top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
+  // Above this a level is ON; above that an excess adds to the evidence.
+  const marks = {
+    level: () => [THRESHOLD_CODE, LEVEL_CODES],
+    excess: () => [codeOf('excess', now().variants[view.variant].offset_db), DECIBEL_CODES],
+  };
+  const mark = marks[signalShown()];
+  if (mark) {
+    const [code, [low, high]] = mark(), top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
     context.fillStyle = '#c9a28c';
-    context.fillRect(left, bottom - (bottom - top) * (THRESHOLD_CODE - low) / (high - low), right - left, 1);
+    context.fillRect(left, bottom - (bottom - top) * (code - low) / (high - low), right - left, 1);
   }
-  for (const {row, rows, n, first, stop, levels} of found) {
+  for (const {row, rows, n, first, stop, signals: {level: levels}} of found) {
     let start = first, color = null;
     const fill = (i) => {
       if (color === null || i === start) return;
@@ -230,7 +259,7 @@ function draw(data) {
   const found = pieces(now(), data, view.variant, from * rate, to * rate, rowsOfPixel);
   const lanes = lanesOf(data, found), channels = lanes.filter((lane) => lane.curve);
   const curves = channels.map((lane) => curve(found, lane.channel));
-  if (element('signal').value === 'volts') {
+  if (signalShown() === 'volts') {
     const span = ([low, high], c) => step[c] * (high - low);
     const widest = Math.max(...curves.map(({range}, i) => span(range, channels[i].channel)));
     channels.forEach((lane, i) => {
@@ -259,10 +288,12 @@ function draw(data) {
 
 // The curve of a channel in view, and the codes between which it lies.
 function curve(found, channel) {
-  if (element('signal').value === 'level') {
-    const [least, most] = LEVEL_CODES;
+  const signal = signalShown();
+  if (signal !== 'volts') {
+    const range = signal === 'level' ? LEVEL_CODES : DECIBEL_CODES, [least, most] = range;
     const code = (value) => (value ? Math.max(least, Math.min(most, value)) : null);
-    return {...curveOf(found, channel, ({levels}) => [levels, levels], code), range: LEVEL_CODES};
+    const values = ({signals}) => [signals[signal], signals[signal]];
+    return {...curveOf(found, channel, values, code), range};
   }
   let least = Infinity, most = -Infinity;
   const values = curveOf(found, channel, ({low, high}) => [low, high], (value) => {
