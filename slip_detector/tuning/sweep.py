@@ -148,6 +148,12 @@ class ThresholdSweep(NamedTuple):
     false_alarms : ndarray of int, shape (T,)
     quiet_s : float
         Time without slip.
+
+    Examples
+    --------
+    >>> sweep = ThresholdSweep(np.array([[40.0, np.nan]]), np.array([2, 0]), quiet_s=60.0)
+    >>> sweep.false_alarms_per_minute, sweep.missed
+    (array([2., 0.]), array([0., 1.]))
     """
 
     latencies_ms: Floats
