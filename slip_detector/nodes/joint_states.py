@@ -68,6 +68,14 @@ class JointStateReader:
     ------
     ValueError
         When it has no positions, or was not serialised as Fast DDS does it.
+
+    Examples
+    --------
+    >>> message = JointState(name=['a', 'b'], position=[4.1, 4.3])
+    >>> reader = JointStateReader(serialize_message(message), message)
+    >>> message.position[0] = 4.2
+    >>> reader.read(serialize_message(message)).rows
+    array([[4.2, 4.3]])
     """
 
     def __init__(self, raw: bytes, message: Any) -> None:
@@ -113,6 +121,14 @@ class JointStateWriter:
         Of all messages.
     efforts
         Whether they have efforts, one for each position.
+
+    Examples
+    --------
+    >>> from rclpy.serialization import deserialize_message
+    >>> writer = JointStateWriter('thumb', ['a', 'b'])
+    >>> message = deserialize_message(writer.written(5, np.array([4.1, 4.3])), JointState)
+    >>> message.header.frame_id, message.position.tolist()
+    ('thumb', [4.1, 4.3])
     """
 
     def __init__(self, frame_id: str, names: Sequence[str], efforts: bool = False) -> None:
