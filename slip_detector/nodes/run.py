@@ -36,6 +36,8 @@ def run(executable: str) -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
+    # What is made until the nodes run stays: the garbage collector need not look at it.
+    gc.disable()
     import rclpy
     from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
     from rclpy.utilities import remove_ros_args
@@ -52,8 +54,8 @@ def run(executable: str) -> int:
         initialised = True
         nodes = make(_arguments_of_each(sys.argv, remove_ros_args(sys.argv)))
         takedowns = [node.destroy_node for node in nodes]
-        # What has been made until here stays: the garbage collector need not look at it again.
         gc.freeze()
+        gc.enable()
         executor: Executor
         if executable == 'grasp_controller':
             # Its slip messages and its deadline events must be handled in one thread.
@@ -129,6 +131,9 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
         from slip_detector.nodes.grasp_controller import GraspController
 
         return lambda of_each: [GraspController(arguments) for arguments in of_each]
+    from slip_detector.chain.compiled import load_numba_alone
+
+    load_numba_alone()
     log_compiling(executable)
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import drivers
@@ -150,6 +155,7 @@ def log_compiling(executable: str) -> None:
     said: set[str] = set()
 
     def say(module: str) -> None:
+        gc.enable()  # Compiling leaves garbage.
         subpackage = module.rpartition('.')[0]
         if subpackage not in said:
             said.add(subpackage)
