@@ -1,4 +1,4 @@
-"""One driver and one detector; or of each so many as there are fingers, in one process.
+"""One driver and one detector; or, with one process of each kind, both for every finger.
 
 ros2 launch slip_detector slip_detector.launch.py namespace:=index config:=my.yaml source:=none
 """
@@ -14,7 +14,7 @@ from launch_ros.substitutions import FindPackageShare
 
 
 def nodes(context):
-    """Start the nodes; what no argument says is as the parameter file has it."""
+    """Start the nodes; an argument that is given replaces the value in the parameter file."""
     config, source, recording = (
         LaunchConfiguration(name).perform(context) for name in ('config', 'source', 'recording')
     )

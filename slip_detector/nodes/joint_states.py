@@ -89,7 +89,7 @@ class JointStateReader:
         if not self._n or raw[self._begin : self._end] != message.position.tobytes():
             raise ValueError('the positions are not where they should be')
         self._wanted = self._fixed_bytes(raw)
-        # The same texts and lengths with whatever stands between them: mostly always the same.
+        # The same bytes with those of alignment between them, which mostly do not change either.
         self._as_before = raw[TEXTS : self._begin]
 
     def read(self, raw: bytes) -> Sample | None:
@@ -139,7 +139,7 @@ class JointStateWriter:
         )
         message.header.frame_id = frame_id
         raw: bytes = serialize_message(message)
-        # Behind the positions: so many velocities, none, and so many efforts.
+        # After the positions come the number of velocities, 0, and the number of efforts.
         _, begin = places(frame_id, names)
         end = begin + 8 * n
         self._position = slice(begin, end)
