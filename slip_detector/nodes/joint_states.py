@@ -35,12 +35,12 @@ class Sample(NamedTuple):
     stamp_ns : int or None
         When the last one was taken; None: unknown.
     names : list of str
-        Of the channels, where the message says them.
+        Names of the channels; empty where the message has none.
     frame_id : str
         Frame of the fingertip, where the message has one.
     number : int or None
-        Of the message among those of its publisher, where the stamp is the time of publication
-        and the middleware numbers messages.
+        Number of the message among those of its publisher, where the stamp is the time of
+        publication and the middleware numbers messages.
     """
 
     rows: NDArray[np.float64]
@@ -118,7 +118,7 @@ class JointStateWriter:
     Parameters
     ----------
     frame_id, names
-        Of all messages.
+        The texts that all messages have.
     efforts
         Whether they have efforts, one for each position.
 
@@ -180,7 +180,7 @@ def places(frame_id: str, names: Sequence[str]) -> tuple[list[int], int]:
         The bytes of frame, names, their lengths and the number of positions, without those of
         alignment.
     begin : int
-        Of the positions.
+        The first byte of the positions.
     """
     fixed: list[int] = []
     place = TEXTS

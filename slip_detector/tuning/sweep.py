@@ -71,7 +71,7 @@ class VoteStatistics:
         Parameters
         ----------
         track
-            Of n rows.
+            A track of n rows.
         out
             The array that an earlier call returned for this track, to be overwritten: new memory
             takes time.
