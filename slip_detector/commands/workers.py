@@ -1,5 +1,6 @@
 """Calls of one function with many arguments, in this process, in several or on a Dask cluster."""
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -150,7 +151,7 @@ class Workers:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             for place, argument in left.items():
-                calls[self._executor.submit(function, argument)] = place
+                calls[self._executor.submit(_call, function, argument)] = place
         except BrokenExecutor:  # the remaining arguments are left for the next processes
             pass
         finally:
@@ -173,9 +174,22 @@ class Workers:
 
 
 def _processes(jobs: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(
-        jobs, multiprocessing.get_context('spawn'), initializer=_end_with_parent
-    )
+    return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), initializer=_begin)
+
+
+def _begin() -> None:
+    # What the first call loads stays: to look for garbage in it would take a third of the start.
+    gc.disable()
+    _end_with_parent()
+
+
+def _call(function: Callable[[Argument], Result], argument: Argument) -> Result:
+    try:
+        return function(argument)
+    finally:
+        if not gc.isenabled():
+            gc.freeze()
+            gc.enable()
 
 
 def _end_with_parent() -> None:

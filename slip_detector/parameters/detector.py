@@ -145,7 +145,7 @@ class ChainConfig(ParameterSet):
     )
     decision_window_s: float = parameter(
         0.04,
-        'Window of the mean held against the threshold.',
+        'Window of the mean that is compared with the threshold.',
         unit='s',
         low=0.0,
         high=60.0,
