@@ -10,10 +10,8 @@ from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
 from slip_detector.chain.kernel import (
     CACHED_VALUES,
-    KEEP_ENVELOPE,
     KEEP_EXCESS,
     KEEP_FLOOR,
-    KEEP_LEVEL,
     run,
 )
 from slip_detector.chain.lanes import LANES
@@ -226,7 +224,7 @@ class SlipChain:
         ):  # to Numba this is another type, for which it would compile again
             rows = rows.copy()
         n, many = len(rows), len(votes)
-        kept = KEEP_ENVELOPE * envelope + KEEP_LEVEL * level
+        kept = envelope | level << 1  # KEEP_ENVELOPE and KEEP_LEVEL
         signal_columns = self._columns * (envelope + level) + many
         if floor or excess:
             if not self._evidence:
