@@ -8,7 +8,7 @@ from slip_detector.parameters.sets import ParameterSet
 #: Lowest band edge as a share of the sample rate: a filter with a lower one is lost to round-off.
 LOWEST_EDGE = 1e-5
 
-#: What all channels of a row share, and how it is computed, is one of these.
+#: The values of the parameter ``common_mode``.
 COMMON_MODES = ('none', 'median', 'mean')
 
 #: Channels of the paper's fingertip.
