@@ -17,8 +17,8 @@ from concurrent.futures import (
 from types import TracebackType
 from typing import Any, TypeVar
 
-#: How many times in a row processes may die before a call ends. Dask also gives up a call during
-#: which this number of workers has died.
+#: After this number of deaths in a row, without a result between them, the calls are given up.
+#: Dask gives up a call with which more workers have died than its ``allowed-failures``, 3 as well.
 MOST_DEATHS = 3
 
 #: How long a scheduler may take to answer.
@@ -169,7 +169,7 @@ class Workers:
         except (OSError, ValueError) as error:
             raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
         self._executor = self._client.get_executor(pure=False)
-        # One that killed its workers, and one to whom the package is missing.
+        # A call that killed its workers, and one on a worker that lacks this package.
         self._given_up = (KilledWorker, ImportError)
 
 
@@ -178,7 +178,7 @@ def _processes(jobs: int) -> ProcessPoolExecutor:
 
 
 def _begin() -> None:
-    # What the first call loads stays: to look for garbage in it would take a third of the start.
+    # Garbage collection while the first call loads its modules would take a third of the start.
     gc.disable()
     _end_with_parent()
 
@@ -187,9 +187,7 @@ def _call(function: Callable[[Argument], Result], argument: Argument) -> Result:
     try:
         return function(argument)
     finally:
-        if not gc.isenabled():
-            gc.freeze()
-            gc.enable()
+        gc.enable()
 
 
 def _end_with_parent() -> None:

@@ -53,6 +53,8 @@ def run(executable: str) -> int:
     ignore_what_a_signal_leaves(lambda: initialised)
     takedowns: list[Callable[[], object]] = []
     try:
+        if '--configs' in sys.argv and executable != 'slip_detector':
+            raise ValueError('--configs is given, allowed: for slip_detector only')
         _check_files(sys.argv)
         make = _maker(executable)
         rclpy.init()

@@ -10,7 +10,7 @@ from slip_detector.parameters.sets import ParameterSet
 #: strays as far.
 WHOLE_PERIODS = 1e-3
 
-#: What all channels of a row share, and how it is computed, is one of these.
+#: The values of the parameter ``common_mode``.
 COMMON_MODES = ('none', 'median', 'mean')
 
 #: Channels of the paper's fingertip.

@@ -43,6 +43,13 @@ def test_an_argument_that_rcl_cannot_read_ends_in_one_line(executable):
     assert 'Traceback' not in done.stderr
 
 
+@pytest.mark.parametrize('executable', ['slip_driver', 'grasp_controller'])
+def test_parameter_files_for_several_nodes_are_for_detectors_only(executable):
+    done = run(executable, '--configs', 'a.yaml,b.yaml')
+    assert done.returncode == 1
+    assert done.stderr == f'{executable}: --configs is given, allowed: for slip_detector only\n'
+
+
 LOGGED = """
 from slip_detector.nodes.run import log_compiling
 from slip_detector.chain.stamps import StampGrid

@@ -40,7 +40,7 @@ def start_tune(*words):
 
 
 def check_interrupted_search(case, *words):
-    """See that a search leaves what it found, and return its words without the trials."""
+    """See that a search leaves what it found; return its words but the trials, and its study."""
     folder, of_case = case
     out = folder / 'out.yaml'
     store = Path(f'{out}.study.journal')
