@@ -10,7 +10,7 @@ from pathlib import Path
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -63,6 +63,9 @@ def nodes(context):
 
 
 def generate_launch_description():
+    own_config = PathJoinSubstitution(
+        [FindPackageShare('slip_detector'), 'config', 'slip_detector.yaml']
+    )
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -76,7 +79,7 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'config',
-                default_value='slip_detector.yaml',
+                default_value=own_config,
                 description='Parameter file of both nodes: a path, or the name of one of the '
                 'package. Several, with commas between: a detector for each, in a namespace of '
                 'its name.',

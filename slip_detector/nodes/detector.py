@@ -324,6 +324,7 @@ class Detector(LifecycleNode):
             return
         n, channels = rows.shape
         if not n:  # an empty batch
+            self._stamp_grid.skip(number)
             return
         if channels != config.channels:
             self._drop(
