@@ -15,7 +15,7 @@ from slip_detector.chain.kernel import (
     run,
 )
 from slip_detector.chain.lanes import LANES
-from slip_detector.chain.plan import aligned, least_floors_db, plan_of, tile_bases_of
+from slip_detector.chain.plan import plan_of
 from slip_detector.chain.result import SlipResult
 from slip_detector.chain.stages import (
     AGE,
@@ -29,6 +29,7 @@ from slip_detector.chain.stages import (
     LAST,
     REPEATS,
 )
+from slip_detector.chain.tiles import aligned, least_floors_db, tile_bases_of
 from slip_detector.parameters.detector import ChainConfig
 
 BOOL_TYPE = np.dtype(np.bool_)  # made once: to look the type up takes longer than to make an array
