@@ -136,7 +136,9 @@ def quiet_threshold(
         raise ValueError(
             f'{track.name}: the chain gives 0 throughout, allowed: a sensor that runs'
         )
-    sweep = sweep_thresholds([statistic], [track], limits, EvaluationConfig())
+    # All that the detector says counts, from the first row on: each rise is an alarm.
+    config = EvaluationConfig(off_before_s=0.0)
+    sweep = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
     peaks = _peaks(statistic, track, chain)
     # The size of a cluster: alarms per block that has an alarm.
     loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import COMPILED
 from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.replay import Replay, figures_of_merit
+from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.replay import Replay
 from slip_detector.tuning.tracks import fingerprint, held_out, track_of
 from support.track_cases import RATE_HZ, chains, recordings
 from support.tuning_cases import slips, track
