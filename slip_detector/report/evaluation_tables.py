@@ -141,7 +141,7 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
     >>> figures = recording_figures([])
     >>> report = {'sets': {'trials': {**figures, 'recordings': {}}}, 'all': figures}
     >>> evaluation_tables(report).splitlines()[1].split()
-    ['all', 'rows', '0', '0', '-', '-', '-']
+    ['all', 'rows', '0', '0', '-', '0', '-', '-']
     """
     blocks: list[list[Cells]] = []
     notes = []

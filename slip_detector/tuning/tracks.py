@@ -56,8 +56,8 @@ class Track(NamedTuple):
     --------
     >>> rows = LabelledRows(np.full((760, 16), 4.3), truth=np.arange(760) >= 380)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
-    >>> track.duration_s, track.quiet_s, track.slips
-    (2.0, 1.0, (RowInterval(start=380, end=760),))
+    >>> track.duration_s, len(track.stretches), track.slips
+    (2.0, 1, (RowInterval(start=380, end=760),))
     """
 
     name: str

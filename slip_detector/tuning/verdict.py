@@ -42,6 +42,7 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
 
     Examples
     --------
+    >>> import numpy as np
     >>> from slip_detector.evaluation.labelled_rows import LabelledRows
     >>> from slip_detector.parameters import EvaluationConfig, TuneConfig
     >>> from slip_detector.tuning.tracks import track_of
