@@ -93,27 +93,44 @@ class CandidateFigures(NamedTuple):
         """
         if not other.better_than_chance:
             return []
-        # Of all but the last two less is better.
-        compared = (
-            ('median latency', self.latency_median_all_ms, other.latency_median_all_ms, ' ms'),
-            (
-                'false alarms', self.false_alarms_per_minute_off,
-                other.false_alarms_per_minute_off, ' in a minute of OFF',
+        return [
+            *_worse(
+                'median latency', self.latency_median_all_ms, other.latency_median_all_ms, ' ms'
             ),
-            ('false time', self.false_time_percent, other.false_time_percent, ' %'),
-            ('sooner than chance', self.sooner_than_chance, other.sooner_than_chance, ''),
-            ('area under the ROC curve', self.auc, other.auc, ''),
-        )  # fmt: skip
-        steps = (EQUAL, EQUAL, EQUAL, -EQUAL, -AUC_STEP)
-        worse = []
-        for (name, mine, its, unit), step in zip(compared, steps, strict=True):
-            if its is None:
-                continue
-            if mine is None:
-                worse.append(f'no {name} defined against {its:.4g}{unit}')
-            elif (mine - its if step > 0.0 else its - mine) > abs(step):
-                worse.append(f'{name} {mine:.4g} against {its:.4g}{unit}')
-        return worse
+            *_worse(
+                'false alarms',
+                self.false_alarms_per_minute_off,
+                other.false_alarms_per_minute_off,
+                ' in a minute of OFF',
+            ),
+            *_worse('false time', self.false_time_percent, other.false_time_percent, ' %'),
+            *_worse(
+                'sooner than chance',
+                self.sooner_than_chance,
+                other.sooner_than_chance,
+                more_is_better=True,
+            ),
+            *_worse(
+                'area under the ROC curve', self.auc, other.auc, more_is_better=True, step=AUC_STEP
+            ),
+        ]
+
+
+def _worse(
+    name: str,
+    mine: float | None,
+    its: float | None,
+    unit: str = '',
+    more_is_better: bool = False,
+    step: float = EQUAL,
+) -> list[str]:
+    """Return a text where a figure is worse than another by more than a step, else nothing."""
+    if its is None:
+        return []
+    if mine is None:
+        return [f'no {name} defined against {its:.4g}{unit}']
+    excess = its - mine if more_is_better else mine - its
+    return [f'{name} {mine:.4g} against {its:.4g}{unit}'] if excess > step else []
 
 
 class Candidate(NamedTuple):
@@ -280,14 +297,13 @@ class Objective:
         if given is not None and given.better_than_chance:
             sooner = sweep.sooner_than_chance
             median = np.where(sooner >= HALF, np.median(late_ms, axis=0), missed_costs)
-            worse = _more(median, given.latency_median_all_ms)
-            if given.sooner_than_chance is not None:
-                worse += missed_costs * _more(given.sooner_than_chance, sooner)
-            worse += false_costs * _more(
-                sweep.false_alarms_per_minute_off, given.false_alarms_per_minute_off
-            )
-            worse += config.false_time_costs_ms * _more(
-                sweep.false_time_percent, given.false_time_percent
+            worse = (
+                _more(median, given.latency_median_all_ms)
+                + missed_costs * np.maximum((given.sooner_than_chance or 0.0) - sooner, 0.0)
+                + false_costs
+                * _more(sweep.false_alarms_per_minute_off, given.false_alarms_per_minute_off)
+                + config.false_time_costs_ms
+                * _more(sweep.false_time_percent, given.false_time_percent)
             )
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)
@@ -314,9 +330,9 @@ class Objective:
         return np.asarray(np.clip(np.fmin(sweep.latencies_ms, costs_ms), 0.0, costs_ms))
 
 
-def _more(figures: Floats | float, given: Floats | float | None) -> Floats:
-    """Return by how much figures are larger than given ones; 0 where these are not defined."""
-    return np.asarray(np.maximum(figures - given, 0.0) if given is not None else 0.0)
+def _more(figures: Floats, given: float | None) -> Floats:
+    """Return by how much figures are larger than a given one; 0 where that is not defined."""
+    return np.asarray(np.maximum(figures - (np.inf if given is None else given), 0.0))
 
 
 def _with_neighbours(costs: Floats) -> Floats:

@@ -82,6 +82,17 @@ def test_what_gets_worse_than_given_counts_tenfold():
     assert same.cost_ms == pytest.approx(alone.cost_ms)
 
 
+def test_a_given_figure_that_is_not_defined_holds_nothing_back():
+    tracks = [track(1)]
+    chain = dataclasses.replace(CHAIN, threshold=0.02)
+    alone = Objective(tracks, EvaluationConfig(), TuneConfig()).as_it_is(chain)
+    # It finds few slips and is never OFF: no median of all, no alarms in a minute of OFF.
+    few = CandidateFigures(None, 30.0, 0.2, 0.0, 100.0, None)
+    assert few.false_alarms_per_minute_off is None
+    held = Objective(tracks, EvaluationConfig(), TuneConfig(), few).as_it_is(chain)
+    assert held.cost_ms == pytest.approx(alone.cost_ms)
+
+
 GOOD = CandidateFigures(20.0, 20.0, 1.0, 1.0, 0.5, 0.99)
 
 
