@@ -42,11 +42,7 @@ def recall_by_chance(windows_s: ArrayLike, rates_hz: ArrayLike) -> Floats:
     array([0. , 0.2, 1. ])
     """
     rates = np.asarray(rates_hz, np.float64)
-    windows = np.asarray(windows_s, np.float64).tolist()
-    shares = np.zeros(rates.shape)
-    for window_s in windows:
-        shares += np.minimum(window_s * rates, 1.0)
-    return shares / len(windows)
+    return np.asarray(np.minimum(np.multiply.outer(windows_s, rates), 1.0).mean(axis=0))
 
 
 def sooner_than_chance(
@@ -82,13 +78,10 @@ def sooner_than_chance(
     """
     rates = np.asarray(rates_hz, np.float64)
     latencies = np.asarray(latencies_s, np.float64)
-    more = np.zeros(rates.shape)
-    for latency_s, lead_s, window_s in zip(
-        latencies, np.asarray(leads_s).tolist(), np.asarray(windows_s).tolist(), strict=True
-    ):
-        found = 1.0 - 2.0 * np.minimum((latency_s + lead_s) * rates, 1.0)
-        more += np.where(np.isnan(latency_s), -np.minimum(window_s * rates, 1.0), found)
-    return more / len(latencies)
+    leads = np.reshape(leads_s, (-1, *[1] * rates.ndim))
+    missed = -np.minimum(np.multiply.outer(windows_s, rates), 1.0)
+    found = 1.0 - 2.0 * np.minimum((latencies + leads) * rates, 1.0)
+    return np.asarray(np.where(np.isnan(latencies), missed, found).mean(axis=0))
 
 
 def saved_by_chance_s(
@@ -115,16 +108,16 @@ def saved_by_chance_s(
     array([0.    , 0.125 , 0.4995])
     """
     rates = np.asarray(rates_hz, np.float64)
-    saved = np.zeros(rates.shape)
-    windows = np.asarray(windows_s, np.float64).tolist()
-    for lead_s, window_s in zip(np.asarray(leads_s).tolist(), windows, strict=True):
-        highest = np.minimum(window_s * rates, 1.0)
-        # The probability of an alarm grows with time until it is as high as it gets.
-        full_s = np.divide(highest, rates, out=np.full(rates.shape, window_s), where=rates > 0.0)
-        grows_s = np.clip(full_s - lead_s, 0.0, most_s)
-        growing = rates * grows_s * (lead_s + 0.5 * grows_s)
-        saved += growing + highest * (most_s - grows_s)
-    return saved / len(windows)
+    each = (-1, *[1] * rates.ndim)
+    leads, windows = np.reshape(leads_s, each), np.reshape(windows_s, each)
+    highest = np.minimum(windows * rates, 1.0)
+    # The probability of an alarm grows with time until it is as high as it gets.
+    full_s = np.divide(
+        highest, rates, out=np.broadcast_to(windows, highest.shape).copy(), where=rates > 0.0
+    )
+    grows_s = np.clip(full_s - leads, 0.0, most_s)
+    growing = rates * grows_s * (leads + 0.5 * grows_s)
+    return np.asarray((growing + highest * (most_s - grows_s)).mean(axis=0))
 
 
 def slip_figures(

@@ -187,39 +187,16 @@ def is_false(row, slip, lows):
 
 
 @compiled
-def rest_rows_before(row, place, starts, ends, before):
-    """Count the rows of rest before a row.
-
-    Parameters
-    ----------
-    row : int
-        Not before that of an earlier call.
-    place : int
-        The first interval of rest that had not ended before an earlier row; 0 at first.
-    starts, ends : ndarray of int, shape (intervals,)
-        Where the intervals of rest begin, and end.
-    before : ndarray of int, shape (intervals + 1,)
-        Rows of rest before each interval, and in all of them.
-
-    Returns
-    -------
-    place, rows : int
-        The place for the next row, and the count.
-    """
-    while place < ends.size and ends[place] <= row:
-        place += 1
-    if place == ends.size:
-        return place, before[place]
-    return place, before[place] + max(row - starts[place], 0)
-
-
-@compiled
-def _on_rest_rows(on_starts, on_ends, starts, ends, before):
-    place = rows = 0
-    for k in range(on_starts.size):
-        place, begin = rest_rows_before(on_starts[k], place, starts, ends, before)
-        place, end = rest_rows_before(on_ends[k], place, starts, ends, before)
-        rows += end - begin
+def _common_rows(starts, ends, other_starts, other_ends):
+    """Count the rows that are in intervals of both of two signals."""
+    rows = first = 0
+    for k in range(starts.size):
+        while first < other_ends.size and other_ends[first] <= starts[k]:
+            first += 1
+        other = first
+        while other < other_ends.size and other_starts[other] < ends[k]:
+            rows += min(ends[k], other_ends[other]) - max(starts[k], other_starts[other])
+            other += 1
     return rows
 
 
@@ -266,8 +243,6 @@ class ScoredRows:
         they last.
     rest_starts, rest_ends : ndarray of int, shape (intervals,)
         The rest: rows that are scored and in no window.
-    rest_before : ndarray of int, shape (intervals + 1,)
-        Rows of rest before each of these intervals, and in all.
 
     Examples
     --------
@@ -303,7 +278,6 @@ class ScoredRows:
         starts = np.sort(np.concatenate([self.settled, self.highs]))
         ends = np.sort(np.concatenate([self.lows, ends]))
         self.rest_starts, self.rest_ends = starts[starts < ends], ends[starts < ends]
-        self.rest_before = np.concatenate([[0], np.cumsum(self.rest_ends - self.rest_starts)])
 
     def _stretch_of(self, rows: Ints) -> Ints:
         return np.searchsorted(self._starts, rows, 'right') - 1
@@ -316,12 +290,12 @@ class ScoredRows:
     @property
     def rest_rows(self) -> int:
         """Number of rows of rest."""
-        return int(self.rest_before[-1])
+        return int((self.rest_ends - self.rest_starts).sum())
 
     def on_rest_rows(self, on: Sequence[RowInterval]) -> int:
         """Return in how many rows of rest a signal is ON, given its intervals in order."""
         starts, ends = np.array(on, np.int64).reshape(-1, 2).T.copy()
-        return int(_on_rest_rows(starts, ends, self.rest_starts, self.rest_ends, self.rest_before))
+        return int(_common_rows(starts, ends, self.rest_starts, self.rest_ends))
 
     def alarms(self, on: Sequence[RowInterval]) -> list[RowInterval]:
         """Return the alarms of a decision, given the intervals in which it is ON, in order.

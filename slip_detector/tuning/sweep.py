@@ -24,7 +24,6 @@ from slip_detector.evaluation.matching import (
     ScoredRows,
     give_alarm,
     is_false,
-    rest_rows_before,
     slip_not_over,
 )
 from slip_detector.parameters.detector import ChainConfig
@@ -113,7 +112,7 @@ def _transpose(statistics, out, start):
 @compiled
 def _sweep(
     statistic, limits, first_row, settled, off_rows, lows, highs, rest_starts, rest_ends,
-    rest_before, state, fell, rises, false_alarms, rest_rows,
+    state, fell, rises, false_alarms, rest_rows,
 ):  # fmt: skip
     """Follow the rises of a statistic through all thresholds over one piece of a track.
 
@@ -122,40 +121,51 @@ def _sweep(
     which the value fell to each threshold. An alarm is identified by the row at which it rises.
     ``rest_rows`` counts the rows of rest by the number of thresholds below their value.
     """
-    above, slip = state[0], state[1]
-    place, counted = rest_rows_before(first_row, state[2], rest_starts, rest_ends, rest_before)
+    above, slip, place = state[0], state[1], state[2]
     # Most rows stay between the same two thresholds, which takes two comparisons.
     low = limits[above - 1] if above > 0 else -np.inf
     high = limits[above] if above < limits.size else np.inf
-    for r in range(statistic.size):
-        value = statistic[r]
-        if low < value <= high:
-            continue
-        row = first_row + r
-        place, passed = rest_rows_before(row, place, rest_starts, rest_ends, rest_before)
-        rest_rows[above] += passed - counted
-        counted = passed
-        before = above
-        while above < limits.size and value > limits[above]:
-            above += 1
-        while above > 0 and value <= limits[above - 1]:
-            above -= 1
-            fell[above] = row
-        low = limits[above - 1] if above > 0 else -np.inf
-        high = limits[above] if above < limits.size else np.inf
-        if above > before and row >= settled:
-            slip = slip_not_over(row, slip, highs)
-            false = is_false(row, slip, lows)
-            for t in range(before, above):
-                if row - fell[t] < off_rows:
-                    continue
-                if false:
-                    false_alarms[t] += 1
-                else:
-                    give_alarm(row, row, slip, lows, rises, t)
-    end = first_row + statistic.size
-    place, passed = rest_rows_before(end, place, rest_starts, rest_ends, rest_before)
-    rest_rows[above] += passed - counted
+    begin = 0
+    while begin < statistic.size:
+        # The rows up to the next beginning or end of rest are all rest, or none is.
+        row = first_row + begin
+        while place < rest_ends.size and rest_ends[place] <= row:
+            place += 1
+        end, resting = first_row + statistic.size, False
+        if place < rest_ends.size:
+            resting = rest_starts[place] <= row
+            end = min(end, rest_ends[place] if resting else rest_starts[place])
+        end -= first_row
+        counted = begin
+        for r in range(begin, end):
+            value = statistic[r]
+            if low < value <= high:
+                continue
+            row = first_row + r
+            if resting:
+                rest_rows[above] += r - counted
+                counted = r
+            before = above
+            while above < limits.size and value > limits[above]:
+                above += 1
+            while above > 0 and value <= limits[above - 1]:
+                above -= 1
+                fell[above] = row
+            low = limits[above - 1] if above > 0 else -np.inf
+            high = limits[above] if above < limits.size else np.inf
+            if above > before and row >= settled:
+                slip = slip_not_over(row, slip, highs)
+                false = is_false(row, slip, lows)
+                for t in range(before, above):
+                    if row - fell[t] < off_rows:
+                        continue
+                    if false:
+                        false_alarms[t] += 1
+                    else:
+                        give_alarm(row, row, slip, lows, rises, t)
+        if resting:
+            rest_rows[above] += end - counted
+        begin = end
     state[0], state[1], state[2] = above, slip, place
 
 
@@ -292,8 +302,8 @@ def sweep_thresholds(
                 fell = np.full(limits.size, first_row - rows.off_rows)
             _sweep(
                 part[begin:end], limits, first_row, int(rows.settled[stretch]), rows.off_rows,
-                rows.lows, rows.highs, rows.rest_starts, rows.rest_ends, rows.rest_before,
-                state, fell, rises, false_alarms, rest_rows,
+                rows.lows, rows.highs, rows.rest_starts, rows.rest_ends, state, fell, rises,
+                false_alarms, rest_rows,
             )  # fmt: skip
         starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
         latencies = np.where(rises == NONE, np.nan, (rises - starts) / rate_hz * 1e3)

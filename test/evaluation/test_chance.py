@@ -156,8 +156,12 @@ def test_by_hand():
     by_chance = recall_by_chance([2.0, 6.0], np.array([0, 10, 20]) / 60.0)
     assert by_chance.tolist() == pytest.approx([0.0, (2 / 6 + 1.0) / 2, (4 / 6 + 1.0) / 2])
     # Found after 0.1 s, of which chance finds a tenth, and missed, of which it finds all.
-    sooner = sooner_than_chance([0.1, np.nan], [0.0, 0.0], [2.0, 2.0], [1.0])
-    assert sooner.tolist() == pytest.approx([(0.9 - 0.1 - 1.0) / 2])
+    sooner = sooner_than_chance([0.1, np.nan], [0.0, 0.0], [2.0, 2.0], 1.0)
+    assert sooner == pytest.approx((0.9 - 0.1 - 1.0) / 2)
+    at_two_rates = sooner_than_chance(
+        [[0.1, 0.1], [0.2, np.nan]], [0.0] * 2, [2.0] * 2, [0.0, 1.0]
+    )
+    assert at_two_rates.tolist() == pytest.approx([1.0, float(sooner)])
     # An alarm may rise 0.1 s before the slip: a tenth is saved whole, and half of what is left
     # where the mean time to an alarm ends.
     saved_s = saved_by_chance_s([0.1], [5.0], [1.0], 2.0)
