@@ -32,8 +32,8 @@ from benchmarks.verdicts import verdicts
 from slip_detector.evaluation.bounds import Bound
 from slip_detector.evaluation.evaluator import Evaluator
 from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
-from slip_detector.evaluation.replay import figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig

@@ -16,6 +16,7 @@ import numpy as np
 
 from slip_detector.commands.tune import TuningParameters
 from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.reading import read_yaml
 from slip_detector.scenes import Scene, find_scene
@@ -23,7 +24,7 @@ from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import Problem, searched
 from slip_detector.tuning.search import search
 from slip_detector.tuning.tracks import Track, held_out, track_of
-from slip_detector.tuning.verdict import Verdict, judge, pooled_figures
+from slip_detector.tuning.verdict import Verdict, judge
 
 #: The paper's plates; each is a scene of a family, with each seed.
 PLATES = ('plate_400um', 'plate_440um', 'plate_480um')
@@ -43,7 +44,9 @@ ROLLING_S = 6.6
 FIGURES = (
     'slips',
     'recall',
+    'sooner_than_chance',
     'false_alarms_per_minute',
+    'false_time_percent',
     'latency_median_ms',
     'latency_median_all_ms',
 )
@@ -131,7 +134,7 @@ def measure_families(
         both = {}
         for which, chain in (('given', parameters.chain), ('tuned', verdict.chain)):
             replay = Replay(chain, parameters.evaluation, scores=False, stages=False)
-            whole = pooled_figures(
+            whole = figures_of_merit(
                 [replay.run(track.rows(), track.sample_rate_hz) for track in tracks]
             )
             both[which] = {figure: whole[figure] for figure in FIGURES}

@@ -9,7 +9,8 @@ import numpy as np
 
 from benchmarks.tune.browser import ready_ms, why_no_browser
 from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.replay import Replay, figures_of_merit
+from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import page as report
 from slip_detector.report.overview import Overview, events_of

@@ -22,8 +22,9 @@ from scipy import signal
 
 from benchmarks.timing import garbage_collection_off
 from slip_detector.chain.filters import design
+from slip_detector.chain.settling import settling_rows
 from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows
-from slip_detector.evaluation.matching import alarm_windows, tolerance_rows
+from slip_detector.evaluation.matching import ScoredRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
@@ -72,29 +73,23 @@ class NumpyObjective(Objective):
         tracks = [_statistics(_level(chain, track.volts), chain, votes) for track in self._tracks]
         return {vote: [one[vote] for one in tracks] for vote in votes}
 
-    def sweep(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
-        """Return latencies and false alarms of the tracks at each threshold."""
-        false = np.zeros(limits.size, np.int64)
-        latencies_ms = []
-        for part, track in zip(statistic, self._tracks, strict=True):
-            rate_hz = track.sample_rate_hz
-            tolerance = tolerance_rows(self._evaluation, rate_hz)
-            above = np.searchsorted(limits, part)
-            before = np.concatenate([[0], above[:-1]])
-            outside = above > before
-            for slip, low, high in zip(
-                track.slips, *alarm_windows(track.slips, *tolerance), strict=True
-            ):
-                outside[low:high] = False
-                rise = above[low:high, None] > np.arange(limits.size)
-                rise &= before[low:high, None] <= np.arange(limits.size)
-                rows = np.where(rise.any(axis=0), rise.argmax(axis=0) + low - slip.start, np.nan)
-                latencies_ms.append(rows * (1e3 / rate_hz))
-            risen = np.bincount(before[outside], minlength=limits.size + 1)
-            risen -= np.bincount(above[outside], minlength=limits.size + 1)
-            false += np.cumsum(risen)[:-1]
-        quiet_s = sum(track.quiet_s for track in self._tracks)
-        return ThresholdSweep(np.array(latencies_ms), false, quiet_s)
+    def sweep(
+        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
+    ) -> ThresholdSweep:
+        """Return what becomes of the tracks, which have no gaps, at each threshold."""
+        sweeps = [
+            _sweep(part, limits, track, self._evaluation, settling_rows(chain))
+            for part, track in zip(statistic, self._tracks, strict=True)
+        ]
+        return ThresholdSweep(
+            np.concatenate([one.latencies_ms for one in sweeps]),
+            np.concatenate([one.scored for one in sweeps]),
+            np.concatenate([one.leads_s for one in sweeps]),
+            np.concatenate([one.windows_s for one in sweeps]),
+            np.sum([one.false_alarms for one in sweeps], axis=0),
+            sum(one.rest_s for one in sweeps),
+            np.sum([one.on_rest_s for one in sweeps], axis=0),
+        )
 
     def auc(self, statistic: Sequence[Floats], threshold: float) -> float | None:
         """Return the area under the ROC curve of rows with slip against all others."""
@@ -104,6 +99,43 @@ class NumpyObjective(Objective):
         others = np.sort(score[~slip])
         below = sum(np.searchsorted(others, score[slip], side) for side in ('left', 'right'))
         return float(np.sum(below)) / 2 / pairs if pairs else None
+
+
+def _sweep(
+    part: Floats, limits: Floats, track: Track, config: EvaluationConfig, settling: int
+) -> ThresholdSweep:
+    """Return what becomes of one track; its windows must not overlap."""
+    rate_hz = track.sample_rate_hz
+    rows = ScoredRows(track.slips, track.stretches, settling, config, rate_hz)
+    rest = np.zeros(len(part), bool)
+    for start, end in zip(rows.rest_starts, rows.rest_ends, strict=True):
+        rest[start:end] = True
+    rest_before = np.concatenate([[0], np.cumsum(rest)])
+    above = np.searchsorted(limits, part)
+    before = np.concatenate([[0], above[:-1]])
+    turns = np.flatnonzero(above != before)
+    above, before = above[turns], before[turns]
+    latencies_ms = np.full((len(track.slips), limits.size), np.nan)
+    false, on_rest = np.zeros(limits.size, np.int64), np.zeros(limits.size, np.int64)
+    starts = np.array([slip.start for slip in track.slips])
+    for t in range(limits.size):
+        rises = turns[(before <= t) & (above > t)]
+        falls = turns[(before > t) & (above <= t)]
+        ends = np.concatenate([falls, [len(part)] * (len(rises) - len(falls))]).astype(int)
+        on_rest[t] = np.sum(rest_before[ends] - rest_before[rises])
+        off_long_enough = rises[1:] - ends[:-1] >= rows.off_rows
+        alarms = rises[np.concatenate([[True] * min(len(rises), 1), off_long_enough]).astype(bool)]
+        alarms = alarms[alarms >= rows.settled[0]]
+        slip = np.searchsorted(rows.highs, alarms, 'right')
+        belongs = alarms >= np.append(rows.lows, len(part))[slip]
+        false[t] = np.count_nonzero(~belongs)
+        found, first = np.unique(slip[belongs], return_index=True)
+        latencies_ms[found, t] = (alarms[belongs][first] - starts[found]) * (1e3 / rate_hz)
+    latencies_ms[~rows.scored] = np.nan
+    rest_s = rows.rest_rows / rate_hz
+    return ThresholdSweep(
+        latencies_ms, rows.scored, rows.leads_s, rows.windows_s, false, rest_s, on_rest / rate_hz
+    )
 
 
 def _level(config: ChainConfig, volts: Floats) -> Floats:

@@ -38,7 +38,7 @@ def tuning_table(figures_by_part: dict[str, Any]) -> str:
         lines += [
             '',
             'Held-out seeds, given -> tuned: latency of all and of those detected [ms], '
-            'false alarms a minute, recall',
+            'false alarms a minute, time ON without slip [%], recall, sooner than chance',
         ]
         for name, one in figures_by_part['families']['by_name'].items():
             both = ' -> '.join(_in_short(one[which]) for which in ('given', 'tuned'))
@@ -56,8 +56,12 @@ def tuning_table(figures_by_part: dict[str, Any]) -> str:
 
 
 def _in_short(figures: dict[str, Any]) -> str:
-    shown = [
-        '-' if figures[name] is None else f'{figures[name]:.1f}'
-        for name in ('latency_median_all_ms', 'latency_median_ms', 'false_alarms_per_minute')
-    ]
-    return f'{", ".join(shown)}, {figures["recall"]:.2f}'
+    forms = {
+        'latency_median_all_ms': '.1f',
+        'latency_median_ms': '.1f',
+        'false_alarms_per_minute': '.1f',
+        'false_time_percent': '.2f',
+        'recall': '.2f',
+        'sooner_than_chance': '.2f',
+    }
+    return ', '.join(number_text(figures[name], form) for name, form in forms.items())

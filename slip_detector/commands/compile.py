@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from slip_detector.chain.compiled import COMPILED, on_compiling
+from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.warm_up import compile_chain
 from slip_detector.commands.command_line import run
 from slip_detector.evaluation.labelled_rows import LabelledRows
@@ -70,9 +71,9 @@ def _use_tuning() -> None:
     """Use the functions that evaluate all thresholds."""
     config = ChainConfig()
     track = track_of('compiled', [_labelled_rows()], config.sample_rate_hz)
-    statistics = VoteStatistics(config, ['all', 'mean', 2]).of(track)
-    for statistic in statistics:
-        sweep_thresholds([statistic], [track], np.array([0.5, 1.0]), EvaluationConfig())
+    limits, rows = np.array([0.5, 1.0]), settling_rows(config)
+    for statistic in VoteStatistics(config, ['all', 'mean', 2]).of(track):
+        sweep_thresholds([statistic], [track], limits, EvaluationConfig(), rows)
 
 
 PARTS: dict[str, Callable[[], None]] = {

@@ -6,7 +6,7 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
 
 ``sets``
     For each set of recordings, by the name of its folder: the figures of all its recordings
-    together, see :func:`slip_detector.evaluation.replay.figures_of_merit`, and what was wrong
+    together, see :func:`slip_detector.evaluation.outcome.figures_of_merit`, and what was wrong
     with them, see :func:`slip_detector.evaluation.evaluator.recording_counts`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
     part of a damaged file could not be read), ``slip_events`` and ``alarm_events``, see

@@ -26,18 +26,20 @@ from slip_detector.commands.worker_options import (
     workers_of,
 )
 from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.parameters.writing import check_writable, with_parameters, write_file
+from slip_detector.report.text_table import number_text
 from slip_detector.tuning.file_objective import FileObjective
 from slip_detector.tuning.loading import TrainingFiles, load_tracks
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import Problem, searched
 from slip_detector.tuning.search import Point, search
 from slip_detector.tuning.tracks import Track, fingerprint
-from slip_detector.tuning.verdict import judge, pooled_figures
+from slip_detector.tuning.verdict import judge
 
 #: How many lines tell the progress of a search where no bar can be shown.
 LINES = 10
@@ -124,15 +126,17 @@ def in_short(found: Candidate) -> str:
     Examples
     --------
     >>> from slip_detector.tuning.objective import CandidateFigures
-    >>> figures = CandidateFigures(41.0, 0.05, 1.5, auc=0.95, latency_ms=40.0)
+    >>> figures = CandidateFigures(41.0, 40.0, 0.95, 1.5, 0.25, auc=0.95)
     >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))
-    'costs 91.0 ms, latency 40.0 ms, 5% missed, 1.5 false/min'
+    'costs 91.0 ms, latency 41.0 ms, sooner than chance 0.95, 1.5 false/min, 0.25 % false time'
     """
     counts = found.figures
-    latency = '-' if counts.latency_ms is None else f'{counts.latency_ms:.1f} ms'
     return (
-        f'costs {found.cost_ms:.1f} ms, latency {latency}, {counts.missed:.0%} missed, '
-        f'{counts.false_alarms_per_minute:.2g} false/min'
+        f'costs {found.cost_ms:.1f} ms, '
+        f'latency {number_text(counts.latency_median_all_ms, ".1f")} ms, '
+        f'sooner than chance {number_text(counts.sooner_than_chance, ".2f")}, '
+        f'{number_text(counts.false_alarms_per_minute, ".2g")} false/min, '
+        f'{number_text(counts.false_time_percent, ".2g")} % false time'
     )
 
 
@@ -285,7 +289,7 @@ def _finish(
     n = len(held)
     parts = {'held out': slice(0, n), 'tuned on': slice(n, None)}
     both = {
-        what: [pooled_figures(one.outcomes[part]) for one in (given, tuned)]
+        what: [figures_of_merit(one.outcomes[part]) for one in (given, tuned)]
         for what, part in parts.items()
     }
     lines = [

@@ -5,12 +5,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from slip_detector.evaluation.loading import LabelledRecording, RecordingLoader
-from slip_detector.evaluation.replay import (
-    Observer,
-    Replay,
-    ReplayOutcome,
-    figures_of_merit,
-)
+from slip_detector.evaluation.outcome import ReplayOutcome, figures_of_merit
+from slip_detector.evaluation.replay import Observer, Replay
 from slip_detector.recordings import RecordingCounts
 
 

@@ -6,14 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from slip_detector.evaluation.chance import slip_figures
+
 #: The stages between a signal and the global decision, in order; the parts of a latency.
 STAGES = ('filter', 'envelope', 'decision', 'vote')
 
-#: Stands in place of a stage where the global decision was ON before the slip began.
+#: Stands in place of a stage where an alarm that began before the slip was not over.
 ALREADY_ON = 'already_on'
 
 #: Kinds of alarms.
-TRUE, REPEAT, FALSE = 'true', 'repeat', 'false'
+TRUE, REPEAT, FALSE, SETTLING = 'true', 'repeat', 'false', 'settling'
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,7 +30,12 @@ class TrueSlip:
         Number of its alarm in the recording; None where the slip was missed.
     latency_s : float or None
         Time from the start to the rise of its alarm; negative where the alarm rises before the
-        label.
+        label. None where the slip is missed, and where it is neither found nor missed.
+    settling : bool
+        Whether the slip begins while filters and windows settle, at the beginning of a recording
+        or after a long gap. Then it is neither found nor missed.
+    lead_s, window_s : float
+        From when on its alarm may rise, before its start, and for how long; see :mod:`.chance`.
     late : bool
         Whether the latency is above ``late_after_s``.
     stages_s : dict or None
@@ -38,13 +45,13 @@ class TrueSlip:
         the slip. ``envelope`` ends when the envelope of a channel is above the threshold (of
         evidence see :mod:`slip_detector.evaluation.stages`),
         ``decision`` when its level is, which turns the channel ON, and ``vote`` when the group is
-        ON. None where there is no latency, where the alarm rises before the label and where the
-        global decision was ON before the slip.
+        ON. None where there is no latency, where the alarm rises before the label and where
+        another alarm was not over when the slip began.
     lost_at : str or None
         Where a missed slip was lost: the first of :data:`STAGES` after which no channel was above
         the threshold in the time in which the alarm could rise; ``vote`` where channels were ON
-        but no group; :data:`ALREADY_ON` where the global decision was ON before the slip. None
-        where the slip was not missed.
+        but no group; :data:`ALREADY_ON` where an alarm that began before the slip was not over.
+        None where the slip was not missed.
     on_at_start : bool
         Whether the global decision was ON in the row before the slip.
     on_while : bool
@@ -59,6 +66,9 @@ class TrueSlip:
     end_s: float
     alarm: int | None
     latency_s: float | None
+    settling: bool
+    lead_s: float
+    window_s: float
     late: bool
     stages_s: dict[str, float] | None
     lost_at: str | None
@@ -70,17 +80,19 @@ class TrueSlip:
 
 @dataclasses.dataclass(frozen=True)
 class Alarm:
-    """An interval in which the global decision is ON.
+    """A rise of the global decision, and all that follows until it has been OFF for long enough.
 
     Attributes
     ----------
     start_s, end_s : float
-        Times of its first row and of the first row after it, from the start of the recording.
+        Times of its first row and of the first row after its last ON, from the start of the
+        recording.
     kind : str
         ``true``: the alarm of a slip; ``repeat``: a further alarm of a slip that has one already;
-        ``false``: any other.
+        ``settling``: one that rises, or whose slip begins, while the chain settles; ``false``:
+        any other.
     slip : int or None
-        Number of its slip in the recording; None for a false alarm.
+        Number of its slip in the recording; None where it belongs to none.
     """
 
     start_s: float
@@ -90,7 +102,7 @@ class Alarm:
 
 
 def event_figures(
-    slips: Sequence[TrueSlip], alarms: Sequence[Alarm], quiet_s: float
+    slips: Sequence[TrueSlip], alarms: Sequence[Alarm], rest_s: float, on_rest_s: float
 ) -> dict[str, Any]:
     """Return the figures that matter to a robot; None where one is not defined.
 
@@ -98,50 +110,61 @@ def event_figures(
     ----------
     slips, alarms
         The slips and alarms of one recording or of several.
-    quiet_s
-        Time without slip.
+    rest_s, on_rest_s
+        Time of the rest, and how much of it the global decision is ON.
 
     Returns
     -------
     dict
-        ``slips``, with how many of them are ``matched`` to an alarm or ``missed``, and how many
-        of the matched ones are ``late``; ``alarms``, with ``repeated_alarms`` and
-        ``false_alarms``; ``recall``: the share of the slips that are matched; ``precision``: the
-        share of the alarms that are matched, repeated alarms left out;
-        ``false_alarms_per_minute`` of the time without slip; ``latency_median_ms``,
-        ``latency_p90_ms`` and ``latency_worst_ms`` of the matched slips; ``<stage>_ms``: the mean
-        part of the latency of the matched slips; ``late_<stage>_ms``: the same of the late ones;
-        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
+        ``slips``, with how many of them are ``matched`` to an alarm, ``missed``, or neither
+        because they begin while the chain settles (``settling_slips``), and how many of the
+        matched ones are ``late``; ``alarms``, with ``repeated_alarms``, ``false_alarms`` and
+        ``settling_alarms``; ``precision``: the share of the alarms that are matched, repeated
+        ones and those of settling left out, and ``precision_by_chance``: the share of the scored
+        time in which an alarm would be matched; ``rest_s``; the figures of
+        :func:`.slip_figures`; ``<stage>_ms``: the mean part of the latency of the matched slips;
+        ``late_<stage>_ms``: the same of the late ones; ``missed_at_<stage>`` and
+        ``missed_already_on``: how many slips were lost there.
 
     Examples
     --------
     >>> false_alarms = [Alarm(2.0, 2.1, 'false', slip=None), Alarm(5.0, 5.4, 'false', slip=None)]
-    >>> figures = event_figures([], false_alarms, quiet_s=30.0)
-    >>> figures['false_alarms_per_minute'], figures['recall']
-    (4.0, None)
+    >>> figures = event_figures([], false_alarms, rest_s=30.0, on_rest_s=0.5)
+    >>> figures['false_alarms_per_minute'], figures['false_time_s_per_hour'], figures['recall']
+    (4.0, 60.0, None)
     """
-    latencies_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
-    matched = len(latencies_ms)
+    scored = [slip for slip in slips if not slip.settling]
     kinds = [alarm.kind for alarm in alarms]
     false_alarms = kinds.count(FALSE)
-    lost = [slip.lost_at for slip in slips]
-    late = [slip for slip in slips if slip.late]
-    known = all(slip.lost_at for slip in slips if slip.latency_s is None)
+    matched = sum(slip.latency_s is not None for slip in scored)
+    lost = [slip.lost_at for slip in scored]
+    late = [slip for slip in scored if slip.late]
+    known = all(slip.lost_at for slip in scored if slip.latency_s is None)
+    windows_s = [slip.window_s for slip in scored]
+    scored_s = sum(windows_s) + rest_s
+    latencies_ms = [np.nan if slip.latency_s is None else slip.latency_s * 1e3 for slip in scored]
     return {
         'slips': len(slips),
+        'settling_slips': len(slips) - len(scored),
         'matched': matched,
         'late': len(late),
-        'missed': len(slips) - matched,
+        'missed': len(scored) - matched,
         'alarms': len(alarms),
         'repeated_alarms': kinds.count(REPEAT),
         'false_alarms': false_alarms,
-        'recall': matched / len(slips) if slips else None,
+        'settling_alarms': kinds.count(SETTLING),
         'precision': matched / (matched + false_alarms) if matched + false_alarms else None,
-        'false_alarms_per_minute': 60.0 * false_alarms / quiet_s if quiet_s else None,
-        'latency_median_ms': float(np.median(latencies_ms)) if matched else None,
-        'latency_p90_ms': float(np.percentile(latencies_ms, 90)) if matched else None,
-        'latency_worst_ms': max(latencies_ms) if matched else None,
-        **_mean_stages(slips, ''),
+        'precision_by_chance': sum(windows_s) / scored_s if scored_s else None,
+        'rest_s': rest_s,
+        **slip_figures(
+            latencies_ms,
+            [slip.lead_s for slip in scored],
+            windows_s,
+            false_alarms,
+            rest_s,
+            on_rest_s,
+        ),
+        **_mean_stages(scored, ''),
         **_mean_stages(late, 'late_'),
         **{f'missed_at_{stage}': lost.count(stage) if known else None for stage in STAGES},
         f'missed_{ALREADY_ON}': lost.count(ALREADY_ON) if known else None,

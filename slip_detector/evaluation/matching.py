@@ -1,8 +1,12 @@
 """Matches each true slip to at most one alarm, at one threshold or at many at once.
 
-An alarm lasts from a rise of the global decision to its fall; a true slip is an interval of the
-label. Time is counted in rows from the first row of the recording, with the rows that are missing
-in gaps, so that nothing depends on rounding.
+An alarm begins where the global decision rises after it was OFF for ``off_before_s`` or more; an
+OFF that is shorter does not end it. A true slip is an interval of the label. The first rows of a
+recording, and those after a long gap, are not scored: there filters and windows still settle.
+What is scored and belongs to no slip is *rest*.
+
+Time is counted in rows from the first row of the recording, with the rows that are missing in
+gaps, so that nothing depends on rounding.
 """
 
 from collections.abc import Sequence
@@ -14,6 +18,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.evaluation import EvaluationConfig
 
+Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 #: Stands in place of the number of an alarm or a slip where there is none.
@@ -182,49 +187,173 @@ def is_false(row, slip, lows):
 
 
 @compiled
-def _match(rises, lows, highs, alarm_of, slip_of):
+def _common_rows(starts, ends, other_starts, other_ends):
+    """Count the rows that are in intervals of both of two signals."""
+    rows = first = 0
+    for k in range(starts.size):
+        while first < other_ends.size and other_ends[first] <= starts[k]:
+            first += 1
+        other = first
+        while other < other_ends.size and other_starts[other] < ends[k]:
+            rows += min(ends[k], other_ends[other]) - max(starts[k], other_starts[other])
+            other += 1
+    return rows
+
+
+@compiled
+def _match(rises, settling, lows, highs, alarm_of, slip_of):
     slip = 0
     for alarm in range(rises.size):
-        slip = slip_not_over(rises[alarm], slip, highs)
-        slip_of[alarm] = give_alarm(alarm, rises[alarm], slip, lows, alarm_of, 0)
+        if not settling[alarm]:
+            slip = slip_not_over(rises[alarm], slip, highs)
+            slip_of[alarm] = give_alarm(alarm, rises[alarm], slip, lows, alarm_of, 0)
 
 
-def match(
-    slips: Sequence[RowInterval], rises: Sequence[int], early_rows: int, tail_rows: int
-) -> tuple[list[int | None], list[int | None]]:
-    """Match each true slip to at most one alarm and each alarm to at most one slip.
-
-    An alarm can belong to a slip when it rises within the slip's window, see
-    :func:`alarm_windows`. In the order of time each alarm is given to the first slip that it can
-    belong to and that has no alarm yet; no other matching has more pairs.
+class ScoredRows:
+    """What of a recording is scored, and where the alarm of each slip may begin.
 
     Parameters
     ----------
     slips
-        In the order of time, without overlap.
-    rises
-        Rows at which the alarms rise, in the order of time.
-    early_rows, tail_rows
-        At least 0.
+        True slips in the order of time, without overlap; each within a stretch.
+    stretches
+        The stretches of the recording, each of at least one row; the chain is reset at the
+        beginning of each.
+    settling_rows
+        Number of rows for which the chain settles, see :func:`.settling.settling_rows`.
+    config
+        What counts as detected.
+    sample_rate_hz
+        Rate of the recording.
 
-    Returns
-    -------
-    alarm_of : list of int or None
-        The alarm of each slip; None for a missed slip.
-    slip_of : list of int or None
-        The slip that each alarm belongs to, also where it is a repeated alarm; None for a false
-        alarm.
+    Attributes
+    ----------
+    off_rows : int
+        For how many rows the decision is OFF before an alarm.
+    settled : ndarray of int, shape (stretches,)
+        The first row of each stretch that is scored, or its end where none is. It is never less
+        than ``off_rows`` after the beginning.
+    scored : ndarray of bool, shape (slips,)
+        Whether a slip begins in a row that is scored. The others are neither found nor missed.
+    lows, highs : ndarray of int, shape (slips,)
+        The window of each slip, as :func:`alarm_windows` returns it, within the scored rows of
+        its stretch.
+    leads_s, windows_s : ndarray, shape (slips,)
+        Where these windows begin before the middle of the first row of the slip, and how long
+        they last.
+    rest_starts, rest_ends : ndarray of int, shape (intervals,)
+        The rest: rows that are scored and in no window.
 
     Examples
     --------
-    >>> match([RowInterval(10, 20), RowInterval(50, 60)], [12, 17, 40], early_rows=0, tail_rows=5)
-    ([0, None], [0, 0, None])
+    >>> config = EvaluationConfig(off_before_s=0.05, tail_s=0.05)
+    >>> rows = ScoredRows([RowInterval(10, 20), RowInterval(50, 60)], [RowInterval(0, 100)],
+    ...                   settling_rows=30, config=config, sample_rate_hz=100.0)
+    >>> rows.scored, rows.settling_rows, rows.rest_rows
+    (array([False,  True]), 30, 55)
     """
-    lows, highs = alarm_windows(slips, early_rows, tail_rows)
-    alarm_of = np.full((len(slips), 1), NONE, np.int64)
-    slip_of = np.full(len(rises), NONE, np.int64)
-    _match(np.array(rises, np.int64), lows, highs, alarm_of, slip_of)
-    return _or_none(alarm_of[:, 0]), _or_none(slip_of)
+
+    def __init__(
+        self,
+        slips: Sequence[RowInterval],
+        stretches: Sequence[RowInterval],
+        settling_rows: int,
+        config: EvaluationConfig,
+        sample_rate_hz: float,
+    ) -> None:
+        early_rows, tail_rows = tolerance_rows(config, sample_rate_hz)
+        self.off_rows = round(config.off_before_s * sample_rate_hz)
+        self._starts, ends = np.array(stretches, np.int64).reshape(-1, 2).T
+        self.settled = np.minimum(self._starts + max(settling_rows, self.off_rows), ends)
+        slip_starts = np.array(slips, np.int64).reshape(-1, 2)[:, 0]
+        mine = self._stretch_of(slip_starts)
+        self.scored = np.asarray(slip_starts >= self.settled[mine])
+        lows, highs = alarm_windows(slips, early_rows, tail_rows)
+        self.lows = np.maximum(lows, self.settled[mine])
+        self.highs = np.maximum(np.minimum(highs, ends[mine]), self.lows)
+        self.leads_s = (slip_starts - self.lows + 0.5) / sample_rate_hz
+        self.windows_s = (self.highs - self.lows) / sample_rate_hz
+        # Each begins where a window ends or the chain has settled, and lasts to the next window
+        # or the end of the stretch. Windows that meet or overlap have none between them.
+        starts = np.sort(np.concatenate([self.settled, self.highs]))
+        ends = np.sort(np.concatenate([self.lows, ends]))
+        self.rest_starts, self.rest_ends = starts[starts < ends], ends[starts < ends]
+
+    def _stretch_of(self, rows: Ints) -> Ints:
+        return np.searchsorted(self._starts, rows, 'right') - 1
+
+    @property
+    def settling_rows(self) -> int:
+        """Number of rows that are not scored."""
+        return int((self.settled - self._starts).sum())
+
+    @property
+    def rest_rows(self) -> int:
+        """Number of rows of rest."""
+        return int((self.rest_ends - self.rest_starts).sum())
+
+    def on_rest_rows(self, on: Sequence[RowInterval]) -> int:
+        """Return in how many rows of rest a signal is ON, given its intervals in order."""
+        starts, ends = np.array(on, np.int64).reshape(-1, 2).T.copy()
+        return int(_common_rows(starts, ends, self.rest_starts, self.rest_ends))
+
+    def alarms(self, on: Sequence[RowInterval]) -> list[RowInterval]:
+        """Return the alarms of a decision, given the intervals in which it is ON, in order.
+
+        Two intervals in one stretch that are less than ``off_rows`` apart are one alarm.
+
+        Examples
+        --------
+        >>> config = EvaluationConfig(off_before_s=0.05)
+        >>> rows = ScoredRows([], [RowInterval(0, 100)], 0, config, sample_rate_hz=100.0)
+        >>> rows.alarms([RowInterval(10, 20), RowInterval(24, 30), RowInterval(35, 36)])
+        [RowInterval(start=10, end=30), RowInterval(start=35, end=36)]
+        """
+        starts, ends = np.array(on, np.int64).reshape(-1, 2).T
+        stretch = self._stretch_of(starts)
+        new = (starts[1:] - ends[:-1] >= self.off_rows) | (stretch[1:] != stretch[:-1])
+        first = np.concatenate([np.ones(min(len(starts), 1), bool), new])
+        last = np.concatenate([new, np.ones(min(len(starts), 1), bool)])
+        pairs = zip(starts[first].tolist(), ends[last].tolist(), strict=True)
+        return [RowInterval(*pair) for pair in pairs]
+
+    def settling(self, rises: Sequence[int]) -> Bools:
+        """Return which rows are in a stretch's beginning, where the chain settles; shape (n,)."""
+        rows = np.array(rises, np.int64)
+        return np.asarray(rows < self.settled[self._stretch_of(rows)])
+
+    def match(self, rises: Sequence[int]) -> tuple[list[int | None], list[int | None]]:
+        """Match each true slip to at most one alarm and each alarm to at most one slip.
+
+        An alarm can belong to a slip when it rises within the slip's window. In the order of time
+        each alarm is given to the first slip that it can belong to and that has no alarm yet; no
+        other matching has more pairs. Alarms that rise while the chain settles take no part.
+
+        Parameters
+        ----------
+        rises
+            Rows at which the alarms rise, in the order of time.
+
+        Returns
+        -------
+        alarm_of : list of int or None
+            The alarm of each slip; None where there is none, or the slip is not scored.
+        slip_of : list of int or None
+            The slip that each alarm belongs to, also where it is a repeated alarm; else None.
+
+        Examples
+        --------
+        >>> config = EvaluationConfig(off_before_s=0.0, tail_s=0.05)
+        >>> slips, stretches = [RowInterval(10, 20), RowInterval(50, 60)], [RowInterval(0, 99)]
+        >>> ScoredRows(slips, stretches, 0, config, sample_rate_hz=100.0).match([12, 17, 40])
+        ([0, None], [0, 0, None])
+        """
+        alarm_of = np.full((len(self.lows), 1), NONE, np.int64)
+        slip_of = np.full(len(rises), NONE, np.int64)
+        rows = np.array(rises, np.int64)
+        _match(rows, self.settling(rises), self.lows, self.highs, alarm_of, slip_of)
+        alarm_of[~self.scored] = NONE
+        return _or_none(alarm_of[:, 0]), _or_none(slip_of)
 
 
 def _or_none(numbers: Ints) -> list[int | None]:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.outcome import ReplayOutcome
 from slip_detector.evaluation.paper_figures import paper_figures, trial_delays_ms
-from slip_detector.evaluation.replay import Replay, ReplayOutcome
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings import RATE_TOLERANCE, rates_differ
 from slip_detector.scenes import Scene, find_scene, load_scene

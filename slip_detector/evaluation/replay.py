@@ -1,37 +1,43 @@
-"""Runs one chain over a recording, piece by piece, and computes the figures of the whole.
+"""Runs one chain over a recording, piece by piece.
 
 The memory that this takes grows with the number of slips and alarms, not with the rows.
 """
 
 import dataclasses
 import itertools
-from collections.abc import Iterable, Sequence
-from typing import Any, Protocol
+from collections.abc import Iterable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.result import SlipResult
+from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.events import (
     ALREADY_ON,
     FALSE,
     REPEAT,
+    SETTLING,
     TRUE,
     Alarm,
     TrueSlip,
-    event_figures,
 )
 from slip_detector.evaluation.labelled_rows import (
-    MOTION,
     Kinds,
     LabelledRows,
     Stamps,
     rows_in_gap,
 )
-from slip_detector.evaluation.matching import OnIntervals, match, tolerance_rows
-from slip_detector.evaluation.paper_figures import mean_and_sd, paper_figures
-from slip_detector.evaluation.scores import ScoreCounts, ScoreTally
+from slip_detector.evaluation.matching import (
+    OnIntervals,
+    RowInterval,
+    ScoredRows,
+    tolerance_rows,
+)
+from slip_detector.evaluation.outcome import ReplayOutcome
+from slip_detector.evaluation.paper_figures import mean_and_sd
+from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.evaluation.stage_watch import StageWatch
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -57,84 +63,6 @@ class Observer(Protocol):
         """Take the length of the gap before the next rows."""
 
 
-@dataclasses.dataclass(frozen=True)
-class ReplayOutcome:
-    """What a chain made of a recording.
-
-    Attributes
-    ----------
-    rows, slip_rows : int
-    moving_rows : int or None
-        Number of rows of motion; None where the recording has no velocities.
-    on_rows : int
-        Number of rows without slip in which the global decision is ON.
-    sample_rate_hz : float
-        Rate of the recording.
-    slips : tuple of TrueSlip
-    alarms : tuple of Alarm
-    scores : ScoreCounts or None
-        Scores of the decision statistic; None where they were not asked for.
-    """
-
-    rows: int
-    slip_rows: int
-    moving_rows: int | None
-    on_rows: int
-    sample_rate_hz: float
-    slips: tuple[TrueSlip, ...]
-    alarms: tuple[Alarm, ...]
-    scores: ScoreCounts | None
-
-    @property
-    def duration_s(self) -> float:
-        """Time of its rows, gaps left out."""
-        return self.rows / self.sample_rate_hz
-
-    @property
-    def quiet_s(self) -> float:
-        """Time of its rows without slip."""
-        return (self.rows - self.slip_rows) / self.sample_rate_hz
-
-
-def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
-    """Return the figures of merit of recordings, at least one, taken together.
-
-    Returns
-    -------
-    dict
-        Numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows`` and
-        ``duration_s``; areas under the ROC curve of the decision statistic, for rows with slip
-        against all other rows (``auc_all``) and against rows of motion (``auc_moving``); the
-        figures of :func:`slip_detector.evaluation.paper_figures.paper_figures` and of
-        :func:`slip_detector.evaluation.events.event_figures`.
-
-    Examples
-    --------
-    >>> rest = LabelledRows(np.full((760, 16), 4.3), truth=np.zeros(760, bool))
-    >>> figures = figures_of_merit([Replay(ChainConfig()).run([rest])])
-    >>> figures['duration_s'], figures['false_alarms'], figures['recall']
-    (2.0, 0, None)
-    """
-    slips = [slip for one in outcomes for slip in one.slips]
-    rows, slip_rows = sum(one.rows for one in outcomes), sum(one.slip_rows for one in outcomes)
-    moving = [one.moving_rows for one in outcomes if one.moving_rows is not None]
-    scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
-    return {
-        'rows': rows,
-        'slip_rows': slip_rows,
-        'moving_rows': sum(moving) if moving else None,
-        'duration_s': sum(one.duration_s for one in outcomes),
-        'auc_all': scores.auc(),
-        'auc_moving': scores.auc([MOTION]) if moving else None,
-        **paper_figures(slips, sum(one.on_rows for one in outcomes), rows - slip_rows),
-        **event_figures(
-            slips,
-            [alarm for one in outcomes for alarm in one.alarms],
-            sum(one.quiet_s for one in outcomes),
-        ),
-    }
-
-
 class Replay:
     """Runs one chain over recordings, each from its first row as the detector node would.
 
@@ -155,6 +83,7 @@ class Replay:
 
     Examples
     --------
+    >>> from slip_detector.evaluation.outcome import figures_of_merit
     >>> volts = np.zeros((760, 16))
     >>> volts[380:] = np.sin(2 * np.pi * 20.0 * np.arange(380) / 380.0)[:, np.newaxis]
     >>> slips = LabelledRows(volts, truth=np.arange(760) >= 380)
@@ -233,7 +162,7 @@ class _Run:
         self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
         self._chain, self._tally, self._watch = replay.chain, replay.tally, replay.watch
         config, chain_config = replay.config, self._chain.config
-        self._early, self._tail = tolerance_rows(config, rate_hz)
+        self._tail = tolerance_rows(config, rate_hz)[1]
         self._late_after = round(config.late_after_s * rate_hz)
         disabled = {channel - 1 for channel in chain_config.disabled_channels}
         self._enabled = [c for c in range(chain_config.channels) if c not in disabled]
@@ -242,7 +171,9 @@ class _Run:
         self._rows = self._slip_rows = self._moving_rows = self._on_rows = 0
         self._moves = False
         self._last_stamps_ns: Stamps | None = None
-        self._labels, self._alarms = OnIntervals(), OnIntervals()
+        self._labels, self._on = OnIntervals(), OnIntervals()
+        self._stretches: list[RowInterval] = []
+        self._stretch_start = 0
         self._slips: list[_Slip] = []
 
     def add(self, piece: LabelledRows) -> None:
@@ -271,13 +202,16 @@ class _Run:
         self._end_stretch()
         missing = rows_in_gap(self._last_stamps_ns, stamps_ns, self._rate_hz)
         self._row += missing
+        self._stretch_start = self._row
         if self._observer and missing:
             self._observer.gap(missing / self._rate_hz)
         self._chain.restart()
 
     def _end_stretch(self) -> None:
         self._labels.close(self._row)
-        self._alarms.close(self._row)
+        self._on.close(self._row)
+        if self._row > self._stretch_start:
+            self._stretches.append(RowInterval(self._stretch_start, self._row))
         self._end_watch()
 
     def _block(self, volts: Floats, truth: Bools, kinds: Kinds) -> None:
@@ -295,7 +229,7 @@ class _Run:
         )
         on = np.ascontiguousarray(result.slip)
         self._labels.add(truth, self._row)
-        self._alarms.add(on, self._row)
+        self._on.add(on, self._row)
         n_slip = int(np.count_nonzero(truth))
         if n_slip:
             self._note_first_on(result, on[:n_slip], n_slip)
@@ -312,7 +246,7 @@ class _Run:
 
     def _begin_slip(self) -> None:
         self._end_watch()
-        slip = _Slip(self._row, np.full(len(self._enabled), -1), on_at_start=self._alarms.on)
+        slip = _Slip(self._row, np.full(len(self._enabled), -1), on_at_start=self._on.on)
         self._slips.append(slip)
         if slip.on_at_start:
             slip.lost_at = ALREADY_ON  # unless it has another alarm
@@ -351,21 +285,41 @@ class _Run:
 
     def outcome(self) -> ReplayOutcome:
         self._end_stretch()
-        labels, alarms = self._labels.closed(), self._alarms.closed()
-        alarm_of, slip_of = match(labels, [a.start for a in alarms], self._early, self._tail)
+        labels, on = self._labels.closed(), self._on.closed()
+        scored = ScoredRows(
+            labels,
+            self._stretches,
+            settling_rows(self._chain.config),
+            self._replay.config,
+            self._rate_hz,
+        )
+        alarms = scored.alarms(on)
+        rises = [alarm.start for alarm in alarms]
+        alarm_of, slip_of = scored.match(rises)
+        of_slips = zip(
+            self._slips, labels, alarm_of, scored.scored.tolist(), scored.leads_s.tolist(),
+            scored.windows_s.tolist(), strict=True,
+        )  # fmt: skip
         slips = [
-            self._true_slip(slip, label.end, None if k is None else alarms[k].start, k)
-            for slip, label, k in zip(self._slips, labels, alarm_of, strict=True)
+            self._true_slip(slip, label.end, None if k is None else rises[k], k, *how)
+            for slip, label, k, *how in of_slips
         ]
-        kinds = [
-            FALSE if k is None else TRUE if alarm_of[k] == a else REPEAT
-            for a, k in enumerate(slip_of)
-        ]
+        kinds = []
+        for a, (settling, s) in enumerate(zip(scored.settling(rises), slip_of, strict=True)):
+            if settling or (s is not None and slips[s].settling):
+                kinds.append(SETTLING)
+            elif s is None:
+                kinds.append(FALSE)
+            else:
+                kinds.append(TRUE if alarm_of[s] == a else REPEAT)
         return ReplayOutcome(
             rows=self._rows,
             slip_rows=self._slip_rows,
             moving_rows=self._moving_rows if self._moves else None,
             on_rows=self._on_rows,
+            settling_rows=scored.settling_rows,
+            rest_rows=scored.rest_rows,
+            on_rest_rows=scored.on_rest_rows(on),
             sample_rate_hz=self._rate_hz,
             slips=tuple(slips),
             alarms=tuple(
@@ -375,21 +329,36 @@ class _Run:
             scores=self._tally.take() if self._tally else None,
         )
 
-    def _true_slip(self, slip: _Slip, end: int, rise: int | None, alarm: int | None) -> TrueSlip:
+    def _true_slip(
+        self,
+        slip: _Slip,
+        end: int,
+        rise: int | None,
+        alarm: int | None,
+        scored: bool,
+        lead_s: float,
+        window_s: float,
+    ) -> TrueSlip:
         rate_hz = self._rate_hz
         latency = None if rise is None else rise - slip.start
         delays_s = tuple(
             None if row < 0 else (row - slip.start) / rate_hz for row in slip.first_on.tolist()
         )
-        own = slip.stages if latency is not None and latency >= 0 else None
+        # The rise that was watched may have continued an alarm that began before the slip.
+        watched = slip.stages
+        own = watched if watched and sum(watched.values()) == latency else None
+        lost_at = ALREADY_ON if watched else slip.lost_at
         return TrueSlip(
             start_s=slip.start / rate_hz,
             end_s=end / rate_hz,
             alarm=alarm,
             latency_s=None if latency is None else latency / rate_hz,
+            settling=not scored,
+            lead_s=lead_s,
+            window_s=window_s,
             late=latency is not None and latency > self._late_after,
             stages_s=None if own is None else {name: n / rate_hz for name, n in own.items()},
-            lost_at=slip.lost_at if latency is None else None,
+            lost_at=lost_at if latency is None and scored else None,
             on_at_start=slip.on_at_start,
             on_while=slip.on_while,
             channel_delays_s=delays_s,

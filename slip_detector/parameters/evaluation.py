@@ -36,6 +36,14 @@ class EvaluationConfig(ParameterSet):
         low=0.0,
         high=10.0,
     )
+    off_before_s: float = parameter(
+        0.1,
+        'A new alarm begins only after slip was OFF for so long; an OFF that is shorter does not '
+        'end an alarm.',
+        unit='s',
+        low=0.0,
+        high=10.0,
+    )
     late_after_s: float = parameter(
         0.1, 'A detection with a longer latency is late.', unit='s', low=0.0, high=10.0
     )

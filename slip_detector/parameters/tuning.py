@@ -8,9 +8,10 @@ from slip_detector.parameters.sets import ParameterSet
 
 @dataclasses.dataclass(frozen=True)
 class TuneConfig(ParameterSet):
-    """Parameters of the search: what misses, false alarms and a small area cost, in milliseconds.
+    """Parameters of the search: what misses, false alarms and time, and a small area cost, in ms.
 
-    These costs are added to the mean latency of a chain over the true slips.
+    These costs are added to the mean latency of a chain over the true slips, as is what its false
+    alarms would save of it by chance.
 
     Examples
     --------
@@ -26,6 +27,13 @@ class TuneConfig(ParameterSet):
     false_alarm_costs_ms: float = parameter(
         10.0, 'What each false alarm per minute costs.', unit='ms', low=0.0, high=1e6
     )
+    false_time_costs_ms: float = parameter(
+        10.0,
+        'What each per cent of the rest in which slip is ON costs.',
+        unit='ms',
+        low=0.0,
+        high=1e6,
+    )
     auc_costs_ms: float = parameter(
         100.0,
         'What an area under the ROC curve of 0 would cost, 1 being free: few slips say little, '
@@ -36,6 +44,6 @@ class TuneConfig(ParameterSet):
     )
     trade: bool = parameter(
         False,
-        'Whether latency, misses, false alarms or area may get worse than with the given '
-        'parameters where the cost falls.',
+        'Whether latency, recall, false alarms, false time or area may get worse than with the '
+        'given parameters where the cost falls.',
     )

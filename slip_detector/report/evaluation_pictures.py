@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from slip_detector.evaluation.events import STAGES
 from slip_detector.evaluation.labelled_rows import MOTION
-from slip_detector.evaluation.replay import ReplayOutcome, figures_of_merit
+from slip_detector.evaluation.outcome import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.scores import ScoreCounts
 from slip_detector.report.pictures import save_picture
 
@@ -51,7 +51,7 @@ def draw_evaluation(path: Path, outcomes: Sequence[ReplayOutcome]) -> None:
 
 
 def _draw_latencies(axis: Axes, outcomes: Sequence[ReplayOutcome]) -> None:
-    slips = [slip for one in outcomes for slip in one.slips]
+    slips = [slip for one in outcomes for slip in one.slips if not slip.settling]
     known_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
     missed = len(slips) - len(known_ms)
     if known_ms:

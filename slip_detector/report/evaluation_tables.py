@@ -34,6 +34,7 @@ TABLE_SECTIONS = (
             'rows': 'rows',
             'slip_rows': 'slip rows',
             'moving_rows': 'moving rows',
+            'settling_rows': 'settling rows',
             'auc_all': 'AUC all',
             'auc_moving': 'AUC moving',
         },
@@ -51,11 +52,20 @@ TABLE_SECTIONS = (
         'slips',
         {
             'slips': 'slips',
+            'settling_slips': 'while settling',
             'matched': 'detected',
             'late': 'of them late',
             'missed': 'missed',
             'recall': 'recall',
-            'latency_median_ms': 'latency median [ms]',
+            'recall_by_chance': 'by chance',
+            'sooner_than_chance': 'sooner than chance',
+        },
+    ),
+    TableSection(
+        'latency',
+        {
+            'latency_median_all_ms': 'median of all [ms]',
+            'latency_median_ms': 'of the detected: median [ms]',
             'latency_p90_ms': 'p90 [ms]',
             'latency_worst_ms': 'worst [ms]',
         },
@@ -64,10 +74,20 @@ TABLE_SECTIONS = (
         'alarms',
         {
             'alarms': 'alarms',
+            'settling_alarms': 'while settling',
             'repeated_alarms': 'repeated',
             'false_alarms': 'false',
             'precision': 'precision',
-            'false_alarms_per_minute': 'false a minute',
+            'precision_by_chance': 'by chance',
+        },
+    ),
+    TableSection(
+        'rest',
+        {
+            'rest_s': 'rest [s]',
+            'false_alarms_per_minute': 'false alarms a minute',
+            'false_time_percent': 'ON without slip [%]',
+            'false_time_s_per_hour': '[s an hour]',
         },
     ),
     TableSection(
@@ -121,7 +141,7 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
     >>> figures = recording_figures([])
     >>> report = {'sets': {'trials': {**figures, 'recordings': {}}}, 'all': figures}
     >>> evaluation_tables(report).splitlines()[1].split()
-    ['all', 'rows', '0', '0', '-', '-', '-']
+    ['all', 'rows', '0', '0', '-', '0', '-', '-']
     """
     blocks: list[list[Cells]] = []
     notes = []
@@ -176,5 +196,7 @@ def figure_text(name: str, value: float | None) -> str:
     if isinstance(value, int):
         return str(value)
     if name.endswith('_ms'):
+        return f'{value:.1f}'
+    if name.endswith(('_s', '_per_hour')):
         return f'{value:.1f}'
     return f'{value:.2f}' if name.endswith(('_percent', '_per_minute')) else f'{value:.3f}'

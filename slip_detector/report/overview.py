@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.result import SlipResult
+from slip_detector.evaluation.events import FALSE
 from slip_detector.evaluation.matching import OnIntervals
-from slip_detector.evaluation.replay import ReplayOutcome
+from slip_detector.evaluation.outcome import ReplayOutcome
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.signal_codes import Codes, signal_codes, signals_of
 
@@ -97,7 +98,7 @@ def cells_of_each(recordings: int) -> int:
 
 
 def events_of(outcome: ReplayOutcome) -> list[Event]:
-    """Return the slips and the false alarms of a recording in the order of their starts.
+    """Return the scored slips and the false alarms of a recording in the order of their starts.
 
     Examples
     --------
@@ -110,12 +111,14 @@ def events_of(outcome: ReplayOutcome) -> list[Event]:
     """
     shown = []
     for slip in outcome.slips:
+        if slip.settling:
+            continue
         kind = 'missed' if slip.latency_s is None else 'late' if slip.late else 'detected'
         note = f'lost at: {slip.lost_at}'.replace('_', ' ') if slip.lost_at else ''
         parts = slip.stages_s or {}
         shown.append(Event(kind, slip.start_s, slip.end_s, slip.latency_s, parts, note))
     for alarm in outcome.alarms:
-        if alarm.slip is None:
+        if alarm.kind == FALSE:
             shown.append(Event('false alarm', alarm.start_s, alarm.end_s))
     return sorted(shown, key=lambda event: event.start_s)
 

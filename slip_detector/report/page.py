@@ -37,8 +37,9 @@ UNDEFINED = '\N{EN DASH}'
 
 #: The figures in the first table, in this order; a second table has all figures.
 MAIN_FIGURES = (
-    'slips', 'missed', 'late', 'recall', 'precision', 'false_alarms', 'false_alarms_per_minute',
-    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
+    'slips', 'missed', 'late', 'recall', 'sooner_than_chance', 'precision', 'false_alarms',
+    'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms', 'latency_median_ms',
+    'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
 )  # fmt: skip
 
 UNITS = {'ms': 'ms', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
@@ -279,30 +280,34 @@ def _front(trials: Sequence[SearchTrial]) -> str:
     best = trade_off_front(searched)
     text = (
         f'{len(searched)} trials. {len(best)} of them are on the front: no other trial is as good '
-        'in latency, false alarms and misses and better in one of them. The figures are those of '
-        'the recordings that were tuned on.'
+        'in latency, false alarms, false time and sooner than chance and better in one of them. '
+        'The figures are those of the recordings that were tuned on.'
     )
     undefined = sum(trial.costs is None for trial in searched)
     if undefined:
         text += (
-            f' {undefined} are not drawn, as one of the three figures is not defined: there is no '
-            'latency where no slip was found.'
+            f' {undefined} are not drawn, as one of these figures is not defined: there is no '
+            'latency where no more slips were found than chance finds.'
         )
     image = _image(
         page_pictures.svg(page_pictures.front_figure(trials)),
-        'Latency, false alarms and misses of all trials',
+        'Latency, false alarms and sooner than chance of all trials',
     )
     rows = [
         [
             _trial_name(trial),
             _cell('latency_ms', None if trial.latency_s is None else 1e3 * trial.latency_s),
             _cell('false_alarms_per_minute', trial.false_alarms_per_minute),
-            _cell('missed_percent', trial.missed_percent),
+            _cell('false_time_percent', trial.false_time_percent),
+            _cell('sooner_than_chance', trial.sooner_than_chance),
             ', '.join(f'{name} {_value(value)}' for name, value in trial.parameters.items()),
         ]
         for trial in [*(trial for trial in trials if trial.number is None), *best[:MOST_LISTED]]
     ]
-    heads = ['trial', 'latency [ms]', 'false alarms per minute', 'missed [%]', 'parameters']
+    heads = [
+        'trial', 'latency [ms]', 'false alarms per minute', 'false time [%]',
+        'sooner than chance', 'parameters',
+    ]  # fmt: skip
     listed = '' if len(best) <= MOST_LISTED else f' (the first {MOST_LISTED})'
     table = _table(heads, ''.join(map(_row, rows)), 'front')
     return (

@@ -85,7 +85,7 @@ class SearchTrial(NamedTuple):
     ----------
     number : int or None
         Number of the trial; None for a configuration that is shown beside the trials.
-    latency_s, false_alarms_per_minute, missed_percent : float or None
+    latency_s, false_alarms_per_minute, false_time_percent, sooner_than_chance : float or None
         None where a figure is not defined.
     parameters : mapping
         The parameters that were tried, by name.
@@ -94,27 +94,37 @@ class SearchTrial(NamedTuple):
 
     Examples
     --------
-    >>> SearchTrial(3, latency_s=0.04, false_alarms_per_minute=2.0, missed_percent=0.0).costs
-    (0.04, 2.0, 0.0)
+    >>> SearchTrial(3, 0.04, 2.0, false_time_percent=0.1, sooner_than_chance=0.75).costs
+    (0.04, 2.0, 0.1, 0.25)
     """
 
     number: int | None
     latency_s: float | None
     false_alarms_per_minute: float | None
-    missed_percent: float | None
+    false_time_percent: float | None
+    sooner_than_chance: float | None
     parameters: Mapping[str, Any] = {}
     mark: str = ''
 
     @property
-    def costs(self) -> tuple[float, float, float] | None:
-        """Latency, false alarms and misses, all to be small; None where one is not defined."""
+    def costs(self) -> tuple[float, float, float, float] | None:
+        """Latency, false alarms, false time and what sooner than chance lacks to 1.
+
+        All are to be small. None where one is not defined.
+        """
         if (
             self.latency_s is None
             or self.false_alarms_per_minute is None
-            or self.missed_percent is None
+            or self.false_time_percent is None
+            or self.sooner_than_chance is None
         ):
             return None
-        return self.latency_s, self.false_alarms_per_minute, self.missed_percent
+        return (
+            self.latency_s,
+            self.false_alarms_per_minute,
+            self.false_time_percent,
+            1.0 - self.sooner_than_chance,
+        )
 
 
 def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
@@ -125,13 +135,13 @@ def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
 
     Examples
     --------
-    >>> trials = [SearchTrial(0, 0.05, 4.0, 0.0), SearchTrial(1, 0.03, 9.0, 0.0),
-    ...           SearchTrial(2, 0.06, 9.0, 5.0)]
+    >>> trials = [SearchTrial(0, 0.05, 4.0, 0.1, 1.0), SearchTrial(1, 0.03, 9.0, 0.1, 1.0),
+    ...           SearchTrial(2, 0.06, 9.0, 0.1, 0.95)]
     >>> [trial.number for trial in trade_off_front(trials)]
     [1, 0]
     """
     known = [(trial.costs, trial) for trial in trials if trial.costs is not None]
-    costs = np.array([costs for costs, _ in known]).reshape(-1, 3)
+    costs = np.array([costs for costs, _ in known]).reshape(-1, 4)
     best = [
         (mine, trial)
         for mine, trial in known

@@ -104,23 +104,23 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
 
 
 def front_figure(trials: Sequence[SearchTrial]) -> Figure:
-    """Draw the trials of a search: latency against false alarms, misses as colour.
+    """Draw the trials of a search: latency against false alarms, recall as colour.
 
     Examples
     --------
-    >>> figure = front_figure([SearchTrial(0, 0.04, 2.0, 0.0), SearchTrial(1, 0.05, 1.0, 0.0)])
+    >>> figure = front_figure([SearchTrial(0, 0.04, 2.0, 0.1, 1.0)])
     >>> figure.axes[0].get_xlabel()
     'median latency [ms]'
     """
     figure = Figure(figsize=(8, 4.6), layout='constrained')
     axis = figure.subplots()
     known = [trial for trial in trials if trial.costs is not None]
-    latency_ms, alarms, missed = _columns([trial for trial in known if not trial.mark])
+    latency_ms, alarms, recall = _columns([trial for trial in known if not trial.mark])
     points = axis.scatter(
-        latency_ms, alarms, c=missed, cmap='viridis_r', vmin=0.0, vmax=100.0, s=22, zorder=2,
+        latency_ms, alarms, c=recall, cmap='viridis', vmin=0.0, vmax=1.0, s=22, zorder=2,
         label='trial',
     )  # fmt: skip
-    figure.colorbar(points, label='missed slips [%]')
+    figure.colorbar(points, label='sooner than chance')
     latency_ms, alarms, _ = _columns(trade_off_front(trials))
     axis.plot(
         latency_ms, alarms, 'o', markersize=9, markerfacecolor='none', markeredgecolor='k',
@@ -128,8 +128,8 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
     )  # fmt: skip
     marked = [trial for trial in known if trial.mark]
     for trial, color in zip(marked, COLORS[1:], strict=False):
-        (x,), (y,), (missed_percent,) = _columns([trial])
-        figures = f'{x:.0f} ms, {y:.2g} a minute, {missed_percent:.0f} % missed'
+        (x,), (y,), (sooner_than_chance,) = _columns([trial])
+        figures = f'{x:.0f} ms, {y:.2g} a minute, recall {sooner_than_chance:.2f}'
         axis.plot(
             x, y, '*', color=color, markersize=17, markeredgecolor='k', zorder=4,
             label=f'{_plain(trial.mark)}: {figures}',
@@ -144,9 +144,9 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
 
 
 def _columns(trials: Sequence[SearchTrial]) -> tuple[Floats, Floats, Floats]:
-    """Return latency in ms, false alarms per minute and percent missed of trials."""
-    table = np.array([trial.costs for trial in trials], np.float64).reshape(-1, 3)
-    return 1e3 * table[:, 0], table[:, 1], table[:, 2]
+    """Return latency in ms, false alarms per minute and sooner than chance of trials."""
+    table = np.array([trial.costs for trial in trials], np.float64).reshape(-1, 4)
+    return 1e3 * table[:, 0], table[:, 1], 1.0 - table[:, 3]
 
 
 def timeline_figure(names: Sequence[str], overviews: Sequence[Overview]) -> Figure:

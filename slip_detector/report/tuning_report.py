@@ -1,10 +1,11 @@
 """The report of a search: the given and the tuned chain on all recordings, and the trials."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from slip_detector.evaluation.replay import Replay, ReplayOutcome, figures_of_merit
+from slip_detector.evaluation.outcome import ReplayOutcome, figures_of_merit
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report.overview import Overview, cells_of_each, events_of
@@ -75,16 +76,22 @@ def replay_tracks(
     return ChainReplay(chain, outcomes, overviews)
 
 
-def _trial(name: str, chain: ChainConfig, figures: dict[str, Any]) -> SearchTrial:
+def _trial(
+    number: int | None,
+    figures: Mapping[str, Any],
+    parameters: dict[str, Any],
+    mark: str = '',
+) -> SearchTrial:
     """Return a chain as a point of the trade-off."""
-    latency_ms, recall = figures['latency_median_ms'], figures['recall']
+    latency_ms = figures['latency_median_ms']
     return SearchTrial(
-        None,
+        number,
         None if latency_ms is None else latency_ms / 1e3,
         figures['false_alarms_per_minute'],
-        None if recall is None else 100.0 * (1.0 - recall),
-        searched(chain),
-        name,
+        figures['false_time_percent'],
+        figures['sooner_than_chance'],
+        parameters,
+        mark,
     )
 
 
@@ -135,20 +142,13 @@ def write_tuning_report(
             rows[f'{overview.name} ({what})'] = figures_of_merit([outcome])
         variants.append(Variant(name, one.chain, one.overviews, rows))
     trials = [
-        SearchTrial(
-            trial.number,
-            None if counts['latency_ms'] is None else counts['latency_ms'] / 1e3,
-            counts['false_alarms_per_minute'],
-            100.0 * counts['missed'],
-            found['parameters'],
-        )
+        _trial(trial.number, found['figures'], found['parameters'])
         for trial in study.trials
         for found in trial.user_attrs['found'][:1]
-        for counts in [found['figures']]
     ]
     shown = [given] if tuned.chain == given.chain else [given, tuned]
     trials += [
-        _trial(variant.name, one.chain, figures)
+        _trial(None, figures, searched(one.chain), variant.name)
         for variant, one, figures in zip(variants, shown, both['tuned on'], strict=False)
     ]
     # The table of the figures is in the report itself.

@@ -9,10 +9,12 @@ from slip_detector.report.text_table import number_text, text_table
 FIGURES = {
     'slips': ('slips', 'd'),
     'recall': ('recall', '.3f'),
+    'sooner_than_chance': ('sooner than chance', '.3f'),
     'precision': ('precision', '.3f'),
     'false_alarms_per_minute': ('false alarms per minute', '.3g'),
-    'latency_median_ms': ('latency, median of those detected [ms]', '.1f'),
+    'false_time_percent': ('ON without slip [% of the rest]', '.3g'),
     'latency_median_all_ms': ('latency, median of all, missed ones last [ms]', '.1f'),
+    'latency_median_ms': ('latency, median of those detected [ms]', '.1f'),
     'latency_p90_ms': ('latency, 90th percentile [ms]', '.1f'),
     'latency_worst_ms': ('latency, worst [ms]', '.1f'),
     'auc_all': ('AUC, all rows', '.3f'),
@@ -26,7 +28,7 @@ def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
     Parameters
     ----------
     given, tuned
-        Figures as :func:`slip_detector.tuning.verdict.pooled_figures` returns them.
+        Figures as :func:`slip_detector.evaluation.outcome.figures_of_merit` returns them.
 
     Examples
     --------

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from slip_detector.chain.settling import settling_rows
+from slip_detector.evaluation.chance import HALF
 from slip_detector.evaluation.labelled_rows import MOTION, REST
 from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
@@ -32,58 +34,103 @@ CONFIDENCE = 0.99
 #: Areas under the ROC curve that differ by less than this count as equal.
 AUC_STEP = 1e-3
 
+#: Other figures that differ by less than this count as equal.
+EQUAL = 1e-9
+
 #: Factor on the cost of whatever is worse than with the given parameters.
 WORSE_COUNTS = 10.0
 
 
 class CandidateFigures(NamedTuple):
-    """The figures of a chain that the search compares.
+    """The figures of a chain that the search compares; None where one is not defined.
 
     Attributes
     ----------
-    median_ms : float
-        Median latency of all slips, where a missed slip counts as infinitely late.
-    missed : float
-        Share of the slips that are missed.
-    false_alarms_per_minute : float
-        In the time without slip.
+    latency_median_all_ms, latency_median_ms : float or None
+        Median latency of all slips, and of those found.
+    sooner_than_chance : float or None
+    false_alarms_per_minute : float or None
+    false_time_percent : float or None
+        These five are those of :func:`.slip_figures`.
     auc : float or None
         Area under the ROC curve of the decision statistic; see :meth:`Objective.auc`.
-    latency_ms : float or None
-        Median latency of the slips that are not missed.
 
     Examples
     --------
-    >>> given = CandidateFigures(50.0, 0.0, 1.0, auc=0.9, latency_ms=50.0)
-    >>> CandidateFigures(40.0, 0.1, 1.0, auc=0.9, latency_ms=38.0).worse_than(given)
-    ['missed 10 against 0 %']
+    >>> given = CandidateFigures(50.0, 50.0, 1.0, 2.0, 0.1, auc=0.9)
+    >>> CandidateFigures(40.0, 38.0, 0.9, 2.0, 0.1, auc=0.9).worse_than(given)
+    ['sooner than chance 0.9 against 1']
     """
 
-    median_ms: float
-    missed: float
-    false_alarms_per_minute: float
+    latency_median_all_ms: float | None
+    latency_median_ms: float | None
+    sooner_than_chance: float | None
+    false_alarms_per_minute: float | None
+    false_time_percent: float | None
     auc: float | None
-    latency_ms: float | None
+
+    @property
+    def better_than_chance(self) -> bool:
+        """Whether it finds slips sooner than decisions that know nothing of slip."""
+        return self.sooner_than_chance is not None and self.sooner_than_chance > 0.0
+
+    @property
+    def false_alarms_per_minute_off(self) -> float | None:
+        """False alarms per minute of rest in which the decision is OFF; None where it never is.
+
+        A decision that is ON for most of the time has few alarms, as they hardly end.
+        """
+        if self.false_alarms_per_minute is None or self.false_time_percent is None:
+            return None
+        off = 1.0 - self.false_time_percent / 100.0
+        return self.false_alarms_per_minute / off if off > 0.0 else None
 
     def worse_than(self, other: 'CandidateFigures') -> list[str]:
-        """Return a text for each of latency, misses, false alarms and area that is worse."""
-        pairs = {
-            'median latency': (self.median_ms, other.median_ms, 'ms'),
-            'missed': (100.0 * self.missed, 100.0 * other.missed, '%'),
-            'false alarms': (
-                self.false_alarms_per_minute,
-                other.false_alarms_per_minute,
-                'a minute',
+        """Return a text for each figure that is worse, or not defined where the other's is.
+
+        Nothing is worse than figures that are no better than chance. The latency of the slips
+        found takes no part, as it falls where late ones are missed.
+        """
+        if not other.better_than_chance:
+            return []
+        return [
+            *_worse(
+                'median latency', self.latency_median_all_ms, other.latency_median_all_ms, ' ms'
             ),
-        }
-        worse = [
-            f'{name} {mine:.4g} against {its:.4g} {unit}'
-            for name, (mine, its, unit) in pairs.items()
-            if mine > its + 1e-9
+            *_worse(
+                'false alarms',
+                self.false_alarms_per_minute_off,
+                other.false_alarms_per_minute_off,
+                ' in a minute of OFF',
+            ),
+            *_worse('false time', self.false_time_percent, other.false_time_percent, ' %'),
+            *_worse(
+                'sooner than chance',
+                self.sooner_than_chance,
+                other.sooner_than_chance,
+                more_is_better=True,
+            ),
+            *_worse(
+                'area under the ROC curve', self.auc, other.auc, more_is_better=True, step=AUC_STEP
+            ),
         ]
-        if self.auc is not None and other.auc is not None and self.auc < other.auc - AUC_STEP:
-            worse.append(f'area under the ROC curve {self.auc:.4f} against {other.auc:.4f}')
-        return worse
+
+
+def _worse(
+    name: str,
+    mine: float | None,
+    its: float | None,
+    unit: str = '',
+    more_is_better: bool = False,
+    step: float = EQUAL,
+) -> list[str]:
+    """Return a text where a figure is worse than another by more than a step, else nothing."""
+    if its is None:
+        return []
+    if mine is None:
+        return [f'no {name} defined against {its:.4g}{unit}']
+    excess = its - mine if more_is_better else mine - its
+    return [f'{name} {mine:.4g} against {its:.4g}{unit}'] if excess > step else []
 
 
 class Candidate(NamedTuple):
@@ -127,8 +174,8 @@ class Objective:
     >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
     >>> given = Objective([track], EvaluationConfig(), TuneConfig()).as_it_is(ChainConfig())
-    >>> given.figures.missed, given.figures.false_alarms_per_minute
-    (0.0, 0.0)
+    >>> given.figures.sooner_than_chance, given.figures.false_alarms_per_minute
+    (1.0, 0.0)
     """
 
     def __init__(
@@ -147,7 +194,8 @@ class Objective:
     def best(self, chain: ChainConfig) -> list[Candidate]:
         """Return a chain with the best threshold for each vote, the cheapest vote first.
 
-        Votes with which the chain is never ON are left out.
+        Votes with which the chain is never ON are left out, and all where no slip or no rest is
+        scored.
 
         Raises
         ------
@@ -158,8 +206,10 @@ class Objective:
         for vote, statistic in self.statistics(chain, votes_of(chain)).items():
             limits = thresholds(statistic, self._tracks, *threshold_scale(chain))
             if limits.size:
-                sweep = self.sweep(statistic, limits)
+                sweep = self.sweep(chain, statistic, limits)
                 costs_ms = _with_neighbours(self._event_costs_ms(sweep))
+                if np.isinf(costs_ms).all():
+                    continue
                 at = int(np.argmin(costs_ms))
                 best = dataclasses.replace(chain, threshold=float(limits[at]), vote=vote)
                 candidates.append(self._candidate(best, statistic, sweep, at, float(costs_ms[at])))
@@ -174,7 +224,7 @@ class Objective:
             When the chain cannot be built.
         """
         statistic = self.statistics(chain, [chain.vote])[chain.vote]
-        sweep = self.sweep(statistic, np.array([chain.threshold]))
+        sweep = self.sweep(chain, statistic, np.array([chain.threshold]))
         cost_ms = float(self._event_costs_ms(sweep)[0])
         return self._candidate(chain, statistic, sweep, 0, cost_ms)
 
@@ -192,9 +242,12 @@ class Objective:
         self._outs = [*tracks]
         return {vote: [one[v] for one in tracks] for v, vote in enumerate(votes)}
 
-    def sweep(self, statistic: Sequence[Floats], limits: Floats) -> ThresholdSweep:
-        """Return latencies and false alarms at each threshold; see :func:`sweep_thresholds`."""
-        return sweep_thresholds(statistic, self._tracks, limits, self._evaluation)
+    def sweep(
+        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
+    ) -> ThresholdSweep:
+        """Return what becomes of slips and rest at thresholds; see :func:`sweep_thresholds`."""
+        rows = settling_rows(chain)
+        return sweep_thresholds(statistic, self._tracks, limits, self._evaluation, rows)
 
     def auc(self, statistic: Sequence[Floats], threshold: float) -> float | None:
         """Return the area under the ROC curve of rows with slip against rows of motion.
@@ -219,29 +272,38 @@ class Objective:
         """Return the cost of a chain at its own threshold, which is one of a sweep."""
         auc = self.auc(statistic, chain.threshold)
         cost_ms = event_cost_ms + self._config.auc_costs_ms * (1.0 - (auc or 0.0))
-        latencies_ms = sweep.latencies_ms[:, at]
-        known = latencies_ms[~np.isnan(latencies_ms)]
-        figures = CandidateFigures(
-            median_ms=float(np.median(np.where(np.isnan(latencies_ms), np.inf, latencies_ms))),
-            missed=float(sweep.missed[at]),
-            false_alarms_per_minute=float(sweep.false_alarms_per_minute[at]),
-            auc=auc,
-            latency_ms=float(np.median(known)) if known.size else None,
+        figures = sweep.figures(at)
+        compared = {name: figures[name] for name in CandidateFigures._fields if name != 'auc'}
+        return Candidate(
+            chain, cost_ms, self._error_ms(sweep, at), CandidateFigures(**compared, auc=auc)
         )
-        return Candidate(chain, cost_ms, self._error_ms(sweep, at), figures)
 
     def _event_costs_ms(self, sweep: ThresholdSweep) -> Floats:
-        """Return the cost of slips and alarms at each of T thresholds, shape (T,)."""
+        """Return the cost of slips and alarms at each of T thresholds, shape (T,).
+
+        It is infinite where no slip or no rest is scored: of such a chain nothing is known.
+        """
         config, given = self._config, self._given
         late_ms = self._late_ms(sweep)
-        false_costs = config.false_alarm_costs_ms
-        costs = late_ms.mean(axis=0) + false_costs * sweep.false_alarms_per_minute
-        if given is not None:
-            median = min(given.median_ms, config.missed_costs_ms)
-            worse = np.maximum(np.median(late_ms, axis=0) - median, 0.0)
-            worse += config.missed_costs_ms * np.maximum(sweep.missed - given.missed, 0.0)
-            worse += false_costs * np.maximum(
-                sweep.false_alarms_per_minute - given.false_alarms_per_minute, 0.0
+        if not sweep.scored.any() or not sweep.rest_s:
+            return np.full(late_ms.shape[1], np.inf)
+        missed_costs, false_costs = config.missed_costs_ms, config.false_alarm_costs_ms
+        costs = (
+            late_ms.mean(axis=0)
+            + sweep.saved_by_chance_ms(missed_costs)
+            + false_costs * sweep.false_alarms_per_minute
+            + config.false_time_costs_ms * sweep.false_time_percent
+        )
+        if given is not None and given.better_than_chance:
+            sooner = sweep.sooner_than_chance
+            median = np.where(sooner >= HALF, np.median(late_ms, axis=0), missed_costs)
+            worse = (
+                _more(median, given.latency_median_all_ms)
+                + missed_costs * np.maximum((given.sooner_than_chance or 0.0) - sooner, 0.0)
+                + false_costs
+                * _more(sweep.false_alarms_per_minute_off, given.false_alarms_per_minute_off)
+                + config.false_time_costs_ms
+                * _more(sweep.false_time_percent, given.false_time_percent)
             )
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)
@@ -252,15 +314,25 @@ class Objective:
         A chain whose cost is higher by less than this counts as equally good. With one slip the
         error is infinite.
         """
-        late_ms = self._late_ms(sweep)[:, at]
+        late_ms = self._late_ms(sweep)[sweep.scored, at]
         if late_ms.size < 2:
             return math.inf
         t = float(special.stdtrit(late_ms.size - 1, 0.5 + CONFIDENCE / 2))
         return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
 
     def _late_ms(self, sweep: ThresholdSweep) -> Floats:
-        """Return the latencies, with the cost of a miss for missed slips; shape (slips, T)."""
-        return np.fmin(sweep.latencies_ms, self._config.missed_costs_ms)
+        """Return how late each slip is found, from 0 to the cost of a miss; shape (slips, T).
+
+        Slips that begin while a chain settles count as missed, so that a chain does not gain by
+        settling for longer.
+        """
+        costs_ms = self._config.missed_costs_ms
+        return np.asarray(np.clip(np.fmin(sweep.latencies_ms, costs_ms), 0.0, costs_ms))
+
+
+def _more(figures: Floats, given: float | None) -> Floats:
+    """Return by how much figures are larger than a given one; 0 where that is not defined."""
+    return np.asarray(np.maximum(figures - (np.inf if given is None else given), 0.0))
 
 
 def _with_neighbours(costs: Floats) -> Floats:

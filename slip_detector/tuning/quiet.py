@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from slip_detector.chain.settling import evidence_falls_s
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.space import threshold_scale, thresholds
@@ -36,9 +37,6 @@ LEAST_PEAKS = 30
 FURTHEST = 20.0
 
 RESAMPLES = 200
-
-#: Evidence with a smaller offset is taken to fall as fast as with this one.
-LEAST_OFFSET_DB = 0.5
 
 
 class QuietThreshold(NamedTuple):
@@ -143,7 +141,9 @@ def quiet_threshold(
         raise ValueError(
             f'{track.name}: the chain gives 0 throughout, allowed: a sensor that runs'
         )
-    sweep = sweep_thresholds([statistic], [track], limits, EvaluationConfig())
+    # All that the detector says counts, from the first row on: each rise is an alarm.
+    config = EvaluationConfig(off_before_s=0.0)
+    sweep = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
     peaks = _peaks(statistic, track, chain)
     # The size of a cluster: alarms per block that has an alarm.
     loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])
@@ -204,8 +204,7 @@ def _quiet(
 def _block_s(chain: ChainConfig) -> float:
     decision_s = chain.decision_window_s
     if chain.decision == 'evidence':
-        # As long as it takes to fall from its limit.
-        decision_s = chain.evidence_limit_db_s / max(chain.evidence_offset_db, LEAST_OFFSET_DB)
+        decision_s = evidence_falls_s(chain)
     windows_s = chain.envelope_window_s + decision_s
     return max(SHORTEST_BLOCK_S, WINDOWS_PER_BLOCK * windows_s)
 

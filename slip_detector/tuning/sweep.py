@@ -15,19 +15,24 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.chance import (
+    saved_by_chance_s,
+    slip_figures,
+    sooner_than_chance,
+)
 from slip_detector.evaluation.matching import (
     NONE,
-    alarm_windows,
+    ScoredRows,
     give_alarm,
     is_false,
     slip_not_over,
-    tolerance_rows,
 )
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.space import Vote
 from slip_detector.tuning.tracks import Track
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -113,70 +118,146 @@ def _transpose(statistics, unit, out, start):
 
 
 @compiled
-def _sweep(statistic, limits, first_row, lows, highs, state, rises, false_alarms):
+def _sweep(
+    statistic, limits, first_row, settled, off_rows, lows, highs, rest_starts, rest_ends,
+    state, fell, rises, false_alarms, rest_rows,
+):  # fmt: skip
     """Follow the rises of a statistic through all thresholds over one piece of a track.
 
-    ``state`` is the number of thresholds below the value of the row before, and the first slip
-    whose window has not ended. An alarm is identified by the row at which it rises.
+    ``state`` is the number of thresholds below the value of the row before, the first slip whose
+    window has not ended, and the first interval of rest that has not. ``fell`` is the row at
+    which the value fell to each threshold. An alarm is identified by the row at which it rises.
+    ``rest_rows`` counts the rows of rest by the number of thresholds below their value.
     """
-    above, slip = state[0], state[1]
+    above, slip, place = state[0], state[1], state[2]
     # Most rows stay between the same two thresholds, which takes two comparisons.
     low = limits[above - 1] if above > 0 else -np.inf
     high = limits[above] if above < limits.size else np.inf
-    for r in range(statistic.size):
-        value = statistic[r]
-        if low < value <= high:
-            continue
-        before = above
-        while above < limits.size and value > limits[above]:
-            above += 1
-        while above > 0 and value <= limits[above - 1]:
-            above -= 1
-        low = limits[above - 1] if above > 0 else -np.inf
-        high = limits[above] if above < limits.size else np.inf
-        if above > before:
+    begin = 0
+    while begin < statistic.size:
+        # The rows up to the next beginning or end of rest are all rest, or none is.
+        row = first_row + begin
+        while place < rest_ends.size and rest_ends[place] <= row:
+            place += 1
+        end, resting = first_row + statistic.size, False
+        if place < rest_ends.size:
+            resting = rest_starts[place] <= row
+            end = min(end, rest_ends[place] if resting else rest_starts[place])
+        end -= first_row
+        counted = begin
+        for r in range(begin, end):
+            value = statistic[r]
+            if low < value <= high:
+                continue
             row = first_row + r
-            slip = slip_not_over(row, slip, highs)
-            if is_false(row, slip, lows):
+            if resting:
+                rest_rows[above] += r - counted
+                counted = r
+            before = above
+            while above < limits.size and value > limits[above]:
+                above += 1
+            while above > 0 and value <= limits[above - 1]:
+                above -= 1
+                fell[above] = row
+            low = limits[above - 1] if above > 0 else -np.inf
+            high = limits[above] if above < limits.size else np.inf
+            if above > before and row >= settled:
+                slip = slip_not_over(row, slip, highs)
+                false = is_false(row, slip, lows)
                 for t in range(before, above):
-                    false_alarms[t] += 1
-            else:
-                for t in range(before, above):
-                    give_alarm(row, row, slip, lows, rises, t)
-    state[0], state[1] = above, slip
+                    if row - fell[t] < off_rows:
+                        continue
+                    if false:
+                        false_alarms[t] += 1
+                    else:
+                        give_alarm(row, row, slip, lows, rises, t)
+        if resting:
+            rest_rows[above] += end - counted
+        begin = end
+    state[0], state[1], state[2] = above, slip, place
 
 
 class ThresholdSweep(NamedTuple):
-    """Latencies and false alarms at each of T thresholds of one vote.
+    """Latencies, false alarms and false time at each of T thresholds of one vote.
 
     Attributes
     ----------
     latencies_ms : ndarray, shape (slips, T)
-        Latency of each true slip; NaN where it is missed.
+        Latency of each true slip; NaN where it is missed and where it is not scored.
+    scored : ndarray of bool, shape (slips,)
+        Whether a slip is scored, see :class:`.ScoredRows`.
+    leads_s, windows_s : ndarray, shape (slips,)
+        When the alarm of each slip may rise, see :mod:`.chance`.
     false_alarms : ndarray of int, shape (T,)
-    quiet_s : float
-        Time without slip.
+    rest_s : float
+        Time of the rest.
+    on_rest_s : ndarray, shape (T,)
+        Time of the rest that is ON.
 
     Examples
     --------
-    >>> sweep = ThresholdSweep(np.array([[40.0, np.nan]]), np.array([2, 0]), quiet_s=60.0)
-    >>> sweep.false_alarms_per_minute, sweep.missed
-    (array([2., 0.]), array([0., 1.]))
+    >>> latencies_ms, one = np.array([[40.0, np.nan]]), np.array([1.0])
+    >>> sweep = ThresholdSweep(
+    ...     latencies_ms, one > 0, 0 * one, one, np.array([2, 0]), 60.0, np.array([3.0, 0.0])
+    ... )
+    >>> sweep.false_alarms_per_minute, sweep.false_time_percent
+    (array([2., 0.]), array([5., 0.]))
     """
 
     latencies_ms: Floats
+    scored: Bools
+    leads_s: Floats
+    windows_s: Floats
     false_alarms: Ints
-    quiet_s: float
+    rest_s: float
+    on_rest_s: Floats
 
     @property
     def false_alarms_per_minute(self) -> Floats:
-        """False alarms per minute of the time without slip; shape (T,)."""
-        return np.asarray(60.0 * self.false_alarms / self.quiet_s)
+        """False alarms per minute of rest; shape (T,)."""
+        return np.asarray(60.0 * self.false_alarms / self.rest_s)
 
     @property
-    def missed(self) -> Floats:
-        """Share of the slips that are missed; shape (T,)."""
-        return np.asarray(np.isnan(self.latencies_ms).mean(axis=0))
+    def false_time_percent(self) -> Floats:
+        """The share of the rest that is ON; shape (T,)."""
+        return np.asarray(100.0 * (self.on_rest_s / self.rest_s))
+
+    @property
+    def false_alarms_per_minute_off(self) -> Floats:
+        """False alarms per minute of rest that is OFF; shape (T,), 0 where none is."""
+        off = np.maximum(1.0 - self.false_time_percent / 100.0, 0.0)
+        rates = self.false_alarms_per_minute
+        return np.divide(rates, off, out=np.zeros_like(rates), where=off > 0.0)
+
+    @property
+    def sooner_than_chance(self) -> Floats:
+        """See :func:`.sooner_than_chance`; shape (T,)."""
+        return sooner_than_chance(
+            self.latencies_ms[self.scored] / 1e3,
+            self.leads_s[self.scored],
+            self.windows_s[self.scored],
+            self.false_alarms / self.rest_s,
+        )
+
+    def saved_by_chance_ms(self, most_ms: float) -> Floats:
+        """See :func:`.saved_by_chance_s`; shape (T,)."""
+        return 1e3 * saved_by_chance_s(
+            self.leads_s[self.scored],
+            self.windows_s[self.scored],
+            self.false_alarms / self.rest_s,
+            most_ms / 1e3,
+        )
+
+    def figures(self, at: int) -> dict[str, float | None]:
+        """Return the figures at one threshold, see :func:`.slip_figures`."""
+        return slip_figures(
+            self.latencies_ms[self.scored, at],
+            self.leads_s[self.scored],
+            self.windows_s[self.scored],
+            int(self.false_alarms[at]),
+            self.rest_s,
+            float(self.on_rest_s[at]),
+        )
 
 
 def sweep_thresholds(
@@ -184,19 +265,22 @@ def sweep_thresholds(
     tracks: Sequence[Track],
     limits: Floats,
     config: EvaluationConfig,
+    settling_rows: int,
 ) -> ThresholdSweep:
-    """Match slips and alarms at each threshold, as :func:`.matching.match` does at one.
+    """Match slips and alarms at each threshold, as :class:`.ScoredRows` does at one.
 
     Parameters
     ----------
     statistic
         The decision statistic of one vote for each track, shapes (n,).
     tracks
-        The tracks, of which at least one has rows without slip.
+        The tracks.
     limits
         Thresholds in rising order.
     config
         What counts as detected.
+    settling_rows
+        Number of rows for which the chain settles, see :func:`.settling.settling_rows`.
 
     Examples
     --------
@@ -205,24 +289,46 @@ def sweep_thresholds(
     >>> slip = np.array([False, False, True, True, True])
     >>> track = track_of('trial', [LabelledRows(np.zeros((5, 1)), slip)], sample_rate_hz=100.0)
     >>> statistic, limits = np.array([0.0, 0.2, 0.2, 0.6, 0.9]), np.array([0.1, 0.5, 1.0])
-    >>> sweep = sweep_thresholds([statistic], [track], limits, EvaluationConfig())
-    >>> sweep.latencies_ms, sweep.false_alarms
-    (array([[nan, 10., nan]]), array([1, 0, 0]))
+    >>> config = EvaluationConfig(off_before_s=0.0)
+    >>> sweep = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
+    >>> sweep.latencies_ms, sweep.false_alarms, sweep.on_rest_s
+    (array([[nan, 10., nan]]), array([1, 0, 0]), array([0.01, 0.  , 0.  ]))
     """
     false_alarms = np.zeros(limits.size, np.int64)
-    latencies_ms = [np.zeros((0, limits.size))]
+    latencies_ms, rest_s, on_rest_s = [np.zeros((0, limits.size))], 0.0, np.zeros(limits.size)
+    scored, leads_s, windows_s = [np.zeros(0, bool)], [np.zeros(0)], [np.zeros(0)]
     for part, track in zip(statistic, tracks, strict=True):
         rate_hz = track.sample_rate_hz
-        lows, highs = alarm_windows(track.slips, *tolerance_rows(config, rate_hz))
+        rows = ScoredRows(track.slips, track.stretches, settling_rows, config, rate_hz)
         rises = np.full((len(track.slips), limits.size), NONE, np.int64)
-        state = np.zeros(2, np.int64)
+        rest_rows = np.zeros(limits.size + 1, np.int64)
+        state, stretch = np.zeros(3, np.int64), -1
         for begin, end, first_row, new_stretch in track.pieces:
             if new_stretch:
+                stretch += 1
                 state[0] = 0
+                fell = np.full(limits.size, first_row - rows.off_rows)
             _sweep(
-                part[begin:end], limits, first_row, lows, highs, state, rises, false_alarms
+                part[begin:end], limits, first_row, int(rows.settled[stretch]), rows.off_rows,
+                rows.lows, rows.highs, rows.rest_starts, rows.rest_ends, state, fell, rises,
+                false_alarms, rest_rows,
             )  # fmt: skip
         starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
-        latencies_ms.append(np.where(rises == NONE, np.nan, (rises - starts) / rate_hz * 1e3))
-    quiet_s = sum(track.quiet_s for track in tracks)
-    return ThresholdSweep(np.concatenate(latencies_ms), false_alarms, quiet_s)
+        latencies = np.where(rises == NONE, np.nan, (rises - starts) / rate_hz * 1e3)
+        latencies[~rows.scored] = np.nan
+        latencies_ms.append(latencies)
+        scored.append(rows.scored)
+        leads_s.append(rows.leads_s)
+        windows_s.append(rows.windows_s)
+        rest_s += rows.rest_rows / rate_hz
+        # At a threshold a row is ON when the number below its value is larger than its place.
+        on_rest_s += np.cumsum(rest_rows[:0:-1])[::-1] / rate_hz
+    return ThresholdSweep(
+        np.concatenate(latencies_ms),
+        np.concatenate(scored),
+        np.concatenate(leads_s),
+        np.concatenate(windows_s),
+        false_alarms,
+        rest_s,
+        on_rest_s,
+    )

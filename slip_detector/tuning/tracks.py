@@ -56,8 +56,8 @@ class Track(NamedTuple):
     --------
     >>> rows = LabelledRows(np.full((760, 16), 4.3), truth=np.arange(760) >= 380)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
-    >>> track.duration_s, track.quiet_s, track.slips
-    (2.0, 1.0, (RowInterval(start=380, end=760),))
+    >>> track.duration_s, len(track.stretches), track.slips
+    (2.0, 1, (RowInterval(start=380, end=760),))
     """
 
     name: str
@@ -74,9 +74,14 @@ class Track(NamedTuple):
         return len(self.volts) / self.sample_rate_hz
 
     @property
-    def quiet_s(self) -> float:
-        """Time of its rows without slip."""
-        return float(np.count_nonzero(self.kinds != SLIP)) / self.sample_rate_hz
+    def stretches(self) -> list[RowInterval]:
+        """Its stretches, in rows that are counted like ``first_row``; between them are gaps."""
+        begins = [k for k, piece in enumerate(self.pieces) if piece.new_stretch]
+        lasts = [*(k - 1 for k in begins[1:]), len(self.pieces) - 1]
+        return [
+            RowInterval(self.pieces[k].first_row, last.first_row + last.end - last.begin)
+            for k, last in zip(begins, (self.pieces[k] for k in lasts), strict=True)
+        ]
 
     def rows(self) -> Iterator[LabelledRows]:
         """Yield its pieces, for a replay."""
@@ -124,8 +129,8 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
     --------
     >>> truth = np.array([False, True, True, False])
     >>> track = track_of('trial', [LabelledRows(np.zeros((4, 1)), truth)], sample_rate_hz=2.0)
-    >>> track.duration_s, track.quiet_s, track.slips
-    (2.0, 1.0, (RowInterval(start=1, end=3),))
+    >>> track.duration_s, track.slips, track.stretches
+    (2.0, (RowInterval(start=1, end=3),), [RowInterval(start=0, end=4)])
     """
     labels, kinds, moving, volts, track_pieces = OnIntervals(), [], [], [], []
     place = row = 0

@@ -1,11 +1,8 @@
 """The verdict of a search: the best chain found or the given one, by held-out recordings."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
-from slip_detector.evaluation.replay import ReplayOutcome, figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import Problem
@@ -31,7 +28,8 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     """Choose between the given chain and the best one found, by the held-out recordings.
 
     The best one is chosen where it costs less on them and where, unless ``trade`` is set, none of
-    median latency, misses, false alarms and area under the ROC curve is worse.
+    median latency, ``sooner_than_chance``, false alarms, false time and area under the ROC curve
+    is worse.
 
     Parameters
     ----------
@@ -44,6 +42,7 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
 
     Examples
     --------
+    >>> import numpy as np
     >>> from slip_detector.evaluation.labelled_rows import LabelledRows
     >>> from slip_detector.parameters import EvaluationConfig, TuneConfig
     >>> from slip_detector.tuning.tracks import track_of
@@ -74,32 +73,3 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
             f'in the section {problem.config.NODE} allows that where the cost falls)',
         )
     return Verdict(best.chain, '')
-
-
-def pooled_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
-    """Return the figures of recordings taken together.
-
-    Returns
-    -------
-    dict
-        The figures of :func:`slip_detector.evaluation.replay.figures_of_merit`, and
-        ``latency_median_all_ms``: the median latency of all slips, where a missed slip counts as
-        infinitely late; None where the median is infinite.
-
-    Examples
-    --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
-    >>> from slip_detector.evaluation.replay import Replay
-    >>> quiet = LabelledRows(np.full((380, 16), 4.3), truth=np.arange(380) >= 190)
-    >>> figures = pooled_figures([Replay(ChainConfig()).run([quiet])])
-    >>> figures['missed'], figures['latency_median_all_ms']
-    (1, None)
-    """
-    latencies_ms = [
-        np.inf if slip.latency_s is None else slip.latency_s * 1e3
-        for one in outcomes
-        for slip in one.slips
-    ]
-    median_ms = float(np.median(latencies_ms)) if latencies_ms else np.inf
-    all_ms = median_ms if np.isfinite(median_ms) else None
-    return {**figures_of_merit(outcomes), 'latency_median_all_ms': all_ms}

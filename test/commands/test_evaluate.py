@@ -11,7 +11,8 @@ import pytest
 from slip_detector.commands import evaluate as evaluation
 from slip_detector.commands.evaluate import main
 from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.replay import Replay, figures_of_merit
+from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from support.evaluation_cases import (
@@ -62,13 +63,13 @@ def test_the_table_has_a_line_for_each_recording_and_the_whole_last(capsys, tmp_
     assert main([str(tmp_path / 'set')]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert re.split(r'\s{2,}', lines[0]) == [
-        'set', 'rows', 'slip rows', 'moving rows', 'AUC all', 'AUC moving'
+        'set', 'rows', 'slip rows', 'moving rows', 'settling rows', 'AUC all', 'AUC moving'
     ]  # fmt: skip
     of_a = f'{figures["recordings"]["a.npz"]["auc_all"]:.3f}'
-    assert lines[1].split() == ['a.npz', '600', '150', '-', of_a, '-']
-    assert lines[2].split() == ['b.npz', '600', '0', '-', '-', '-']
+    assert lines[1].split() == ['a.npz', '600', '150', '-', '164', of_a, '-']
+    assert lines[2].split() == ['b.npz', '600', '0', '-', '164', '-', '-']
     whole = f'{figures["auc_all"]:.3f}'
-    assert re.split(r'\s{2,}', lines[3]) == ['all rows', '1200', '150', '-', whole, '-']
+    assert re.split(r'\s{2,}', lines[3]) == ['all rows', '1200', '150', '-', '328', whole, '-']
     assert lines[-2] == 'set: no bad samples, no gaps, no rows dropped'
     assert lines[-1].startswith('-: not defined')
     assert len({len(line) for line in lines[:4]}) == 1

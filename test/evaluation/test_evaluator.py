@@ -6,7 +6,8 @@ import pytest
 from slip_detector.evaluation.evaluator import Evaluator, recording_counts, recording_figures
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.loading import RecordingLoader
-from slip_detector.evaluation.replay import Replay, figures_of_merit
+from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig

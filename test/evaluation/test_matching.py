@@ -12,10 +12,10 @@ from slip_detector.evaluation.matching import (
     NONE,
     OnIntervals,
     RowInterval,
+    ScoredRows,
     alarm_windows,
     give_alarm,
     is_false,
-    match,
     slip_not_over,
     tolerance_rows,
 )
@@ -51,8 +51,14 @@ def scenes_of_events(draw):
     return slips, rises, draw(st.integers(0, 15)), draw(st.integers(0, 15))
 
 
+def match(slips, rises, early, tail):
+    """Match in a recording at 100 Hz that was settled long before its row 0."""
+    config = EvaluationConfig(early_s=early / 100.0, tail_s=tail / 100.0, off_before_s=0.0)
+    return ScoredRows(slips, [RowInterval(-99, 999)], 0, config, 100.0).match(rises)
+
+
 def belongs(slips, i, rise, early, tail):
-    """Whether an alarm can belong to a slip, as the docstring of match says it."""
+    """Whether an alarm can belong to a slip, as the docstring of alarm_windows says it."""
     start, end = slips[i]
     in_previous = i > 0 and rise < slips[i - 1].end
     in_next = i + 1 < len(slips) and rise >= slips[i + 1].start
@@ -136,3 +142,109 @@ def test_a_false_alarm_is_one_that_is_given_to_no_slip_with_or_without_alarms(dr
 
 def test_tolerances_are_whole_rows_of_the_recording():
     assert tolerance_rows(EvaluationConfig(early_s=0.0, tail_s=0.099), 100.0) == (0, 10)
+
+
+# What is scored.
+
+
+@st.composite
+def recorded(draw):
+    """Draw stretches with labels and decisions, row by row, and what counts as detected."""
+    cuts = draw(st.lists(st.integers(1, 25), min_size=1, max_size=4), label='rows of stretches')
+    gaps = draw(st.lists(st.integers(0, 9), min_size=len(cuts), max_size=len(cuts)), label='gaps')
+    row, stretches = 0, []
+    for n, gap in zip(cuts, gaps, strict=True):
+        stretches.append(RowInterval(row + gap, row + gap + n))
+        row = stretches[-1].end
+    signal = st.lists(st.booleans(), min_size=row, max_size=row)
+    truth, on = (np.array(draw(signal, label=name), bool) for name in ('truth', 'on'))
+    config = EvaluationConfig(
+        early_s=draw(st.integers(0, 4), label='early') / 100.0,
+        tail_s=draw(st.integers(0, 4), label='tail') / 100.0,
+        off_before_s=draw(st.integers(0, 5), label='off before') / 100.0,
+    )
+    return stretches, truth, on, draw(st.integers(0, 12), label='settling'), config
+
+
+def intervals(signal, stretches):
+    """Return where a signal is True; what goes on after a gap begins once more."""
+    found = OnIntervals()
+    for start, end in stretches:
+        found.add(signal[start:end], start)
+        found.close(end)
+    return found.closed()
+
+
+@given(recorded())
+def test_rest_is_what_has_settled_and_can_belong_to_no_slip_counted_row_by_row(drawn):
+    stretches, truth, on, settling, config = drawn
+    slips = intervals(truth, stretches)
+    rows = ScoredRows(slips, stretches, settling, config, 100.0)
+    early, tail = tolerance_rows(config, 100.0)
+    rest = np.zeros(len(truth), bool)
+    for start, end in stretches:
+        rest[start + max(settling, round(100 * config.off_before_s)) : end] = True
+    assert rows.settling_rows == sum(end - start for start, end in stretches) - rest.sum()
+    assert rows.scored.tolist() == [bool(rest[start]) for start, _ in slips]
+    for start, end in slips:
+        (mine,) = (one for one in stretches if one.start <= start < one.end)
+        rest[max(start - early, mine.start) : min(end + tail, mine.end)] = False
+    assert rows.rest_rows == rest.sum()
+    assert rows.on_rest_rows(intervals(on, stretches)) == (rest & on).sum()
+
+
+@given(recorded())
+def test_an_alarm_begins_after_the_decision_was_off_for_long_enough(drawn):
+    stretches, _, on, settling, config = drawn
+    rows = ScoredRows([], stretches, settling, config, 100.0)
+    off_rows = round(100 * config.off_before_s)
+    begun = []
+    for start, end in stretches:
+        last_on = -1000  # a chain that starts is OFF
+        for row in range(start, end):
+            rises = on[row] and (row == start or not on[row - 1])
+            if rises and row - last_on > off_rows:
+                begun.append(row)
+            if on[row]:
+                last_on = row
+    alarms = rows.alarms(intervals(on, stretches))
+    assert [alarm.start for alarm in alarms] == begun
+    # Whatever is ON is in an alarm, which ends with an ON.
+    covered = {row for start, end in alarms for row in range(start, end)}
+    assert covered >= {row for start, end in stretches for row in range(start, end) if on[row]}
+    assert all(on[end - 1] for _, end in alarms)
+
+
+@given(recorded())
+def test_what_begins_while_the_chain_settles_is_neither_found_nor_missed_nor_false(drawn):
+    stretches, truth, on, settling, config = drawn
+    slips = intervals(truth, stretches)
+    rows = ScoredRows(slips, stretches, settling, config, 100.0)
+    rises = [alarm.start for alarm in rows.alarms(intervals(on, stretches))]
+    alarm_of, slip_of = rows.match(rises)
+    settles = rows.settling(rises)
+    settled_from = [min(start + max(settling, rows.off_rows), end) for start, end in stretches]
+    for k, rise in enumerate(rises):
+        mine = max(s for s, (start, _) in enumerate(stretches) if start <= rise)
+        assert settles[k] == (rise < settled_from[mine])
+        assert slip_of[k] is None or not settles[k]
+    for slip, alarm in enumerate(alarm_of):
+        assert alarm is None or (rows.scored[slip] and not settles[alarm])
+        if alarm is not None:  # and not beyond a gap
+            low, high = rows.lows[slip], rows.highs[slip]
+            assert low <= rises[alarm] < high
+            assert any(start <= low and high <= end for start, end in stretches)
+
+
+def test_a_decision_that_flickers_finds_nothing_and_one_that_waits_does():
+    config = EvaluationConfig(off_before_s=0.1, tail_s=0.0)
+    slips, stretches = [RowInterval(500, 600)], [RowInterval(0, 1000)]
+    rows = ScoredRows(slips, stretches, 0, config, 100.0)
+    # ON and OFF for 9 rows in turn: one alarm from the first to the last.
+    flicker = [RowInterval(k, k + 9) for k in range(0, 1000, 18)]
+    assert len(rows.alarms(flicker)) == 1
+    assert rows.match([alarm.start for alarm in rows.alarms(flicker)])[0] == [None]
+    waiting = [RowInterval(470, 495), RowInterval(505, 520)]
+    assert rows.match([alarm.start for alarm in rows.alarms(waiting)])[0] == [1]
+    hasty = [RowInterval(470, 496), RowInterval(505, 520)]
+    assert rows.match([alarm.start for alarm in rows.alarms(hasty)])[0] == [None]

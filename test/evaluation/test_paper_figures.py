@@ -66,9 +66,9 @@ def test_a_share_is_a_percentage_of_something(part, more):
 
 def slip(delay_s, on_while):
     return TrueSlip(
-        start_s=1.0, end_s=2.0, alarm=None, latency_s=None, late=False, stages_s=None,
-        lost_at=None, on_at_start=False, on_while=on_while, channel_delays_s=(delay_s,),
-        delay_s=delay_s,
+        start_s=1.0, end_s=2.0, alarm=None, latency_s=None, settling=False, lead_s=0.0,
+        window_s=1.1, late=False, stages_s=None, lost_at=None, on_at_start=False,
+        on_while=on_while, channel_delays_s=(delay_s,), delay_s=delay_s,
     )  # fmt: skip
 
 

@@ -9,12 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation import replay as replay_module
-from slip_detector.evaluation.events import ALREADY_ON, FALSE, STAGES, TRUE
+from slip_detector.evaluation.events import ALREADY_ON, SETTLING, STAGES, TRUE
 from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.paper_figures import first_on_delay_s
-from slip_detector.evaluation.replay import Replay, figures_of_merit
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 
@@ -79,9 +81,12 @@ CONFIGS = st.builds(
     st.sampled_from([1, 3]),
 )
 EVALUATIONS = st.builds(
-    lambda early, tail: EvaluationConfig(early_s=early, tail_s=tail, late_after_s=0.06),
+    lambda early, tail, off: EvaluationConfig(
+        early_s=early, tail_s=tail, off_before_s=off, late_after_s=0.06
+    ),
     st.sampled_from([0.0, 0.02]),
     st.sampled_from([0.0, 0.05]),
+    st.sampled_from([0.0, 0.03]),
 )
 
 
@@ -130,20 +135,35 @@ def runs(on):
 def test_figures_are_those_of_a_plain_evaluation_of_the_whole(recording, config, evaluation):
     volts, truth, _, _, moving = recording
     outcome = Replay(config, evaluation).run(cut(recording, []))
+    settling = max(settling_rows(config), round(evaluation.off_before_s * RATE_HZ))
     on, channels, statistic, rises, labels = [], [], [], 0, []
+    rest = np.zeros(len(volts), bool)
     for part in stretches(recording):
         result = SlipChain(config).update(volts[part], votes=(config.vote,))
         on.append(result.slip)
         channels.append(result.channels)
         statistic.append(result.vote_statistic[:, 0])
-        rises += len(runs(result.slip))
+        turned_on = runs(result.slip)
+        # An OFF of less than off_before_s is no end of an alarm.
+        rises += sum(
+            not k or a - turned_on[k - 1][1] >= evaluation.off_before_s * RATE_HZ
+            for k, (a, _) in enumerate(turned_on)
+        )
         labels += [(part.start + a, part.start + b) for a, b in runs(truth[part])]
+        rest[part.start + settling : part.stop] = True
+        early, tail = (round(s * RATE_HZ) for s in (evaluation.early_s, evaluation.tail_s))
+        for a, b in runs(truth[part]):
+            rest[part][max(a - early, 0) : b + tail] = False
     on, channels, statistic = (np.concatenate(parts) for parts in (on, channels, statistic))
     found = figures_of_merit([outcome])
     assert (found['rows'], found['slip_rows']) == (len(volts), int(truth.sum()))
     assert found['moving_rows'] == int(moving.sum())
     assert found['duration_s'] == len(volts) / RATE_HZ
     assert found['alarms'] == rises
+    assert (outcome.rest_rows, outcome.on_rest_rows) == (rest.sum(), (rest & on).sum())
+    assert found['false_time_percent'] == (
+        pytest.approx(100.0 * on[rest].mean()) if rest.any() else None
+    )
     assert found['slips'] == len(labels)
     assert found['false_positive_percent'] == (
         None if truth.all() else pytest.approx(100.0 * on[~truth].mean())
@@ -182,27 +202,38 @@ def test_the_parts_of_a_latency_sum_to_it_and_each_is_what_it_says(recording, co
         signal & result.valid
         for signal in (filtered > 0.3, result.envelope > 0.3, result.level > 0.3)
     ]
+    off_rows = round(evaluation.off_before_s * RATE_HZ)
+    settled = max(settling_rows(config), off_rows)
     for slip in outcome.slips:
         start, end = round(slip.start_s * RATE_HZ), round(slip.end_s * RATE_HZ)
+        assert slip.settling == (start < settled)
         if slip.alarm is None:
             assert slip.latency_s is None
             assert slip.stages_s is None
-            if result.slip[start - 1] and start:
+            if slip.settling:
+                assert slip.lost_at is None
+                continue
+            if result.slip[start - 1]:
                 assert slip.lost_at == ALREADY_ON
                 continue
             # The next slip ends the search.
             nexts = [round(s.start_s * RATE_HZ) for s in outcome.slips if s.start_s > slip.start_s]
             until = min([end + round(evaluation.tail_s * RATE_HZ), *nexts[:1], len(volts)])
+            rises = np.flatnonzero(result.slip[start:until])
+            if rises.size:  # the first goes on with an alarm that ended too shortly before it
+                assert result.slip[start + rises[0] - off_rows : start + rises[0]].any()
+                assert slip.lost_at == ALREADY_ON
+                continue
             through = [bool(signal[start:until].any()) for signal in signals]
             assert slip.lost_at == STAGES[through.index(False) if False in through else 3]
-            assert not result.slip[start:until].any()
             continue
         assert slip.lost_at is None
         rise = round(outcome.alarms[slip.alarm].start_s * RATE_HZ)
         assert slip.latency_s == pytest.approx((rise - start) / RATE_HZ)
         assert slip.late == (rise - start > 0.06 * RATE_HZ)
         if slip.stages_s is None:
-            assert rise < start or slip.on_at_start
+            # Another rise came first, and went on with an alarm that was not over.
+            assert rise < start or slip.on_at_start or result.slip[start:rise].any()
             continue
         assert list(slip.stages_s) == list(STAGES)
         assert sum(slip.stages_s.values()) == pytest.approx(slip.latency_s)
@@ -242,7 +273,7 @@ def test_two_slips_with_one_alarm_are_one_detected_and_one_that_found_it_on():
     assert figures_of_merit([outcome])['missed_already_on'] == 1
 
 
-def test_a_slip_that_goes_on_after_a_gap_is_to_be_detected_once_more():
+def test_a_slip_that_goes_on_after_a_gap_is_no_easy_one_that_begins_there():
     volts, truth = ridges((400, 1200))
     stamps_ns = np.round(np.arange(2000) * 1e9 / RATE_HZ).astype(np.int64)
     stamps_ns[800:] += 3_000_000_000
@@ -253,9 +284,16 @@ def test_a_slip_that_goes_on_after_a_gap_is_to_be_detected_once_more():
     outcome = Replay(CONFIG).run(pieces)
     assert [slip.start_s for slip in outcome.slips] == [1.0, 5.0]
     assert [slip.end_s for slip in outcome.slips] == [2.0, 6.0]
-    assert [alarm.kind for alarm in outcome.alarms] == [TRUE, TRUE]
-    assert all(0.0 < slip.latency_s < 0.1 for slip in outcome.slips)
+    assert [alarm.kind for alarm in outcome.alarms] == [TRUE, SETTLING]
+    assert [slip.settling for slip in outcome.slips] == [False, True]
+    assert 0.0 < outcome.slips[0].latency_s < 0.1
+    assert (outcome.slips[1].alarm, outcome.slips[1].lost_at) == (None, None)
     assert outcome.duration_s == 5.0
+    figures = figures_of_merit([outcome])
+    assert (figures['slips'], figures['matched'], figures['missed']) == (2, 1, 0)
+    assert (figures['settling_slips'], figures['settling_alarms']) == (1, 1)
+    assert figures['settling_rows'] == 2 * max(settling_rows(CONFIG), 40)
+    assert figures['recall'] == 1.0
 
 
 def test_a_clock_that_was_set_back_does_not_turn_time_back():
@@ -276,7 +314,9 @@ def test_the_recordings_own_rate_turns_rows_into_times():
     its = Replay(CONFIG).run([LabelledRows(volts, truth)], sample_rate_hz=RATE_HZ / 1.01)
     assert its.slips[0].start_s == pytest.approx(1.01 * ours.slips[0].start_s)
     assert its.slips[0].latency_s == pytest.approx(1.01 * ours.slips[0].latency_s)
-    assert its.quiet_s == pytest.approx(1.01 * ours.quiet_s)
+    # The tail of the slip and off_before_s are times too.
+    assert (ours.settling_rows, its.settling_rows) == (max(settling_rows(CONFIG), 40), 40)
+    assert (ours.rest_rows, its.rest_rows) == (2000 - 240 - ours.settling_rows, 2000 - 240 - 40)
 
 
 def test_late_is_later_than_the_limit():
@@ -311,30 +351,6 @@ def test_what_is_not_asked_for_is_undefined_and_the_rest_is_the_same():
         'missed_already_on',
     }
     assert {bare[name] for name in differ} == {None}
-
-
-def test_figures_of_several_are_those_of_their_events_and_rows_together():
-    volts, truth = ridges((400, 600), (1400, 1600))
-    noisy = volts.copy()
-    noisy[900:950] += 2.0 * np.sin(2 * np.pi * 50.0 * np.arange(50)[:, np.newaxis] / RATE_HZ)
-    replay = Replay(CONFIG)
-    a, b = (replay.run([LabelledRows(rows, truth)]) for rows in (volts, noisy))
-    pooled = figures_of_merit([a, b])
-    assert pooled['slips'] == 4
-    assert [alarm.kind for alarm in b.alarms] == [TRUE, FALSE, TRUE]
-    assert pooled['precision'] == 0.8
-    assert pooled['rows'] == 4000
-    assert pooled['false_alarms_per_minute'] == 60.0 / ((4000 - 800) / RATE_HZ)
-    latencies = [1e3 * slip.latency_s for one in (a, b) for slip in one.slips]
-    assert pooled['latency_worst_ms'] == max(latencies)
-    assert pooled['latency_median_ms'] == pytest.approx(np.median(latencies))
-    # Nothing is lost when one has no rows.
-    empty = replay.run([])
-    assert figures_of_merit([a, empty]) == figures_of_merit([a])
-    assert figures_of_merit([empty])['recall'] is None
-    assert figures_of_merit([empty])['auc_all'] is None
-    assert figures_of_merit([empty])['success_percent'] is None
-    assert figures_of_merit([empty])['false_positive_percent'] is None
 
 
 class Witness:

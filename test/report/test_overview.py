@@ -177,15 +177,19 @@ def test_no_rows_are_no_error():
 
 def test_what_a_report_shows_is_what_became_of_slips_and_alarms():
     volts = np.zeros((1, 16))
-    slip = Replay(ChainConfig()).run([LabelledRows(volts, np.ones(1, bool))]).slips[0]
+    settling = Replay(ChainConfig()).run([LabelledRows(volts, np.ones(1, bool))]).slips[0]
+    assert settling.settling
+    slip = dataclasses.replace(settling, settling=False, lost_at='filter')
     slips = [
         slip,
         dataclasses.replace(slip, alarm=0, latency_s=0.2, late=True, start_s=2.0, lost_at=None),
         dataclasses.replace(slip, alarm=1, latency_s=0.02, start_s=4.0, lost_at=None),
+        dataclasses.replace(settling, start_s=6.0),  # neither found nor missed
     ]
     alarms = [
         Alarm(2.2, 2.3, 'true', 1), Alarm(4.02, 4.3, 'true', 2), Alarm(4.5, 4.6, 'repeat', 2),
-        Alarm(1.0, 1.1, 'false', None),
+        Alarm(1.0, 1.1, 'false', None), Alarm(6.0, 6.1, 'settling', 3),
+        Alarm(8.0, 8.1, 'settling', None),
     ]  # fmt: skip
     outcome = dataclasses.replace(
         Replay(ChainConfig()).run([]), slips=tuple(slips), alarms=tuple(alarms)

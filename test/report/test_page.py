@@ -88,7 +88,11 @@ def test_any_text_is_shown_as_it_is(tmp_path_factory, text, hard):
     path = tmp_path_factory.mktemp('text') / 'report.html'
     variant = Variant(words, scenes.GIVEN, [seen], {words: {words: words}})
     report.write_page(
-        path, words, [variant], [SearchTrial(0, 0.1, 1.0, 0.0, {words: words}, words)], [words]
+        path,
+        words,
+        [variant],
+        [SearchTrial(0, 0.1, 1.0, 0.0, 1.0, {words: words}, words)],
+        [words],
     )
     shown = Page(path)
     assert shown.header['recordings'][0]['name'] == words

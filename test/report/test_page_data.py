@@ -145,15 +145,19 @@ def costs():
     return st.one_of(st.none(), st.integers(0, 3).map(float))
 
 
-@given(st.lists(st.tuples(costs(), costs(), costs()), max_size=12))
+@given(st.lists(st.tuples(*[costs()] * 4), max_size=12))
 def test_the_front_is_what_no_trial_beats(table):
-    trials = [SearchTrial(i, *row) for i, row in enumerate(table)]
-    known = [trial for trial in trials if None not in trial[1:4]]
+    trials = [
+        SearchTrial(i, *row, None if lack is None else 1.0 - lack)
+        for i, (*row, lack) in enumerate(table)
+    ]
+    known = [trial for trial, row in zip(trials, table, strict=True) if None not in row]
 
     def beaten(trial):
+        mine = table[trial.number]
         return any(
-            all(a <= b for a, b in zip(other[1:4], trial[1:4], strict=True))
-            and other[1:4] != trial[1:4]
+            all(a <= b for a, b in zip(table[other.number], mine, strict=True))
+            and table[other.number] != mine
             for other in known
         )
 

@@ -2,10 +2,9 @@
 
 from types import SimpleNamespace
 
-from slip_detector.evaluation.replay import figures_of_merit
+from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report.tuning_report import replay_tracks, write_tuning_report
-from slip_detector.tuning.verdict import pooled_figures
 from support import tuning_cases
 
 TRACKS = [tuning_cases.track(seed, duration_s=6.0) for seed in (0, 1)]
@@ -26,11 +25,14 @@ def test_a_chain_is_replayed_on_every_recording_and_seen_where_it_is_to_be_shown
 def test_held_out_recordings_are_told_from_those_tuned_on_and_each_trial_is_counted(tmp_path):
     given = replay_tracks(tuning_cases.CHAIN, TRACKS, EvaluationConfig(), shown=True)
     figures = {
-        'held out': [pooled_figures(given.outcomes[:1])] * 2,
-        'tuned on': [pooled_figures(given.outcomes[1:])] * 2,
+        'held out': [figures_of_merit(given.outcomes[:1])] * 2,
+        'tuned on': [figures_of_merit(given.outcomes[1:])] * 2,
     }
-    costs = {'latency_ms': 40.0, 'false_alarms_per_minute': 1.0, 'missed': 0.0}
-    found = {'parameters': {'threshold': 0.1}, 'figures': costs}
+    figures_found = {
+        'latency_median_ms': 40.0, 'false_alarms_per_minute': 1.0, 'false_time_percent': 0.5,
+        'sooner_than_chance': 1.0,
+    }  # fmt: skip
+    found = {'parameters': {'threshold': 0.1}, 'figures': figures_found}
     study = SimpleNamespace(
         trials=[
             SimpleNamespace(number=0, user_attrs={'found': [found]}),

@@ -97,9 +97,11 @@ def variants(names=('a.npz', 'b.npz'), **settings):
 def trials():
     """Return trials of a search, of which three are on the front and one is not defined."""
     return [
-        SearchTrial(0, 0.050, 4.0, 20.0, {'threshold': 0.5, 'passband_hz': (7.0, 50.0)}, 'given'),
-        SearchTrial(1, 0.030, 9.0, 0.0, {'threshold': 0.2}),
-        SearchTrial(2, 0.020, 1.0, 10.0, {'threshold': 1.0}, 'tuned'),
-        SearchTrial(3, 0.080, 0.0, 30.0, {'threshold': 3.0}),
-        SearchTrial(4, None, 0.0, 100.0, {'threshold': 9.0}),
+        SearchTrial(
+            0, 0.050, 4.0, 0.4, 0.8, {'threshold': 0.5, 'passband_hz': (7.0, 50.0)}, 'given'
+        ),
+        SearchTrial(1, 0.030, 9.0, 0.9, 1.0, {'threshold': 0.2}),
+        SearchTrial(2, 0.020, 1.0, 0.1, 0.9, {'threshold': 1.0}, 'tuned'),
+        SearchTrial(3, 0.080, 0.0, 0.0, 0.7, {'threshold': 3.0}),
+        SearchTrial(4, None, 0.0, 0.0, 0.0, {'threshold': 9.0}),
     ]

@@ -84,4 +84,5 @@ EVALUATIONS = st.builds(
     EvaluationConfig,
     early_s=st.sampled_from([0.0, 0.05]),
     tail_s=st.sampled_from([0.0, 0.08]),
+    off_before_s=st.sampled_from([0.0, 0.02, 0.1]),
 )

@@ -8,37 +8,28 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.objective import CandidateFigures, Objective
 from slip_detector.tuning.tracks import track_of
-from slip_detector.tuning.verdict import pooled_figures
+from support.guesses import guessed
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
-from support.tuning_cases import CHAIN, track
+from support.tuning_cases import CHAIN, slips, track
 
 
 def evaluated(chain, evaluation, several):
-    """Return the figures that the evaluation gives of recordings, as the tuner names them."""
+    """Return the figures that the evaluation gives of recordings, as the tuner compares them."""
     replay = Replay(chain, evaluation)
     outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
-    figures = pooled_figures(outcomes)
+    figures = figures_of_merit(outcomes)
     against_motion = any(one.scores.counts[1].any() for one in outcomes)
-    return {
-        'missed': figures['missed'] / figures['slips'],
-        'false_alarms_per_minute': figures['false_alarms_per_minute'],
-        'auc': figures['auc_moving' if against_motion else 'auc_all'],
-        'latency_ms': figures['latency_median_ms'],
-        'median_ms': figures['latency_median_all_ms'],
-    }
-
-
-def thought(candidate):
-    figures = candidate.figures._asdict()
-    if figures['median_ms'] == float('inf'):
-        figures['median_ms'] = None
-    return figures
+    figures['auc'] = figures['auc_moving' if against_motion else 'auc_all']
+    return CandidateFigures(**{name: figures[name] for name in CandidateFigures._fields})
 
 
 @settings(max_examples=40 if COMPILED else 3, deadline=None)
@@ -47,30 +38,35 @@ def test_the_tuner_thinks_of_a_chain_what_the_evaluation_says_of_it_to_the_bit(
     chain, several, evaluation
 ):
     tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
-    assume(any(track.slips for track in tracks) and any(track.quiet_s for track in tracks))
+    assume(any(track.slips for track in tracks))
     objective = Objective(tracks, evaluation, TuneConfig())
-    assert thought(objective.as_it_is(chain)) == evaluated(chain, evaluation, several)
+    assert objective.as_it_is(chain).figures == evaluated(chain, evaluation, several)
     for candidate in objective.best(chain):
-        assert thought(candidate) == evaluated(candidate.chain, evaluation, several)
+        assert candidate.figures == evaluated(candidate.chain, evaluation, several)
         assert objective.as_it_is(candidate.chain).figures == candidate.figures
 
 
-def test_costs_are_latency_and_what_misses_and_false_alarms_count_for():
+def test_costs_are_latency_and_what_misses_false_alarms_and_false_time_count_for():
     tracks = [track(1), track(2)]
-    weights = TuneConfig(missed_costs_ms=300.0, false_alarm_costs_ms=7.0, auc_costs_ms=0.0)
+    weights = TuneConfig(
+        missed_costs_ms=300.0, false_alarm_costs_ms=7.0, false_time_costs_ms=3.0, auc_costs_ms=0.0
+    )
     objective = Objective(tracks, EvaluationConfig(), weights)
     never = objective.as_it_is(dataclasses.replace(CHAIN, threshold=1e9))
     assert never.cost_ms == 300.0
-    assert never.figures.missed == 1.0
-    assert never.figures.latency_ms is None
-    assert math.isinf(never.figures.median_ms)
+    assert never.figures.sooner_than_chance == 0.0
+    assert never.figures.latency_median_ms is None
+    assert never.figures.latency_median_all_ms is None
     found = objective.as_it_is(dataclasses.replace(CHAIN, threshold=0.02))
-    assert found.figures.missed == 0.0
-    assert 10.0 < found.figures.latency_ms < 100.0
-    more = Objective(
-        tracks, EvaluationConfig(), dataclasses.replace(weights, false_alarm_costs_ms=8.0)
-    ).as_it_is(found.chain)
-    assert more.cost_ms - found.cost_ms == pytest.approx(found.figures.false_alarms_per_minute)
+    assert found.figures.sooner_than_chance > 0.9
+    assert 10.0 < found.figures.latency_median_ms < 100.0
+    for weight, figure in (
+        ('false_alarm_costs_ms', found.figures.false_alarms_per_minute),
+        ('false_time_costs_ms', found.figures.false_time_percent),
+    ):
+        heavier = dataclasses.replace(weights, **{weight: getattr(weights, weight) + 1.0})
+        more = Objective(tracks, EvaluationConfig(), heavier).as_it_is(found.chain)
+        assert more.cost_ms - found.cost_ms == pytest.approx(figure, abs=1e-9)
 
 
 def test_what_gets_worse_than_given_counts_tenfold():
@@ -78,21 +74,122 @@ def test_what_gets_worse_than_given_counts_tenfold():
     free = Objective(tracks, EvaluationConfig(), TuneConfig())
     chain = dataclasses.replace(CHAIN, threshold=0.02)
     alone = free.as_it_is(chain)
-    better = alone.figures._replace(median_ms=alone.figures.median_ms - 5.0)
+    faster = alone.figures.latency_median_all_ms - 5.0
+    better = alone.figures._replace(latency_median_all_ms=faster)
     held = Objective(tracks, EvaluationConfig(), TuneConfig(), better).as_it_is(chain)
     assert held.cost_ms == pytest.approx(alone.cost_ms + 50.0)
     same = Objective(tracks, EvaluationConfig(), TuneConfig(), alone.figures).as_it_is(chain)
     assert same.cost_ms == pytest.approx(alone.cost_ms)
 
 
+def test_a_given_figure_that_is_not_defined_holds_nothing_back():
+    tracks = [track(1)]
+    chain = dataclasses.replace(CHAIN, threshold=0.02)
+    alone = Objective(tracks, EvaluationConfig(), TuneConfig()).as_it_is(chain)
+    # It finds few slips and is never OFF: no median of all, no alarms in a minute of OFF.
+    few = CandidateFigures(None, 30.0, 0.2, 0.0, 100.0, None)
+    assert few.false_alarms_per_minute_off is None
+    held = Objective(tracks, EvaluationConfig(), TuneConfig(), few).as_it_is(chain)
+    assert held.cost_ms == pytest.approx(alone.cost_ms)
+
+
+GOOD = CandidateFigures(20.0, 20.0, 1.0, 1.0, 0.5, 0.99)
+
+
 def test_worse_is_said_of_each_figure():
-    good = CandidateFigures(20.0, 0.0, 1.0, 0.99, 20.0)
-    assert good.worse_than(good) == []
-    bad = CandidateFigures(math.inf, 0.5, 2.0, 0.9, 15.0)
-    assert [line.split()[0] for line in bad.worse_than(good)] == [
-        'median', 'missed', 'false', 'area',
-    ]  # fmt: skip
-    assert good.worse_than(bad) == []
+    assert GOOD.worse_than(GOOD) == []
+    bad = CandidateFigures(None, 15.0, 0.5, 2.0, 1.5, 0.9)
+    assert bad.worse_than(GOOD) == [
+        'no median latency defined against 20 ms',
+        'false alarms 2.03 against 1.005 in a minute of OFF',
+        'false time 1.5 against 0.5 %',
+        'sooner than chance 0.5 against 1',
+        'area under the ROC curve 0.9 against 0.99',
+    ]
+    assert GOOD.worse_than(bad) == []
+
+
+def test_nothing_is_worse_than_what_is_no_better_than_chance():
+    for sooner_than_chance in (0.0, -0.2, None):
+        useless = GOOD._replace(sooner_than_chance=sooner_than_chance)
+        assert GOOD._replace(false_time_percent=50.0).worse_than(useless) == []
+
+
+def test_alarms_that_hardly_end_are_not_few():
+    """ON for 99 % of the time with one alarm a minute is no standard for another chain."""
+    mostly_on = GOOD._replace(false_time_percent=99.0, sooner_than_chance=0.1)
+    assert GOOD._replace(false_alarms_per_minute=20.0).worse_than(mostly_on) == []
+    always_on = GOOD._replace(false_time_percent=100.0, sooner_than_chance=0.1)
+    assert always_on.false_alarms_per_minute_off is None
+    assert GOOD.worse_than(always_on) == []
+
+
+class Guesses(Objective):
+    """The objective with decisions that know nothing of slip in place of a chain's."""
+
+    def __init__(self, tracks, on):
+        super().__init__(tracks, EvaluationConfig(), TuneConfig())
+        self._on = on
+
+    def statistics(self, chain, votes):
+        return {vote: [self._on] for vote in votes}
+
+
+@settings(max_examples=20)
+@given(
+    st.integers(0, 2**32 - 1),
+    *[st.floats(0.0, math.log(4000.0)).map(math.exp)] * 2,
+)
+def test_no_guess_costs_less_than_never_being_on(seed, mean_on, mean_off):
+    random = np.random.default_rng(seed)
+    slips, n = 100, 100 * 600
+    truth = np.zeros(n, bool)
+    for start in np.arange(slips) * 600 + random.integers(0, 250, slips):
+        truth[start : start + random.integers(50, 300)] = True
+    quiet = track_of('a', [LabelledRows(np.zeros((n, 1)), truth)], RATE_HZ)
+    guess = Guesses([quiet], guessed(random, n, mean_on, mean_off).astype(float))
+    sides = [guess.as_it_is(dataclasses.replace(CHAIN, threshold=at)) for at in (0.5, 2.0)]
+    assert sides[1].figures.false_time_percent == 0.0
+    rest = float(np.count_nonzero(~truth))
+    alarms = sides[0].figures.false_alarms_per_minute * rest / RATE_HZ / 60.0
+    # Of the share of slips that is found, and of that which chance is said to find.
+    deviation = math.hypot(0.5 / math.sqrt(slips), 200.0 / rest * math.sqrt(alarms))
+    assert sides[0].cost_ms > sides[1].cost_ms - 5.0 * deviation * TuneConfig().missed_costs_ms
+
+
+def test_always_on_costs_what_misses_cost_and_all_of_the_time():
+    truth = np.arange(6000) % 1000 >= 800
+    quiet = track_of('a', [LabelledRows(np.zeros((6000, 1)), truth)], RATE_HZ)
+    guess = Guesses([quiet], np.ones(6000))
+    always, never = (guess.as_it_is(dataclasses.replace(CHAIN, threshold=at)) for at in (0.5, 2.0))
+    config = TuneConfig()
+    assert always.cost_ms == never.cost_ms + 100.0 * config.false_time_costs_ms
+    assert never.cost_ms == config.missed_costs_ms + 0.5 * config.auc_costs_ms
+
+
+def test_a_chain_does_not_gain_by_settling_for_longer():
+    """The slip that it leaves out is no slip that it need not find."""
+    volts, truth = slips(1)
+    late = track_of('a', [LabelledRows(volts[500:], truth[500:])], RATE_HZ)  # a slip after 0.2 s
+    objective = Objective([late], EvaluationConfig(), TuneConfig())
+    chain = dataclasses.replace(CHAIN, threshold=0.02)
+    slow = dataclasses.replace(chain, passband_hz=(0.5, 50.0))
+    for each in (chain, slow):
+        candidate = objective.as_it_is(each)
+        statistic = objective.statistics(each, [each.vote])[each.vote]
+        sweep = objective.sweep(each, statistic, np.array([each.threshold]))
+        left_out = int((~sweep.scored).sum())
+        assert candidate.cost_ms > left_out / len(sweep.scored) * TuneConfig().missed_costs_ms
+        assert left_out == sum(slip.start < settling_rows(each) for slip in late.slips)
+
+
+def test_of_a_recording_that_ends_before_the_chain_has_settled_nothing_is_known():
+    volts, truth = slips(1)
+    short = track_of('a', [LabelledRows(volts[600:680], truth[600:680])], RATE_HZ)
+    objective = Objective([short], EvaluationConfig(), TuneConfig())
+    assert objective.as_it_is(CHAIN).cost_ms == math.inf
+    assert objective.as_it_is(CHAIN).figures[:5] == (None,) * 5
+    assert objective.best(CHAIN) == []
 
 
 def test_the_best_threshold_is_found_for_each_vote():
@@ -104,7 +201,8 @@ def test_the_best_threshold_is_found_for_each_vote():
     best = found[0]
     assert best.cost_ms < objective.as_it_is(CHAIN).cost_ms
     again = objective.as_it_is(best.chain)
-    assert again.figures.missed == best.figures.missed == 0.0
+    assert again.figures == best.figures
+    assert best.figures.sooner_than_chance == 1.0
 
 
 def test_a_chain_that_never_moves_has_no_threshold():

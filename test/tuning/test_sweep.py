@@ -3,11 +3,14 @@
 import dataclasses
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.space import threshold_scale, thresholds, votes_of
@@ -35,8 +38,6 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
     config, several, evaluation, random
 ):
     tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
-    if not sum(track.quiet_s for track in tracks):
-        return
     votes = votes_of(config)
     one_pass = VoteStatistics(config, votes)
     statistics = [one_pass.of(track) for track in tracks]
@@ -45,7 +46,7 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
         limits = thresholds(mine, tracks, *threshold_scale(config))
         if not limits.size:
             continue
-        sweep = sweep_thresholds(mine, tracks, limits, evaluation)
+        sweep = sweep_thresholds(mine, tracks, limits, evaluation, settling_rows(config))
         for k in {0, limits.size - 1, random.randrange(limits.size)}:
             chain = dataclasses.replace(config, vote=vote, threshold=float(limits[k]))
             replay = Replay(chain, evaluation, scores=False, stages=False)
@@ -58,7 +59,16 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
             np.testing.assert_array_equal(sweep.latencies_ms[:, k], latencies_ms)
             false_alarms = sum(alarm.kind == 'false' for one in outcomes for alarm in one.alarms)
             assert sweep.false_alarms[k] == false_alarms
-            assert sweep.quiet_s == sum(one.quiet_s for one in outcomes)
+            assert sweep.rest_s == sum(one.rest_s for one in outcomes)
+            assert sweep.on_rest_s[k] == sum(one.on_rest_s for one in outcomes)
+            whole = figures_of_merit(outcomes)
+            assert sweep.figures(k).items() <= whole.items()
+            scored = [not slip.settling for one in outcomes for slip in one.slips]
+            assert sweep.scored.tolist() == scored
+            if any(scored) and sweep.rest_s:
+                assert sweep.sooner_than_chance[k] == pytest.approx(
+                    whole['sooner_than_chance'], abs=1e-12
+                )
 
 
 def test_an_array_that_is_overwritten_gets_the_same_statistic():

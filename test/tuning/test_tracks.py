@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import COMPILED
 from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.replay import Replay, figures_of_merit
+from slip_detector.evaluation.matching import RowInterval
+from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.replay import Replay
 from slip_detector.tuning.tracks import fingerprint, held_out, track_of
 from support.track_cases import RATE_HZ, chains, recordings
 from support.tuning_cases import slips, track
@@ -23,6 +25,7 @@ def test_a_track_of_a_recording_with_a_gap_keeps_its_time():
     ]
     whole = track_of('a', pieces, 380.0)
     assert whole.pieces[1].first_row == 1000 + 760
+    assert whole.stretches == [RowInterval(0, 1000), RowInterval(1760, 760 + len(volts))]
     assert whole.slips[-1].start == np.flatnonzero(np.diff(truth.astype(int)) == 1)[-1] + 1 + 760
 
 

@@ -29,7 +29,7 @@ def test_jobs_have_a_line_for_each_format():
 def test_families_and_real_recordings_have_lines_of_their_own():
     one = {
         'latency_median_all_ms': 40.0, 'latency_median_ms': None, 'false_alarms_per_minute': 1.25,
-        'recall': 0.5,
+        'false_time_percent': 0.125, 'recall': 0.5, 'sooner_than_chance': 0.25,
     }  # fmt: skip
     area = {'auc_moving': 0.91, 'auc_moving_by_threshold': 0.85}
     text = tuning_table(
@@ -40,5 +40,5 @@ def test_families_and_real_recordings_have_lines_of_their_own():
         }
     )
     assert 'plates' in text
-    assert '40.0, -, 1.2, 0.50 -> 40.0, -, 1.2, 0.50 (no better)' in text
+    assert '40.0, -, 1.2, 0.12, 0.50, 0.25 -> 40.0, -, 1.2, 0.12, 0.50, 0.25 (no better)' in text
     assert text.count('AUC against motion 0.910 (by thresholds 0.850)') == 2

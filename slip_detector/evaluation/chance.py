@@ -1,0 +1,184 @@
+"""What of the figures of slips and alarms is better than chance.
+
+Alarms that know nothing of slip find slips too, and the more of them there are the sooner. How
+soon is known from the rest, where each alarm is false: within a time t after any moment an alarm
+begins with a probability of at most t times the rate of false alarms, whether they come at random
+or like a clock. All figures here take this bound for chance. So no decision that does not depend
+on slip is better than chance on the mean, however often it is ON and however fast it switches.
+
+Of each slip two times are needed: its *window* is the length of the time in which its alarm may
+rise; its *lead* the time from the beginning of this window to the start of the slip, and half a
+row more, as an alarm rises somewhere within its row.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+#: The median latency of all slips is told from this much better than chance on.
+HALF = 0.5
+
+
+def recall_by_chance(windows_s: ArrayLike, rates_hz: ArrayLike) -> Floats:
+    """Return the share of the slips that false alarms alone would find, at most.
+
+    Parameters
+    ----------
+    windows_s : array_like, shape (slips,)
+        At least one.
+    rates_hz : array_like, any shape
+        Rates of false alarms in the rest, for example at several thresholds.
+
+    Returns
+    -------
+    ndarray, of the shape of ``rates_hz``
+
+    Examples
+    --------
+    >>> recall_by_chance([1.0, 3.0], rates_hz=[0.0, 0.1, 1.0])
+    array([0. , 0.2, 1. ])
+    """
+    rates = np.asarray(rates_hz, np.float64)
+    return np.asarray(np.minimum(np.multiply.outer(windows_s, rates), 1.0).mean(axis=0))
+
+
+def sooner_than_chance(
+    latencies_s: ArrayLike, leads_s: ArrayLike, windows_s: ArrayLike, rates_hz: ArrayLike
+) -> Floats:
+    """Return how much more often alarms are sooner than false alarms by chance than later.
+
+    The alarm of each slip is compared with the false alarm that would have come first, had the
+    slip begun at another time. 1: always sooner; 0: as often sooner as later. Where neither
+    comes within the window of the slip, neither is sooner.
+
+    Parameters
+    ----------
+    latencies_s : array_like, shape (slips, ...)
+        NaN for a missed slip; of at least one slip.
+    leads_s : array_like, shape (slips,)
+        See the module.
+    windows_s : array_like, shape (slips,)
+        See the module.
+    rates_hz : array_like, shape (...)
+        Rates of false alarms in the rest.
+
+    Returns
+    -------
+    ndarray, of the shape of ``rates_hz``
+
+    Examples
+    --------
+    >>> float(sooner_than_chance([0.05, np.nan], [0.0, 0.0], [1.0, 1.0], rates_hz=0.0))
+    0.5
+    >>> float(sooner_than_chance([0.25, np.nan], [0.0, 0.0], [1.0, 1.0], rates_hz=1.0))
+    -0.25
+    """
+    rates = np.asarray(rates_hz, np.float64)
+    latencies = np.asarray(latencies_s, np.float64)
+    leads = np.reshape(leads_s, (-1, *[1] * rates.ndim))
+    missed = -np.minimum(np.multiply.outer(windows_s, rates), 1.0)
+    found = 1.0 - 2.0 * np.minimum((latencies + leads) * rates, 1.0)
+    return np.asarray(np.where(np.isnan(latencies), missed, found).mean(axis=0))
+
+
+def saved_by_chance_s(
+    leads_s: ArrayLike, windows_s: ArrayLike, rates_hz: ArrayLike, most_s: float
+) -> Floats:
+    """Return by how much false alarms alone would lower the mean latency, at most.
+
+    Parameters
+    ----------
+    leads_s, windows_s : array_like, shape (slips,)
+        Of at least one slip.
+    rates_hz : array_like, any shape
+        Rates of false alarms in the rest.
+    most_s
+        The latency of a missed slip; no latency is longer, and none below 0.
+
+    Returns
+    -------
+    ndarray, of the shape of ``rates_hz``
+
+    Examples
+    --------
+    >>> saved_by_chance_s([0.0], [2.0], rates_hz=[0.0, 1.0, 1000.0], most_s=0.5)
+    array([0.    , 0.125 , 0.4995])
+    """
+    rates = np.asarray(rates_hz, np.float64)
+    each = (-1, *[1] * rates.ndim)
+    leads, windows = np.reshape(leads_s, each), np.reshape(windows_s, each)
+    highest = np.minimum(windows * rates, 1.0)
+    # The probability of an alarm grows with time until it is as high as it gets.
+    full_s = np.divide(
+        highest, rates, out=np.broadcast_to(windows, highest.shape).copy(), where=rates > 0.0
+    )
+    grows_s = np.clip(full_s - leads, 0.0, most_s)
+    growing = rates * grows_s * (leads + 0.5 * grows_s)
+    return np.asarray((growing + highest * (most_s - grows_s)).mean(axis=0))
+
+
+def slip_figures(
+    latencies_ms: Sequence[float] | Floats,
+    leads_s: Sequence[float] | Floats,
+    windows_s: Sequence[float] | Floats,
+    false_alarms: int,
+    rest_s: float,
+    on_rest_s: float,
+) -> dict[str, float | None]:
+    """Return the figures of slips and rest; None where one is not defined.
+
+    Parameters
+    ----------
+    latencies_ms : array_like, shape (slips,)
+        Latency of each slip that is scored; NaN for a missed one.
+    leads_s, windows_s : array_like, shape (slips,)
+        See the module.
+    false_alarms
+        Number of alarms in the rest.
+    rest_s, on_rest_s
+        Time of the rest, and how much of it the global decision is ON.
+
+    Returns
+    -------
+    dict
+        ``recall``: the share of the slips that are found; :func:`recall_by_chance` and
+        :func:`sooner_than_chance`; ``false_alarms_per_minute`` of rest; ``false_time_percent``:
+        the share of the rest that is ON, and ``false_time_s_per_hour``, the same;
+        ``latency_median_ms``, ``latency_p90_ms`` and ``latency_worst_ms`` of the slips found,
+        where they are found sooner than by chance; ``latency_median_all_ms``, of all slips,
+        where a missed one is later than any, and ``sooner_than_chance`` is at least one half.
+
+    Examples
+    --------
+    >>> figures = slip_figures([40.0, np.nan], [0.0] * 2, [1.0] * 2, 6, rest_s=60.0, on_rest_s=0.3)
+    >>> figures['recall'], figures['recall_by_chance'], round(figures['sooner_than_chance'], 3)
+    (0.5, 0.1, 0.446)
+    >>> figures['false_time_percent'], figures['latency_median_ms']
+    (0.5, 40.0)
+    """
+    latencies = np.asarray(latencies_ms, np.float64)
+    found = latencies[~np.isnan(latencies)]
+    by_chance = sooner = None
+    if latencies.size and rest_s:
+        rate_hz = false_alarms / rest_s
+        by_chance = float(recall_by_chance(windows_s, rate_hz))
+        sooner = float(sooner_than_chance(latencies / 1e3, leads_s, windows_s, rate_hz))
+    told = found if sooner is not None and sooner > 0.0 else found[:0]
+    median_all = np.inf
+    if sooner is not None and sooner >= HALF:
+        median_all = float(np.median(np.where(np.isnan(latencies), np.inf, latencies)))
+    return {
+        'recall': found.size / latencies.size if latencies.size else None,
+        'recall_by_chance': by_chance,
+        'sooner_than_chance': sooner,
+        'false_alarms_per_minute': 60.0 * false_alarms / rest_s if rest_s else None,
+        'false_time_percent': 100.0 * (on_rest_s / rest_s) if rest_s else None,
+        'false_time_s_per_hour': 3600.0 * (on_rest_s / rest_s) if rest_s else None,
+        'latency_median_all_ms': median_all if np.isfinite(median_all) else None,
+        'latency_median_ms': float(np.median(told)) if told.size else None,
+        'latency_p90_ms': float(np.percentile(told, 90)) if told.size else None,
+        'latency_worst_ms': float(told.max()) if told.size else None,
+    }

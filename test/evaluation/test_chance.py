@@ -1,0 +1,185 @@
+"""What knows nothing of slip is no better than chance, whatever it does."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slip_detector.evaluation.chance import (
+    recall_by_chance,
+    saved_by_chance_s,
+    slip_figures,
+    sooner_than_chance,
+)
+from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows
+from slip_detector.parameters.evaluation import EvaluationConfig
+from support.guesses import guessed
+
+RATE_HZ = 100.0
+
+
+def intervals(on):
+    """Return where decisions are ON."""
+    found = OnIntervals()
+    found.add(on, 0)
+    found.close(len(on))
+    return found.closed()
+
+
+def figures_of(on, slips):
+    """Return the figures of decisions in one stretch, the scored rows, and the false alarms."""
+    rows = ScoredRows(slips, [RowInterval(0, len(on))], 0, EVALUATION, RATE_HZ)
+    rises = [alarm.start for alarm in rows.alarms(intervals(on))]
+    alarm_of, slip_of = rows.match(rises)
+    settling = rows.settling(rises)
+    false = sum(slip is None and not k for slip, k in zip(slip_of, settling, strict=True))
+    latencies_ms = np.array(
+        [
+            np.nan if alarm is None else (rises[alarm] - slip.start) / RATE_HZ * 1e3
+            for slip, alarm in zip(slips, alarm_of, strict=True)
+        ]
+    )
+    figures = slip_figures(
+        latencies_ms[rows.scored],
+        rows.leads_s[rows.scored],
+        rows.windows_s[rows.scored],
+        false,
+        rows.rest_rows / RATE_HZ,
+        rows.on_rest_rows(intervals(on)) / RATE_HZ,
+    )
+    return figures, rows, false
+
+
+EVALUATION = EvaluationConfig()
+
+
+@st.composite
+def rings(draw):
+    """Draw decisions that repeat, and a slip within their second turn."""
+    on = np.array(draw(st.lists(st.booleans(), min_size=8, max_size=40), label='on'), bool)
+    n = len(on)
+    edges = st.lists(st.integers(n, 2 * n), unique=True, min_size=2, max_size=2).map(sorted)
+    slip = RowInterval(*draw(edges, label='slip'))
+    config = EvaluationConfig(
+        early_s=draw(st.integers(0, 3)) / RATE_HZ,
+        tail_s=draw(st.integers(0, 3)) / RATE_HZ,
+        off_before_s=draw(st.integers(0, 6)) / RATE_HZ,
+    )
+    return on, slip, config
+
+
+@settings(max_examples=20)
+@given(rings(), st.floats(0.0, 0.5))
+def test_shifted_to_every_time_alarms_do_no_better_than_chance_is_said_to_do(drawn, most_s):
+    """The law behind the figures, for any decisions; there is no chance in this test."""
+    on, slip, config = drawn
+    n = len(on)
+    latencies_s, alarms = [], set()
+    for shift in range(n):
+        # In the first turn the chain settles; in the second each alarm of a turn begins once.
+        turns = np.tile(np.roll(on, shift), 2)
+        rows = ScoredRows([slip], [RowInterval(0, 2 * n)], n, config, RATE_HZ)
+        rises = [alarm.start for alarm in rows.alarms(intervals(turns))]
+        ((alarm,), _) = rows.match(rises)
+        latencies_s.append(np.nan if alarm is None else (rises[alarm] - slip.start) / RATE_HZ)
+        alarms.add(int((~rows.settling(rises)).sum()))
+    (in_a_turn,) = alarms
+    rate_hz = in_a_turn / n * RATE_HZ
+    leads_s, windows_s = np.resize(rows.leads_s, n), np.resize(rows.windows_s, n)
+    found = np.isfinite(latencies_s).mean()
+    assert found <= recall_by_chance(windows_s, rate_hz) + 1e-9
+    assert sooner_than_chance(latencies_s, leads_s, windows_s, rate_hz) <= 1e-9
+    late_s = np.clip(np.fmin(latencies_s, most_s), 0.0, most_s)
+    saved_s = saved_by_chance_s(rows.leads_s, rows.windows_s, rate_hz, most_s)
+    # Between two rows the bound of what is saved is a straight line, and the law a step.
+    within_a_row = rate_hz / RATE_HZ**2
+    assert late_s.mean() + saved_s >= most_s - within_a_row - 1e-12
+
+
+@st.composite
+def guesses(draw):
+    """Draw decisions that know nothing of slip: random times ON and OFF of any mean length."""
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label='seed'))
+    mean = st.floats(0.0, math.log(1000.0)).map(math.exp)
+    mean_on, mean_off = draw(mean, label='mean rows ON'), draw(mean, label='mean rows OFF')
+    regular = draw(st.booleans(), label='as regular as a clock')
+    slip_rows = random.integers(20, 150, 100)
+    pauses = random.integers(60, 300, 100)
+    ends = np.cumsum(slip_rows + pauses)
+    slips = [RowInterval(int(e - n), int(e)) for e, n in zip(ends, slip_rows, strict=True)]
+    return guessed(random, int(ends[-1]) + 60, mean_on, mean_off, regular), slips
+
+
+@settings(max_examples=40)
+@given(guesses())
+def test_what_is_on_at_random_or_like_a_clock_is_no_better_than_chance(drawn):
+    on, slips = drawn
+    figures, rows, false = figures_of(on, slips)
+    # Standard deviations of the mean over the slips, and of the false alarms counted.
+    window_rows = float((rows.highs - rows.lows)[rows.scored].mean())
+    of_chance = 2.0 * window_rows / rows.rest_rows * math.sqrt(false)
+    deviation = math.hypot(0.6 / math.sqrt(rows.scored.sum()), of_chance)
+    assert figures['sooner_than_chance'] < 5.0 * deviation
+    assert figures['latency_median_all_ms'] is None
+    if figures['sooner_than_chance'] <= 0.0:
+        for name in ('latency_median_ms', 'latency_p90_ms', 'latency_worst_ms'):
+            assert figures[name] is None
+
+
+@settings(max_examples=10)
+@given(guesses(), st.booleans())
+def test_always_on_and_never_on_are_exactly_as_good_as_chance(drawn, always):
+    _, slips = drawn
+    on = np.full(slips[-1].end + 60, always)
+    figures, _, _ = figures_of(on, slips)
+    assert figures['sooner_than_chance'] == 0.0
+    assert figures['false_time_percent'] == (100.0 if always else 0.0)
+    assert figures['false_time_s_per_hour'] == (3600.0 if always else 0.0)
+    assert {figures[name] for name in figures if name.startswith('latency')} == {None}
+
+
+def test_what_knows_the_slips_is_as_much_better_as_can_be():
+    slips = [RowInterval(k, k + 50) for k in range(100, 1000, 200)]
+    on = np.zeros(1100, bool)
+    for start, end in slips:
+        on[start + 4 : end + 8] = True  # and is OFF again within tail_s
+    figures, _, _ = figures_of(on, slips)
+    assert (figures['recall'], figures['recall_by_chance']) == (1.0, 0.0)
+    assert figures['sooner_than_chance'] == 1.0
+    assert figures['latency_median_all_ms'] == figures['latency_worst_ms'] == 40.0
+    assert figures['false_time_percent'] == 0.0
+
+
+def test_by_hand():
+    by_chance = recall_by_chance([2.0, 6.0], np.array([0, 10, 20]) / 60.0)
+    assert by_chance.tolist() == pytest.approx([0.0, (2 / 6 + 1.0) / 2, (4 / 6 + 1.0) / 2])
+    # Found after 0.1 s, of which chance finds a tenth, and missed, of which it finds all.
+    sooner = sooner_than_chance([0.1, np.nan], [0.0, 0.0], [2.0, 2.0], 1.0)
+    assert sooner == pytest.approx((0.9 - 0.1 - 1.0) / 2)
+    at_two_rates = sooner_than_chance(
+        [[0.1, 0.1], [0.2, np.nan]], [0.0] * 2, [2.0] * 2, [0.0, 1.0]
+    )
+    assert at_two_rates.tolist() == pytest.approx([1.0, float(sooner)])
+    # An alarm may rise 0.1 s before the slip: a tenth is saved whole, and half of what is left
+    # where the mean time to an alarm ends.
+    saved_s = saved_by_chance_s([0.1], [5.0], [1.0], 2.0)
+    assert saved_s.tolist() == pytest.approx([0.1 * 0.9 + 0.9**2 / 2 + 1.1])
+    figures = slip_figures([20.0, np.nan, 60.0, 40.0], [0.0] * 4, [3.0] * 4, 1, 60.0, 1.5)
+    assert figures == pytest.approx(
+        {
+            'recall': 0.75, 'recall_by_chance': 0.05,
+            'sooner_than_chance': (3.0 - 2.0 * 0.12 / 60.0 - 0.05) / 4.0,
+            'false_alarms_per_minute': 1.0, 'false_time_percent': 2.5,
+            'false_time_s_per_hour': 90.0, 'latency_median_all_ms': 50.0,
+            'latency_median_ms': 40.0, 'latency_p90_ms': 56.0, 'latency_worst_ms': 60.0,
+        }
+    )  # fmt: skip
+
+
+def test_without_rest_nothing_is_known_of_chance():
+    figures = slip_figures([20.0], [0.0], [1.0], 0, 0.0, 0.0)
+    assert figures.pop('recall') == 1.0
+    assert set(figures.values()) == {None}
+    assert slip_figures([], [], [], 3, 60.0, 6.0)['sooner_than_chance'] is None
