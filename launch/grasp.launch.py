@@ -14,7 +14,7 @@ from launch_ros.substitutions import FindPackageShare
 
 
 def nodes(context):
-    """Start the nodes; what no argument says is as the parameter file has it."""
+    """Start the nodes; an argument that is given replaces the value in the parameter file."""
     config, source, scene, seed = (
         LaunchConfiguration(name).perform(context)
         for name in ('config', 'source', 'scene', 'seed')

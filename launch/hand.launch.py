@@ -29,7 +29,11 @@ def generate_launch_description():
                 'namespace', default_value='', description='Namespace of the whole hand.'
             ),
             DeclareLaunchArgument(
-                'config', default_value=own_config, description='Parameter file of all nodes.'
+                'config',
+                default_value=own_config,
+                description='Parameter file of all nodes: a path, or the name of one of the '
+                'package. Several, with commas between: a detector of each finger for each, in a '
+                'namespace of its name.',
             ),
             DeclareLaunchArgument(
                 'source',

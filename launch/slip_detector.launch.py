@@ -1,6 +1,9 @@
-"""One driver and one detector; or of each so many as there are fingers, in one process.
+"""One driver and one detector; or, with one process of each kind, both for every finger.
 
 ros2 launch slip_detector slip_detector.launch.py namespace:=index config:=my.yaml source:=none
+
+With several parameter files there is a detector for each, in a namespace of the file's name; the
+driver has the first one.
 """
 
 from pathlib import Path
@@ -13,26 +16,38 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 
+def find_config(name, share):
+    """Return the path of a parameter file that is named by its path, or is one of the package."""
+    for path in (Path(name), share / name):
+        if path.is_file():
+            return str(path)
+    # The nodes would run on their defaults, unasked.
+    own = ', '.join(sorted(path.name for path in share.glob('*.yaml')))
+    raise FileNotFoundError(
+        f'config is {name!r}, allowed: the path of a parameter file, or one of {own}'
+    )
+
+
 def nodes(context):
-    """Start the nodes; what no argument says is as the parameter file has it."""
-    config, source, recording = (
+    """Start the nodes; an argument that is given replaces the value in the parameter file."""
+    names, source, recording = (
         LaunchConfiguration(name).perform(context) for name in ('config', 'source', 'recording')
     )
-    if not Path(config).is_file():
-        # The nodes would run on their defaults, unasked.
-        raise FileNotFoundError(f'config is {config!r}, allowed: the path of a parameter file')
+    share = Path(FindPackageShare('slip_detector').perform(context)) / 'config'
+    configs = [find_config(name.strip(), share) for name in names.split(',')]
     namespace = LaunchConfiguration('namespace')
     fingers = LaunchConfiguration('fingers').perform(context)
     arguments = ['--fingers', fingers] if fingers else []
+    several = len(configs) > 1
     detector = Node(
         package='slip_detector',
         executable='slip_detector',
         namespace=namespace,
-        arguments=arguments,
-        parameters=[config],
+        arguments=[*arguments, '--configs', ','.join(configs)] if several else arguments,
+        parameters=[] if several else configs,
     )
-    # The detector misses nothing while it starts.
-    given = {'wait_for_subscribers': 1}
+    # No detector misses anything while it starts.
+    given = {'wait_for_subscribers': len(configs)}
     if source:
         given['source'] = source
     if recording:
@@ -42,7 +57,7 @@ def nodes(context):
         executable='slip_driver',
         namespace=namespace,
         arguments=arguments,
-        parameters=[config, given],
+        parameters=[configs[0], given],
     )
     return [detector] if source == 'none' else [detector, driver]
 
@@ -63,7 +78,11 @@ def generate_launch_description():
                 'a namespace of its name within the other; empty: one pair.',
             ),
             DeclareLaunchArgument(
-                'config', default_value=own_config, description='Parameter file of both nodes.'
+                'config',
+                default_value=own_config,
+                description='Parameter file of both nodes: a path, or the name of one of the '
+                'package. Several, with commas between: a detector for each, in a namespace of '
+                'its name.',
             ),
             DeclareLaunchArgument(
                 'source',

@@ -35,10 +35,16 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.nodes)
 
 
-def pytest_collection_finish():
-    """Leave what is loaded by now, which stays, out of all further collections of garbage."""
-    gc.collect()
-    gc.freeze()
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Leave what is loaded while tests are collected, which stays, out of garbage collection."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.collect()
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture

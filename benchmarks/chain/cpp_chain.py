@@ -88,7 +88,7 @@ class CppChain:
         )
 
     def update(self, rows: Floats) -> Bools:
-        """Take the next rows; return their decisions as ``SlipResult.flags`` has them."""
+        """Take the next rows; return their decisions in the form of ``SlipResult.flags``."""
         volts = np.ascontiguousarray(rows, np.float64)
         if volts.ndim != 2 or volts.shape[1] != self._channels:
             raise ValueError(

@@ -1,7 +1,8 @@
 """The processes of a soak: drivers and detectors of all fingers, watched by their diagnostics.
 
-Losses are counted by the detectors, from the stamps of the samples: samples that are bridged or
-dropped, and new stretches. So no other process has to receive the samples.
+Losses are counted by the detectors, from the stamps of the samples or the numbers of messages
+without stamps: samples that are bridged or dropped, and new stretches. So no other process has to
+receive the samples.
 """
 
 import argparse

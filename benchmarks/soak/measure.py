@@ -40,6 +40,7 @@ WANTED = {
     'hand.lost_total': Bound(high=0),
     'hand.cpu_percent_total': Bound(high=50.0),
     'fast_hand.lost_total': Bound(high=0),
+    'fast_finger.lost_total': Bound(high=0),
     'fast_finger.cpu_percent_total': Bound(high=30.0),
 }
 

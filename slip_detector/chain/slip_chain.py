@@ -221,9 +221,8 @@ class SlipChain:
             padded = np.zeros((len(rows), LANES))
             padded[:, :channels] = rows
             rows = padded
-        elif (
-            not rows.flags.writeable
-        ):  # to Numba this is another type, for which it would compile again
+        elif not rows.flags.writeable:
+            # To Numba this is another type, for which it would compile again.
             rows = rows.copy()
         n, many = len(rows), len(votes)
         kept = KEEP_ENVELOPE * envelope + KEEP_LEVEL * level

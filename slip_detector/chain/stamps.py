@@ -249,6 +249,10 @@ class StampGrid:
             self._number = number
         return arrival
 
+    def skip(self, number: int | None) -> None:
+        """Take note of the number of a message without samples, which is not missing."""
+        self._number = number
+
     def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
         """Take all samples at once if each is the next one; else take none of them.
 

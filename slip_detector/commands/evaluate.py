@@ -91,6 +91,18 @@ def evaluate(
         When a recording cannot be evaluated; names it.
     KeyboardInterrupt
         When Ctrl-C was pressed before the first recording was evaluated.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> loader = RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig())
+    >>> with tempfile.TemporaryDirectory() as folder, Workers(1) as workers:
+    ...     path = Path(folder) / 'rest.npz'
+    ...     np.savez(path, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
+    ...     sets, left = evaluate([str(path)], Evaluator(loader), workers)
+    >>> as_report(sets)['all']['rows'], left
+    (100, [])
     """
     sets = recording_sets(arguments)
     files = [file for several in sets.values() for file in several]

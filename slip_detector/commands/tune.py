@@ -82,7 +82,7 @@ def tuning_parameters_of(file: str | None) -> TuningParameters:
     )
 
 
-class Progress:
+class _Progress:
     """Shows the progress of a search and the best chain so far, as a bar or as lines.
 
     Parameters
@@ -136,7 +136,7 @@ def in_short(found: Candidate) -> str:
     )
 
 
-def tune(
+def _run_search(
     problem: Problem,
     where: str,
     trials: int,
@@ -161,7 +161,7 @@ def tune(
         When the storage fails; names it.
     """
     study = problem.study(where, problem.study_name(), seed)
-    progress = Progress(problem, study, trials)
+    progress = _Progress(problem, study, trials)
     try:
         search(problem, study, trials, stop, progress, results)
     finally:
@@ -256,7 +256,7 @@ def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
         where = options.storage or f'{options.out}.study.journal'
         with workers_of(options) as workers:
             results = partial(workers.results, FileObjective(files, problem).candidates)
-            study = tune(
+            study = _run_search(
                 problem, where, options.trials, options.seed, stopper,
                 None if workers.here else results,
             )  # fmt: skip

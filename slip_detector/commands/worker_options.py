@@ -39,17 +39,40 @@ def add_worker_options(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def workers_of(options: argparse.Namespace) -> Workers:
-    """Return the workers that the options of :func:`add_worker_options` ask for."""
+    """Return the workers that the options of :func:`add_worker_options` ask for.
+
+    Examples
+    --------
+    >>> with workers_of(argparse.Namespace(jobs=None, cluster=None)) as workers:
+    ...     workers.here
+    True
+    """
     return Workers(options.jobs or 1, options.cluster)
 
 
 def paths_for_workers(options: argparse.Namespace, paths: Sequence[str]) -> list[str]:
-    """Return paths for the workers: absolute for a cluster, whose workers run in other folders."""
+    """Return paths for the workers: absolute for a cluster, whose workers run in other folders.
+
+    Examples
+    --------
+    >>> paths_for_workers(argparse.Namespace(cluster=None), ['trial.npz'])
+    ['trial.npz']
+    >>> on_cluster = argparse.Namespace(cluster='tcp://arm:8786')
+    >>> paths_for_workers(on_cluster, ['trial.npz']) == [os.path.abspath('trial.npz')]
+    True
+    """
     return [os.path.abspath(path) for path in paths] if options.cluster else list(paths)
 
 
 def config_for_workers(options: argparse.Namespace, config: RecordingConfig) -> RecordingConfig:
-    """Return the configuration with the path of the labels as the workers need it."""
+    """Return the configuration with the path of the labels as the workers need it.
+
+    Examples
+    --------
+    >>> config = RecordingConfig(recording_labels='labels')
+    >>> config_for_workers(argparse.Namespace(cluster=None), config).recording_labels
+    'labels'
+    """
     labels = config.recording_labels
     if not labels:
         return config

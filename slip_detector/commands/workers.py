@@ -1,5 +1,6 @@
 """Calls of one function with many arguments, in this process, in several or on a Dask cluster."""
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -16,8 +17,8 @@ from concurrent.futures import (
 from types import TracebackType
 from typing import Any, TypeVar
 
-#: How many times in a row processes may die before a call ends. Dask also gives up a call during
-#: which this number of workers has died.
+#: After this number of deaths in a row, without a result between them, the calls are given up.
+#: Dask gives up a call with which more workers have died than its ``allowed-failures``, 3 as well.
 MOST_DEATHS = 3
 
 #: How long a scheduler may take to answer.
@@ -150,7 +151,7 @@ class Workers:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             for place, argument in left.items():
-                calls[self._executor.submit(function, argument)] = place
+                calls[self._executor.submit(_call, function, argument)] = place
         except BrokenExecutor:  # the remaining arguments are left for the next processes
             pass
         finally:
@@ -168,14 +169,25 @@ class Workers:
         except (OSError, ValueError) as error:
             raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
         self._executor = self._client.get_executor(pure=False)
-        # One that killed its workers, and one to whom the package is missing.
+        # A call that killed its workers, and one on a worker that lacks this package.
         self._given_up = (KilledWorker, ImportError)
 
 
 def _processes(jobs: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(
-        jobs, multiprocessing.get_context('spawn'), initializer=_end_with_parent
-    )
+    return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), initializer=_begin)
+
+
+def _begin() -> None:
+    # Garbage collection while the first call loads its modules would take a third of the start.
+    gc.disable()
+    _end_with_parent()
+
+
+def _call(function: Callable[[Argument], Result], argument: Argument) -> Result:
+    try:
+        return function(argument)
+    finally:
+        gc.enable()
 
 
 def _end_with_parent() -> None:

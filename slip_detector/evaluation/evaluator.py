@@ -40,6 +40,17 @@ def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int
         ``bad_samples``: values that are not numbers; ``gaps`` that were bridged, with
         ``bridged_rows``; ``long_gaps``, after which the chain was reset; ``dropped``: rows whose
         stamp is not after the one before.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.parameters import ChainConfig
+    >>> rest = LabelledRows(np.ones((5, 16)), truth=np.zeros(5, bool))
+    >>> replayed = Replay(ChainConfig()).run([rest])
+    >>> one = EvaluatedRecording(replayed, RecordingCounts(gaps=2, bridged_rows=7), observer=None)
+    >>> recording_counts([one, one])['bridged_rows']
+    14
     """
     counts = [one.counts for one in evaluations]
     return {
@@ -58,6 +69,17 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     -------
     dict
         As :func:`.figures_of_merit` and :func:`recording_counts` return them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.parameters import ChainConfig
+    >>> rest = LabelledRows(np.ones((5, 16)), truth=np.zeros(5, bool))
+    >>> replayed = Replay(ChainConfig()).run([rest])
+    >>> figures = recording_figures([EvaluatedRecording(replayed, RecordingCounts(gaps=2), None)])
+    >>> figures['rows'], figures['slips'], figures['gaps']
+    (5, 0, 2)
     """
     several = list(evaluations)
     return {**figures_of_merit([one.outcome for one in several]), **recording_counts(several)}

@@ -105,5 +105,11 @@ def paper_figures(slips: Sequence[TrueSlip], on_rows: int, rest_rows: int) -> di
 
 
 def trial_delays_ms(slips: Sequence[TrueSlip]) -> list[float | None]:
-    """Return the mean delay of the channels in each slip (Eq. 10); None where none is ON."""
+    """Return the mean delay of the channels in each slip (Eq. 10); None where none is ON.
+
+    Examples
+    --------
+    >>> trial_delays_ms([])
+    []
+    """
     return [None if slip.delay_s is None else slip.delay_s * 1e3 for slip in slips]

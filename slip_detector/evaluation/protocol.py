@@ -126,7 +126,7 @@ def claims(result: Mapping[str, Any]) -> dict[str, float | None]:
     Parameters
     ----------
     result
-        ``plates``, ``all``, ``windows`` and ``bands`` as :func:`evaluate_protocol` has them.
+        ``plates``, ``all``, ``windows`` and ``bands`` as :func:`evaluate_protocol` returns them.
     """
     plates, whole = result['plates'], result['all']
     means = [plates[plate]['mean_delay_ms'] for plate in SCENES]

@@ -151,6 +151,13 @@ def replay_trial(trial: PlateTrial, replay: Replay) -> ReplayOutcome:
     ------
     ValueError
         When the trial does not suit the chain.
+
+    Examples
+    --------
+    >>> volts, position_m = np.full((380, 16), 4.3), np.arange(380) * 1e-5
+    >>> outcome = replay_trial(plate_trial(volts, position_m, 380.0), Replay(ChainConfig()))
+    >>> len(outcome.slips), outcome.on_rows
+    (1, 0)
     """
     config = replay.chain.config
     rate, wanted = trial.sample_rate_hz, config.sample_rate_hz
@@ -216,6 +223,16 @@ def evaluate_plates(
     ------
     ValueError
         When the chain cannot be built or a trial does not suit it; names the plate.
+
+    Examples
+    --------
+    >>> time_s = np.arange(760) / 380.0
+    >>> position_m = np.clip(time_s - 1.0, 0.0, 0.5)
+    >>> tone = np.where(time_s > 1.0, np.sin(2 * np.pi * 20.0 * time_s), 0.0)
+    >>> trial = plate_trial(np.tile(tone, (16, 1)).T, position_m, 380.0)
+    >>> figures = evaluate_plates({'400': [trial]}, ChainConfig())
+    >>> figures['plates']['400']['success_percent'], figures['all']['detected']
+    (100.0, 1)
     """
     replay = Replay(config, scores=False, stages=False)
     outcomes: dict[str, list[ReplayOutcome]] = {}

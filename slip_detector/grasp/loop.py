@@ -27,6 +27,9 @@ Floats = NDArray[np.float64]
 #: Default time from sample to command: somewhat more than the nodes take.
 TRANSPORT_S = 5e-3
 
+#: A command that arrives this soon after a sample may, but for round-off, arrive with it.
+ROUND_OFF_S = 1e-9
+
 
 class GraspTrial(NamedTuple):
     """The course of one trial, sample by sample.
@@ -122,23 +125,31 @@ def play_trial(
     under_way: deque[tuple[float, float]] = deque()
     rows: list[tuple[float, ...]] = []
     commanded_n = -1.0
-    next_s = 0.0
+    next_s, period_s = 0.0, 1.0 / scene.sample_rate_hz
     while True:
         while under_way and under_way[0][0] <= next_s:
             scene.hold_force(under_way.popleft()[1])
-        volts, sliding, position_m, time_s = scene.read(1)
-        if not len(volts):
+        # All samples before the next command arrives are read at once.
+        arrives_s = under_way[0][0] if under_way else next_s + transport_s
+        many = 1
+        while next_s + many * period_s < arrives_s - ROUND_OFF_S:
+            many += 1
+        samples = scene.read(many)
+        if not len(samples.volts):
             break
-        now_s = float(time_s[0])
-        result = chain.update(volts, envelope=False, level=False)
-        slip = bool(result.slip[0])
-        command_n = law.update(now_s, slip, bool(result.can_vote[0].any()))
-        if command_n != commanded_n:
-            commanded_n = command_n
-            under_way.append((now_s + transport_s, command_n))
-        force_n = float(scene.force_n(time_s)[0])
-        rows.append((now_s, command_n, force_n, slip, bool(sliding[0]), float(position_m[0])))
-        next_s = now_s + 1.0 / scene.sample_rate_hz
+        result = chain.update(samples.volts, envelope=False, level=False)
+        forces_n = scene.force_n(samples.time_s).tolist()
+        can_vote = [bool(row.any()) for row in result.can_vote]
+        for now_s, slip, valid, force_n, sliding, position_m in zip(
+            samples.time_s.tolist(), result.slip.tolist(), can_vote, forces_n,
+            samples.truth.tolist(), samples.position_m.tolist(), strict=True,
+        ):  # fmt: skip
+            command_n = law.update(now_s, slip, valid)
+            if command_n != commanded_n:
+                commanded_n = command_n
+                under_way.append((now_s + transport_s, command_n))
+            rows.append((now_s, command_n, force_n, slip, sliding, position_m))
+            next_s = now_s + period_s
     times, commands, forces, slips, slidings, positions = np.array(rows).T
     load_n = np.interp(times, *scene.drive_numbers.load)
     needed_n = load_n / (FINGERS * friction.static_coefficient)

@@ -154,7 +154,7 @@ def play(
     return recorder, config
 
 
-def demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, Any]:
+def _demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, Any]:
     """Compute the paper's figures of merit from what was received.
 
     Delays are from the stamp of the last sample at which the plate still stood (Eq. 9) to the
@@ -162,7 +162,7 @@ def demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, An
     such ON, or nothing moves.
     """
     times_s = np.array(recorder.stamps_s)
-    span_s = motion_span_s(recorder)
+    span_s = _motion_span_s(recorder)
     truth, moves = np.zeros(len(times_s), dtype=bool), None
     if span_s:
         moves = {'start_s': span_s[0] - times_s[0], 'end_s': span_s[1] - times_s[0]}
@@ -195,7 +195,7 @@ def demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, An
     }
 
 
-def motion_span_s(recorder: SlipRecorder) -> tuple[float, float] | None:
+def _motion_span_s(recorder: SlipRecorder) -> tuple[float, float] | None:
     """Return when the plate started and stopped according to its position (Eq. 9).
 
     It is None when nothing moves.
@@ -219,10 +219,10 @@ def record_trial(path: str, source: Source, start_ns: int) -> None:
     write_recording(path, pieces(), source.sample_rate_hz, source.channel_names)
 
 
-def to_microseconds(value: Any) -> Any:
+def _to_microseconds(value: Any) -> Any:
     """Round all figures in milliseconds to microseconds, which are accurate enough."""
     if isinstance(value, dict):
-        return {name: to_microseconds(item) for name, item in value.items()}
+        return {name: _to_microseconds(item) for name, item in value.items()}
     return value if value is None else round(float(value), 3)
 
 
@@ -246,7 +246,7 @@ def _delay_lines(result: dict[str, Any]) -> list[str]:
     return lines
 
 
-def demo_table(result: dict[str, Any]) -> str:
+def _demo_table(result: dict[str, Any]) -> str:
     """Return the figures as text."""
     lines = ['Delay from the start of the plate to the receipt of the first ON']
     if result['motion'] is None:
@@ -287,10 +287,10 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
     recorder, config = play(arguments, parameter_file, source.duration_s)
-    result = demo_figures(recorder, config)
-    (arguments.out / 'demo.json').write_text(json.dumps(to_microseconds(result), indent=2) + '\n')
+    result = _demo_figures(recorder, config)
+    (arguments.out / 'demo.json').write_text(json.dumps(_to_microseconds(result), indent=2) + '\n')
     _draw(recorder, config, arguments.out / 'demo.png')
-    print(demo_table(result))
+    print(_demo_table(result))
     written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]
     print(f'Written: {", ".join([*written, *filter(None, [arguments.record])])}')
 
@@ -300,7 +300,7 @@ def _draw(recorder: SlipRecorder, config: DetectorConfig, path: Path) -> None:
     from slip_detector.report.trial_pictures import draw_trial
 
     times_s = np.array(recorder.stamps_s)
-    span_s = motion_span_s(recorder)
+    span_s = _motion_span_s(recorder)
     draw_trial(
         path,
         times_s - times_s[0],

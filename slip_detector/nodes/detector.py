@@ -72,7 +72,7 @@ class Detector(LifecycleNode):
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_detector', allow_undeclared_parameters=True, cli_args=cli_args)
         # The configuration of the parameters; the running one may be a moment behind.
-        self.config = declare(self, DetectorConfig, FIXED)
+        self.config = declare(self, DetectorConfig, FIXED, cli_args)
         self._check(self.config)
         follow_changes(self, lambda: self.config, self._check, self._take)
         self._logged_ns: dict[str, int] = {}
@@ -324,6 +324,7 @@ class Detector(LifecycleNode):
             return
         n, channels = rows.shape
         if not n:  # an empty batch
+            self._stamp_grid.skip(number)
             return
         if channels != config.channels:
             self._drop(

@@ -53,7 +53,7 @@ from slip_detector.report.grasp_table import grasp_table
 SHOWN = 2
 
 
-def through_nodes(
+def _through_nodes(
     seeds: Sequence[int], config: Path, folder: Path, trials: Sequence[GraspTrial], limit_n: float
 ) -> tuple[dict[str, Any], dict[int, LiveGraspTrial]]:
     """Play seeds through the nodes.
@@ -128,7 +128,7 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     trials = {name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()}
     parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
     mine = trials[CONTROLLER][: arguments.live]
-    live, heard = through_nodes(
+    live, heard = _through_nodes(
         seeds[: arguments.live], config, arguments.out, mine, grasp.limit_n
     )
     result = {

@@ -35,12 +35,12 @@ class Sample(NamedTuple):
     stamp_ns : int or None
         When the last one was taken; None: unknown.
     names : list of str
-        Of the channels, where the message says them.
+        Names of the channels; empty where the message has none.
     frame_id : str
         Frame of the fingertip, where the message has one.
     number : int or None
-        Of the message among those of its publisher, where the stamp is the time of publication
-        and the middleware numbers messages.
+        Number of the message among those of its publisher, where the stamp is the time of
+        publication and the middleware numbers messages.
     """
 
     rows: NDArray[np.float64]
@@ -68,6 +68,14 @@ class JointStateReader:
     ------
     ValueError
         When it has no positions, or was not serialised as Fast DDS does it.
+
+    Examples
+    --------
+    >>> message = JointState(name=['a', 'b'], position=[4.1, 4.3])
+    >>> reader = JointStateReader(serialize_message(message), message)
+    >>> message.position[0] = 4.2
+    >>> reader.read(serialize_message(message)).rows
+    array([[4.2, 4.3]])
     """
 
     def __init__(self, raw: bytes, message: Any) -> None:
@@ -81,7 +89,7 @@ class JointStateReader:
         if not self._n or raw[self._begin : self._end] != message.position.tobytes():
             raise ValueError('the positions are not where they should be')
         self._wanted = self._fixed_bytes(raw)
-        # The same texts and lengths with whatever stands between them: mostly always the same.
+        # The same bytes with those of alignment between them, which mostly do not change either.
         self._as_before = raw[TEXTS : self._begin]
 
     def read(self, raw: bytes) -> Sample | None:
@@ -110,9 +118,17 @@ class JointStateWriter:
     Parameters
     ----------
     frame_id, names
-        Of all messages.
+        The texts that all messages have.
     efforts
         Whether they have efforts, one for each position.
+
+    Examples
+    --------
+    >>> from rclpy.serialization import deserialize_message
+    >>> writer = JointStateWriter('thumb', ['a', 'b'])
+    >>> message = deserialize_message(writer.written(5, np.array([4.1, 4.3])), JointState)
+    >>> message.header.frame_id, message.position.tolist()
+    ('thumb', [4.1, 4.3])
     """
 
     def __init__(self, frame_id: str, names: Sequence[str], efforts: bool = False) -> None:
@@ -123,7 +139,7 @@ class JointStateWriter:
         )
         message.header.frame_id = frame_id
         raw: bytes = serialize_message(message)
-        # Behind the positions: so many velocities, none, and so many efforts.
+        # After the positions come the number of velocities, 0, and the number of efforts.
         _, begin = places(frame_id, names)
         end = begin + 8 * n
         self._position = slice(begin, end)
@@ -164,7 +180,7 @@ def places(frame_id: str, names: Sequence[str]) -> tuple[list[int], int]:
         The bytes of frame, names, their lengths and the number of positions, without those of
         alignment.
     begin : int
-        Of the positions.
+        The first byte of the positions.
     """
     fixed: list[int] = []
     place = TEXTS

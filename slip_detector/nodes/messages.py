@@ -38,6 +38,11 @@ def sensor_qos() -> QoSProfile:
     """Return the profile of samples: best effort, with a queue for a reader that stalls.
 
     The queue holds one second at 1 kHz.
+
+    Examples
+    --------
+    >>> sensor_qos().reliability is ReliabilityPolicy.BEST_EFFORT
+    True
     """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
@@ -48,7 +53,13 @@ def sensor_qos() -> QoSProfile:
 
 
 def event_qos() -> QoSProfile:
-    """Return the profile of events: all are delivered, none is kept for late subscribers."""
+    """Return the profile of events: all are delivered, none is kept for late subscribers.
+
+    Examples
+    --------
+    >>> event_qos().durability is DurabilityPolicy.VOLATILE
+    True
+    """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=10,
@@ -66,6 +77,11 @@ def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
         Queue length, for a subscriber that may be busy and must not miss a change.
     deadline_s
         Longest time between messages that is promised, or requested.
+
+    Examples
+    --------
+    >>> state_qos().durability is DurabilityPolicy.TRANSIENT_LOCAL
+    True
     """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
@@ -87,6 +103,11 @@ def heartbeat_qos(deadline_s: float) -> QoSProfile:
     ----------
     deadline_s
         Longest time between messages that the publisher promises.
+
+    Examples
+    --------
+    >>> heartbeat_qos(deadline_s=0.5).deadline.nanoseconds
+    500000000
     """
     profile = state_qos(deadline_s=deadline_s)
     profile.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC

@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -22,7 +22,10 @@ from slip_detector.parameters.sets import ConfigType, ParameterSet
 
 
 def declare(
-    node: Node, config_class: type[ConfigType], fixed: Collection[str] | None = None
+    node: Node,
+    config_class: type[ConfigType],
+    fixed: Collection[str] | None = None,
+    cli_args: Sequence[str] | None = None,
 ) -> ConfigType:
     """Declare all fields of a configuration on a node, with the values given by the user.
 
@@ -35,13 +38,15 @@ def declare(
         The node, and the configuration whose fields are declared on it.
     fixed
         Fields that cannot be changed while the node runs; None: all.
+    cli_args
+        ROS arguments for this node, beside those of the process.
 
     Raises
     ------
     ValueError
         For an unknown name or a value that is not allowed.
     """
-    for_others = _names_for_others(config_class.NODE)
+    for_others = _names_for_others(config_class.NODE, [*sys.argv, *(cli_args or [])])
     values = {
         name: _value(parameter)
         for name, parameter in given_parameters(node).items()
@@ -55,10 +60,9 @@ def declare(
     return config
 
 
-def _names_for_others(node: str) -> set[str]:
+def _names_for_others(node: str, words: Sequence[str]) -> set[str]:
     """Return the names that the parameter files give to all nodes but that only others have."""
-    words = itertools.pairwise(sys.argv)
-    files = [path for option, path in words if option == '--params-file']
+    files = [path for option, path in itertools.pairwise(words) if option == '--params-file']
     return {name for path in files for name in names_for_others(path, node)}
 
 

@@ -2,11 +2,16 @@
 
 import gc
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import PurePath
 from typing import Any, NoReturn
+
+#: What a ROS namespace may be named.
+NAMESPACE = re.compile('[A-Za-z_][A-Za-z0-9_]*')
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
@@ -14,8 +19,8 @@ EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 def run(executable: str) -> int:
     """Spin the nodes of an executable until they end or a signal arrives.
 
-    There is one node, or with ``--fingers`` one in each of the namespaces that it names, all in
-    one process.
+    There is one node, or with ``--fingers`` one in each of the namespaces that it names, and of
+    the detector with ``--configs`` one for each parameter file; all are in one process.
 
     Slow imports come after the signal handlers are set, because otherwise a signal during start-up
     would end in a traceback.
@@ -36,6 +41,8 @@ def run(executable: str) -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
+    # What is made until the nodes run stays: the garbage collector need not look at it.
+    gc.disable()
     import rclpy
     from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
     from rclpy.utilities import remove_ros_args
@@ -46,14 +53,16 @@ def run(executable: str) -> int:
     ignore_what_a_signal_leaves(lambda: initialised)
     takedowns: list[Callable[[], object]] = []
     try:
+        if '--configs' in sys.argv and executable != 'slip_detector':
+            raise ValueError('--configs is given, allowed: for slip_detector only')
         _check_files(sys.argv)
         make = _maker(executable)
         rclpy.init()
         initialised = True
         nodes = make(_arguments_of_each(sys.argv, remove_ros_args(sys.argv)))
         takedowns = [node.destroy_node for node in nodes]
-        # What has been made until here stays: the garbage collector need not look at it again.
         gc.freeze()
+        gc.enable()
         executor: Executor
         if executable == 'grasp_controller':
             # Its slip messages and its deadline events must be handled in one thread.
@@ -90,13 +99,28 @@ def _check_files(words: list[str]) -> None:
     """Read the parameter files before rcl does, whose error messages are hard to understand."""
     from slip_detector.parameters.reading import our_sections
 
-    for option, path in pairwise(words):
-        if option == '--params-file':
-            our_sections(path)
+    paths = [path for option, path in pairwise(words) if option == '--params-file']
+    for path in [*paths, *(_listed('--configs', words) or [])]:
+        our_sections(path)
+
+
+def _listed(option: str, words: list[str]) -> list[str] | None:
+    """Return the items with commas between them that follow an option; None without the option."""
+    if option not in words:
+        return None
+    text = ''.join(words[words.index(option) + 1 :][:1])
+    items = [item.strip() for item in text.split(',')]
+    if not all(items) or len(set(items)) < len(items):
+        raise ValueError(f'{option} is {text!r}, allowed: different names with commas between')
+    return items
 
 
 def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | None]:
-    """Return the ROS arguments of each node: its namespace when ``--fingers`` is given.
+    """Return the ROS arguments of each node, where there may be several.
+
+    ``--fingers`` puts a node into a namespace for each finger. ``--configs`` puts one into a
+    namespace below that for each parameter file, named like the file; all of a finger receive the
+    same ``voltages``.
 
     Parameters
     ----------
@@ -106,20 +130,30 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
     Raises
     ------
     ValueError
-        When names are missing or not different.
+        When names are missing or not different, or a file's name cannot be that of a namespace.
     """
-    if '--fingers' not in ours:
+    fingers, configs = _listed('--fingers', ours), _listed('--configs', ours)
+    if fingers is None and configs is None:
         return [None]
-    text = ''.join(ours[ours.index('--fingers') + 1 :][:1])
-    fingers = [finger.strip() for finger in text.split(',')]
-    if not all(fingers) or len(set(fingers)) < len(fingers):
-        raise ValueError(f'--fingers is {text!r}, allowed: different names with commas between')
-    # A namespace of the whole process is put before the fingers' names, which would replace it.
+    # A namespace of the whole process is put before the others, which would replace it.
     whole = [word.partition(':=')[2] for word in words if word.startswith('__ns:=')]
     hand = whole[-1].strip('/') if whole else ''
+    above = ['/' + '/'.join(filter(None, (hand, finger))) for finger in fingers or ['']]
+    if configs is None:
+        return [['--ros-args', '-r', f'__ns:={namespace}'] for namespace in above]
+    names = [PurePath(path).stem for path in configs]
+    if not all(NAMESPACE.fullmatch(name) for name in names) or len(set(names)) < len(names):
+        raise ValueError(
+            f'--configs is {",".join(configs)!r}, allowed: files with different names, which are '
+            'namespaces too: letters, digits and _, no digit first'
+        )
     return [
-        ['--ros-args', '-r', f'__ns:=/{hand}/{finger}' if hand else f'__ns:=/{finger}']
-        for finger in fingers
+        [
+            *('--ros-args', '-r', f'__ns:={namespace.rstrip("/")}/{name}'),
+            *('-r', f'voltages:={namespace.rstrip("/")}/voltages', '--params-file', path),
+        ]
+        for namespace in above
+        for name, path in zip(names, configs, strict=True)
     ]
 
 
@@ -129,6 +163,9 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
         from slip_detector.nodes.grasp_controller import GraspController
 
         return lambda of_each: [GraspController(arguments) for arguments in of_each]
+    from slip_detector.chain.compiled import load_numba_alone
+
+    load_numba_alone()
     log_compiling(executable)
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import drivers
@@ -138,7 +175,19 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
     from slip_detector.nodes.detector import Detector
 
     compile_chain()  # here, where a signal ends the process at once
-    return lambda of_each: [Detector(arguments) for arguments in of_each]
+
+    def detectors(of_each: list[list[str] | None]) -> list[Detector]:
+        made = []
+        for arguments in of_each:
+            try:
+                made.append(Detector(arguments))
+            except ValueError as error:
+                if '--params-file' not in (arguments or []):
+                    raise
+                raise ValueError(f'{arguments[-1]}: {error}') from error  # type: ignore[index]
+        return made
+
+    return detectors
 
 
 def log_compiling(executable: str) -> None:
@@ -150,6 +199,7 @@ def log_compiling(executable: str) -> None:
     said: set[str] = set()
 
     def say(module: str) -> None:
+        gc.enable()  # Compiling leaves garbage.
         subpackage = module.rpartition('.')[0]
         if subpackage not in said:
             said.add(subpackage)

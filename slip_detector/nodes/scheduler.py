@@ -10,6 +10,16 @@ class Scheduler:
 
     Samples of several drivers that are due at the same moment are published one after the other by
     one thread: waking a thread for each driver would cost more than publishing its message.
+
+    Examples
+    --------
+    >>> done = []
+    >>> scheduler = Scheduler()
+    >>> scheduler.add_thread(lambda stop: done.append('read'))
+    >>> scheduler.start()
+    >>> scheduler.stop()
+    >>> done, scheduler.ended
+    (['read'], True)
     """
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ from slip_detector.parameters.sets import ParameterSet
 #: strays as far.
 WHOLE_PERIODS = 1e-3
 
-#: What all channels of a row share, and how it is computed, is one of these.
+#: The values of the parameter ``common_mode``.
 COMMON_MODES = ('none', 'median', 'mean')
 
 #: Channels of the paper's fingertip.
@@ -145,7 +145,7 @@ class ChainConfig(ParameterSet):
     )
     decision_window_s: float = parameter(
         0.04,
-        'Window of the mean held against the threshold.',
+        'Window of the mean that is compared with the threshold.',
         unit='s',
         low=0.0,
         high=60.0,

@@ -149,7 +149,7 @@ def read_layout(raw: bytes, typestore: Any, msgtype: str, field: FieldReader) ->
 
 
 def channel_names(message: Any, channels: int) -> tuple[str, ...]:
-    """Return the names of the channels in a message, as JointState has them; else empty."""
+    """Return the names of the channels in a message such as JointState; otherwise none."""
     names = getattr(message, 'name', ())
     if isinstance(names, str) or len(names) != channels:
         return ()

@@ -64,6 +64,23 @@ def write_evaluation_report(
     ------
     ValueError
         When a file cannot be written; names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from slip_detector.evaluation.evaluator import Evaluator
+    >>> from slip_detector.evaluation.loading import RecordingLoader
+    >>> from slip_detector.parameters import EvaluationConfig, RecordingConfig
+    >>> config = ChainConfig()
+    >>> evaluator = Evaluator(RecordingLoader(config, RecordingConfig(), EvaluationConfig()))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     rest, page = Path(folder) / 'rest.npz', Path(folder) / 'report.html'
+    ...     np.savez(rest, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
+    ...     one = evaluator.evaluate(rest, overview_factory(config, recordings=1))
+    ...     written = write_evaluation_report({'rest': {'rest.npz': one}}, config, page, None)
+    ...     [path.name for path in written]
+    ['report.html']
     """
     titles = {
         (f'{name}/{file}' if len(sets) > 1 else file): one

@@ -114,6 +114,14 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
     ----------
     report
         As :func:`slip_detector.commands.evaluate.as_report` returns it.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.evaluator import recording_figures
+    >>> figures = recording_figures([])
+    >>> report = {'sets': {'trials': {**figures, 'recordings': {}}}, 'all': figures}
+    >>> evaluation_tables(report).splitlines()[1].split()
+    ['all', 'rows', '0', '0', '-', '-', '-']
     """
     blocks: list[list[Cells]] = []
     notes = []

@@ -14,6 +14,15 @@ def grasp_table(result: Mapping[str, Any]) -> str:
     ----------
     result
         The content of ``grasp.json``; see :mod:`slip_detector.nodes.grasp_demo`.
+
+    Examples
+    --------
+    >>> figures = {'dropped': 0, 'trials': 1, 'mean_slide_mm': 0.2, 'worst_slide_mm': 0.2}
+    >>> figures |= {'force_percent': 40.0, 'most_force_percent': 44.0, 'onsets': 2.0}
+    >>> figures['needed_percent'] = 30.0
+    >>> result = {'seeds': [0], 'transport_ms': 5.0, 'conditions': {CONTROLLER: figures}}
+    >>> grasp_table({**result, 'wanted': {}, 'nodes': {}}).splitlines()[1]
+    'In simulated time, 5 ms from sample to command'
     """
     seeds, parts = result['seeds'], result['conditions']
     rows = [['', '', 'slide [mm]', '', 'grip [% of limit]', '', ''],

@@ -115,7 +115,7 @@ def level_codes(result: SlipResult, threshold: float) -> Codes:
     Parameters
     ----------
     result
-        Of n rows, with its level.
+        The result of n rows, with the level kept.
     threshold
         The threshold of the chain.
 

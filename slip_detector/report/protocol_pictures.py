@@ -145,7 +145,7 @@ def draw_protocol(
             trial.motion_s,
             f'Channels by group, decisions of the groups and of all; {of_trial}',
         )
-        draw_decisions(
+        _draw_decisions(
             paths[6],
             {plate: trials[0].time_s for plate, trials in plates.items()},
             {plate: trials[0].position_m for plate, trials in plates.items()},
@@ -225,7 +225,7 @@ def draw_windows(
     save_picture(figure, path)
 
 
-def draw_decisions(
+def _draw_decisions(
     path: Path,
     time_s: Mapping[str, Floats],
     position_m: Mapping[str, Floats],

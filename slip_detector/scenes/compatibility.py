@@ -83,6 +83,11 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
     ------
     ValueError
         As :func:`slip_detector.scenes.friction.check_solvable`.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.friction import Friction
+    >>> check_grip({'friction': Friction()}, force_n=1.0)
     """
     skin: Skin = parts.get('skin', Skin())
     contact: Contact = parts.get('contact', Contact())

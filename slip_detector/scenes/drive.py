@@ -95,6 +95,12 @@ def drive_numbers(
     ------
     ValueError
         When a step is too short for its velocity; names the step.
+
+    Examples
+    --------
+    >>> steps = [Step(1.0, force_n=0.4), Step(1.0, velocity_m_s=0.01)]
+    >>> drive_numbers({}, steps, np.random.default_rng(0)).force.starts_s
+    array([0., 1., 2.])
     """
     motion: Motion = parts.get('motion', Motion())
     contact: Contact = parts.get('contact', Contact())

@@ -48,7 +48,7 @@ class Motion(ParameterSet):
 
 
 @compiled
-def piece_at(side_s, starts_s):
+def _piece_at(side_s, starts_s):
     """Return the index of the piece at a time; before the first piece it is 0.
 
     Parameters
@@ -87,7 +87,7 @@ class ForceNumbers(NamedTuple):
 @compiled
 def _pulling_force_at(t, side, numbers):
     """Return the force, with negative values where the plate would have to pull."""
-    k = piece_at(side, numbers.starts_s)
+    k = _piece_at(side, numbers.starts_s)
     since = t - numbers.starts_s[k]
     force = numbers.command_n[k] + numbers.slope_n_s[k] * (since - numbers.lag_s)
     for mode in range(2):
@@ -147,7 +147,7 @@ def held_force(numbers: ForceNumbers, time_s: float, force_n: float) -> ForceNum
 
     The later commands of the steps are dropped, and the pieces before the present one too.
     """
-    before = _pieces(numbers, slice(int(piece_at(time_s, numbers.starts_s)) + 1))
+    before = _pieces(numbers, slice(int(_piece_at(time_s, numbers.starts_s)) + 1))
     return _pieces(_with_piece(before, time_s, force_n, 0.0), slice(-2, None))
 
 
@@ -164,7 +164,7 @@ def _with_piece(
 ) -> ForceNumbers:
     """Return the force with one more piece, which continues the last one."""
     p, q = roots = numbers.roots_1_s
-    k = piece_at(start_s, numbers.starts_s)
+    k = _piece_at(start_s, numbers.starts_s)
     modes = numbers.ringing[k] * np.exp((start_s - numbers.starts_s[k]) * roots)
     rate_n_s = numbers.slope_n_s[k] + float((modes * roots).sum().real)
     force_n = float(_pulling_force_at(start_s, start_s, numbers))
@@ -214,7 +214,7 @@ def plate_at(t, side, numbers):
         Floats or arrays, as ``t``.
     """
     starts_s, acceleration, velocity, position = numbers[0], numbers[1], numbers[2], numbers[3]
-    k = piece_at(side, starts_s)
+    k = _piece_at(side, starts_s)
     since = t - starts_s[k]
     gained = acceleration[k] * since
     return velocity[k] + gained, position[k] + (velocity[k] + 0.5 * gained) * since

@@ -73,6 +73,11 @@ def read_sampling(description: Mapping[str, Any]) -> Sampling:
     ------
     ValueError
         For a value that is not allowed; names the parameter.
+
+    Examples
+    --------
+    >>> read_sampling({'steps': [{}], 'sample_rate_hz': 1000}).sample_rate_hz
+    1000.0
     """
     names = [field.name for field in dataclasses.fields(Sampling)]
     return Sampling.from_parameters({key: description[key] for key in names if key in description})

@@ -18,6 +18,18 @@ class RecordingSource(Source):
     ------
     ValueError
         When no recording is named, or it cannot be opened; names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial.npz'
+    ...     np.savez(path, volts=np.full((100, 2), 4.3), sample_rate_hz=100.0)
+    ...     source = RecordingSource(DriverConfig(source='recording', recording=str(path)))
+    ...     len(source.read(60).volts), len(source.read(60).volts)
+    (60, 40)
     """
 
     def __init__(self, config: DriverConfig) -> None:

@@ -36,6 +36,13 @@ class SerialSource(Source):
     ------
     ValueError
         When no port is named.
+
+    Examples
+    --------
+    >>> import time
+    >>> config = DriverConfig(source='serial', serial_port='/dev/ttyACM0', channels=3)
+    >>> SerialSource(config, time.time_ns).channel_names
+    ('ch1', 'ch2', 'ch3')
     """
 
     is_live = True

@@ -40,6 +40,13 @@ class UdpSource(Source):
     ------
     ValueError
         When a parameter is not an address.
+
+    Examples
+    --------
+    >>> import time
+    >>> config = DriverConfig(source='udp', udp_port=5005)
+    >>> UdpSource(config, time.time_ns).name
+    '127.0.0.1 port 5005'
     """
 
     is_live = True

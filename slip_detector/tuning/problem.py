@@ -56,6 +56,20 @@ class Problem:
         What counts as detected.
     config : TuneConfig
         The weights of the cost.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> slip = np.arange(760) >= 380
+    >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
+    >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
+    >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
+    >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
+    >>> point = SearchSpace(problem.given).point(problem.given)
+    >>> [one.chain.vote for one in problem.candidates_at(problem.objective(), point)]
+    ['all', 'mean', 1, 2, 3]
     """
 
     tracks: list[Track]

@@ -28,7 +28,7 @@ CONFIDENCE = 0.95
 WINDOWS_PER_BLOCK = 5.0
 SHORTEST_BLOCK_S = 1.0
 
-#: The tail is fitted to the blocks with the highest peaks: this share of them, at least so many.
+#: The tail is fitted to the highest peaks of blocks: this share of all, and at least this number.
 TAIL_SHARE = 0.1
 LEAST_PEAKS = 30
 

@@ -52,6 +52,22 @@ def search(
     ------
     ValueError
         When the storage fails; names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> slip = np.arange(760) >= 380
+    >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
+    >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
+    >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
+    >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
+    >>> study = problem.study(None, problem.study_name(), seed=0)
+    >>> search(problem, study, trials=2, stop=lambda: False, progress=lambda count: None)
+    >>> len(study.trials), problem.choice(study) is not None
+    (2, True)
     """
     space = SearchSpace(problem.given)
     if results is None:

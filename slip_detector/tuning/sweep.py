@@ -76,7 +76,7 @@ class VoteStatistics:
         Parameters
         ----------
         track
-            Of n rows.
+            A track of n rows.
         out
             The array that an earlier call returned for this track, to be overwritten: new memory
             takes time.
@@ -156,6 +156,12 @@ class ThresholdSweep(NamedTuple):
     false_alarms : ndarray of int, shape (T,)
     quiet_s : float
         Time without slip.
+
+    Examples
+    --------
+    >>> sweep = ThresholdSweep(np.array([[40.0, np.nan]]), np.array([2, 0]), quiet_s=60.0)
+    >>> sweep.false_alarms_per_minute, sweep.missed
+    (array([2., 0.]), array([0., 1.]))
     """
 
     latencies_ms: Floats

@@ -51,6 +51,13 @@ class Track(NamedTuple):
         True slips, in rows that are counted like ``first_row``.
     sample_rate_hz : float
         Rate of the recording, which turns rows into times.
+
+    Examples
+    --------
+    >>> rows = LabelledRows(np.full((760, 16), 4.3), truth=np.arange(760) >= 380)
+    >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
+    >>> track.duration_s, track.quiet_s, track.slips
+    (2.0, 1.0, (RowInterval(start=380, end=760),))
     """
 
     name: str

@@ -41,6 +41,19 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
         The held-out recordings.
     best
         The best chain found; None where none was found.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.parameters import EvaluationConfig, TuneConfig
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> slip = np.arange(760) >= 380
+    >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
+    >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
+    >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
+    >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
+    >>> judge(problem, [track], best=None).kept
+    'no trial found a chain that tells slip'
     """
     given = problem.given
     if best is None:

@@ -84,6 +84,35 @@ def test_a_file_without_compiled_code_leaves_the_cache_in_use(copy):
     path.write_bytes(source)
 
 
+ALONE = """
+import sys
+import numpy as np
+from slip_detector.chain.compiled import load_numba_alone
+from slip_detector.chain.stamps import StampGrid
+
+load_numba_alone()
+assert StampGrid(0.01, 0.1).arrive_all(np.array([0, 10_000_000]))
+assert 'scipy.linalg' not in sys.modules
+
+import numba
+from scipy.linalg import inv
+
+product = numba.njit(lambda a, b: a @ b)
+a = np.array([[1.0, 2.0], [3.0, 5.0]])
+np.testing.assert_allclose(product(a, inv(a)), np.eye(2), atol=1e-12)
+load_numba_alone()
+assert sys.modules['scipy.linalg'] is not None
+"""
+
+
+@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba there is nothing to load')
+def test_compiled_functions_run_without_the_linear_algebra_of_scipy_which_loads_later():
+    done = subprocess.run(
+        [sys.executable, '-c', ALONE], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is kept')
 def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
     chain = tmp_path / 'slip_detector' / 'chain'

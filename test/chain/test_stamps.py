@@ -209,6 +209,16 @@ def test_each_numbered_batch_that_is_lost_is_told_whenever_the_others_come(steps
     assert [arrival.missing for arrival in judged] == (rows * missing).tolist()
 
 
+@given(st.lists(st.integers(0, 3), min_size=2, max_size=40))
+def test_numbered_messages_without_samples_are_not_missing(samples):
+    grid = StampGrid(PERIOD_S, MAX_GAP_S)
+    for number, rows in enumerate(samples):
+        if rows:
+            assert grid.arrive(START_NS + number * PERIOD_NS, rows, number) == NEXT
+        else:
+            grid.skip(number)
+
+
 def test_batches_without_numbers_that_come_late_are_taken_for_a_gap():
     # Nothing but the next one can tell, and that has not come yet.
     grid = StampGrid(PERIOD_S, MAX_GAP_S)

@@ -7,15 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from support.evaluation_cases import (
-    write,
-)
+from support.evaluation_cases import SLIP_EVALUATE, write
 
 ROOT = Path(__file__).parents[2]
 
 
 def command(*arguments):
-    return [sys.executable, '-m', 'slip_detector.commands.evaluate', *map(str, arguments)]
+    return [sys.executable, '-c', SLIP_EVALUATE, *map(str, arguments)]
 
 
 def run(*arguments, **more):

@@ -20,7 +20,8 @@ def test_two_processes_share_a_study(case, kind):
     folder, words = case
     store = folder / f'study.{"journal" if kind == "journal" else "db"}'
     where = str(store) if kind == 'journal' else f'sqlite:///{store}'
-    storage = journal(store) if kind == 'journal' else where
+    # Opened once: a database is looked through for tables of older versions each time.
+    storage = journal(store) if kind == 'journal' else optuna.storages.RDBStorage(where)
     workers = [
         start_tune(*words, '--out', folder / f'{k}.yaml', '--storage', where,
                    '--trials', 100_000, '--seed', k)

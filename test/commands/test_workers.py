@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from slip_detector.commands.workers import MOST_DEATHS, Workers
-from support.worker_calls import die, die_once, process_of, refuse
+from support.worker_calls import die, die_once, garbage_left, process_of, refuse
 
 
 def test_one_job_is_this_process_in_the_order_of_the_arguments():
@@ -44,6 +44,12 @@ def test_processes_that_keep_dying_are_an_error():
         pytest.raises(ValueError, match=f'^worker processes died {MOST_DEATHS} times before any'),
     ):
         list(workers.results(die, [1]))
+
+
+def test_garbage_of_the_first_call_of_a_process_is_collected():
+    with Workers(jobs=2) as workers:
+        left = [count for _, count in workers.results(garbage_left, range(6))]
+    assert left == [0] * 6
 
 
 def test_what_a_call_refuses_is_said_here():

@@ -1,6 +1,7 @@
 """The closed loop without ROS: objects that slip are caught."""
 
 import dataclasses
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,14 @@ REPORTED = range(30)
 SEEDS = range(5000, 5003)
 
 
+@functools.cache
+def caught():
+    """Play a trial of another object, once for all tests."""
+    return play_trials(CHAIN, GRASP, [5000])[0]
+
+
 def test_a_trial_is_the_same_each_time_and_what_was_before_a_command_does_not_depend_on_it():
-    once, again = (play_trials(CHAIN, GRASP, [5000])[0] for _ in range(2))
+    once, (again,) = caught(), play_trials(CHAIN, GRASP, [5000])
     for one, other in zip(once, again, strict=True):
         np.testing.assert_array_equal(one, other)
     weaker = dataclasses.replace(GRASP, step_factor=1.1)
@@ -44,7 +51,7 @@ def test_the_longer_a_command_takes_the_further_the_object_slides():
 
 
 def test_the_grip_follows_the_command_with_the_lag_of_the_gripper():
-    (trial,) = play_trials(CHAIN, GRASP, [5000])
+    trial = caught()
     jump = int(np.argmax(np.diff(trial.command_n))) + 1
     before_n, after_n = trial.command_n[jump - 1], trial.command_n[jump]
     at_half = jump + int(np.argmax(trial.force_n[jump:] > 0.5 * (before_n + after_n)))

@@ -14,6 +14,8 @@ from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
 from support.harness import compile_nodes
 
+from slip_detector.nodes.grasp_trial import ANSWER_S  # isort: skip, needs rclpy as the harness does
+
 SEEDS, LIVE = 2, 1
 TIMEOUT_S = 200.0
 
@@ -75,7 +77,10 @@ def test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_
         assert part['slide_mm'] is not None
         assert part['slide_mm'] < part['simulated']['slide_mm'] + 10.0 + fall_mm
         assert part['command_percent'] < 100.0
-    assert 0.0 < result['latency_ms']['median'] <= result['latency_ms']['most']
+    if result['latency_ms'] is None:  # No answer counts as one to its onset.
+        assert PROCESSES * finished[2] > ANSWER_S
+    else:
+        assert 0.0 < result['latency_ms']['median'] <= result['latency_ms']['most']
 
 
 def test_the_table_has_each_condition_and_each_object_through_the_nodes(finished):

@@ -43,6 +43,13 @@ def test_an_argument_that_rcl_cannot_read_ends_in_one_line(executable):
     assert 'Traceback' not in done.stderr
 
 
+@pytest.mark.parametrize('executable', ['slip_driver', 'grasp_controller'])
+def test_parameter_files_for_several_nodes_are_for_detectors_only(executable):
+    done = run(executable, '--configs', 'a.yaml,b.yaml')
+    assert done.returncode == 1
+    assert done.stderr == f'{executable}: --configs is given, allowed: for slip_detector only\n'
+
+
 LOGGED = """
 from slip_detector.nodes.run import log_compiling
 from slip_detector.chain.stamps import StampGrid
@@ -86,3 +93,31 @@ def test_a_finger_is_a_namespace_in_that_of_the_process(of_ros, wanted):
 def test_without_names_there_is_one_node_where_ros_says():
     words = ['slip_detector', '--ros-args', '-r', '__ns:=/left']
     assert _arguments_of_each(words, words[:1]) == [None]
+
+
+@pytest.mark.parametrize(
+    ('of_ros', 'fingers', 'above'),
+    [
+        ([], [], ['']),
+        (['--ros-args', '-r', '__ns:=/left'], [], ['/left']),
+        (['--ros-args', '-r', '__ns:=/left'], ['--fingers', 'a,b'], ['/left/a', '/left/b']),
+    ],
+)
+def test_each_parameter_file_is_a_namespace_and_all_of_a_finger_have_the_same_input(
+    of_ros, fingers, above
+):
+    ours = ['slip_detector', *fingers, '--configs', 'onset.yaml, etc/sure.yaml']
+    assert _arguments_of_each(ours + of_ros, ours) == [
+        [
+            *('--ros-args', '-r', f'__ns:={namespace}/{name}'),
+            *('-r', f'voltages:={namespace}/voltages', '--params-file', path),
+        ]
+        for namespace in above
+        for name, path in (('onset', 'onset.yaml'), ('sure', 'etc/sure.yaml'))
+    ]
+
+
+@pytest.mark.parametrize('files', ['a.yaml,b/a.yaml', 'my sensor.yaml', '1.yaml,2.yaml'])
+def test_parameter_files_that_cannot_be_namespaces_are_refused(files):
+    with pytest.raises(ValueError, match=r'--configs is .*, allowed: files with different names'):
+        _arguments_of_each(['--configs', files], ['--configs', files])

@@ -38,7 +38,8 @@ GROUPS = {
 }
 
 IMPORT = """
-import importlib, json, sys
+import gc, importlib, json, sys
+gc.disable()
 loaded = []
 for modules in {groups!r}:
     for name in modules:

@@ -111,11 +111,13 @@ def test_shipped_scenes_are_found_by_name():
 def test_launch_files_offer_the_documented_arguments(path):
     tree = ast.parse(path.read_text())
     declared = {
-        node.args[0].value
+        node.args[0].value: {keyword.arg: keyword.value for keyword in node.keywords}
         for node in ast.walk(tree)
         if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'DeclareLaunchArgument'
     }
-    assert {'namespace', 'config', 'source'} <= declared
+    assert {'namespace', 'config', 'source'} <= declared.keys()
+    # A name alone would also be that of a file in the folder in which somebody launches.
+    assert not isinstance(declared['config']['default_value'], ast.Constant)
 
 
 def test_no_yaml_file_needs_what_ros_parameter_files_lack():

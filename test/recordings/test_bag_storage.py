@@ -1,5 +1,7 @@
 """The messages of a bag: whole, compressed, split, cut off, or none at all."""
 
+import functools
+import shutil
 import subprocess
 import sys
 
@@ -100,6 +102,14 @@ def test_without_rosbags_npz_is_read_and_a_bag_says_what_to_install(tmp_path):
     assert done.stdout.splitlines() == ['20', said]
 
 
+@pytest.fixture(scope='module')
+def whole_bag(tmp_path_factory):
+    """Write a bag of each kind once; tests cut copies of it."""
+    return functools.cache(
+        lambda plugin, mode: write_bag(tmp_path_factory.mktemp('whole') / 'a', plugin, mode)
+    )
+
+
 @pytest.mark.parametrize('in_folder', [True, False])
 @pytest.mark.parametrize(
     ('plugin', 'mode'),
@@ -109,9 +119,11 @@ def test_without_rosbags_npz_is_read_and_a_bag_says_what_to_install(tmp_path):
         (StoragePlugin.SQLITE3, CompressionMode.NONE),
     ],
 )
-def test_wherever_a_bag_is_cut_its_beginning_is_read(tmp_path, plugin, mode, in_folder):
-    written, file = write_bag(tmp_path / 'a', plugin, mode)
-    content = file.read_bytes()
+def test_wherever_a_bag_is_cut_its_beginning_is_read(tmp_path, whole_bag, plugin, mode, in_folder):
+    written, whole = whole_bag(plugin, mode)
+    shutil.copytree(whole.parent, tmp_path / 'a')
+    file = tmp_path / 'a' / whole.name
+    content = whole.read_bytes()
     path = file.parent if in_folder else file
     if not in_folder:
         path = tmp_path / file.name
@@ -175,13 +187,24 @@ def test_labels_after_the_loss_are_not_held_against_the_person(tmp_path):
     assert 180 < read.truth.sum() < 200
 
 
+@pytest.fixture(scope='module')
+def content_of(tmp_path_factory):
+    """Write a recording of each ending once; return its bytes."""
+
+    def written(ending):
+        path = tmp_path_factory.mktemp('whole') / f'a{ending}'
+        write_recording(path, [rows(40)], 380.0, NAMES)
+        return path.read_bytes()
+
+    return functools.cache(written)
+
+
 @pytest.mark.parametrize('ending', ENDINGS)
 @given(data=st.data())
-def test_no_bytes_end_in_anything_but_rows_or_one_line(tmp_path_factory, ending, data):
+def test_no_bytes_end_in_anything_but_rows_or_one_line(tmp_path_factory, content_of, ending, data):
     folder = tmp_path_factory.mktemp('fuzz')
     path = folder / f'a{ending}'
-    write_recording(path, [rows(40)], 380.0, NAMES)
-    content = bytearray(path.read_bytes())
+    content = bytearray(content_of(ending))
     kind = data.draw(st.sampled_from(['noise', 'cut', 'flipped', 'other ending', 'zeros']))
     if kind == 'noise':
         content = bytearray(data.draw(st.binary(max_size=200)))

@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 
 from slip_detector.parameters.detector import DetectorConfig
-from support.evaluation_cases import write
-from support.tuning_cases import journal, trials_of
+from support.evaluation_cases import SLIP_EVALUATE, write
+from support.tuning_cases import SLIP_TUNE, journal, trials_of
 
 ROOT = Path(__file__).parents[2]
 DEADLINE_S = 120.0
@@ -33,14 +33,14 @@ def wait_for(condition, *processes):
 def start_tune(*words):
     """Start ``slip_tune``."""
     return subprocess.Popen(
-        [sys.executable, '-m', 'slip_detector.commands.tune', *map(str, words)],
+        [sys.executable, '-c', SLIP_TUNE, *map(str, words)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, 'PYTHONWARNINGS': 'ignore', 'PYTHONPATH': str(ROOT)},
     )  # fmt: skip
 
 
 def check_interrupted_search(case, *words):
-    """See that a search leaves what it found, and return its words without the trials."""
+    """See that a search leaves what it found; return its words but the trials, and its study."""
     folder, of_case = case
     out = folder / 'out.yaml'
     store = Path(f'{out}.study.journal')
@@ -66,8 +66,7 @@ def check_interrupted_evaluation(folder, *words):
     mine, its = pty.openpty()
     fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 80, 0, 0))
     process = subprocess.Popen(
-        [sys.executable, '-m', 'slip_detector.commands.evaluate', *map(str, [*paths, endless]),
-         *map(str, words), '--json'],
+        [sys.executable, '-c', SLIP_EVALUATE, *map(str, [*paths, endless, *words]), '--json'],
         stdout=subprocess.PIPE, stderr=its, env={**os.environ, 'PYTHONPATH': str(ROOT)},
     )  # fmt: skip
     os.close(its)

@@ -13,6 +13,9 @@ from slip_detector.tuning.tracks import track_of
 
 RATE_HZ = 380.0
 
+#: Starts ``slip_tune`` as the console script does.
+SLIP_TUNE = 'import sys; from slip_detector.commands.command_line import tune; sys.exit(tune())'
+
 #: Four channels, so that a trial takes milliseconds.
 #: Its decision takes longer than it needs to.
 CHAIN = ChainConfig(

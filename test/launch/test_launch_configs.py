@@ -1,0 +1,51 @@
+"""slip_detector.launch.py with several parameter files, run by launch_testing."""
+
+import tempfile
+import unittest
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from std_msgs.msg import Bool
+
+from slip_detector.nodes.messages import state_qos
+from support.harness import launched, package_share
+
+reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
+launch_testing = pytest.importorskip('launch_testing', reason=reason)
+pytest.importorskip('launch_ros', reason=reason)
+
+from launch_testing.asserts import assertExitCodes  # noqa: E402
+
+package_share()
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    own = Path(tempfile.mkdtemp()) / 'own.yaml'
+    own.write_text('/**/slip_detector:\n  ros__parameters: {threshold: 0.2}\n')
+    # One of the package by its name, and one by its path.
+    configs = f'slip_detector.yaml,{own}'
+    arguments = {'namespace': 'index', 'source': 'scene', 'config': configs}
+    return launched('slip_detector.launch.py', arguments)
+
+
+class TestTopics(unittest.TestCase):
+    def test_a_detector_for_each_file_hears_the_one_driver(self, bench):
+        for name in ('slip_detector', 'own'):
+            valid = bench.listen(Bool, f'index/{name}/slip_valid', state_qos())
+            slip = bench.listen(Bool, f'index/{name}/slip', state_qos())
+            bench.wait_for(lambda heard=valid: heard and heard[-1].data, f'{name}/slip_valid')
+            bench.wait_for(
+                lambda heard=slip: any(message.data for message in heard), f'the slip of {name}'
+            )
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_both_processes_end_with_exit_code_0(self, proc_info, bench):
+        bench.close()
+        assert len(proc_info.process_names()) == 2
+        assertExitCodes(proc_info)

@@ -1,0 +1,60 @@
+"""Several detectors beside one driver, each with a parameter file of its own."""
+
+import signal
+
+import pytest
+from rcl_interfaces.srv import GetParameters
+from std_msgs.msg import Bool, Header
+
+from slip_detector.nodes.messages import event_qos, stamp_ns, state_qos
+
+THRESHOLDS = {'soon': 0.2, 'late': 2.0}
+
+
+@pytest.fixture
+def files(tmp_path):
+    paths = {name: tmp_path / f'{name}.yaml' for name in THRESHOLDS}
+    for name, threshold in THRESHOLDS.items():
+        paths[name].write_text(
+            f'/**:\n  ros__parameters: {{loop: false, threshold: {threshold}}}\n'
+        )
+    return paths
+
+
+def test_each_file_is_a_detector_of_its_own_on_the_same_input(bench, files):
+    valid = {name: bench.listen(Bool, f'index/{name}/slip_valid', state_qos()) for name in files}
+    onsets = {
+        name: bench.listen(Header, f'index/{name}/slip_onset', event_qos()) for name in files
+    }
+    names = ','.join(str(path) for path in files.values())
+    detector = bench.start('slip_detector', '-r', '__ns:=/index', '--', '--configs', names)
+    driver = bench.start(
+        'slip_driver', '-r', '__ns:=/index', parameters={'wait_for_subscribers': len(files)}
+    )
+    for name in files:
+        bench.wait_for(
+            lambda name=name: valid[name] and valid[name][-1].data, f'{name} to be valid'
+        )
+        bench.wait_for(lambda name=name: onsets[name], f'the slip of {name}')
+    # Both saw the same samples, and the lower threshold was exceeded first.
+    first_ns = {name: stamp_ns(heard[0].stamp) for name, heard in onsets.items()}
+    assert first_ns['soon'] < first_ns['late']
+    for name, threshold in THRESHOLDS.items():
+        request = GetParameters.Request(names=['threshold'])
+        answer = bench.ask(GetParameters, f'index/{name}/slip_detector/get_parameters', request)
+        assert answer.values[0].double_value == threshold
+    assert driver.wait() == 0
+    detector.signal(signal.SIGINT)
+    assert detector.wait() == 0
+    assert 'Traceback' not in detector.log()
+
+
+def test_a_wrong_file_stops_the_start_with_one_line_that_names_it(bench, files):
+    files['late'].write_text('/**/slip_detector:\n  ros__parameters: {treshold: 1.0}\n')
+    names = ','.join(str(path) for path in files.values())
+    process = bench.start('slip_detector', '--', '--configs', names)
+    assert process.wait() == 1
+    line = process.log().strip().splitlines()[-1]
+    assert line.startswith(f'slip_detector: {files["late"]}: ')
+    assert 'treshold' in line
+    assert 'Traceback' not in process.log()
