@@ -8,7 +8,10 @@ import pytest
 from slip_detector.grasp.comparison import (
     AT_LIMIT,
     CONTROLLER,
+    HARDER,
     PAPER,
+    QUARTER_RIDGES,
+    SLOW_GRIPPER,
     UNCONTROLLED,
     WANTED,
     check_wanted,
@@ -97,10 +100,28 @@ def test_the_figures_of_trials_made_by_hand():
     assert grasp_figures([grasp_trials.trial(onset_row=10)], 10.0)['onsets'] == 0.0
 
 
-def test_what_is_wanted_is_met_below_its_bound_only_and_never_when_it_is_not_defined():
-    good = {name: 0.5 * below for name, (below, _) in WANTED.items()}
-    assert all(entry['met'] for entry in check_wanted(good).values())
-    for name, (below, _) in WANTED.items():
-        for value in (below, None):
-            found = check_wanted({**good, name: value})
-            assert [other for other, entry in found.items() if not entry['met']] == [name]
+def test_what_is_wanted_is_met_within_its_bound_and_never_when_it_is_not_defined():
+    good = {
+        condition: {name: 0.5 * bound.high for name, bound in bounds.items()}
+        for condition, bounds in WANTED.items()
+    }
+    assert all(one['met'] for part in check_wanted(good).values() for one in part.values())
+    for condition, bounds in WANTED.items():
+        for name, bound in bounds.items():
+            for value in (np.nextafter(bound.high, np.inf), None):
+                found = check_wanted({**good, condition: {**good[condition], name: value}})
+                missed = [
+                    (where, what)
+                    for where, part in found.items()
+                    for what, one in part.items()
+                    if not one['met']
+                ]
+                assert missed == [(condition, name)]
+
+
+def test_the_harder_conditions_are_wanted_and_harder():
+    assert set(WANTED) == {CONTROLLER, *HARDER}
+    (usual,) = play_trials(CHAIN, GRASP, [5000])
+    for condition in (SLOW_GRIPPER, QUARTER_RIDGES):
+        (harder,) = play_trials(CHAIN, GRASP, [5000], **HARDER[condition])
+        assert harder.position_m[-1] > 1.1 * usual.position_m[-1]
