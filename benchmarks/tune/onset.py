@@ -1,8 +1,8 @@
-"""How soon and how clean the detector of ``config/onset.yaml`` is, beside the paper's parameters.
+"""How soon and how clean ``config/onset.yaml`` is, beside ``config/sure.yaml`` and the paper.
 
-All scenes are simulated with seeds that the configuration was not chosen on.
-:func:`measure_onset` gives ``seeds``, the figures of ``config/onset.yaml``, and under ``paper``
-the same figures of the paper's parameters:
+All scenes are simulated with seeds that the configurations were not chosen on.
+:func:`measure_onset` gives ``seeds``, the figures of ``config/onset.yaml``, and under ``sure`` and
+``paper`` the same figures of ``config/sure.yaml`` and of the paper's parameters:
 
 ``mean_delay_ms``
     Delay of ``slip`` on the paper's plates, as the mean over the plates' means: from the first row
@@ -18,8 +18,8 @@ the same figures of the paper's parameters:
 ``false_positive_percent``
     The paper's figure: the same of all time in which a plate does not slide, with what the filters
     and the evidence take to settle after a slide.
-``taps_percent``, ``rolling_percent``
-    ``false_time_percent`` of the scenes ``taps`` and ``rolling``, in which nothing slides.
+``taps_percent``, ``rolling_percent``, ``tremor_hum_percent``
+    ``false_time_percent`` of the scenes of these names, in which nothing slides.
 ``fast_detected_percent``
     ``detected_percent`` of the slides at 40 and 80 mm/s.
 ``plates``
@@ -46,7 +46,7 @@ from slip_detector.scenes import find_scene, load_scene
 SEEDS = range(5000, 5030)
 
 FAST = ('fast_40mm_s', 'fast_80mm_s')
-WITHOUT_SLIP = ('taps', 'rolling')
+WITHOUT_SLIP = ('taps', 'rolling', 'tremor_hum')
 
 #: Longer than any of the scenes.
 LONGEST_S = 60.0
@@ -54,7 +54,7 @@ LONGEST_S = 60.0
 
 def simulate(seeds: Sequence[int]) -> dict[str, list[LabelledRows]]:
     """Play each of the scenes once with each seed; return their rows, by name of the scene."""
-    rows = {}
+    rows: dict[str, list[LabelledRows]] = {}
     for name in (*SCENES.values(), *FAST, *WITHOUT_SLIP):
         rows[name] = []
         for seed in seeds:
@@ -97,7 +97,7 @@ def onset_figures(rows: dict[str, list[LabelledRows]], chain: ChainConfig) -> di
 
 
 def measure_onset(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
-    """Measure ``config/onset.yaml`` and the paper's parameters on the same scenes.
+    """Measure the two configurations and the paper's parameters on the same scenes.
 
     Parameters
     ----------
@@ -110,10 +110,14 @@ def measure_onset(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
         The keys are in the module's docstring.
     """
     rows = simulate(seeds)
-    onset = ChainConfig.from_yaml(shared_folder() / 'config' / 'onset.yaml')
+    onset, sure = (
+        ChainConfig.from_yaml(shared_folder() / 'config' / f'{name}.yaml')
+        for name in ('onset', 'sure')
+    )
     return {
         'seeds': list(seeds),
         **onset_figures(rows, onset),
+        'sure': onset_figures(rows, sure),
         'paper': onset_figures(rows, ChainConfig()),
     }
 

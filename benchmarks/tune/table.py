@@ -29,6 +29,7 @@ ONSET_FIGURES = {
     'false_positive_percent': 'ON without slip, with what is left of a slip [%]',
     'taps_percent': 'ON in taps [%]',
     'rolling_percent': 'ON in rolling [%]',
+    'tremor_hum_percent': 'ON with tremor and hum [%]',
     'fast_detected_percent': 'slides at 40 and 80 mm/s detected [%]',
 }
 PLATE_FIGURES = {
@@ -80,10 +81,15 @@ def tuning_table(figures_by_part: dict[str, Any]) -> str:
 
 
 def _onset_lines(onset: dict[str, Any]) -> list[str]:
-    """Return the figures of the two configurations side by side."""
-    seeds, columns = onset['seeds'], (onset, onset['paper'])
+    """Return the figures of the configurations side by side."""
+    seeds, columns = onset['seeds'], (onset, onset['sure'], onset['paper'])
     rows = [
-        (f'Simulated scenes, seeds {seeds[0]} to {seeds[-1]}', 'onset.yaml', "paper's"),
+        (
+            f'Simulated scenes, seeds {seeds[0]} to {seeds[-1]}',
+            'onset.yaml',
+            'sure.yaml',
+            "paper's",
+        ),
         *(
             (meaning, *(number_text(one[name], '.3f') for one in columns))
             for name, meaning in ONSET_FIGURES.items()

@@ -45,7 +45,7 @@ from slip_detector.grasp.comparison import (
     grasp_figures,
 )
 from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, play_trials
-from slip_detector.grasp.objects import object_scene
+from slip_detector.grasp.objects import SCENE, object_scene
 from slip_detector.nodes.demonstration import run_demonstration
 from slip_detector.nodes.grasp_trial import GraspRecorder, LiveGraspTrial, play_grasp
 from slip_detector.parameters.detector import ChainConfig
@@ -157,7 +157,9 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     trials = {name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()}
     parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
     harder = {
-        name: grasp_figures(play_trials(chain, grasp, seeds, **factors), grasp.limit_n)
+        name: grasp_figures(
+            play_trials(chain, grasp, seeds, SCENE, TRANSPORT_S, **factors), grasp.limit_n
+        )
         for name, factors in HARDER.items()
     }
     mine = trials[CONTROLLER][: arguments.live]

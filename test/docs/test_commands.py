@@ -73,7 +73,7 @@ RUN_BY = {
         'test/nodes/test_fingers.py'
         '::test_each_finger_has_nodes_and_parameters_of_its_own_and_all_samples_come'
     ),
-    'ros2 run slip_detector slip_detector --configs soon.yaml,late.yaml'
+    'ros2 run slip_detector slip_detector --configs onset.yaml,sure.yaml'
     ' --ros-args -r __ns:=/index': (
         'test/nodes/test_configs.py::test_each_file_is_a_detector_of_its_own_on_the_same_input'
     ),
