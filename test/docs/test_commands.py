@@ -104,6 +104,10 @@ RUN_BY = {
         'test/nodes/test_grasp_demo.py'
         '::test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_time'
     ),
+    'slip_grasp --seeds 7000:7029 --out out': (
+        'test/nodes/test_grasp_demo.py'
+        '::test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_time'
+    ),
     **dict.fromkeys(
         (
             'dask scheduler',
