@@ -11,7 +11,7 @@ overlap; then a channel's seat is in the first of them, and in the other it is c
 same bits.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.common_mode import COMMON_MODE_NUMBERS, NO_COMMON_MODE
 from slip_detector.chain.compiled import COMPILED, compiled
-from slip_detector.chain.evidence import floor_steps_db, least_floor_db
+from slip_detector.chain.evidence import floor_steps_db
 from slip_detector.chain.lanes import LANES, LINE, float_part, integer_part, word_part
 from slip_detector.chain.stages import WORD_ROWS
+from slip_detector.chain.tiles import aligned, least_floors_db, tile_bases_of
 from slip_detector.chain.votes import DIGITS, VOTE_MEAN, vote_numbers
 from slip_detector.parameters.detector import ChainConfig
 
@@ -311,66 +312,6 @@ else:
     def parts_of(plan):
         """Return the plan itself, which has been taken apart once for all calls."""
         return plan
-
-
-def aligned(new: Callable[[int], Floats], shape: tuple[int, ...]) -> Floats:
-    """Return an array that begins where a cache line does.
-
-    Parameters
-    ----------
-    new
-        Makes an array of so many values: ``numpy.zeros`` or ``numpy.empty``.
-    shape
-        Of the array.
-    """
-    size = int(np.prod(shape))
-    values = new(size + LINE)
-    skip = -(values.ctypes.data // values.itemsize) % LINE
-    return values[skip : skip + size].reshape(shape)
-
-
-def tile_bases_of(config: ChainConfig) -> list[int]:
-    """Return the first columns of the tiles that hold all enabled channels.
-
-    Tiles without any are left out, and the last one may overlap the one before it.
-
-    Examples
-    --------
-    >>> tile_bases_of(ChainConfig(channels=20))
-    [0, 4]
-    >>> tile_bases_of(ChainConfig(channels=40, disabled_channels=range(3, 37)))
-    [0, 24]
-    """
-    disabled = set(config.disabled_channels)
-    # The rows that the kernel is given have at least the columns of one tile.
-    last = max(config.channels, LANES) - LANES
-    bases: list[int] = []
-    for channel in range(config.channels):
-        if channel + 1 not in disabled and (not bases or channel >= bases[-1] + LANES):
-            bases.append(min(channel, last))
-    return bases
-
-
-def least_floors_db(config: ChainConfig) -> Floats:
-    """Return the least noise floors in dB by tile and lane; none without evidence.
-
-    Returns
-    -------
-    ndarray, shape (t, 16) or (0, 16)
-
-    Examples
-    --------
-    >>> config = ChainConfig(channels=2, decision='evidence', noise_floor=[0.1, 0.01])
-    >>> least_floors_db(config)[0, :2]
-    array([-20., -40.])
-    """
-    if config.decision != 'evidence':
-        return np.zeros((0, LANES))
-    bases = tile_bases_of(config)
-    # Lanes beyond the last channel never have a sample: any number will do.
-    by_channel = np.zeros(max(config.channels, LANES))
-    by_channel[: config.channels] = [least_floor_db(floor) for floor in config.noise_floors]
-    return np.array([by_channel[base : base + LANES] for base in bases])
 
 
 def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -> Floats | Parts:

@@ -10,14 +10,12 @@ from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
 from slip_detector.chain.kernel import (
     CACHED_VALUES,
-    KEEP_ENVELOPE,
     KEEP_EXCESS,
     KEEP_FLOOR,
-    KEEP_LEVEL,
     run,
 )
 from slip_detector.chain.lanes import LANES
-from slip_detector.chain.plan import aligned, least_floors_db, plan_of, tile_bases_of
+from slip_detector.chain.plan import plan_of
 from slip_detector.chain.result import SlipResult
 from slip_detector.chain.stages import (
     AGE,
@@ -31,6 +29,7 @@ from slip_detector.chain.stages import (
     LAST,
     REPEATS,
 )
+from slip_detector.chain.tiles import aligned, least_floors_db, tile_bases_of
 from slip_detector.parameters.detector import ChainConfig
 
 BOOL_TYPE = np.dtype(np.bool_)  # made once: to look the type up takes longer than to make an array
@@ -225,7 +224,7 @@ class SlipChain:
             # To Numba this is another type, for which it would compile again.
             rows = rows.copy()
         n, many = len(rows), len(votes)
-        kept = KEEP_ENVELOPE * envelope + KEEP_LEVEL * level
+        kept = envelope | level << 1  # KEEP_ENVELOPE and KEEP_LEVEL
         signal_columns = self._columns * (envelope + level) + many
         if floor or excess:
             if not self._evidence:

@@ -34,9 +34,8 @@ from slip_detector.report.overview import (
     RowNumbers,
     Snippet,
     Volts,
-    ranges_db,
-    signals_of,
 )
+from slip_detector.report.signal_codes import ranges_db, signals_of
 
 #: Limits of a whole report: bins times channels, and rows of snippets times channels.
 MOST_BIN_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19

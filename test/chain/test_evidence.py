@@ -281,13 +281,14 @@ def test_a_floor_rises_slowly_and_falls_nine_times_as_fast_within_its_range():
 
 
 def test_in_noise_a_tenth_of_the_rows_lies_below_the_floor():
-    config = changed(noise_floor_rate_db_s=2.0, envelope_window_s=0.0025)
-    volts = noise(5, 60_000, 4)
+    config = changed(noise_floor_rate_db_s=5.0, envelope_window_s=0.0025)
+    volts = noise(5, 10_000, 4)
     result = SlipChain(config).update(volts, **KEPT)
-    below = (result.excess[20_000:] <= 0).mean()
+    below = (result.excess[3000:] <= 0).mean()
     assert below == pytest.approx(0.1, abs=0.02)
 
 
+@settings(max_examples=FEW_EXAMPLES)
 @given(st.integers(0, 200), st.integers(1, 60), st.sampled_from([np.nan, np.inf, 1e300]))
 def test_a_channel_that_is_not_valid_keeps_floor_and_evidence(at, rows, bad):
     volts = np.concatenate([tone(150), tone(150, 0.001)])

@@ -27,7 +27,7 @@ from slip_detector.chain.lanes import (
     word_part,
     words_of,
 )
-from slip_detector.chain.plan import aligned
+from slip_detector.chain.tiles import aligned
 
 floats = st.lists(st.floats(), min_size=LANES, max_size=LANES).map(np.array)
 words = st.lists(st.integers(0, 2**64 - 1), min_size=LANES, max_size=LANES).map(

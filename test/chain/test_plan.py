@@ -12,59 +12,19 @@ from slip_detector.chain.filters import design
 from slip_detector.chain.lanes import LANES
 from slip_detector.chain.plan import (
     CHUNK_WORDS,
-    aligned,
     parts_of,
     plan_of,
-    tile_bases_of,
 )
 from slip_detector.parameters.detector import ChainConfig
+from support.tiled_chains import configs, enabled_of
 
 SECTIONS = design(ChainConfig())
-
-
-@st.composite
-def configs(draw):
-    channels = draw(st.integers(1, 70))
-    order = draw(st.permutations(range(1, channels + 1)))
-    enabled = order[: draw(st.integers(1, channels))]
-    count = draw(st.integers(1, min(len(enabled), 5)))
-    groups = {f'g{i}': tuple(enabled[i::count]) for i in range(count)}
-    return ChainConfig(
-        channels=channels,
-        groups=groups,
-        disabled_channels=order[len(enabled) :],
-        common_mode=draw(st.sampled_from(['none', 'mean', 'median'])),
-        vote=draw(st.sampled_from(['all', 'mean', 1])),
-        valid_range_v=(-3.0, 4.0),
-        decision=draw(st.sampled_from(['mean', 'evidence'])),
-        noise_floor=[10.0**k for k in range(channels)] if channels < 30 else 0.1,
-        impact_v=draw(st.sampled_from([0.0, 2.0])),
-        impact_channels=1,
-    )
 
 
 def plan_and_parts(config, votes=()):
     plan = plan_of(config, SECTIONS, votes)
     # Parts are no references: the plan has to stay.
     return plan, *parts_of(plan)
-
-
-def enabled_of(config):
-    return [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
-
-
-@given(configs())
-def test_tiles_hold_each_enabled_channel_and_none_is_without(config):
-    bases = tile_bases_of(config)
-    columns = max(config.channels, LANES)
-    assert bases == sorted(set(bases))
-    assert bases[0] >= 0
-    assert bases[-1] + LANES <= columns
-    tiles = [set(range(base, base + LANES)) for base in bases]
-    enabled = set(enabled_of(config))
-    assert enabled <= set().union(*tiles)
-    for before, tile in itertools.pairwise([set(), *tiles]):
-        assert (tile - before) & enabled
 
 
 @given(configs())
@@ -139,11 +99,3 @@ def test_the_parts_of_a_plan_fill_it_and_none_overlaps_another(config, votes):
     assert scratch.held.shape == (len(scratch.on),)
     # Levels are those of one word.
     assert len(scratch.on) == len(scratch.common_v) == (1 if scratch.levels.size else CHUNK_WORDS)
-
-
-@given(st.lists(st.integers(1, 9), min_size=1, max_size=3))
-def test_an_aligned_array_begins_where_a_cache_line_does(shape):
-    zeros = aligned(np.zeros, tuple(shape))
-    assert zeros.shape == tuple(shape)
-    assert zeros.ctypes.data % 64 == 0
-    assert not zeros.any()

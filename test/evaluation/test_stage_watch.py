@@ -1,5 +1,7 @@
 """Where the time of a detection goes, followed row by row."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -22,11 +24,11 @@ CONFIG = ChainConfig(
 START = 200
 
 
-def followed(strengths, rows=200):
+def followed(strengths, rows=200, config=CONFIG):
     """Watch a slip that begins at row ``START`` with so strong ridges on each channel."""
     time_s = np.arange(rows) / RATE_HZ
     ridges = np.sin(2 * np.pi * 50.0 * time_s)[:, np.newaxis] * strengths
-    chain, watch = SlipChain(CONFIG), StageWatch(CONFIG)
+    chain, watch = SlipChain(config), StageWatch(config)
     chain.update(np.zeros((START, 2)))
     watch.begin(chain, START)
     result = chain.update(ridges)
@@ -49,7 +51,7 @@ def _part(chain, ridges, rows):
     again = SlipChain(chain.config)
     again.update(np.zeros((START, 2)))
     again.update(ridges[: rows.start])
-    return again.update(ridges[rows])
+    return again.update(ridges[rows], floor=chain.config.decision == 'evidence')
 
 
 def test_the_stages_sum_to_the_latency_in_their_order():
@@ -80,3 +82,26 @@ def test_only_the_group_that_decided_counts():
     both, same_rise = followed([0.31, 2.0])
     assert same_rise == rise
     assert both.stages() == alone.stages()
+
+
+def by_evidence(**values):
+    given = {'decision': 'evidence', 'noise_floor': 0.1, 'threshold': 0.2, 'flat_after_s': 0.0}
+    return dataclasses.replace(CONFIG, **given | values)
+
+
+def test_the_stages_of_evidence_are_passing_the_floor_by_the_offset_and_the_threshold():
+    config = by_evidence()
+    watch, rise = followed([2.0, 0.0], config=config)
+    stages = watch.stages()
+    assert sum(stages.values()) == rise
+    # The excess is at its cap at once: what is above the offset of it grows to the threshold.
+    grown = config.threshold / (config.evidence_cap_db - config.evidence_offset_db)
+    assert stages['decision'] == pytest.approx(grown * RATE_HZ, abs=2)
+    assert stages['filter'] + stages['envelope'] <= 5
+    # Floor and offset together are 0.15.
+    quiet, rise = followed([0.1, 0.0], config=config)
+    assert rise is None
+    assert quiet.lost_at() == 'filter'
+    slow, rise = followed([0.5, 0.0], config=by_evidence(threshold=1.2), rows=40)
+    assert rise is None
+    assert slow.lost_at() == 'decision'

@@ -231,6 +231,41 @@ def test_no_sample_is_lost_while_all_parameters_are_loaded_one_by_one(bench):
         assert counts[-1][key] == counts[0][key], (key, process.log())
 
 
+def test_evidence_takes_over_while_it_runs_and_its_parameters_hold_at_once(bench):
+    rows = rows_of(700)
+    detected = Detected(bench)
+    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
+    # After these the floors are at their least, however many rows came before.
+    settled = np.repeat(rows[:1], 40, axis=0)
+    begin = detected.send_all(settled, begin, PERIOD_NS)
+    begin = detected.send_all(rows[:200], begin, PERIOD_NS)
+    evidence = {'decision': 'evidence', 'exponent': 1, 'threshold': 0.3}
+    refused = set_all(bench, **evidence)
+    assert not refused.successful
+    assert 'parameter noise_floor is not given' in refused.reason
+    # One number stands for all channels.
+    assert set_all(bench, **evidence, noise_floor=1.5).successful
+    bench.wait_for(
+        lambda: 'new filters have taken over' in detected.process.log(), 'the new filters'
+    )
+    assert value_of(bench, 'noise_floor') == [1.5]
+    begin = detected.send_all(rows[200:400], begin, PERIOD_NS)
+    config = DetectorConfig(**evidence, noise_floor=1.5)
+    chain = SlipChain(config)
+    chain.update(settled)
+    wanted = chain.update(rows[:400]).level[200:]
+    np.testing.assert_allclose(levels(detected, 200), wanted, rtol=1e-9, atol=1e-12)
+    assert 0.2 < (wanted > 0).mean() < 1.0
+    # What evidence is made of goes on from where it is.
+    assert set_all(bench, evidence_offset_db=0.5, noise_floor=[1.5] * 16).successful
+    detected.send_all(rows[400:], begin, PERIOD_NS)
+    state = chain.state
+    chain = SlipChain(dataclasses.replace(config, evidence_offset_db=0.5))
+    chain.state = state
+    wanted = chain.update(rows[400:]).level
+    np.testing.assert_allclose(levels(detected, 300), wanted, rtol=1e-9, atol=1e-12)
+
+
 def test_heartbeat_and_topics_change_too(bench):
     detected = Detected(bench)
     assert set_all(bench, heartbeat_hz=50.0, publish_channels=False).successful

@@ -13,7 +13,8 @@ from slip_detector.evaluation.events import Alarm
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.overview import THRESHOLD_CODE, Overview, events_of, level_codes
+from slip_detector.report.overview import Overview, events_of
+from slip_detector.report.signal_codes import level_codes
 
 CONFIG = ChainConfig(
     channels=3,
@@ -90,21 +91,6 @@ def test_longer_bins_can_be_asked_for():
     low, high, _ = overview.bins(256)
     np.testing.assert_array_equal(low[3], volts[768:].astype(np.float32).min(axis=0))
     np.testing.assert_array_equal(high[1], volts[256:512].astype(np.float32).max(axis=0))
-
-
-def test_codes_are_above_the_threshold_where_and_only_where_the_channel_is_on():
-    volts, _ = rows_of()
-    volts[300, 0] = np.nan
-    result = SlipChain(CONFIG).update(volts)
-    codes = level_codes(result, CONFIG.threshold)
-    assert result.channels.any()
-    np.testing.assert_array_equal(codes > THRESHOLD_CODE, result.channels & result.valid)
-    np.testing.assert_array_equal(codes == 0, ~result.valid)
-    between = (codes > 1) & (codes < 255)
-    octaves = np.log2(result.level[between] / CONFIG.threshold)
-    assert np.all(
-        np.abs((codes[between].astype(float) - THRESHOLD_CODE) / 16.0 - octaves) <= 1 / 16
-    )
 
 
 def test_intervals_are_those_of_the_decisions():

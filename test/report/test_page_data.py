@@ -74,7 +74,8 @@ def test_the_data_are_the_overview(variants):
 
 
 def test_of_evidence_the_data_have_excess_floor_and_impacts():
-    seen = scenes.overview('a', scenes.EVIDENCE, *scenes.volts_and_truth())
+    volts, truth = scenes.tapped()
+    seen = scenes.overview('a', scenes.EVIDENCE, volts, truth)
     header, data = report_data.pack_recording([seen], 4, [[]])
     variant, channels, n = header['variants'][0], 16, header['bins']
     assert variant['signals'] == ('level', 'excess', 'floor')
@@ -83,7 +84,6 @@ def test_of_evidence_the_data_have_excess_floor_and_impacts():
     codes, rest = unplaned(rest[before:], 3 * channels * n, 1)
     codes = codes.reshape(3 * channels, n).T
     np.testing.assert_array_equal(codes, seen.bins(4)[2])
-    volts, _ = scenes.volts_and_truth()
     result = SlipChain(scenes.EVIDENCE).update(volts, floor=True, excess=True)
     for place, found in ((1, result.excess), (2, result.floor)):
         low, high = variant['ranges_db'][variant['signals'][place]]

@@ -49,7 +49,7 @@ def folder(tmp_path_factory):
 def by_evidence():
     names = ('a.npz', 'b.npz')
     seen = [
-        scenes.overview(name, scenes.EVIDENCE, *scenes.volts_and_truth(seed=i))
+        scenes.overview(name, scenes.EVIDENCE, *scenes.tapped(seed=i))
         for i, name in enumerate(names)
     ]
     return report.Variant('evidence', scenes.EVIDENCE, seen, {})
@@ -341,9 +341,8 @@ def test_of_evidence_excess_floor_and_impacts_are_shown(opened):
     assert names[:5] == ['events', 'label', 'slip given', 'slip evidence', 'after impact']
     y = page.evaluate('timeline.lanes.find((lane) => lane.curve).top + 10')
     text = read_out(page, 4.6 / 20.0, y)  # amid the first slip
-    excess_db, floor_db = re.search(
-        r'excess ([-\d.]+) dB \u00b7 floor ([-\d.]+) dB', text
-    ).groups()
+    shown = re.search(r'excess ([-\d.]+) dB \u00b7 floor ([-\d.]+) dB', text)
+    excess_db, floor_db = shown.groups()
     assert float(excess_db) == pytest.approx(13.0, abs=0.1)
     assert -80.0 < float(floor_db) < -60.0
     # The other variant has neither: its level is shown instead.

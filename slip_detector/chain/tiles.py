@@ -1,0 +1,72 @@
+"""Tiles of sixteen channels: which columns they hold, and arrays with a value for each lane."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.evidence import least_floor_db
+from slip_detector.chain.lanes import LANES, LINE
+from slip_detector.parameters.detector import ChainConfig
+
+Floats = NDArray[np.float64]
+
+
+def aligned(new: Callable[[int], Floats], shape: tuple[int, ...]) -> Floats:
+    """Return an array that begins where a cache line does.
+
+    Parameters
+    ----------
+    new
+        Makes an array of so many values: ``numpy.zeros`` or ``numpy.empty``.
+    shape
+        Of the array.
+    """
+    size = int(np.prod(shape))
+    values = new(size + LINE)
+    skip = -(values.ctypes.data // values.itemsize) % LINE
+    return values[skip : skip + size].reshape(shape)
+
+
+def tile_bases_of(config: ChainConfig) -> list[int]:
+    """Return the first columns of the tiles that hold all enabled channels.
+
+    Tiles without any are left out, and the last one may overlap the one before it.
+
+    Examples
+    --------
+    >>> tile_bases_of(ChainConfig(channels=20))
+    [0, 4]
+    >>> tile_bases_of(ChainConfig(channels=40, disabled_channels=range(3, 37)))
+    [0, 24]
+    """
+    disabled = set(config.disabled_channels)
+    # The rows that the kernel is given have at least the columns of one tile.
+    last = max(config.channels, LANES) - LANES
+    bases: list[int] = []
+    for channel in range(config.channels):
+        if channel + 1 not in disabled and (not bases or channel >= bases[-1] + LANES):
+            bases.append(min(channel, last))
+    return bases
+
+
+def least_floors_db(config: ChainConfig) -> Floats:
+    """Return the least noise floors in dB by tile and lane; none without evidence.
+
+    Returns
+    -------
+    ndarray, shape (t, 16) or (0, 16)
+
+    Examples
+    --------
+    >>> config = ChainConfig(channels=2, decision='evidence', noise_floor=[0.1, 0.01])
+    >>> least_floors_db(config)[0, :2]
+    array([-20., -40.])
+    """
+    if config.decision != 'evidence':
+        return np.zeros((0, LANES))
+    bases = tile_bases_of(config)
+    # Lanes beyond the last channel never have a sample: any number will do.
+    by_channel = np.zeros(max(config.channels, LANES))
+    by_channel[: config.channels] = [least_floor_db(floor) for floor in config.noise_floors]
+    return np.array([by_channel[base : base + LANES] for base in bases])
