@@ -12,7 +12,30 @@ MEANINGS = {
     'report.bytes': 'report of an hour, bytes',
     'report.ready_ms': 'report of an hour, until it is drawn [ms]',
     'families.better': 'families with better latency and fewer false alarms',
+    'onset.mean_delay_ms': 'onset.yaml, mean delay on the plates [ms]',
+    'onset.detected_percent': 'onset.yaml, slides detected [%]',
+    'onset.false_time_percent': 'onset.yaml, ON while a plate is at rest [% of the time]',
+    'onset.taps_percent': 'onset.yaml, ON in taps [% of the time]',
+    'onset.rolling_percent': 'onset.yaml, ON in rolling [% of the time]',
+    'onset.fast_detected_percent': 'onset.yaml, slides at 40 and 80 mm/s detected [%]',
     'real.least_auc_moving': 'real recordings left out, AUC against motion, worst seed',
+}
+
+ONSET_FIGURES = {
+    'mean_delay_ms': 'delay of slip, mean over the plates [ms]',
+    'mean_channel_delay_ms': 'the same, mean over the channels (Eq. 10) [ms]',
+    'detected_percent': 'slides detected [%]',
+    'false_time_percent': 'ON at rest [%]',
+    'false_positive_percent': 'ON without slip, with what is left of a slip [%]',
+    'taps_percent': 'ON in taps [%]',
+    'rolling_percent': 'ON in rolling [%]',
+    'tremor_hum_percent': 'ON with tremor and hum [%]',
+    'fast_detected_percent': 'slides at 40 and 80 mm/s detected [%]',
+}
+PLATE_FIGURES = {
+    'mean_delay_ms': 'delay, mean [ms]',
+    'worst_delay_ms': 'delay, worst [ms]',
+    'mean_channel_delay_ms': 'delay over the channels (Eq. 10) [ms]',
 }
 
 
@@ -43,6 +66,8 @@ def tuning_table(figures_by_part: dict[str, Any]) -> str:
         for name, one in figures_by_part['families']['by_name'].items():
             both = ' -> '.join(_in_short(one[which]) for which in ('given', 'tuned'))
             lines.append(f'  {name:<32} {both}' + (f' ({one["kept"]})' if one['kept'] else ''))
+    if 'onset' in figures_by_part:
+        lines += ['', *_onset_lines(figures_by_part['onset'])]
     if 'real' in figures_by_part:
         real = figures_by_part['real']
         lines += ['', f'Real recordings, {real["recordings"]}, each left out of its search:']
@@ -53,6 +78,32 @@ def tuning_table(figures_by_part: dict[str, Any]) -> str:
                 f'(by thresholds {one["auc_moving_by_threshold"]:.3f})'
             )
     return '\n'.join(lines)
+
+
+def _onset_lines(onset: dict[str, Any]) -> list[str]:
+    """Return the figures of the configurations side by side."""
+    seeds, columns = onset['seeds'], (onset, onset['sure'], onset['paper'])
+    rows = [
+        (
+            f'Simulated scenes, seeds {seeds[0]} to {seeds[-1]}',
+            'onset.yaml',
+            'sure.yaml',
+            "paper's",
+        ),
+        *(
+            (meaning, *(number_text(one[name], '.3f') for one in columns))
+            for name, meaning in ONSET_FIGURES.items()
+        ),
+    ]
+    for plate in onset['plates']:
+        rows += [
+            (
+                f'{plate} um: {meaning}',
+                *(number_text(one['plates'][plate][name], '.1f') for one in columns),
+            )
+            for name, meaning in PLATE_FIGURES.items()
+        ]
+    return text_table(rows, indent=0).splitlines()
 
 
 def _in_short(figures: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""The conditions that the controller is compared with, figures of merit, and their limits."""
+"""The conditions that the controller is compared with, figures of merit, and what is wanted."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from slip_detector.evaluation.bounds import Bound
 from slip_detector.grasp.loop import GraspTrial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
@@ -19,12 +20,32 @@ UNCONTROLLED, AT_LIMIT, CONTROLLER, PAPER = (
     "controller, paper's detector",
 )
 
-#: Limits that the controller's figures have to stay below, and the figures in words.
-WANTED = {
-    'dropped': (1, 'objects dropped'),
-    'worst_slide_mm': (5.0, 'worst slide [mm]'),
-    'mean_slide_mm': (2.0, 'mean slide [mm]'),
-    'force_percent': (60.0, 'mean grip [% of the limit]'),
+#: What is harder for the controller, and by which factors of :func:`.object_scene`.
+SLOW_GRIPPER, HALF_RIDGES, QUARTER_RIDGES = (
+    'gripper with 60 ms of lag',
+    'ridges half as high',
+    'ridges a quarter as high',
+)
+HARDER: dict[str, dict[str, float]] = {
+    SLOW_GRIPPER: {'lag_factor': 2.0},
+    HALF_RIDGES: {'ridge_factor': 0.5},
+    QUARTER_RIDGES: {'ridge_factor': 0.25},
+}
+
+#: What is wanted of the controller's figures, as a rule and where it is harder.
+WANTED: dict[str, dict[str, Bound]] = {
+    CONTROLLER: {
+        'dropped': Bound(high=0.0),
+        'mean_slide_mm': Bound(high=0.2),
+        'worst_slide_mm': Bound(high=0.6),
+        'force_percent': Bound(high=43.0),
+    },
+    SLOW_GRIPPER: {
+        'mean_slide_mm': Bound(high=0.5, strict=True),
+        'worst_slide_mm': Bound(high=3.5, strict=True),
+    },
+    HALF_RIDGES: {'worst_slide_mm': Bound(high=1.0, strict=True)},
+    QUARTER_RIDGES: {'worst_slide_mm': Bound(high=2.1, strict=True)},
 }
 
 
@@ -103,28 +124,35 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
     }
 
 
-def check_wanted(controller: Mapping[str, Any]) -> dict[str, Any]:
-    """Compare the controller's figures with their limits.
+def check_wanted(parts: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Compare the controller's figures with what is wanted of them.
 
     Parameters
     ----------
-    controller
-        The controller's figures, from :func:`grasp_figures`.
+    parts
+        The figures of :func:`grasp_figures` under each condition in :data:`WANTED`.
 
     Returns
     -------
     dict
-        For each name in :data:`WANTED`: the ``value``, the limit that it has to stay ``below``,
-        and whether that is ``met``; it is not where the value is not defined.
+        For each condition, and each of its figures in :data:`WANTED`: the ``value``, the ``bound``
+        as text and whether it is ``met``; a value that is not defined does not meet it.
 
     Examples
     --------
-    >>> figures = {'dropped': 0, 'worst_slide_mm': 0.9, 'mean_slide_mm': 0.4, 'force_percent': 70}
-    >>> [name for name, entry in check_wanted(figures).items() if not entry['met']]
-    ['force_percent']
+    >>> found = {'dropped': 0, 'mean_slide_mm': 0.1, 'worst_slide_mm': 0.9, 'force_percent': 42.0}
+    >>> wanted = check_wanted(dict.fromkeys(WANTED, found))
+    >>> [name for name, entry in wanted[CONTROLLER].items() if not entry['met']]
+    ['worst_slide_mm']
     """
-    found = {}
-    for name, (below, _) in WANTED.items():
-        value = controller[name]
-        found[name] = {'value': value, 'below': below, 'met': value is not None and value < below}
-    return found
+    return {
+        condition: {
+            name: {
+                'value': parts[condition][name],
+                'bound': str(bound),
+                'met': bound.met(parts[condition][name]),
+            }
+            for name, bound in bounds.items()
+        }
+        for condition, bounds in WANTED.items()
+    }

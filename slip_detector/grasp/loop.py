@@ -164,6 +164,7 @@ def play_trials(
     seeds: Iterable[int],
     scene: str = SCENE,
     transport_s: float = TRANSPORT_S,
+    **harder: float,
 ) -> list[GraspTrial]:
     """Play a trial for each seed, with another object each time.
 
@@ -175,6 +176,8 @@ def play_trials(
         Seeds of the objects and of the noise.
     scene, transport_s
         As :func:`object_scene` and :func:`play_trial` take them.
+    **harder
+        The factors that :func:`object_scene` takes.
 
     Raises
     ------
@@ -182,6 +185,9 @@ def play_trials(
         As :func:`object_scene` and :func:`play_trial`.
     """
     return [
-        play_trial(object_scene(seed, scene), seed, SlipChain(chain), GraspLaw(grasp), transport_s)
+        play_trial(
+            object_scene(seed, scene, **harder), seed, SlipChain(chain), GraspLaw(grasp),
+            transport_s,
+        )
         for seed in seeds
-    ]
+    ]  # fmt: skip

@@ -25,7 +25,9 @@ RANGES: dict[str, tuple[float, float]] = {
 }
 
 
-def object_scene(seed: int, scene: str = SCENE) -> dict[str, Any]:
+def object_scene(
+    seed: int, scene: str = SCENE, *, lag_factor: float = 1.0, ridge_factor: float = 1.0
+) -> dict[str, Any]:
     """Return the scene of a file with the object and the fingertip of one seed.
 
     Parameters
@@ -34,6 +36,10 @@ def object_scene(seed: int, scene: str = SCENE) -> dict[str, Any]:
         Seed of the object: the same seed gives the same object.
     scene
         Name or path of a scene with an object that gets heavier.
+    lag_factor
+        How many times as long the gripper takes to follow its command as in the scene, above 0.
+    ridge_factor
+        How many times as high the ridges are as drawn, at least 0.
 
     Returns
     -------
@@ -43,7 +49,8 @@ def object_scene(seed: int, scene: str = SCENE) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        When the file cannot be read or has no object whose weight grows; names it.
+        When the file cannot be read, has no object whose weight grows, or says nothing of the
+        gripper, whose lag is to change; names it.
 
     Examples
     --------
@@ -61,6 +68,11 @@ def object_scene(seed: int, scene: str = SCENE) -> dict[str, Any]:
             f'{path}: has no object that gets heavier, allowed: a scene with the part object and '
             'steps with pull_n'
         )
+    if lag_factor != 1.0 and 'ringing_hz' not in (description.get('motion') or {}):
+        raise ValueError(
+            f'{path}: does not say how fast the gripper is, allowed: a scene with ringing_hz in '
+            'the part motion'
+        )
     mass_kg, static = drawn['mass_kg'], drawn['static_coefficient']
     filling[0]['duration_s'] = drawn['growing_s']
     for step in filling:
@@ -71,10 +83,15 @@ def object_scene(seed: int, scene: str = SCENE) -> dict[str, Any]:
             'static_coefficient': static,
             'kinetic_coefficient': static * drawn['kinetic_share'],
         },
-        'texture': {name: drawn[name] for name in ('spatial_period_m', 'ridge_height_m')},
+        'texture': {
+            'spatial_period_m': drawn['spatial_period_m'],
+            'ridge_height_m': drawn['ridge_height_m'] * ridge_factor,
+        },
         'electronics': {'fingertip_seed': seed},
         'taps': {'times_s': [drawn['knock_s']]},
     }
+    if lag_factor != 1.0:
+        parts['motion'] = {'ringing_hz': description['motion']['ringing_hz'] / lag_factor}
     for part, values in parts.items():
         description[part] = {**(description.get(part) or {}), **values}
     return description

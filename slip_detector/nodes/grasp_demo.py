@@ -10,6 +10,9 @@ objects that were played through the nodes stand beside it.
     The seeds of the table.
 ``conditions``
     For each condition the figures of :func:`slip_detector.grasp.comparison.grasp_figures`.
+``harder``
+    The same figures of the controller where something is harder for it, see
+    :data:`slip_detector.grasp.comparison.HARDER`.
 ``transport_ms``
     The delay from sample to command that the simulated loop assumes.
 ``nodes``
@@ -19,8 +22,8 @@ objects that were played through the nodes stand beside it.
     ``median`` and ``most`` through the nodes, from the stamp of the sample on which slip came on
     to the command that answered it; null when there was no slip.
 ``wanted``
-    For each figure of the controller its ``value``, the limit that it has to be ``below``, and
-    whether it is ``met``.
+    For the controller and where it is harder: of each figure its ``value``, the ``bound`` as text
+    and whether it is ``met``.
 """
 
 import argparse
@@ -35,13 +38,14 @@ import yaml
 
 from slip_detector.grasp.comparison import (
     CONTROLLER,
+    HARDER,
     WANTED,
     check_wanted,
     conditions,
     grasp_figures,
 )
 from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, play_trials
-from slip_detector.grasp.objects import object_scene
+from slip_detector.grasp.objects import SCENE, object_scene
 from slip_detector.nodes.demonstration import run_demonstration
 from slip_detector.nodes.grasp_trial import GraspRecorder, LiveGraspTrial, play_grasp
 from slip_detector.parameters.detector import ChainConfig
@@ -49,7 +53,7 @@ from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.report.grasp_table import grasp_table
 
-#: The seed that is drawn, if it is among the seeds: this object slips twice.
+#: Which object is drawn, if there are as many: of the seeds from 0 on, one that slips twice.
 SHOWN = 2
 
 
@@ -105,18 +109,43 @@ def _through_nodes(
     return {'nodes': nodes, 'latency_ms': latency_ms}, heard
 
 
+def seed_range(text: str) -> range:
+    """Return the seeds of ``N``, those from 0 on, or of ``FIRST:LAST``, both included.
+
+    Raises
+    ------
+    ArgumentTypeError
+        When the text is neither.
+    """
+    first, colon, last = text.partition(':')
+    try:
+        seeds = range(int(first), int(last) + 1) if colon else range(int(text))
+    except ValueError:
+        seeds = range(0)
+    if not seeds or seeds[0] < 0:
+        raise argparse.ArgumentTypeError(
+            f'is {text}, allowed: N, at least 1, or FIRST:LAST, from 0 on, with FIRST at most LAST'
+        )
+    return seeds
+
+
 def main() -> None:
     """Entry point of ``slip_grasp``."""
     parser = argparse.ArgumentParser(prog='slip_grasp', description=__doc__.splitlines()[0])
-    parser.add_argument('--seeds', type=int, default=30, help='how many objects, from seed 0 on')
-    parser.add_argument('--live', type=int, default=4, help='how many of them through the nodes')
+    parser.add_argument(
+        '--seeds', type=seed_range, default=range(30), metavar='N',
+        help='how many objects, from seed 0 on (default: 30), or FIRST:LAST, both included',
+    )  # fmt: skip
+    parser.add_argument(
+        '--live', type=int, default=4, metavar='N',
+        help='how many of them, the first ones, through the nodes (default: %(default)s)',
+    )  # fmt: skip
     parser.add_argument('--config', type=Path, help='parameter file of all nodes')
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
     arguments = parser.parse_args()
-    if arguments.seeds < 1:
-        parser.error(f'--seeds is {arguments.seeds}, allowed: at least 1')
-    if not 0 <= arguments.live <= arguments.seeds:
-        parser.error(f'--live is {arguments.live}, allowed: 0 to {arguments.seeds}, all seeds')
+    many = len(arguments.seeds)
+    if not 0 <= arguments.live <= many:
+        parser.error(f'--live is {arguments.live}, allowed: 0 to {many}, all seeds')
     run_demonstration('slip_grasp', lambda: _demonstrate(arguments))
 
 
@@ -124,9 +153,15 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    seeds = list(range(arguments.seeds))
+    seeds = list(arguments.seeds)
     trials = {name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()}
     parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
+    harder = {
+        name: grasp_figures(
+            play_trials(chain, grasp, seeds, SCENE, TRANSPORT_S, **factors), grasp.limit_n
+        )
+        for name, factors in HARDER.items()
+    }
     mine = trials[CONTROLLER][: arguments.live]
     live, heard = _through_nodes(
         seeds[: arguments.live], config, arguments.out, mine, grasp.limit_n
@@ -134,22 +169,23 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     result = {
         'seeds': seeds,
         'conditions': parts,
+        'harder': harder,
         'transport_ms': TRANSPORT_S * 1e3,
         **live,
-        'wanted': check_wanted(parts[CONTROLLER]),
+        'wanted': check_wanted({**parts, **harder}),
     }
     (arguments.out / 'grasp.json').write_text(json.dumps(result, indent=2) + '\n')
     from slip_detector.report.grasp_picture import draw_grasp
 
-    drawn = min(SHOWN, seeds[-1])
-    shown = heard.get(drawn)
+    drawn = min(SHOWN, len(seeds) - 1)
+    shown = heard.get(seeds[drawn])
     draw_grasp(
         arguments.out / 'grasp.png',
         {name: mine[drawn] for name, mine in trials.items()},
         parts,
         grasp.limit_n,
         {'position': shown.position, 'command': shown.command} if shown else {},
-        WANTED['worst_slide_mm'][0],
+        WANTED[CONTROLLER]['worst_slide_mm'].high,
     )
     print(grasp_table(result))
     print(f'Written: {arguments.out / "grasp.json"}, {arguments.out / "grasp.png"}')

@@ -33,6 +33,9 @@ NEEDED_COLOR = '0.55'
 #: Height of the displacement panel, in slides of the object under the controller.
 SHOWN_SLIDES = 4.0
 
+#: Up to this slide the axis of slides is linear.
+LINEAR_TO_MM = 0.1
+
 #: Where dropped objects are drawn, in units of the longest slide.
 HEADROOM = 1.35
 
@@ -177,8 +180,11 @@ def _draw_slides(axis: Axes, figures: Mapping[str, Mapping[str, Any]], wanted_mm
     axis.text(-0.45, dropped_mm, 'dropped', va='bottom', fontsize=9, color='0.4')
     axis.text(-0.45, wanted_mm, 'wanted', va='bottom', fontsize=9, color='0.4')
     axis.set_xticks(range(len(names)), [LABELS[name] for name in names])
+    # Logarithmic from LINEAR_TO_MM on: the slides differ by a factor of a thousand.
+    axis.set_yscale('symlog', linthresh=LINEAR_TO_MM)
     axis.set(ylabel='slide of each, and mean [mm]', xlim=(-0.5, len(names) - 0.3),
-             ylim=(0.0, 1.1 * dropped_mm))  # fmt: skip
+             ylim=(0.0, 1.5 * dropped_mm))  # fmt: skip
+    axis.yaxis.set_major_formatter('{x:g}')
     axis.spines[['top', 'right']].set_visible(False)
 
 

@@ -3,8 +3,16 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slip_detector.grasp.comparison import CONTROLLER, WANTED
+from slip_detector.grasp.comparison import CONTROLLER
 from slip_detector.report.text_table import number_text, text_table
+
+#: The figures that something is wanted of, in words.
+WANTED_FIGURES = {
+    'dropped': 'objects dropped',
+    'mean_slide_mm': 'mean slide [mm]',
+    'worst_slide_mm': 'worst slide [mm]',
+    'force_percent': 'mean grip [% of the limit]',
+}
 
 
 def grasp_table(result: Mapping[str, Any]) -> str:
@@ -27,7 +35,7 @@ def grasp_table(result: Mapping[str, Any]) -> str:
     seeds, parts = result['seeds'], result['conditions']
     rows = [['', '', 'slide [mm]', '', 'grip [% of limit]', '', ''],
             ['', 'dropped', 'mean', 'worst', 'mean', 'most', 'onsets']]  # fmt: skip
-    for name, part in parts.items():
+    for name, part in {**parts, **result['harder']}.items():
         figures = [
             number_text(part[key], form)
             for key, form in (
@@ -54,13 +62,16 @@ def grasp_table(result: Mapping[str, Any]) -> str:
         text_table(
             [
                 [
-                    WANTED[name][1],
+                    condition,
+                    WANTED_FIGURES[name],
                     number_text(entry['value'], '.2f'),
-                    f'wanted < {entry["below"]:g}',
+                    f'wanted {entry["bound"]}',
                     'met' if entry['met'] else 'NOT met',
                 ]
-                for name, entry in result['wanted'].items()
-            ]
+                for condition, entries in result['wanted'].items()
+                for name, entry in entries.items()
+            ],
+            '<<><',
         ),
     ]
     if result['nodes']:

@@ -73,7 +73,7 @@ RUN_BY = {
         'test/nodes/test_fingers.py'
         '::test_each_finger_has_nodes_and_parameters_of_its_own_and_all_samples_come'
     ),
-    'ros2 run slip_detector slip_detector --configs soon.yaml,late.yaml'
+    'ros2 run slip_detector slip_detector --configs onset.yaml,sure.yaml'
     ' --ros-args -r __ns:=/index': (
         'test/nodes/test_configs.py::test_each_file_is_a_detector_of_its_own_on_the_same_input'
     ),
@@ -101,6 +101,10 @@ RUN_BY = {
         'test/commands/test_evaluate_protocol.py::test_the_pictures_are_written_and_show_something'
     ),
     'slip_grasp --live 30': (
+        'test/nodes/test_grasp_demo.py'
+        '::test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_time'
+    ),
+    'slip_grasp --seeds 7000:7029 --out out': (
         'test/nodes/test_grasp_demo.py'
         '::test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_time'
     ),

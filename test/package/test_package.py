@@ -91,6 +91,15 @@ def test_the_changelog_has_the_version():
     )
 
 
+def test_the_presets_that_run_beside_one_driver_take_the_same_samples():
+    onset, sure, plain = (
+        ChainConfig.from_yaml(ROOT / 'config' / f'{name}.yaml')
+        for name in ('onset', 'sure', 'slip_detector')
+    )
+    for name in ('sample_rate_hz', 'channels', 'channel_names', 'groups'):
+        assert getattr(onset, name) == getattr(sure, name) == getattr(plain, name)
+
+
 @pytest.mark.parametrize('path', sorted((ROOT / 'config').glob('*.yaml')), ids=lambda p: p.name)
 def test_every_shipped_parameter_file_is_taken(path):
     assert isinstance(DetectorConfig.from_yaml(path), ChainConfig)

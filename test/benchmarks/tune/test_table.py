@@ -1,7 +1,7 @@
 """The figures of the tuner as text."""
 
 from benchmarks.tune.measure import WANTED
-from benchmarks.tune.table import MEANINGS, tuning_table
+from benchmarks.tune.table import MEANINGS, ONSET_FIGURES, tuning_table
 from benchmarks.verdicts import verdicts
 
 
@@ -42,3 +42,26 @@ def test_families_and_real_recordings_have_lines_of_their_own():
     assert 'plates' in text
     assert '40.0, -, 1.2, 0.12, 0.50, 0.25 -> 40.0, -, 1.2, 0.12, 0.50, 0.25 (no better)' in text
     assert text.count('AUC against motion 0.910 (by thresholds 0.850)') == 2
+
+
+def test_the_presets_stand_beside_the_papers_parameters():
+    plate = {'mean_delay_ms': 12.5, 'worst_delay_ms': None, 'mean_channel_delay_ms': 15.0}
+    one = {**dict.fromkeys(ONSET_FIGURES, 0.5), 'plates': {'400': plate}}
+    sure = {**one, 'taps_percent': None}
+    result = {'wanted': {}, 'onset': {**one, 'seeds': [3, 4, 5], 'sure': sure, 'paper': one}}
+    lines = [line.split() for line in tuning_table(result).splitlines()]
+    heading = [
+        'Simulated',
+        'scenes,',
+        'seeds',
+        '3',
+        'to',
+        '5',
+        'onset.yaml',
+        'sure.yaml',
+        "paper's",
+    ]
+    assert heading in lines
+    assert ['ON', 'in', 'taps', '[%]', '0.500', '-', '0.500'] in lines
+    assert ['400', 'um:', 'delay,', 'mean', '[ms]', '12.5', '12.5', '12.5'] in lines
+    assert ['400', 'um:', 'delay,', 'worst', '[ms]', '-', '-', '-'] in lines

@@ -1,0 +1,152 @@
+"""How soon and how clean ``config/onset.yaml`` is, beside ``config/sure.yaml`` and the paper.
+
+All scenes are simulated with seeds that the configurations were not chosen on.
+:func:`measure_onset` gives ``seeds``, the figures of ``config/onset.yaml``, and under ``sure`` and
+``paper`` the same figures of ``config/sure.yaml`` and of the paper's parameters:
+
+``mean_delay_ms``
+    Delay of ``slip`` on the paper's plates, as the mean over the plates' means: from the first row
+    of the slip to the alarm that begins with it. A detector that was ON before has none.
+``mean_channel_delay_ms``
+    The same of the paper's delay: the mean over the channels of the time to their first ON
+    (Eq. 10).
+``detected_percent``
+    Share of the slides over the plates that have such an alarm.
+``false_time_percent``
+    Share of the time in which a plate does not slide, nor has slid just before (``tail_s`` of
+    ``slip_evaluate``), in which ``slip`` is ON.
+``false_positive_percent``
+    The paper's figure: the same of all time in which a plate does not slide, with what the filters
+    and the evidence take to settle after a slide.
+``taps_percent``, ``rolling_percent``, ``tremor_hum_percent``
+    ``false_time_percent`` of the scenes of these names, in which nothing slides.
+``fast_detected_percent``
+    ``detected_percent`` of the slides at 40 and 80 mm/s.
+``plates``
+    ``mean_delay_ms``, ``worst_delay_ms`` and ``mean_channel_delay_ms`` of each plate, by its
+    spatial period in micrometres; null without a slide that was detected.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.outcome import ReplayOutcome
+from slip_detector.evaluation.paper_figures import mean_and_sd, percent, trial_delays_ms
+from slip_detector.evaluation.protocol_trials import SCENES
+from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.scenes import find_scene, load_scene
+
+#: Others than those the configuration was chosen on.
+SEEDS = range(5000, 5030)
+
+FAST = ('fast_40mm_s', 'fast_80mm_s')
+WITHOUT_SLIP = ('taps', 'rolling', 'tremor_hum')
+
+#: Longer than any of the scenes.
+LONGEST_S = 60.0
+
+
+def simulate(seeds: Sequence[int]) -> dict[str, list[LabelledRows]]:
+    """Play each of the scenes once with each seed; return their rows, by name of the scene."""
+    rows: dict[str, list[LabelledRows]] = {}
+    for name in (*SCENES.values(), *FAST, *WITHOUT_SLIP):
+        rows[name] = []
+        for seed in seeds:
+            scene = load_scene(find_scene(name), np.random.default_rng(seed))
+            samples = scene.read(round(LONGEST_S * scene.sample_rate_hz))
+            assert samples.truth is not None
+            rows[name].append(LabelledRows(samples.volts, samples.truth))
+    return rows
+
+
+def onset_figures(rows: dict[str, list[LabelledRows]], chain: ChainConfig) -> dict[str, Any]:
+    """Return the figures of one chain; the keys are in the module's docstring.
+
+    Parameters
+    ----------
+    rows
+        What :func:`simulate` has returned.
+    chain
+        The parameters of the chain.
+    """
+    replay = Replay(chain, scores=False, stages=False)
+    outcomes = {name: [replay.run([one]) for one in mine] for name, mine in rows.items()}
+    plates = {plate: _delays(outcomes[scene]) for plate, scene in SCENES.items()}
+    slides = [one for scene in SCENES.values() for one in outcomes[scene]]
+    still = sum(one.rows - one.slip_rows for one in slides)
+    return {
+        **{
+            name: _mean([plate[name] for plate in plates.values()])
+            for name in ('mean_delay_ms', 'mean_channel_delay_ms')
+        },
+        'detected_percent': _detected_percent(slides),
+        'false_time_percent': _false_time_percent(slides),
+        'false_positive_percent': percent(sum(one.on_rows for one in slides), still),
+        **{f'{name}_percent': _false_time_percent(outcomes[name]) for name in WITHOUT_SLIP},
+        'fast_detected_percent': _detected_percent(
+            [one for name in FAST for one in outcomes[name]]
+        ),
+        'plates': plates,
+    }
+
+
+def measure_onset(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
+    """Measure the two configurations and the paper's parameters on the same scenes.
+
+    Parameters
+    ----------
+    seeds
+        Seeds of the scenes; each scene is played with each.
+
+    Returns
+    -------
+    dict
+        The keys are in the module's docstring.
+    """
+    rows = simulate(seeds)
+    onset, sure = (
+        ChainConfig.from_yaml(shared_folder() / 'config' / f'{name}.yaml')
+        for name in ('onset', 'sure')
+    )
+    return {
+        'seeds': list(seeds),
+        **onset_figures(rows, onset),
+        'sure': onset_figures(rows, sure),
+        'paper': onset_figures(rows, ChainConfig()),
+    }
+
+
+def _latencies_ms(outcomes: Sequence[ReplayOutcome]) -> list[float]:
+    slips = [slip for one in outcomes for slip in one.slips]
+    return [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
+
+
+def _delays(outcomes: Sequence[ReplayOutcome]) -> dict[str, float | None]:
+    latencies_ms = _latencies_ms(outcomes)
+    slips = [slip for one in outcomes for slip in one.slips]
+    return {
+        'mean_delay_ms': mean_and_sd(latencies_ms)[0],
+        'worst_delay_ms': max(latencies_ms, default=None),
+        'mean_channel_delay_ms': mean_and_sd(trial_delays_ms(slips))[0],
+    }
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    """Return the mean; None where one of the values is not defined."""
+    return None if None in values else mean_and_sd(values)[0]
+
+
+def _detected_percent(outcomes: Sequence[ReplayOutcome]) -> float | None:
+    return percent(len(_latencies_ms(outcomes)), sum(len(one.slips) for one in outcomes))
+
+
+def _false_time_percent(outcomes: Sequence[ReplayOutcome]) -> float | None:
+    """Return the share of the rest that is ON."""
+    return percent(
+        sum(one.on_rest_rows for one in outcomes), sum(one.rest_rows for one in outcomes)
+    )
