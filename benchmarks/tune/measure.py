@@ -15,7 +15,7 @@
     The figures of :mod:`benchmarks.tune.report_size`.
 ``families``
     The figures of :mod:`benchmarks.tune.families`, ``by_name`` of the family; ``better``: in how
-    many families latency and false alarms are both better.
+    many families latency, time ON without slip and recall are all three better.
 ``real``
     The figures of :mod:`benchmarks.tune.real_recordings`.
 ``wanted``
@@ -48,7 +48,7 @@ WANTED = {
     'search.speedup': Bound(low=10.0),
     'report.bytes': Bound(high=10e6, strict=True),
     'report.ready_ms': Bound(high=3000.0),
-    'families.better': Bound(low=3.0),
+    'families.better': Bound(low=4.0),
     'real.least_auc_moving': Bound(low=0.90),
 }
 

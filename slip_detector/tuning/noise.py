@@ -232,7 +232,7 @@ def _lines(mains_hz: float, hz: Floats, power: Floats, rate_hz: float) -> list[M
 def _longest_stretch(track: Track) -> Floats:
     """Return the rows of the longest stretch, what is no number replaced by the median."""
     longest = max(track.rows_of_stretches, key=lambda rows: rows.stop - rows.start)
-    volts = track.volts[longest].copy()
+    volts: Floats = track.volts[longest].copy()
     for column in volts.T:
         bad = ~np.isfinite(column)
         if bad.any():

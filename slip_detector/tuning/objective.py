@@ -16,8 +16,8 @@ from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.space import Vote, threshold_scale, thresholds, votes_of
 from slip_detector.tuning.sweep import ThresholdSweep, VoteStatistics, sweep_thresholds
+from slip_detector.tuning.thresholds import Vote, threshold_scale, thresholds, votes_of
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
