@@ -11,7 +11,7 @@ MEANINGS = {
     'search.speedup': 'a search, times faster than around SciPy and NumPy',
     'report.bytes': 'report of an hour, bytes',
     'report.ready_ms': 'report of an hour, until it is drawn [ms]',
-    'families.better': 'families with better latency, time ON without slip and recall',
+    'families.better': 'families better in latency, time ON and recall',
     'real.least_auc_moving': 'real recordings left out, AUC against motion, worst seed',
 }
 
