@@ -16,6 +16,8 @@
 ``families``
     The figures of :mod:`benchmarks.tune.families`, ``by_name`` of the family; ``better``: in how
     many families latency, time ON without slip and recall are all three better.
+``sensor``
+    The figures of :mod:`benchmarks.tune.new_sensor`.
 ``real``
     The figures of :mod:`benchmarks.tune.real_recordings`.
 ``wanted``
@@ -32,6 +34,7 @@ from typing import Any
 from benchmarks.tune.evaluation_speed import measure_evaluation
 from benchmarks.tune.families import measure_families
 from benchmarks.tune.jobs_speed import measure_jobs
+from benchmarks.tune.new_sensor import measure_new_sensor
 from benchmarks.tune.reading_speed import measure_reading, write_labelled_noise
 from benchmarks.tune.real_recordings import TRIALS, measure_real_recordings
 from benchmarks.tune.report_size import measure_report
@@ -40,7 +43,7 @@ from benchmarks.verdicts import values_of, verdicts
 from slip_detector.evaluation.bounds import Bound
 
 #: The parts; ``real`` needs recordings.
-PARTS = ('evaluate', 'read', 'jobs', 'search', 'report', 'families', 'real')
+PARTS = ('evaluate', 'read', 'jobs', 'search', 'report', 'families', 'sensor', 'real')
 
 WANTED = {
     'evaluate.ratio': Bound(high=4.0),
@@ -49,6 +52,7 @@ WANTED = {
     'report.bytes': Bound(high=10e6, strict=True),
     'report.ready_ms': Bound(high=3000.0),
     'families.better': Bound(low=4.0),
+    'sensor.total_s': Bound(high=120.0),
     'real.least_auc_moving': Bound(low=0.90),
 }
 
@@ -125,6 +129,10 @@ def _families(quick: bool) -> dict[str, Any]:
     return {'by_name': by_name, 'better': sum(one['better'] for one in by_name.values())}
 
 
+def _sensor(quick: bool) -> dict[str, Any]:
+    return measure_new_sensor(4, range(6400, 6401), 20.0, 12.0) if quick else measure_new_sensor()
+
+
 _MEASURES = {
     'evaluate': _evaluate,
     'read': _read,
@@ -132,4 +140,5 @@ _MEASURES = {
     'search': _search,
     'report': _report,
     'families': _families,
+    'sensor': _sensor,
 }
