@@ -2,8 +2,8 @@
 
 :func:`measure_new_sensor` gives an object: ``recording_s``, the length of all recordings;
 ``quiet_s``, ``taps_s`` and ``search_s``, the time of each command, and ``total_s``; ``taps_told``,
-whether knocks could be told from slips; and ``given``, with the noise floors learnt, and ``tuned``:
-the figures of :data:`.families.FIGURES` on scenes with seeds that were not recorded.
+whether knocks could be told from slips; and the figures of :data:`.families.FIGURES` on scenes
+with seeds that were not recorded, ``given`` with the noise floors learnt, and ``tuned``.
 """
 
 import subprocess
