@@ -199,7 +199,7 @@ def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
     ]
 
 
-def _set(
+def _learn(
     options: Namespace,
     argv: Sequence[str] | None,
     learn: Callable[[Namespace, ChainConfig, RecordingLoader], Learnt],
@@ -323,9 +323,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = arguments_of(argv)
     work = _search
     if options.quiet is not None:
-        work = partial(_set, learn=learn_from_quiet)
+        work = partial(_learn, learn=learn_from_quiet)
     elif options.taps is not None:
-        work = partial(_set, learn=learn_from_taps)
+        work = partial(_learn, learn=learn_from_taps)
     return run(NAME, lambda: '\n'.join(work(options, argv)))
 
 

@@ -20,10 +20,11 @@ OF_SEARCH = ('held_out', 'report', 'plot', 'storage', 'jobs', 'cluster')
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog=NAME,
-        description='Search the bands, stop-bands, exponent, windows, threshold, votes and common '
-        'mode that catch the slips of labelled recordings soonest without false alarms. Some '
-        'recordings are held out: on these the result is never worse than the given parameters. '
-        'Ctrl-C ends the search with the result so far, and the same command continues it.',
+        description='Search the bands, stop-bands, exponent, windows, decision, threshold, votes '
+        'and common mode that catch slips of labelled recordings soonest without false alarms. '
+        'Some recordings are held out: on these the result is never worse than the given '
+        'parameters. Ctrl-C ends the search with the result so far, and the same command '
+        'continues it.',
     )
     parser.add_argument(
         'recordings', nargs='*', metavar='RECORDING', help='a recording or a folder of them'

@@ -13,7 +13,7 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: A knock is where the step is so many times what nine in ten steps are below.
+#: A knock is where the step is so many times what nine in ten steps are below, or the least step.
 KNOCK = 4.0
 NOISE_SHARE = 0.9
 
@@ -81,7 +81,11 @@ def knocks_v(chain: ChainConfig, track: Track) -> Floats:
     :data:`KNOCK_S`.
     """
     steps = common_steps_v(chain, track)
-    loud = np.flatnonzero(steps > KNOCK * np.quantile(steps, NOISE_SHARE))
+    if not steps.any():
+        return np.zeros(0)
+    # A converter whose last digit seldom changes has no noise but this digit.
+    noise_v = max(np.quantile(steps, NOISE_SHARE), steps[steps > 0.0].min())
+    loud = np.flatnonzero(steps > KNOCK * noise_v)
     if not loud.size:
         return np.zeros(0)
     breaks = np.flatnonzero(np.diff(loud) > KNOCK_S * track.sample_rate_hz) + 1

@@ -19,9 +19,9 @@ Floats = NDArray[np.float64]
 #: How far a floor that was learnt may rise.
 LEARNT_RANGE_DB = 15.0
 
-#: Floors are learnt on so many rows at most, the same number of each recording: more rows make
-#: them hardly surer and every trial of a search longer.
-MOST_ROWS = 60_000
+#: Floors are learnt on so many rows, the first ones of each recording: more rows make them hardly
+#: surer and every trial of a search longer. But each recording takes part for so long at least.
+MOST_ROWS, LEAST_S = 60_000, 5.0
 
 #: Mains frequencies in the world, and how many of their multiples are looked at.
 MAINS_HZ = (50.0, 60.0)
@@ -82,7 +82,8 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     runner, envelopes = SlipChain(plain), []
     quiet = [REST] if any((track.kinds == REST).any() for track in tracks) else None
     for track in tracks:
-        left = MOST_ROWS // len(tracks)
+        least = round(LEAST_S * track.sample_rate_hz)
+        left = settling + max(MOST_ROWS // len(tracks), least)
         for begin, end, _, new_stretch in track.pieces:
             if new_stretch:
                 runner.reset()

@@ -96,3 +96,12 @@ def test_knocks_like_slips_are_said_to_be_with_the_numbers():
     still = recording(np.zeros((100, 4)))
     with pytest.raises(ValueError, match='knocks: has no step of 4 times its noise on 2 channels'):
         impact_step(CHAIN, still, [track(1)])
+
+
+def test_the_last_digit_of_a_converter_is_no_knock():
+    digit_v = 1e-3
+    volts = np.zeros((4000, 4))
+    volts[100::400] = digit_v  # seldom, and back in the next row
+    assert knocks_v(CHAIN, recording(volts)).size == 0
+    volts[200::800] = 50.0 * digit_v
+    assert knocks_v(CHAIN, recording(volts)).tolist() == pytest.approx([50.0 * digit_v] * 5)

@@ -119,3 +119,10 @@ def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
 def test_a_recording_too_short_for_a_spectrum_has_no_mains():
     volts = hum(50.0, 2000, RATE_HZ, {1: 0.5}) + noise(2000)
     assert find_mains(rest(volts)).mains_hz == 0.0
+
+
+def test_of_many_short_recordings_each_takes_part_in_the_floors():
+    chain = dataclasses.replace(CHAIN, passband_hz=(7.0, 50.0), passband_degree=4)
+    short = [rest(noise(400, seed)) for seed in range(900)]
+    whole = learnt_floors(chain, [rest(noise(60_000))])
+    np.testing.assert_allclose(learnt_floors(chain, short), whole, rtol=0.1)
