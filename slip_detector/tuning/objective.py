@@ -23,7 +23,7 @@ from slip_detector.tuning.tracks import Track
 Floats = NDArray[np.float64]
 
 #: A threshold is judged together with this many neighbours on each side, which are steps of
-#: :data:`slip_detector.tuning.space.STEP`: contact and sensor change by about a tenth of the
+#: :data:`slip_detector.tuning.thresholds.STEP`: contact and sensor change by about a tenth of the
 #: amplitude from day to day.
 NEIGHBOURS = 3
 

@@ -32,7 +32,8 @@ BELOW, ABOVE = 7.0 / 0.5, 180.0 / 50.0
 #: Half the width of a stop-band around the mains frequency.
 NOTCH_HALF_WIDTH_HZ = 5.0
 
-SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.005, 0.3
+#: Shortest window, one sample at the paper's rate, and longest.
+SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.0025, 0.3
 
 STOPBANDS = ('given', 'none', 'below', 'above', 'both')
 
@@ -43,7 +44,7 @@ LEAST_SHARING = 3
 DEGREES = (2, 4)
 
 #: Ranges of what evidence is made with: how often the noise floors, in amplitude, how fast they
-#: follow, the offset, the cap above it and the limit.
+#: follow, the offset, the cap above it, the limit, and how long an impact is held for.
 FLOOR_SCALE, FLOOR_RATE_DB_S = (0.1, 10.0), (0.02, 5.0)
 OFFSET_DB, CAP_ABOVE_DB, LIMIT_DB_S = (0.5, 12.0), (1.0, 30.0), (0.02, 5.0)
 HOLD_S = (0.05, 1.0)

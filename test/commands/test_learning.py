@@ -107,3 +107,14 @@ def test_knocks_that_are_no_louder_than_slips_write_nothing(folder, capsys):
     assert 'soft.npz: its knocks cannot be told from slips' in error
     assert error.count('\n') == 1
     assert not (folder / 'out.yaml').exists()
+
+
+def test_with_the_paper_s_decision_the_mains_is_told_and_only_the_threshold_written(
+    folder, capsys
+):
+    (folder / 'given.yaml').write_text(EVIDENCE.replace('evidence', 'mean') + LABELS)
+    run('--quiet', 'hum.npz', '--false-alarms-per-hour', '200')
+    given, written = given_and_written()
+    assert written == dataclasses.replace(given, threshold=written.threshold)
+    assert written.threshold != given.threshold
+    assert 'mains_hz: 60 would take it off' in capsys.readouterr().out
