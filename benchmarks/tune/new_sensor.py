@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 
 from benchmarks.tune.families import FIGURES, PLATES, play_scenes
+from slip_detector.evaluation.labelled_rows import SLIP
 from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
@@ -60,7 +61,8 @@ def measure_new_sensor(
     rest_s, knocks_s
         Length of the recordings at rest and of knocks.
     """
-    plates = [read_yaml(find_scene(name)) for name in PLATES]
+    trembling = {part: read_yaml(find_scene('tremor_hum'))[part] for part in ('tremor', 'hum')}
+    plates = [{**read_yaml(find_scene(name)), **trembling} for name in PLATES]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / 'slips').mkdir()
@@ -69,10 +71,9 @@ def measure_new_sensor(
             np.savez(
                 folder / 'slips' / f'{k}.npz',
                 volts=track.volts,
-                slip=track.kinds == track.kinds.max(),
+                slip=track.kinds == SLIP,
                 sample_rate_hz=track.sample_rate_hz,
             )
-        trembling = {part: read_yaml(find_scene('tremor_hum'))[part] for part in ('tremor', 'hum')}
         times_s = np.arange(3.0, knocks_s, BETWEEN_KNOCKS_S).tolist()
         taps = {**read_yaml(find_scene('taps'))['taps'], 'times_s': times_s}
         _write_held(folder / 'rest.npz', rest_s, trembling)
@@ -82,7 +83,7 @@ def measure_new_sensor(
         )
         quiet_s, _ = _slip_tune(folder, 'given', 'quiet', '--quiet', 'rest.npz')
         taps_s, told = _slip_tune(folder, 'quiet', 'taps', 'slips', '--taps', 'knocks.npz')
-        words = ['slips', '--jobs', str(JOBS), '--trials', str(trials)]
+        words = ['slips', 'rest.npz', 'knocks.npz', '--jobs', str(JOBS), '--trials', str(trials)]
         search_s, _ = _slip_tune(folder, 'taps' if told else 'quiet', 'tuned', *words)
         chains = {
             which: ChainConfig.from_yaml(folder / f'{which}.yaml') for which in ('quiet', 'tuned')
@@ -114,7 +115,8 @@ def _write_held(path: Path, duration_s: float, parts: Mapping[str, Any]) -> None
     held = {name: plate[name] for name in ('friction', 'texture')}
     scene = Scene({**held, 'steps': steps, **parts}, np.random.default_rng(0))
     samples = scene.read(round(duration_s * scene.sample_rate_hz))
-    np.savez(path, volts=samples.volts, sample_rate_hz=scene.sample_rate_hz)
+    rows = {'volts': samples.volts, 'slip': np.zeros(len(samples.volts), bool)}
+    np.savez(path, sample_rate_hz=scene.sample_rate_hz, **rows)
 
 
 def _slip_tune(folder: Path, before: str, after: str, *words: str) -> tuple[float, bool]:
