@@ -56,7 +56,7 @@ def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLo
             'or --false-alarms-per-hour, which sets the threshold'
         )
     track, lines = _only(options.quiet, loader)
-    learnt: dict[str, Any] = {}
+    names = []
     mains = find_mains(track, chain.disabled_channels)
     lines.append(f'On {track.name}: {mains}')
     if mains.lines and not chain.mains_hz:
@@ -67,29 +67,30 @@ def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLo
                 f'{chain.sample_rate_hz:g} Hz; a stop-band can'
             )
         elif by_evidence:
-            learnt['mains_hz'], chain = mains.mains_hz, taken_off
+            chain = taken_off
+            names.append('mains_hz')
         else:
             lines.append(f'mains_hz: {mains.mains_hz:g} would take it off')
     if by_evidence:
         floors = learnt_floors(chain, [track])
-        learnt['noise_floor'] = list(floors)
-        learnt['noise_floor_learnt'] = True
-        learnt['noise_floor_range_db'] = LEARNT_RANGE_DB
         chain = dataclasses.replace(
             chain,
             noise_floor=floors,
             noise_floor_learnt=True,
             noise_floor_range_db=LEARNT_RANGE_DB,
         )
+        names += ['noise_floor', 'noise_floor_learnt', 'noise_floor_range_db']
         lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')
     if rate is not None:
         # SciPy's statistics take longer to load than all else.
         from slip_detector.tuning.quiet import quiet_threshold
 
         found = quiet_threshold(track, chain, rate, np.random.default_rng(options.seed))
-        learnt['threshold'] = found.chain.threshold
+        chain = found.chain
+        names.append('threshold')
         lines.append(f'On {track.name}, without slip: {found}')
-    return Learnt(learnt, lines)
+    learnt = chain.to_parameters()
+    return Learnt({name: learnt[name] for name in names}, lines)
 
 
 def learn_from_taps(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Learnt:
