@@ -40,8 +40,8 @@ STOPBANDS = ('given', 'none', 'below', 'above', 'both')
 #: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3
 
-#: Degrees of the pass-band, beside the given one.
-DEGREES = (2, 4)
+#: Degrees of the pass-band, beside the given one; a band-pass has the next even one.
+DEGREES = (1, 2, 4)
 
 #: Ranges of what evidence is made with: how often the noise floors, in amplitude, how fast they
 #: follow, the offset, the cap above it, the limit, and how long an impact is held for.
