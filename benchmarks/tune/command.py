@@ -14,14 +14,14 @@ def options() -> argparse.ArgumentParser:
         'tune',
         'Measure what evaluating and reading an hour costs, a search against the same around '
         'SciPy and NumPy, and the report of an hour; then what tuning brings on families of '
-        'simulated scenes and, where they are given, on real recordings, and how soon and clean '
-        'config/onset.yaml is. Says of each figure what is wanted and whether it is met; '
+        'simulated scenes, on a new sensor and, where they are given, on real recordings, and how '
+        'soon and clean config/onset.yaml is. Says of each figure what is wanted and whether it is met; '
         'the exit code is 0 either way.',
     )
     parser.add_argument(
         '--part', action='append', default=[], metavar='NAME',
-        help='only this one: evaluate, read, jobs, search, report, families, onset or real; '
-        'repeatable',
+        help='only this one: evaluate, read, jobs, search, report, families, sensor, onset or '
+        'real; repeatable',
     )  # fmt: skip
     parser.add_argument(
         '--recordings', metavar='FOLDER', type=Path, help='for real: labelled recordings'

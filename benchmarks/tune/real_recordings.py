@@ -6,7 +6,8 @@ curve of slip against motion over all recordings, as ``auc_moving`` and
 ``auc_moving_by_threshold``: in ``given`` without tuning, and in ``seeds`` by the seed of the
 searches; and ``least_auc_moving`` of all seeds. The recordings tuned on make the scores of
 different chains comparable: ``auc_moving`` scales them by the median and the quartiles of the rows
-of motion, ``auc_moving_by_threshold`` by the threshold, which depends on a few slips.
+of motion, ``auc_moving_by_threshold`` by the threshold, which depends on a few slips. Evidence is
+0 in most rows of motion; where a quartile is, the threshold scales it in both.
 """
 
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.loading import load_tracks
 from slip_detector.tuning.sweep import VoteStatistics
+from slip_detector.tuning.thresholds import threshold_scale
 from slip_detector.tuning.tracks import Track
 
 #: Trials of each search; there is a search for each recording and seed.
@@ -79,7 +81,8 @@ def _pooled_auc(tracks: Sequence[Track], chains: Sequence[ChainConfig]) -> dict[
     by_motion, by_threshold = ScoreTally(), ScoreTally()
     for track, chain in zip(tracks, chains, strict=True):
         one_pass = VoteStatistics(chain, [chain.vote])
-        amplitudes = [one_pass.of(other)[0] ** (1.0 / chain.exponent) for other in tracks]
+        exponent, _ = threshold_scale(chain)
+        amplitudes = [one_pass.of(other)[0] ** (1.0 / exponent) for other in tracks]
         moving = np.concatenate(
             [
                 amplitude[other.kinds == MOTION]
@@ -89,8 +92,12 @@ def _pooled_auc(tracks: Sequence[Track], chains: Sequence[ChainConfig]) -> dict[
         )
         own = next(a for a, other in zip(amplitudes, tracks, strict=True) if other is track)
         low, middle, high = np.quantile(moving, [0.25, 0.5, 0.75])
-        by_motion.add((own / middle) ** (1.0 / np.log(high / low)), track.kinds)
-        by_threshold.add(own / chain.threshold ** (1.0 / chain.exponent), track.kinds)
+        at_threshold = own / chain.threshold ** (1.0 / exponent)
+        scaled = at_threshold
+        if 0.0 < low < high:
+            scaled = (own / middle) ** (1.0 / np.log(high / low))
+        by_motion.add(scaled, track.kinds)
+        by_threshold.add(at_threshold, track.kinds)
     return {
         'auc_moving': by_motion.take().auc([MOTION]) or 0.0,
         'auc_moving_by_threshold': by_threshold.take().auc([MOTION]) or 0.0,

@@ -11,7 +11,8 @@ MEANINGS = {
     'search.speedup': 'a search, times faster than around SciPy and NumPy',
     'report.bytes': 'report of an hour, bytes',
     'report.ready_ms': 'report of an hour, until it is drawn [ms]',
-    'families.better': 'families with better latency and fewer false alarms',
+    'families.better': 'families better in latency, time ON and recall',
+    'sensor.total_s': 'a new sensor, until its configuration is there [s]',
     'onset.mean_delay_ms': 'onset.yaml, mean delay on the plates [ms]',
     'onset.detected_percent': 'onset.yaml, slides detected [%]',
     'onset.false_time_percent': 'onset.yaml, ON while a plate is at rest [% of the time]',
@@ -66,6 +67,16 @@ def tuning_table(figures_by_part: dict[str, Any]) -> str:
         for name, one in figures_by_part['families']['by_name'].items():
             both = ' -> '.join(_in_short(one[which]) for which in ('given', 'tuned'))
             lines.append(f'  {name:<32} {both}' + (f' ({one["kept"]})' if one['kept'] else ''))
+    if 'sensor' in figures_by_part:
+        sensor = figures_by_part['sensor']
+        told = 'told' if sensor['taps_told'] else 'NOT told'
+        lines += [
+            '',
+            f'A new sensor, {sensor["recording_s"] / 60.0:.3g} min of recordings: '
+            f'{sensor["quiet_s"]:.1f} s for --quiet, {sensor["taps_s"]:.1f} s for --taps (knocks '
+            f'{told} from slips), {sensor["search_s"]:.1f} s for the search',
+            f'  {_in_short(sensor["given"])} -> {_in_short(sensor["tuned"])}',
+        ]
     if 'onset' in figures_by_part:
         lines += ['', *_onset_lines(figures_by_part['onset'])]
     if 'real' in figures_by_part:

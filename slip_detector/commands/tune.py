@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.commands.command_line import run
+from slip_detector.commands.learning import Learnt, learn_from_quiet, learn_from_taps
 from slip_detector.commands.progress import progress_bar
 from slip_detector.commands.recording_options import with_recording_options
 from slip_detector.commands.stopper import Stopper
@@ -198,24 +199,18 @@ def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
     ]
 
 
-def _set_threshold(options: Namespace, argv: Sequence[str] | None) -> list[str]:
-    """Set the threshold from a recording without slip; return the lines to print."""
-    # SciPy's statistics take longer to load than all else.
-    from slip_detector.tuning.quiet import quiet_threshold
-
+def _learn(
+    options: Namespace,
+    argv: Sequence[str] | None,
+    learn: Callable[[Namespace, ChainConfig, RecordingLoader], Learnt],
+) -> list[str]:
+    """Set parameters from recordings without a search; return the lines to print."""
     parameters = _parameters(options)
     check_writable(options.out)
-    tracks, notes = load_tracks([options.quiet], parameters.loader, labelled=False)
-    if len(tracks) != 1:
-        raise ValueError(f'{options.quiet}: has {len(tracks)} recordings, allowed: one')
-    found = quiet_threshold(
-        tracks[0], parameters.chain, options.false_alarms_per_hour,
-        np.random.default_rng(options.seed),
-    )  # fmt: skip
-    lines = [*notes, f'On {tracks[0].name}, without slip: {found}']
-    document = with_parameters(options.config, {'threshold': found.chain.threshold})
-    write_file(options.out, document, _comments(argv, lines))
-    return [*lines, f'Written: {options.out}']
+    learnt = learn(options, parameters.chain, parameters.loader)
+    document = with_parameters(options.config, learnt.parameters)
+    write_file(options.out, document, _comments(argv, learnt.lines))
+    return [*learnt.lines, f'Written: {options.out}']
 
 
 def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
@@ -326,7 +321,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit code, see :func:`slip_detector.commands.command_line.run`.
     """
     options = arguments_of(argv)
-    work = _search if options.quiet is None else _set_threshold
+    work = _search
+    if options.quiet is not None:
+        work = partial(_learn, learn=learn_from_quiet)
+    elif options.taps is not None:
+        work = partial(_learn, learn=learn_from_taps)
     return run(NAME, lambda: '\n'.join(work(options, argv)))
 
 

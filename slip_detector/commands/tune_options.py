@@ -13,14 +13,18 @@ NAME = 'slip_tune'
 
 TRIALS = 200
 
+#: Options that only a search has.
+OF_SEARCH = ('held_out', 'report', 'plot', 'storage', 'jobs', 'cluster')
+
 
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog=NAME,
-        description='Search the bands, stop-bands, exponent, windows, threshold, votes and common '
-        'mode that catch the slips of labelled recordings soonest without false alarms. Some '
-        'recordings are held out: on these the result is never worse than the given parameters. '
-        'Ctrl-C ends the search with the result so far, and the same command continues it.',
+        description='Search the bands, stop-bands, exponent, windows, decision, threshold, votes '
+        'and common mode that catch slips of labelled recordings soonest without false alarms. '
+        'Some recordings are held out: on these the result is never worse than the given '
+        'parameters. Ctrl-C ends the search with the result so far, and the same command '
+        'continues it.',
     )
     parser.add_argument(
         'recordings', nargs='*', metavar='RECORDING', help='a recording or a folder of them'
@@ -66,12 +70,35 @@ def _parser() -> argparse.ArgumentParser:
         'repeatable',
     )  # fmt: skip
     add_recording_options(parser)
-    quiet = parser.add_argument_group('set only the threshold')
-    quiet.add_argument('--quiet', metavar='RECORDING', help='a recording without slip')
+    quiet = parser.add_argument_group('learn from a recording, without a search')
     quiet.add_argument(
-        '--false-alarms-per-hour', type=_rate, metavar='R', help='the allowed rate, above 0'
-    )
+        '--quiet', metavar='RECORDING',
+        help='a recording without slip: its noise floors are learnt, where evidence decides, and '
+        'the mains is found that it has the lines of',
+    )  # fmt: skip
+    quiet.add_argument(
+        '--false-alarms-per-hour', type=_rate, metavar='R',
+        help='set the threshold too: the allowed rate, above 0',
+    )  # fmt: skip
+    quiet.add_argument(
+        '--taps', metavar='RECORDING',
+        help='a recording of knocks: impact_v is set between its steps and those of the slips of '
+        'the RECORDINGs',
+    )  # fmt: skip
     return parser
+
+
+def _refuse(
+    parser: argparse.ArgumentParser,
+    options: argparse.Namespace,
+    what: str,
+    names: Sequence[str],
+) -> None:
+    """End the process where one of some options is given beside another that searches nothing."""
+    for name in names:
+        if getattr(options, name):
+            word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'
+            parser.error(f'{what} searches nothing, allowed: no {word} with it')
 
 
 def _share(text: str) -> float:
@@ -105,13 +132,12 @@ def arguments_of(argv: Sequence[str] | None) -> argparse.Namespace:
     """
     parser = _parser()
     options = parser.parse_args(argv)
-    if (options.quiet is None) != (options.false_alarms_per_hour is None):
-        parser.error('--quiet and --false-alarms-per-hour go together')
+    if options.quiet is None and options.false_alarms_per_hour is not None:
+        parser.error('--false-alarms-per-hour goes with --quiet')
     if options.quiet is not None:
-        for name in ('recordings', 'held_out', 'report', 'plot', 'storage', 'jobs', 'cluster'):
-            if getattr(options, name):
-                word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'
-                parser.error(f'--quiet sets only the threshold, allowed: no {word} with it')
+        _refuse(parser, options, '--quiet', ('recordings', 'taps', *OF_SEARCH))
     elif not options.recordings:
         parser.error('the following arguments are required: RECORDING (or --quiet)')
+    elif options.taps is not None:
+        _refuse(parser, options, '--taps', OF_SEARCH)
     return options

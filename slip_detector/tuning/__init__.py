@@ -1,1 +1,1 @@
-"""The search for parameters on labelled recordings, and the verdict on held-out recordings."""
+"""The search for parameters, the verdict on held-out recordings, and what rest and knocks tell."""

@@ -9,7 +9,7 @@ from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import Problem
 
 #: The last objective of this process and the name of its problem, for the next trial.
-_last: tuple[str, Objective | None] = ('', None)
+_last: tuple[str, tuple[Problem, Objective] | None] = ('', None)
 
 #: A worker of a cluster may call from several threads; an objective works for one at a time.
 _one_at_a_time = threading.Lock()
@@ -41,12 +41,13 @@ class FileObjective:
             When the recordings cannot be read or are not those of the problem.
         """
         with _one_at_a_time:
-            return self._problem.candidates_at(self._objective(), point)
+            problem, objective = self._loaded()
+            return problem.candidates_at(objective, point)
 
-    def _objective(self) -> Objective:
+    def _loaded(self) -> tuple[Problem, Objective]:
         global _last  # noqa: PLW0603
-        name, objective = _last
-        if objective is None or name != self._name:
+        name, loaded = _last
+        if loaded is None or name != self._name:
             _last = ('', None)  # there may not be enough memory for two
             problem = dataclasses.replace(self._problem, tracks=self._files.load()[0])
             if problem.study_name() != self._name:
@@ -54,6 +55,6 @@ class FileObjective:
                     f'{", ".join(self._files.paths)}: a worker finds other recordings there, '
                     'allowed: paths that are the same for all workers'
                 )
-            objective = problem.objective()
-            _last = (self._name, objective)
-        return objective
+            loaded = problem, problem.objective()
+            _last = (self._name, loaded)
+        return loaded

@@ -16,14 +16,14 @@ from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.space import Vote, threshold_scale, thresholds, votes_of
 from slip_detector.tuning.sweep import ThresholdSweep, VoteStatistics, sweep_thresholds
+from slip_detector.tuning.thresholds import Vote, threshold_scale, thresholds, votes_of
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
 #: A threshold is judged together with this many neighbours on each side, which are steps of
-#: :data:`slip_detector.tuning.space.STEP`: contact and sensor change by about a tenth of the
+#: :data:`slip_detector.tuning.thresholds.STEP`: contact and sensor change by about a tenth of the
 #: amplitude from day to day.
 NEIGHBOURS = 3
 

@@ -1,6 +1,7 @@
 """The problem of a search: what is tuned, on what, and how the result is chosen."""
 
 import dataclasses
+import functools
 import hashlib
 import math
 from typing import TYPE_CHECKING, Any
@@ -17,13 +18,15 @@ if TYPE_CHECKING:
 
 #: The parameters of a chain that a search changes, and those of each decision beside them.
 SEARCHED = (
-    'common_mode', 'passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'threshold',
-    'vote',
+    'common_mode', 'mains_hz', 'passband_hz', 'passband_degree', 'stopbands_hz', 'exponent',
+    'envelope_window_s', 'decision', 'threshold', 'vote',
 )  # fmt: skip
 OF_DECISIONS = {
     'mean': ('decision_window_s',),
     'evidence': (
-        'mains_hz', 'noise_floor', 'evidence_offset_db', 'evidence_cap_db', 'evidence_limit_db_s',
+        'noise_floor', 'noise_floor_learnt', 'noise_floor_range_db', 'noise_floor_rate_db_s',
+        'evidence_offset_db', 'evidence_cap_db', 'evidence_limit_db_s', 'impact_v',
+        'impact_hold_s',
     ),
 }  # fmt: skip
 
@@ -67,7 +70,7 @@ class Problem:
     >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
     >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
-    >>> point = SearchSpace(problem.given).point(problem.given)
+    >>> point = problem.space.point(problem.given)
     >>> [one.chain.vote for one in problem.candidates_at(problem.objective(), point)]
     ['all', 'mean', 1, 2, 3]
     """
@@ -89,6 +92,11 @@ class Problem:
         )
         return f'{self.config.NODE}-{hashlib.sha256(repr(asked).encode()).hexdigest()[:16]}'
 
+    @functools.cached_property
+    def space(self) -> SearchSpace:
+        """The space that is searched."""
+        return SearchSpace(self.given, self.tracks)
+
     def objective(self) -> Objective:
         """Return the objective, which computes the cost of chains on the tracks."""
         return Objective(self.tracks, self.evaluation, self.config, self.figures)
@@ -109,15 +117,15 @@ class Problem:
             The cheapest first; empty where the chain cannot be built or is never ON.
         """
         try:
-            return objective.best(SearchSpace(self.given).chain(point))
-        except ValueError:  # no such filter
+            return objective.best(self.space.chain(point))
+        except ValueError:  # no such filter, or no noise
             return []
 
     def study(self, where: str | None, name: str, seed: int) -> 'Study':
         """Open the study of this problem; see :class:`slip_detector.tuning.study.Study`."""
         from slip_detector.tuning.study import Study
 
-        return Study(where, name, SearchSpace(self.given).distributions(), seed)
+        return Study(where, name, self.space.distributions(), seed)
 
     def candidates(self, trial: Any) -> list[Candidate]:
         """Return the chains that a finished trial found, one for each vote, cheapest first."""
@@ -146,7 +154,7 @@ class Problem:
         best = self.best(study)
         if best is None:
             return None
-        space = SearchSpace(self.given)
+        space = self.space
         given = space.point(self.given)
         nearest, choice = math.inf, best
         for trial in study.trials:

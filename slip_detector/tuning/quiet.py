@@ -15,8 +15,8 @@ from scipy import stats
 from slip_detector.chain.settling import evidence_falls_s
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.space import threshold_scale, thresholds
 from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
+from slip_detector.tuning.thresholds import threshold_scale, thresholds
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]

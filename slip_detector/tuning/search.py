@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from slip_detector.tuning.objective import Candidate
 from slip_detector.tuning.problem import Problem, searched
-from slip_detector.tuning.space import SearchSpace
 
 if TYPE_CHECKING:
     from slip_detector.tuning.study import Study
@@ -61,15 +60,15 @@ def search(
     >>> from slip_detector.tuning.tracks import track_of
     >>> slip = np.arange(760) >= 380
     >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
+    >>> volts += 0.01 * np.random.default_rng(0).standard_normal(760)
     >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
     >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
     >>> study = problem.study(None, problem.study_name(), seed=0)
     >>> search(problem, study, trials=2, stop=lambda: False, progress=lambda count: None)
-    >>> len(study.trials), problem.choice(study) is not None
+    >>> study.follow(), problem.choice(study) is not None
     (2, True)
     """
-    space = SearchSpace(problem.given)
     if results is None:
         objective = problem.objective()
 
@@ -77,7 +76,7 @@ def search(
             for place, point in enumerate(points):
                 yield place, problem.candidates_at(objective, point)
 
-    starts = space.starts()
+    starts = problem.space.starts()
     count = study.follow()
     while not stop() and count < trials:
         batch = [

@@ -1,23 +1,22 @@
-"""The search space: chains around the given one, and the votes and thresholds of each.
+"""The search space: chains around the given one, with both decisions.
 
 A point of the space has no vote and no threshold: one pass of the chain gives the figures of all
-of them (:mod:`slip_detector.tuning.sweep`), and a trial takes the best.
+of them (:mod:`slip_detector.tuning.sweep`), and a trial takes the best. It has no noise floors in
+volts either, but says how they are made: they are learnt on what is tuned on.
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from slip_detector.evaluation.labelled_rows import SLIP
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.tuning.impacts import LEAST_RATIO, largest_slip_step_v
+from slip_detector.tuning.noise import LEARNT_RANGE_DB, MAINS_HZ, learnt_floors
+from slip_detector.tuning.thresholds import rounded
 from slip_detector.tuning.tracks import Track
-
-Floats = NDArray[np.float64]
-Vote = str | int
 
 #: Edges as shares of the sample rate: lowest and highest low edge of the pass-band, and the
 #: highest edge of any band. A pass-band that would end above that is a high-pass.
@@ -32,67 +31,91 @@ BELOW, ABOVE = 7.0 / 0.5, 180.0 / 50.0
 
 #: Half the width of a stop-band around the mains frequency.
 NOTCH_HALF_WIDTH_HZ = 5.0
-MAINS_HZ = (50.0, 60.0)
 
-SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.005, 0.3
+#: Shortest window, one sample at the paper's rate, and longest.
+SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.0025, 0.3
 
 STOPBANDS = ('given', 'none', 'below', 'above', 'both')
 
 #: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3
 
-#: Groups up to this size are tried with every k of n, larger ones with these shares of n.
-ALL_COUNTS = 6
-SHARES = (1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8)
+#: Degrees of the pass-band, beside the given one; a band-pass has the next even one.
+DEGREES = (1, 2, 4)
 
-#: Ratio of neighbouring thresholds in amplitude (the level to the power of 1 / exponent).
-STEP = 1.03
-
-#: Largest ratio, in amplitude, of the highest threshold to the lowest.
-RANGE = 1000.0
-
-#: Ranges of what evidence is made with: how often the given noise floors, in amplitude, and the
-#: offset, the cap above it and the limit.
-FLOOR_SCALE = (0.1, 10.0)
+#: Ranges of what evidence is made with: how often the noise floors, in amplitude, how fast they
+#: follow, the offset, the cap above it, the limit, and how long an impact is held for.
+FLOOR_SCALE, FLOOR_RATE_DB_S = (0.1, 10.0), (0.02, 5.0)
 OFFSET_DB, CAP_ABOVE_DB, LIMIT_DB_S = (0.5, 12.0), (1.0, 30.0), (0.02, 5.0)
+HOLD_S = (0.05, 1.0)
 
-#: One of this many rows is used to find the lowest threshold.
-STRIDE = 16
+#: Where the noise floors come from: the given ones; those learnt at rest, which they begin at;
+#: or the envelope, not below those learnt at rest.
+FLOORS = ('given', 'learnt', 'followed')
+
+#: Which step is an impact: the given one, none, or one that no slip makes.
+IMPACTS = ('given', 'none', 'above slips')
+
+#: The parameters of points that only one decision has.
+OF_MEAN = ('decision_window_s',)
+OF_EVIDENCE = (
+    'floors', 'floor_scale', 'floor_rate_db_s', 'evidence_offset_db', 'cap_above_db',
+    'evidence_limit_db_s', 'impact', 'impact_hold_s',
+)  # fmt: skip
+
+
+@functools.cache
+def presets() -> tuple[ChainConfig, ...]:
+    """Return the chains of the parameter files that come with the package, the paper's first.
+
+    Examples
+    --------
+    >>> presets()[0] == ChainConfig()
+    True
+    """
+    files = sorted((shared_folder() / 'config').glob('*.yaml'))
+    return (ChainConfig(), *map(ChainConfig.from_yaml, files))
 
 
 class SearchSpace:
-    """The chains that are tried: the given one with other bands, windows and stages.
-
-    The decision is that of the given chain: where it is by evidence, what evidence is made with is
-    searched in place of the second window.
+    """The chains that are tried: the given one with other bands, windows, stages and decisions.
 
     Parameters
     ----------
     given
         The chain that is tuned; parameters that are not searched keep their values.
+    tracks
+        What is tuned on: noise floors and the steps of slips are learnt there. None are needed for
+        chains that have neither.
 
     Examples
     --------
     >>> space = SearchSpace(ChainConfig())
     >>> point = space.point(ChainConfig())
-    >>> point['passband_low_hz'], point['stopbands']
-    (7.0, 'given')
+    >>> point['decision'], point['passband_low_hz'], point['stopbands']
+    ('mean', 7.0, 'given')
     >>> space.chain({**point, 'passband_octaves': 3.0, 'stopbands': 'none'}).passband_hz
     (7.0, 56.0)
     """
 
-    def __init__(self, given: ChainConfig) -> None:
-        self._given = given
+    def __init__(self, given: ChainConfig, tracks: Sequence[Track] = ()) -> None:
+        self._given, self._tracks = given, tracks
         rate = given.sample_rate_hz
         self._highest_hz = HIGHEST * rate
         self._low_hz = (LOWEST_LOW * rate, HIGHEST_LOW * rate)
         self._window_s = (max(SHORTEST_WINDOW_S, 1.0 / rate), LONGEST_WINDOW_S)
+        self._hold_s = (max(HOLD_S[0], 1.0 / rate), HOLD_S[1])
         self._exponents = (1, max(4, given.exponent))
+        self._degrees = tuple(sorted({given.passband_degree, *DEGREES}))
         self.notches_hz = (0.0, *(f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < HIGHEST * rate))
         enabled = given.channels - len(given.disabled_channels)
-        self._evidence = given.decision == 'evidence'
-        self.mains_hz = (0.0, *filter(self._has_whole_periods, MAINS_HZ))
+        mains_hz = filter(self._has_whole_periods, MAINS_HZ)
+        self.mains_hz = tuple(sorted({0.0, given.mains_hz, *mains_hz}))
         self._common_modes = COMMON_MODES if enabled >= LEAST_SHARING else ('none',)
+        self._floors = FLOORS if given.decision == 'evidence' else FLOORS[1:]
+        self._impacts: tuple[str, ...] = IMPACTS if given.impact_v else IMPACTS[1:]
+        if enabled < given.impact_channels:
+            self._impacts = ('none',)
 
     def distributions(self) -> dict[str, Any]:
         """Return Optuna's distributions by name."""
@@ -102,25 +125,25 @@ class SearchSpace:
             IntDistribution,
         )
 
-        of_decision: dict[str, Any] = {
-            'decision_window_s': FloatDistribution(*self._window_s, log=True)
-        }
-        if self._evidence:
-            of_decision = {
-                'mains_hz': CategoricalDistribution(self.mains_hz),
-                'floor_scale': FloatDistribution(*FLOOR_SCALE, log=True),
-                'evidence_offset_db': FloatDistribution(*OFFSET_DB),
-                'cap_above_db': FloatDistribution(*CAP_ABOVE_DB),
-                'evidence_limit_db_s': FloatDistribution(*LIMIT_DB_S, log=True),
-            }
         return {
+            'decision': CategoricalDistribution(('mean', 'evidence')),
             'passband_low_hz': FloatDistribution(*self._low_hz, log=True),
             'passband_octaves': FloatDistribution(*OCTAVES),
+            'passband_degree': CategoricalDistribution(self._degrees),
             'stopbands': CategoricalDistribution(STOPBANDS),
             'notch_hz': CategoricalDistribution(self.notches_hz),
+            'mains_hz': CategoricalDistribution(self.mains_hz),
             'exponent': IntDistribution(*self._exponents),
             'envelope_window_s': FloatDistribution(*self._window_s, log=True),
-            **of_decision,
+            'decision_window_s': FloatDistribution(*self._window_s, log=True),
+            'floors': CategoricalDistribution(self._floors),
+            'floor_scale': FloatDistribution(*FLOOR_SCALE, log=True),
+            'floor_rate_db_s': FloatDistribution(*FLOOR_RATE_DB_S, log=True),
+            'evidence_offset_db': FloatDistribution(*OFFSET_DB),
+            'cap_above_db': FloatDistribution(*CAP_ABOVE_DB),
+            'evidence_limit_db_s': FloatDistribution(*LIMIT_DB_S, log=True),
+            'impact': CategoricalDistribution(self._impacts),
+            'impact_hold_s': FloatDistribution(*self._hold_s, log=True),
             'common_mode': CategoricalDistribution(self._common_modes),
         }
 
@@ -132,45 +155,75 @@ class SearchSpace:
         Raises
         ------
         ValueError
-            When its parameters do not go together.
+            When its parameters do not go together, or noise floors cannot be learnt.
         """
         low_hz = rounded(point['passband_low_hz'])
         high_hz = rounded(low_hz * 2.0 ** point['passband_octaves'])
         if high_hz > self._highest_hz:
             high_hz = 0.0
-        return dataclasses.replace(
+        degree = point['passband_degree']
+        # A band-pass has an even degree.
+        degree += degree % 2 if high_hz else 0
+        chain = dataclasses.replace(
             self._given,
+            decision='mean',
             passband_hz=(low_hz, high_hz),
+            passband_degree=degree,
             stopbands_hz=self._stopbands(point, low_hz, high_hz),
+            mains_hz=point['mains_hz'],
             exponent=point['exponent'],
             # A rounded window must not be shorter than a sample.
             envelope_window_s=max(rounded(point['envelope_window_s']), self._window_s[0]),
             common_mode=point['common_mode'],
-            **self._of_decision(point),
         )
-
-    def _of_decision(self, point: dict[str, Any]) -> dict[str, Any]:
-        """Return the parameters of the decision at a point."""
-        if not self._evidence:
+        if point['decision'] == 'mean':
             window_s = max(rounded(point['decision_window_s']), self._window_s[0])
-            return {'decision_window_s': window_s}
-        given, scale = self._given, rounded(point['floor_scale'])
-        power = point['exponent'] / given.exponent
-        floors = given.noise_floor
-        if scale != 1.0 or power != 1.0:
-            factor = scale ** point['exponent']
-            floors = tuple(rounded(factor * floor**power) for floor in floors)
+            return dataclasses.replace(chain, decision_window_s=window_s)
+        return dataclasses.replace(chain, **self._of_evidence(point, chain))
+
+    def _of_evidence(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
+        """Return the parameters of evidence at a point, for a chain with all its others."""
+        given, limit_db_s = self._given, rounded(point['evidence_limit_db_s'])
         offset_db = rounded(point['evidence_offset_db'])
-        limit_db_s = rounded(point['evidence_limit_db_s'])
-        reachable = given.threshold < limit_db_s
         return {
-            'mains_hz': point['mains_hz'],
-            'noise_floor': floors,
+            'decision': 'evidence',
+            **self._of_floors(point, chain),
+            'noise_floor_rate_db_s': rounded(point['floor_rate_db_s']),
             'evidence_offset_db': offset_db,
             'evidence_cap_db': rounded(offset_db + point['cap_above_db']),
             'evidence_limit_db_s': limit_db_s,
-            'threshold': given.threshold if reachable else rounded(0.5 * limit_db_s),
+            'threshold': given.threshold
+            if given.threshold < limit_db_s
+            else rounded(0.5 * limit_db_s),
+            'impact_v': self._impact_v(point['impact']),
+            'impact_hold_s': rounded(point['impact_hold_s']),
         }
+
+    def _of_floors(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
+        """Return the parameters of the noise floors at a point."""
+        given, which = self._given, point['floors']
+        scale, power = rounded(point['floor_scale']), 1.0
+        if which == 'given':
+            floors, power = given.noise_floor, chain.exponent / given.exponent
+            made = {}
+        else:
+            floors = learnt_floors(chain, self._tracks)
+            learnt = which == 'learnt'
+            range_db = LEARNT_RANGE_DB if learnt else ChainConfig().noise_floor_range_db
+            made = {'noise_floor_learnt': learnt, 'noise_floor_range_db': range_db}
+        if scale != 1.0 or power != 1.0:
+            factor = scale**chain.exponent
+            floors = tuple(rounded(factor * floor**power) for floor in floors)
+        return {'noise_floor': floors, **made}
+
+    def _impact_v(self, which: str) -> float:
+        if which == 'above slips':
+            return rounded(LEAST_RATIO * self._slip_step_v)
+        return self._given.impact_v if which == 'given' else 0.0
+
+    @functools.cached_property
+    def _slip_step_v(self) -> float:
+        return largest_slip_step_v(self._given, self._tracks)
 
     def _has_whole_periods(self, mains_hz: float) -> bool:
         """Return whether the mains has whole periods in rows of the given rate."""
@@ -198,162 +251,97 @@ class SearchSpace:
         """Return the point of the space that is nearest to a chain."""
         low_hz, high_hz = chain.passband_hz
         octaves = math.log2(high_hz / low_hz) if high_hz else OCTAVES[1]
-        of_decision: dict[str, Any] = {
-            'decision_window_s': _within(chain.decision_window_s, self._window_s)
-        }
-        if self._evidence:
-            offset_db = chain.evidence_offset_db
-            of_decision = {
-                'mains_hz': chain.mains_hz if chain.mains_hz in self.mains_hz else 0.0,
-                'floor_scale': 1.0,
-                'evidence_offset_db': _within(offset_db, OFFSET_DB),
-                'cap_above_db': _within(chain.evidence_cap_db - offset_db, CAP_ABOVE_DB),
-                'evidence_limit_db_s': _within(chain.evidence_limit_db_s, LIMIT_DB_S),
-            }
+        stopbands = 'both' if chain.stopbands_hz else 'none'
+        if chain.stopbands_hz == self._given.stopbands_hz:
+            stopbands = 'given'
+        degree, offset_db = chain.passband_degree, chain.evidence_offset_db
+        mode = chain.common_mode
         return {
+            'decision': chain.decision,
             'passband_low_hz': _within(low_hz, self._low_hz),
             'passband_octaves': _within(octaves, OCTAVES),
-            'stopbands': 'given' if chain.stopbands_hz == self._given.stopbands_hz else 'both',
+            'passband_degree': min(self._degrees, key=lambda one: abs(one - degree)),
+            'stopbands': stopbands,
             'notch_hz': 0.0,
+            'mains_hz': chain.mains_hz if chain.mains_hz in self.mains_hz else 0.0,
             'exponent': int(_within(chain.exponent, self._exponents)),
             'envelope_window_s': _within(chain.envelope_window_s, self._window_s),
-            **of_decision,
-            'common_mode': chain.common_mode
-            if chain.common_mode in self._common_modes
-            else 'none',
+            'decision_window_s': _within(chain.decision_window_s, self._window_s),
+            'floors': self._floors_of(chain),
+            'floor_scale': 1.0,
+            'floor_rate_db_s': _within(chain.noise_floor_rate_db_s, FLOOR_RATE_DB_S),
+            'evidence_offset_db': _within(offset_db, OFFSET_DB),
+            'cap_above_db': _within(chain.evidence_cap_db - offset_db, CAP_ABOVE_DB),
+            'evidence_limit_db_s': _within(chain.evidence_limit_db_s, LIMIT_DB_S),
+            'impact': self._impact_of(chain),
+            'impact_hold_s': _within(chain.impact_hold_s, self._hold_s),
+            'common_mode': mode if mode in self._common_modes else 'none',
         }
 
+    def _floors_of(self, chain: ChainConfig) -> str:
+        """Return where the noise floors of a chain come from; of another sensor's how they begin.
+
+        What follows without a floor of its own is told by the decision.
+        """
+        if 'given' in self._floors and chain.noise_floor == self._given.noise_floor:
+            return 'given'
+        followed = chain.decision == 'evidence' and not chain.noise_floor_learnt
+        return 'followed' if followed else 'learnt'
+
+    def _impact_of(self, chain: ChainConfig) -> str:
+        if not chain.impact_v:
+            return 'none'
+        which = 'given' if chain.impact_v == self._given.impact_v else 'above slips'
+        return which if which in self._impacts else 'none'
+
     def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
-        """Return the distance of two points: 1 for another choice, or for a parameter's range."""
-        low, high = self._window_s
-        spans = {
-            'passband_low_hz': math.log(self._low_hz[1] / self._low_hz[0]),
-            'envelope_window_s': math.log(high / low),
-            'decision_window_s': math.log(high / low),
+        """Return the distance of two points: 1 for another choice, or for a parameter's range.
+
+        What only the other decision has is no distance.
+        """
+        ranges = {
+            'passband_low_hz': self._low_hz,
+            'envelope_window_s': self._window_s,
+            'decision_window_s': self._window_s,
+            'floor_scale': FLOOR_SCALE,
+            'floor_rate_db_s': FLOOR_RATE_DB_S,
+            'evidence_limit_db_s': LIMIT_DB_S,
+            'impact_hold_s': self._hold_s,
         }
-        choices = ['stopbands', 'notch_hz', 'common_mode']
-        linear = {}
-        if self._evidence:
-            del spans['decision_window_s']
-            spans['floor_scale'] = math.log(FLOOR_SCALE[1] / FLOOR_SCALE[0])
-            spans['evidence_limit_db_s'] = math.log(LIMIT_DB_S[1] / LIMIT_DB_S[0])
-            linear = {'evidence_offset_db': OFFSET_DB[1], 'cap_above_db': CAP_ABOVE_DB[1]}
-            choices.append('mains_hz')
-        steps = [math.log(point[name] / other[name]) / span for name, span in spans.items()]
-        steps += [(point[name] - other[name]) / span for name, span in linear.items()]
-        steps.append((point['passband_octaves'] - other['passband_octaves']) / OCTAVES[1])
-        steps.append((point['exponent'] - other['exponent']) / self._exponents[1])
-        steps += [float(point[name] != other[name]) for name in choices]
+        spans = {
+            'passband_octaves': OCTAVES[1],
+            'passband_degree': max(self._degrees),
+            'exponent': self._exponents[1],
+            'evidence_offset_db': OFFSET_DB[1],
+            'cap_above_db': CAP_ABOVE_DB[1],
+        }
+        left_out = set() if point['decision'] == 'mean' == other['decision'] else {*OF_MEAN}
+        if not point['decision'] == 'evidence' == other['decision']:
+            left_out |= {*OF_EVIDENCE}
+        steps = []
+        for name in point.keys() - left_out:
+            mine, its = point[name], other[name]
+            if name in ranges:
+                low, high = ranges[name]
+                steps.append(math.log(mine / its) / math.log(high / low))
+            elif name in spans:
+                steps.append((mine - its) / spans[name])
+            else:
+                steps.append(float(mine != its))
         return math.hypot(*steps)
 
     def starts(self) -> list[dict[str, Any]]:
-        """Return the points where a search begins: the given chain and the paper's."""
-        points = [self.point(self._given), self.point(ChainConfig())]
-        return points if points[0] != points[1] else points[:1]
+        """Return the points where a search begins: the given chain, the paper's, the presets.
 
-
-def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
-    """Return the votes that are tried: ``all``, ``mean`` and k-of-n, the given one among them.
-
-    Examples
-    --------
-    >>> votes_of(ChainConfig())
-    ('all', 'mean', 1, 2, 3)
-    """
-    disabled = set(config.disabled_channels)
-    able = [len(set(members) - disabled) for members in config.groups.values()]
-    size = min(many for many in able if many)
-    counts = range(1, size) if size <= ALL_COUNTS else [round(share * size) for share in SHARES]
-    votes: list[Vote] = ['all', 'mean', *counts]
-    return tuple(votes) if config.vote in votes else (*votes, config.vote)
-
-
-def threshold_scale(chain: ChainConfig) -> tuple[int, float]:
-    """Return the exponent of a chain's level in amplitude, and what thresholds are below.
-
-    Evidence is of decibels: no power of an amplitude, but bounded.
-
-    Examples
-    --------
-    >>> threshold_scale(ChainConfig())
-    (3, inf)
-    >>> threshold_scale(ChainConfig(decision='evidence', noise_floor=1e-3))
-    (1, 1.3)
-    """
-    if chain.decision == 'evidence':
-        return 1, chain.evidence_limit_db_s
-    return chain.exponent, math.inf
-
-
-def thresholds(
-    statistic: Sequence[Floats],
-    tracks: Sequence[Track],
-    exponent: int,
-    limit: float = math.inf,
-) -> Floats:
-    """Return the thresholds of a vote to try, in rising order, evenly spaced in amplitude.
-
-    They reach from the median of the rows without slip to the value at which nothing is ON. They
-    are rounded first and then tried, so that the threshold of a result is one that was tried.
-
-    Parameters
-    ----------
-    statistic
-        The decision statistic of each track, shapes (n,).
-    tracks
-        At least one.
-    exponent
-        The exponent of the level in amplitude.
-    limit
-        What thresholds are below; see :func:`threshold_scale`.
-
-    Returns
-    -------
-    ndarray
-        Empty where the statistic is 0 throughout or infinite anywhere.
-
-    Examples
-    --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> rows = LabelledRows(np.zeros((20, 1)), truth=np.zeros(20, bool))
-    >>> tracks = [track_of('rest', [rows], sample_rate_hz=100.0)]
-    >>> thresholds([np.linspace(0.95, 1.0, 20)], tracks, exponent=1)
-    array([0.9709, 1.    ])
-    """
-    top = max((float(part.max()) for part in statistic if part.size), default=0.0)
-    if not 0.0 < top < math.inf:
-        return np.zeros(0)
-    quiet = [
-        part[::STRIDE][track.kinds[::STRIDE] != SLIP]
-        for part, track in zip(statistic, tracks, strict=True)
-    ]
-    rest = float(np.median(np.concatenate(quiet))) if any(part.size for part in quiet) else 0.0
-    ratio = STEP**exponent
-    low = max(rest, top * RANGE**-exponent, 1e-30)
-    steps = math.ceil(math.log(top / low) / math.log(ratio)) if low < top else 0
-    below = [rounded(top * ratio**step) for step in range(-steps, 0)]
-    found = np.array([*below, _rounded_up(top)])
-    return found[found < limit]
+        Of a preset bands, windows and what evidence is made with are taken; noise floors and
+        impacts are those of the sensor that is tuned.
+        """
+        points: list[dict[str, Any]] = []
+        for chain in (self._given, *presets()):
+            point = self.point(chain)
+            points += [] if point in points else [point]
+        return points
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:
     return min(max(value, bounds[0]), bounds[1])
-
-
-def rounded(value: float) -> float:
-    """Round to four significant digits, which keeps the parameter file readable.
-
-    Examples
-    --------
-    >>> rounded(0.0123456)
-    0.01235
-    """
-    return float(f'{value:.4g}')
-
-
-def _rounded_up(value: float) -> float:
-    """Round up to four significant digits."""
-    near = rounded(value)
-    step = 10.0 ** (math.floor(math.log10(value)) - 3)
-    return near if near >= value else rounded(near + step)

@@ -29,7 +29,7 @@ from slip_detector.evaluation.matching import (
 )
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.space import Vote
+from slip_detector.tuning.thresholds import Vote
 from slip_detector.tuning.tracks import Track
 
 Bools = NDArray[np.bool_]

@@ -1,6 +1,7 @@
 """Labelled recordings in memory, as each trial of a search goes over all of them."""
 
 import hashlib
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -82,6 +83,12 @@ class Track(NamedTuple):
             RowInterval(self.pieces[k].first_row, last.first_row + last.end - last.begin)
             for k, last in zip(begins, (self.pieces[k] for k in lasts), strict=True)
         ]
+
+    @property
+    def rows_of_stretches(self) -> list[slice]:
+        """Where each stretch is in the track's arrays."""
+        begins = [piece.begin for piece in self.pieces if piece.new_stretch]
+        return [slice(*cut) for cut in itertools.pairwise([*begins, len(self.volts)])]
 
     def rows(self) -> Iterator[LabelledRows]:
         """Yield its pieces, for a replay."""

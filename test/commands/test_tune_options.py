@@ -47,7 +47,27 @@ ERRORS = {
         ['a.npz', '--out', 'o.yaml', '--storage', 'sqlite:///broken.journal'],
         'storage sqlite:///broken.journal: ', 1,
     ),
-    'half of quiet': (['--quiet', 'still.npz', '--out', 'o.yaml'], 'go together', 2),
+    'nothing to learn': (
+        ['--quiet', 'still.npz', '--out', 'o.yaml'],
+        'parameter decision is mean, allowed: evidence, whose noise floors --quiet learns, or '
+        '--false-alarms-per-hour, which sets the threshold', 1,
+    ),
+    'a rate of nothing': (
+        ['a.npz', '--false-alarms-per-hour', '1', '--out', 'o.yaml'], 'goes with --quiet', 2,
+    ),
+    'quiet and taps': (
+        ['--quiet', 'still.npz', '--taps', 'still.npz', '--out', 'o.yaml'],
+        '--quiet searches nothing, allowed: no --taps with it', 2,
+    ),
+    'taps without slips': (['--taps', 'still.npz', '--out', 'o.yaml'], 'are required', 2),
+    'taps and more': (
+        ['a.npz', '--taps', 'still.npz', '--report', 'r.html', '--out', 'o.yaml'],
+        '--taps searches nothing, allowed: no --report with it', 2,
+    ),
+    'taps for a mean': (
+        ['a.npz', '--taps', 'still.npz', '--out', 'o.yaml'],
+        'parameter decision is mean, allowed: evidence, which impact_v is for', 1,
+    ),
     'quiet and more': (
         ['a.npz', '--quiet', 'still.npz', '--false-alarms-per-hour', '1', '--out', 'o.yaml'],
         'allowed: no RECORDING with it', 2,

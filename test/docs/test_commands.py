@@ -47,8 +47,14 @@ RUN_BY = {
     'ros2 topic echo /slip': (
         'test/nodes/test_detector.py::test_every_topic_says_what_the_chain_decides'
     ),
-    'ros2 bag record': (
-        'test/nodes/test_demo.py::test_the_recording_is_the_trial_with_its_labels'
+    **dict.fromkeys(
+        (
+            'ros2 bag record',
+            'ros2 bag record -o rest /voltages',
+            'ros2 bag record -o slips/1 /voltages',
+            'ros2 bag record -o taps /voltages',
+        ),
+        'test/nodes/test_demo.py::test_the_recording_is_the_trial_with_its_labels',
     ),
     'ros2 param set /slip_detector threshold 0.7': (
         'test/nodes/test_detector_parameters.py'

@@ -1,4 +1,4 @@
-"""What is searched: chains, votes and thresholds."""
+"""What is searched: chains of both decisions."""
 
 import dataclasses
 from pathlib import Path
@@ -8,16 +8,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.space import SearchSpace, thresholds, votes_of
+from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.tuning.impacts import common_steps_v
+from slip_detector.tuning.noise import learnt_floors
+from slip_detector.tuning.space import SearchSpace, presets
 from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN
+from support.tuning_cases import CHAIN, track
 
 XELA = ChainConfig.from_yaml(Path(__file__).resolve().parents[2] / 'config' / 'xela_uskin.yaml')
 
 
-BANDS = ('passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'common_mode')
+BANDS = (
+    'decision',
+    'passband_hz',
+    'passband_degree',
+    'stopbands_hz',
+    'exponent',
+    'envelope_window_s',
+    'common_mode',
+)
 
 
 @pytest.mark.parametrize('chain', [CHAIN, XELA, ChainConfig()], ids=['small', 'xela', 'paper'])
@@ -35,25 +46,40 @@ def test_the_paper_s_chain_is_where_every_search_begins():
         assert getattr(start, name) == getattr(paper, name), name
 
 
-@given(
-    rate_hz=st.sampled_from([30.0, 60.0, 380.0, 2000.0]),
-    shares=st.lists(st.floats(0.0, 1.0), min_size=8, max_size=8),
-)
-def test_every_point_of_the_space_is_a_chain(rate_hz, shares):
-    chain = ChainConfig(
-        sample_rate_hz=rate_hz, channels=4, passband_hz=(rate_hz / 10, 0.0), stopbands_hz=()
-    )
-    space = SearchSpace(chain)
+def some_point(space, shares):
+    """Return a point at shares of the range of each of its parameters."""
     point = {}
     for (name, kind), share in zip(space.distributions().items(), shares, strict=True):
         if hasattr(kind, 'choices'):
             point[name] = kind.choices[round(share * (len(kind.choices) - 1))]
-        elif name == 'exponent':
-            point[name] = round(kind.low + share * (kind.high - kind.low))
         else:
-            point[name] = kind.low + share * (kind.high - kind.low)
+            value = kind.low + share * (kind.high - kind.low)
+            point[name] = round(value) if name == 'exponent' else value
+    return point
+
+
+SHARES = st.lists(st.floats(0.0, 1.0), min_size=19, max_size=19)
+
+
+def noise_at(rate_hz):
+    volts = np.random.default_rng(0).standard_normal((9000, 4)) * [0.01, 0.02, 0.03, 0.04]
+    return track_of('noise', [LabelledRows(volts, np.arange(9000) > 8500)], rate_hz)
+
+
+@given(rate_hz=st.sampled_from([30.0, 60.0, 380.0, 2000.0]), shares=SHARES)
+def test_every_point_of_the_space_is_a_chain(rate_hz, shares):
+    chain = ChainConfig(
+        sample_rate_hz=rate_hz, channels=4, passband_hz=(rate_hz / 10, 0.0), stopbands_hz=()
+    )
+    space = SearchSpace(chain, [noise_at(rate_hz)])
+    point = some_point(space, shares)
+    if point['decision'] == 'evidence':
+        # Filters with lower edges settle for longer than the noise lasts that floors come from.
+        point['passband_low_hz'] = max(point['passband_low_hz'], rate_hz / 20)
+        point['passband_octaves'] = max(point['passband_octaves'], 1.0)
     found = space.chain(point)
     assert found.exponent == point['exponent']
+    assert found.decision == point['decision']
     assert found.groups == chain.groups
     for low_hz, high_hz in found.stopbands_hz:
         assert 0.0 < low_hz < high_hz < rate_hz / 2
@@ -64,42 +90,17 @@ def test_a_point_is_nowhere_from_itself_and_a_choice_is_one_away():
     point = space.point(CHAIN)
     assert space.distance(point, point) == 0.0
     assert space.distance({**point, 'common_mode': 'median'}, point) == 1.0
+    assert space.distance({**point, 'decision': 'evidence'}, point) == 1.0
 
 
-@pytest.mark.parametrize(
-    ('groups', 'vote', 'votes'),
-    [
-        ({'a': (1, 2, 3), 'b': (4, 5)}, 'all', ('all', 'mean', 1)),
-        ({'a': (1, 2, 3), 'b': (4, 5)}, 2, ('all', 'mean', 1, 2)),
-        ({'a': tuple(range(1, 17))}, 'mean', ('all', 'mean', 2, 4, 6, 8, 10, 12, 14)),
-    ],
-)
-def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones(groups, vote, votes):
-    channels = sum(map(len, groups.values()))
-    assert votes_of(ChainConfig(channels=channels, groups=groups, vote=vote)) == votes
-
-
-@given(
-    values=st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=50),
-    exponent=st.integers(1, 4),
-)
-def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(values, exponent):
-    statistic = np.array(values)
-    quiet = LabelledRows(np.zeros((len(values), 1)), np.zeros(len(values), bool))
-    limits = thresholds([statistic], [track_of('a', [quiet], 380.0)], exponent)
-    assert limits[-1] >= statistic.max() > 0.999 * limits[-1]
-    np.testing.assert_allclose(limits[1:] / limits[:-1], 1.03**exponent, rtol=3e-3)
-    assert (
-        limits[0] <= max(np.median(statistic[::16]), statistic.max() * 1000.0**-exponent) * 1.001
-    )
-    # No more digits than a file is to show.
-    assert [float(f'{limit:.4g}') for limit in limits] == limits.tolist()
-
-
-def test_of_a_silent_or_endless_statistic_there_is_no_threshold():
-    quiet = track_of('a', [LabelledRows(np.zeros((3, 1)), np.zeros(3, bool))], 380.0)
-    for statistic in (np.zeros(3), np.array([0.0, np.inf, 1.0])):
-        assert thresholds([statistic], [quiet], 1).size == 0
+def test_what_only_the_other_decision_has_is_no_distance():
+    space = SearchSpace(CHAIN)
+    point = space.point(CHAIN)
+    assert space.distance({**point, 'evidence_offset_db': 9.0, 'impact': 'given'}, point) == 0.0
+    assert space.distance({**point, 'decision_window_s': 0.05}, point) > 0.0
+    other = {**point, 'decision': 'evidence'}
+    assert space.distance({**other, 'decision_window_s': 0.05}, other) == 0.0
+    assert space.distance({**other, 'evidence_offset_db': 9.0}, other) > 0.0
 
 
 EVIDENCE = dataclasses.replace(
@@ -117,21 +118,14 @@ def test_a_chain_that_decides_by_evidence_is_a_point_of_its_space():
     space = SearchSpace(EVIDENCE)
     assert space.chain(space.point(EVIDENCE)) == EVIDENCE
     assert space.mains_hz == (0.0, 50.0, 60.0)
-    assert 'decision_window_s' not in space.distributions()
     assert set(space.distributions()) == set(space.point(EVIDENCE)) == set(space.starts()[1])
 
 
-@given(shares=st.lists(st.floats(0.0, 1.0), min_size=12, max_size=12))
+@given(shares=SHARES)
 def test_every_point_about_evidence_is_a_chain_with_a_threshold_in_reach(shares):
     space = SearchSpace(EVIDENCE)
-    point = {}
-    for (name, kind), share in zip(space.distributions().items(), shares, strict=True):
-        if hasattr(kind, 'choices'):
-            point[name] = kind.choices[round(share * (len(kind.choices) - 1))]
-        else:
-            value = kind.low + share * (kind.high - kind.low)
-            point[name] = round(value) if name == 'exponent' else value
-    found = space.chain(point)
+    point = some_point(space, shares) | {'decision': 'evidence', 'floors': 'given'}
+    found = space.chain(point | {'impact': 'none'})
     assert found.decision == 'evidence'
     assert found.threshold < found.evidence_limit_db_s
     assert found.evidence_cap_db > found.evidence_offset_db
@@ -142,8 +136,40 @@ def test_every_point_about_evidence_is_a_chain_with_a_threshold_in_reach(shares)
     assert space.distance({**point, 'mains_hz': 7.0}, point) == 1.0
 
 
-def test_thresholds_of_evidence_stay_below_its_limit():
-    quiet = track_of('a', [LabelledRows(np.zeros((20, 1)), np.zeros(20, bool))], 380.0)
-    limits = thresholds([np.linspace(0.0, 1.3, 20)], [quiet], 1, 1.3)
-    assert 0.95 * 1.3 < limits[-1] < 1.3
-    assert thresholds([np.full(20, 1.3)], [quiet], 1, 1.3).size == 0
+@pytest.mark.parametrize('which', ['learnt', 'followed'])
+def test_floors_are_those_of_the_chain_s_own_band_on_what_is_tuned_on(which):
+    tracks = [track(1)]
+    space = SearchSpace(CHAIN, tracks)
+    point = space.point(CHAIN) | {'decision': 'evidence', 'floors': which}
+    for low_hz in (7.0, 70.0):
+        found = space.chain({**point, 'passband_low_hz': low_hz})
+        assert found.noise_floor == learnt_floors(found, tracks)
+        assert found.noise_floor_learnt == (which == 'learnt')
+    scaled = space.chain({**point, 'passband_low_hz': 70.0, 'floor_scale': 2.0})
+    ratios = np.array(scaled.noise_floor) / found.noise_floor
+    np.testing.assert_allclose(ratios, 2.0**CHAIN.exponent, rtol=2e-3)
+
+
+def test_an_impact_is_above_every_step_of_the_slips():
+    tracks = [track(1)]
+    space = SearchSpace(CHAIN, tracks)
+    point = space.point(CHAIN) | {'decision': 'evidence', 'impact': 'above slips'}
+    impact_v = space.chain(point).impact_v
+    steps = common_steps_v(CHAIN, tracks[0])[tracks[0].kinds == SLIP]
+    assert impact_v == pytest.approx(1.5 * steps.max(), rel=1e-3)
+    assert space.chain(point | {'impact': 'none'}).impact_v == 0.0
+
+
+def test_a_search_begins_at_each_preset_with_the_floors_of_its_own_sensor():
+    tracks = [track(1)]
+    space = SearchSpace(CHAIN, tracks)
+    starts = space.starts()
+    for preset in presets():
+        assert space.point(preset) in starts
+        found = space.chain(space.point(preset))
+        assert found.decision == preset.decision
+        assert found.groups == CHAIN.groups
+        if preset.decision == 'evidence':
+            assert found.noise_floor == learnt_floors(found, tracks)
+    files = list((shared_folder() / 'config').glob('*.yaml'))
+    assert len(presets()) == 1 + len(files)

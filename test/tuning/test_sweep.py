@@ -13,8 +13,8 @@ from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.space import threshold_scale, thresholds, votes_of
 from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
+from slip_detector.tuning.thresholds import threshold_scale, thresholds, votes_of
 from slip_detector.tuning.tracks import track_of
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 

@@ -30,8 +30,8 @@ def test_parts_and_files_are_handed_on(monkeypatch):
     [
         (
             ['--part', 'nix'],
-            "--part is 'nix', allowed: evaluate, read, jobs, search, report, families, onset, "
-            'real',
+            "--part is 'nix', allowed: evaluate, read, jobs, search, report, families, sensor, "
+            'onset, real',
         ),
         (['--part', 'real'], 'real recordings need --recordings and --config'),
         (['--recordings', 'a'], 'real recordings need --recordings and --config'),

@@ -10,12 +10,16 @@ def test_the_families_are_what_their_names_say():
     by_name = families.families()
     assert list(by_name) == [
         'plates', 'plates, tremor and hum', 'taps and rolling between slips',
+        'tremor, hum, taps and drift',
     ]  # fmt: skip
     periods = [
         [scene['texture']['spatial_period_m'] for scene in family] for family in by_name.values()
     ]
-    assert periods == [[400e-6, 440e-6, 480e-6]] * 3
+    assert periods == [[400e-6, 440e-6, 480e-6]] * 4
     assert all('tremor' in scene and 'hum' in scene for scene in list(by_name.values())[1])
+    for scene in by_name['tremor, hum, taps and drift']:
+        assert {'tremor', 'hum', 'taps'} <= set(scene)
+        assert scene['electronics']['drift_v'] == families.DRIFT_V
     (track,) = families.play_scenes(list(by_name.values())[2][:1], [0])
     between = np.flatnonzero(track.kinds == SLIP)
     for tap_s in (*families.TAPS_S, families.ROLLING_S):

@@ -1,0 +1,130 @@
+"""What ``slip_tune`` learns of a recording at rest or of knocks, without a search."""
+
+import dataclasses
+from argparse import Namespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.tuning.impacts import impact_step
+from slip_detector.tuning.loading import load_tracks
+from slip_detector.tuning.noise import LEARNT_RANGE_DB, Mains, find_mains, learnt_floors
+from slip_detector.tuning.tracks import Track
+
+
+class Learnt(NamedTuple):
+    """What was learnt.
+
+    Attributes
+    ----------
+    parameters : dict
+        Parameters of the chain by name, as ROS has them.
+    lines : list of str
+        What to tell.
+    """
+
+    parameters: dict[str, Any]
+    lines: list[str]
+
+
+def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Learnt:
+    """Learn the noise floors and the mains of a recording without slip, and set the threshold.
+
+    The threshold is set where a rate of false alarms is given; floors and mains are set where
+    evidence decides.
+
+    Parameters
+    ----------
+    options
+        Of the command.
+    chain
+        The given chain.
+    loader
+        Opens recordings for it.
+
+    Raises
+    ------
+    ValueError
+        When the recording cannot be read or there is nothing to learn of it; names it.
+    """
+    rate, by_evidence = options.false_alarms_per_hour, chain.decision == 'evidence'
+    if rate is None and not by_evidence:
+        raise ValueError(
+            'parameter decision is mean, allowed: evidence, whose noise floors --quiet learns, '
+            'or --false-alarms-per-hour, which sets the threshold'
+        )
+    track, lines = _only(options.quiet, loader)
+    names = []
+    mains = find_mains(track, chain.disabled_channels)
+    lines.append(f'On {track.name}: {mains}')
+    if mains.lines and not chain.mains_hz:
+        taken_off = _with_mains(chain, mains)
+        if taken_off is None:
+            lines.append(
+                f'mains_hz cannot take it off: it has no whole periods in rows of '
+                f'{chain.sample_rate_hz:g} Hz; a stop-band can'
+            )
+        elif by_evidence:
+            chain = taken_off
+            names.append('mains_hz')
+        else:
+            lines.append(f'mains_hz: {mains.mains_hz:g} would take it off')
+    if by_evidence:
+        floors = learnt_floors(chain, [track])
+        chain = dataclasses.replace(
+            chain,
+            noise_floor=floors,
+            noise_floor_learnt=True,
+            noise_floor_range_db=LEARNT_RANGE_DB,
+        )
+        names += ['noise_floor', 'noise_floor_learnt', 'noise_floor_range_db']
+        lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')
+    if rate is not None:
+        # SciPy's statistics take longer to load than all else.
+        from slip_detector.tuning.quiet import quiet_threshold
+
+        found = quiet_threshold(track, chain, rate, np.random.default_rng(options.seed))
+        chain = found.chain
+        names.append('threshold')
+        lines.append(f'On {track.name}, without slip: {found}')
+    learnt = chain.to_parameters()
+    return Learnt({name: learnt[name] for name in names}, lines)
+
+
+def learn_from_taps(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Learnt:
+    """Set the step that is an impact from a recording of knocks and labelled slips.
+
+    Parameters are those of :func:`learn_from_quiet`.
+
+    Raises
+    ------
+    ValueError
+        When a recording cannot be read, evidence does not decide, or knocks cannot be told from
+        slips.
+    """
+    if chain.decision != 'evidence':
+        raise ValueError(
+            f'parameter decision is {chain.decision}, allowed: evidence, which impact_v is for'
+        )
+    knocks, lines = _only(options.taps, loader)
+    tracks, more_lines = load_tracks(options.recordings, loader)
+    found = impact_step(chain, knocks, tracks)
+    return Learnt({'impact_v': found.impact_v}, [*lines, *more_lines, f'{knocks.name}: {found}'])
+
+
+def _only(path: str, loader: RecordingLoader) -> tuple[Track, list[str]]:
+    """Read the one recording of a path, and the line of its faults."""
+    tracks, notes = load_tracks([path], loader, labelled=False)
+    if len(tracks) != 1:
+        raise ValueError(f'{path}: has {len(tracks)} recordings, allowed: one')
+    return tracks[0], notes
+
+
+def _with_mains(chain: ChainConfig, mains: Mains) -> ChainConfig | None:
+    """Return the chain with a mains that is taken off; None where its rate does not allow it."""
+    try:
+        return dataclasses.replace(chain, mains_hz=mains.mains_hz)
+    except ValueError:
+        return None

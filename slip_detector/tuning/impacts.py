@@ -1,0 +1,174 @@
+"""Which step from one sample to the next is a knock and not a slip."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.evaluation.labelled_rows import SLIP
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.tuning.tracks import Track
+
+Floats = NDArray[np.float64]
+
+#: A knock is where the step is so many times what nine in ten steps are below, or the least step.
+KNOCK = 4.0
+NOISE_SHARE = 0.9
+
+#: Of the knocks this share is to be told from slips, each by at least this ratio.
+TOLD_SHARE = 0.9
+LEAST_RATIO = 1.5
+
+#: What shakes for this long after a knock belongs to it.
+KNOCK_S = 0.5
+
+
+def common_steps_v(chain: ChainConfig, track: Track) -> Floats:
+    """Return for each row the step that at least ``impact_channels`` channels make at once.
+
+    Parameters
+    ----------
+    chain
+        Its ``impact_channels``, ``disabled_channels`` and ``valid_range_v`` are used.
+    track
+        A recording of n rows.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        0 in the first row of each stretch. A bad sample makes no step, as the last good one is
+        held in its place.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> volts = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 1.0], [3.0, -2.0, 2.0]])
+    >>> track = track_of('a', [LabelledRows(volts, np.zeros(3, bool))], 380.0)
+    >>> common_steps_v(ChainConfig(channels=3, impact_channels=2), track)
+    array([0., 2., 0.])
+    """
+    low, high = chain.valid_range_v
+    disabled = set(chain.disabled_channels)
+    enabled = [c for c in range(track.volts.shape[1]) if c + 1 not in disabled]
+    which = min(chain.impact_channels, len(enabled))
+    found = np.zeros(len(track.volts))
+    for rows in track.rows_of_stretches:
+        volts = track.volts[rows, enabled]
+        good = (volts >= low) & (volts <= high)
+        # In each row the place of the last good sample; before the first there is none.
+        places = np.where(good, np.arange(len(volts))[:, np.newaxis], -1)
+        places = np.maximum.accumulate(places, axis=0)
+        held = np.where(places < 0, np.nan, np.take_along_axis(volts, places, axis=0))
+        steps = np.nan_to_num(np.abs(np.diff(held, axis=0)))
+        if steps.size:
+            found[rows][1:] = np.partition(steps, -which, axis=1)[:, -which]
+    return found
+
+
+def largest_slip_step_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
+    """Return the largest of :func:`common_steps_v` in rows with slip; 0 where there are none."""
+    steps = [common_steps_v(chain, track)[track.kinds == SLIP] for track in tracks]
+    return max((float(part.max()) for part in steps if part.size), default=0.0)
+
+
+def knocks_v(chain: ChainConfig, track: Track) -> Floats:
+    """Return the largest of :func:`common_steps_v` in each knock of a recording.
+
+    A knock is a step of :data:`KNOCK` times those of the noise, with what follows for
+    :data:`KNOCK_S`.
+    """
+    steps = common_steps_v(chain, track)
+    if not steps.any():
+        return np.zeros(0)
+    # A converter whose last digit seldom changes has no noise but this digit.
+    noise_v = max(np.quantile(steps, NOISE_SHARE), steps[steps > 0.0].min())
+    loud = np.flatnonzero(steps > KNOCK * noise_v)
+    if not loud.size:
+        return np.zeros(0)
+    breaks = np.flatnonzero(np.diff(loud) > KNOCK_S * track.sample_rate_hz) + 1
+    return np.array([steps[knock].max() for knock in np.split(loud, breaks)])
+
+
+class ImpactStep(NamedTuple):
+    """The step from which on it is an impact.
+
+    Attributes
+    ----------
+    impact_v : float
+    slip_v : float
+        The largest step of all slips.
+    knock_v : float
+        The step that nine in ten knocks are above.
+    knocks : int
+
+    Examples
+    --------
+    >>> print(ImpactStep(0.02, slip_v=0.005, knock_v=0.08, knocks=40))
+    impact_v 0.02 V: no slip has a step above 0.005 V, 90 % of 40 knocks one above 0.08 V
+    """
+
+    impact_v: float
+    slip_v: float
+    knock_v: float
+    knocks: int
+
+    def __str__(self) -> str:
+        return (
+            f'impact_v {self.impact_v:g} V: no slip has a step above {self.slip_v:.4g} V, '
+            f'{TOLD_SHARE * 100:.0f} % of {self.knocks} knocks one above {self.knock_v:.4g} V'
+        )
+
+
+def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> ImpactStep:
+    """Return an ``impact_v`` between the steps of slips and those of knocks.
+
+    It is the geometric mean of the largest step of the slips and of the one that
+    :data:`TOLD_SHARE` of the knocks are above.
+
+    Parameters
+    ----------
+    chain
+        See :func:`common_steps_v`.
+    knocks
+        A recording of knocks.
+    tracks
+        Labelled recordings of slips.
+
+    Raises
+    ------
+    ValueError
+        When there are no knocks or no slips, or they cannot be told apart; with the numbers.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> noise = np.random.default_rng(0).normal(0.0, 0.01, (2000, 2))
+    >>> slips = track_of('slips', [LabelledRows(noise, np.ones(2000, bool))], 380.0)
+    >>> noise[300::500] += 1.0
+    >>> knocks = track_of('knocks', [LabelledRows(noise, np.zeros(2000, bool))], 380.0)
+    >>> found = impact_step(ChainConfig(channels=2), knocks, [slips])
+    >>> found.knocks, found.slip_v < found.impact_v < found.knock_v
+    (4, True)
+    """
+    steps_v, slip_v = knocks_v(chain, knocks), largest_slip_step_v(chain, tracks)
+    if not steps_v.size:
+        raise ValueError(
+            f'{knocks.name}: has no step of {KNOCK:g} times its noise on {chain.impact_channels} '
+            'channels at once, allowed: a recording of knocks'
+        )
+    if not slip_v:
+        names = ', '.join(track.name for track in tracks)
+        raise ValueError(f'{names}: has no step with slip, allowed: labelled recordings of slips')
+    knock_v = float(np.quantile(steps_v, 1.0 - TOLD_SHARE))
+    if knock_v < LEAST_RATIO * slip_v:
+        raise ValueError(
+            f'{knocks.name}: its knocks cannot be told from slips: {TOLD_SHARE * 100:.0f} % of '
+            f'{steps_v.size} knocks have a step above {knock_v:.4g} V, slips of up to '
+            f'{slip_v:.4g} V, allowed: {LEAST_RATIO:g} times as much'
+        )
+    impact_v = float(f'{math.sqrt(slip_v * knock_v):.4g}')
+    return ImpactStep(impact_v, slip_v, knock_v, steps_v.size)

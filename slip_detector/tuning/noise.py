@@ -1,0 +1,241 @@
+"""What a recording at rest tells of a sensor: the noise floor of each channel, and its hum."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.evidence import QUANTILE
+from slip_detector.chain.settling import settling_rows
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.labelled_rows import REST, SLIP
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.tuning.tracks import Track
+
+Floats = NDArray[np.float64]
+
+#: How far a floor that was learnt may rise.
+LEARNT_RANGE_DB = 15.0
+
+#: Floors are learnt on so many rows, the first ones of each recording: more rows make them hardly
+#: surer and every trial of a search longer. But each recording takes part for so long at least.
+MOST_ROWS, LEAST_S = 60_000, 5.0
+
+#: Mains frequencies in the world, and how many of their multiples are looked at.
+MAINS_HZ = (50.0, 60.0)
+HARMONICS = 8
+
+#: A line stands at least this far above the noise beside it, on every channel.
+LEAST_LINE_DB = 12.0
+
+#: Window of the spectra, which makes a line some 0.5 Hz wide.
+SPECTRUM_S = 4.0
+
+#: A line is looked for within so much of where it should be: the mains strays.
+STRAYS_HZ = 0.5
+
+#: What is beside a line, from so far off to so far off, is noise.
+BESIDE_HZ = (1.0, 6.0)
+
+#: Lines below this are not told from drift.
+LOWEST_LINE_HZ = 2.0
+
+
+def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, ...]:
+    """Return the noise floor of each channel: what a tenth of its envelopes at rest is below.
+
+    That is where a floor that follows the envelope comes to rest. Rows with slip, and rows in
+    which the chain settles or a channel is not valid, take no part; where there is rest, rows of
+    motion do not either. A channel that tells nothing has the median of the other floors.
+
+    Parameters
+    ----------
+    chain
+        Whose envelope is meant; its decision does not matter.
+    tracks
+        The recordings.
+
+    Returns
+    -------
+    tuple of float
+        In the unit of the envelope, four significant digits.
+
+    Raises
+    ------
+    ValueError
+        When no channel has any noise; names the recordings.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> noise = np.random.default_rng(0).standard_normal((3000, 2)) * [0.01, 0.04]
+    >>> track = track_of('rest', [LabelledRows(noise, np.zeros(3000, bool))], 380.0)
+    >>> floors = learnt_floors(ChainConfig(channels=2, exponent=1, gain=1.0), [track])
+    >>> 3.5 < floors[1] / floors[0] < 4.5
+    True
+    """
+    plain = dataclasses.replace(chain, decision='mean')
+    settling = settling_rows(plain)
+    runner, envelopes = SlipChain(plain), []
+    quiet = [REST] if any((track.kinds == REST).any() for track in tracks) else None
+    for track in tracks:
+        least = round(LEAST_S * track.sample_rate_hz)
+        left = settling + max(MOST_ROWS // len(tracks), least)
+        for begin, end, _, new_stretch in track.pieces:
+            if new_stretch:
+                runner.reset()
+                unsettled = settling
+            rows = slice(begin, min(end, begin + left))
+            result = runner.update(track.volts[rows], envelope=True, level=False)
+            kinds = track.kinds[rows]
+            counts = np.isin(kinds, quiet) if quiet else kinds != SLIP
+            counts[:unsettled] = False
+            unsettled = max(unsettled - counts.size, 0)
+            envelopes.append(np.where(result.valid, result.envelope, np.nan)[counts])
+            left -= counts.size
+            if not left:
+                break
+    found = _quantiles(np.concatenate(envelopes))
+    noisy = found[found > 0.0]
+    if not noisy.size:
+        raise ValueError(
+            f'{", ".join(track.name for track in tracks)}: no channel has any noise, allowed: a '
+            'recording at rest that is longer than the chain settles'
+        )
+    found[~(found > 0.0)] = np.median(noisy)
+    return tuple(float(f'{floor:.4g}') for floor in found)
+
+
+def _quantiles(envelopes: Floats) -> Floats:
+    """Return the quantile of each channel, of rows that are numbers; NaN where there are none."""
+    found = np.full(envelopes.shape[1], np.nan)
+    for channel, column in enumerate(envelopes.T):
+        numbers = column[np.isfinite(column)]
+        if numbers.size:
+            found[channel] = np.quantile(numbers, QUANTILE)
+    return found
+
+
+class MainsLine(NamedTuple):
+    """A line in the spectrum of all channels.
+
+    Attributes
+    ----------
+    hum_hz : float
+        The multiple of the mains that makes it.
+    seen_hz : float
+        Where it is in the samples: at another frequency if it is above half the sample rate.
+    least_db : float
+        How far it stands above the noise, on the channel where it is least.
+    """
+
+    hum_hz: float
+    seen_hz: float
+    least_db: float
+
+
+class Mains(NamedTuple):
+    """The mains that a recording has the lines of.
+
+    Attributes
+    ----------
+    mains_hz : float
+        0 where there are none.
+    lines : tuple of MainsLine
+
+    Examples
+    --------
+    >>> print(Mains(50.0, (MainsLine(50.0, 50.0, 24.6), MainsLine(200.0, 112.5, 20.1))))
+    mains of 50 Hz: lines of 50 Hz (25 dB), 200 Hz (20 dB, seen at 112.5 Hz) on all channels
+    """
+
+    mains_hz: float
+    lines: tuple[MainsLine, ...]
+
+    def __str__(self) -> str:
+        if not self.lines:
+            return f'no line of the mains is {LEAST_LINE_DB:g} dB above the noise on all channels'
+        told = []
+        for line in self.lines:
+            seen = '' if line.seen_hz == line.hum_hz else f', seen at {line.seen_hz:g} Hz'
+            told.append(f'{line.hum_hz:g} Hz ({line.least_db:.0f} dB{seen})')
+        return f'mains of {self.mains_hz:g} Hz: lines of {", ".join(told)} on all channels'
+
+
+def find_mains(track: Track, disabled_channels: Sequence[int] = ()) -> Mains:
+    """Return the mains whose multiples stand out of the noise of all channels.
+
+    A multiple above half the sample rate is looked for where sampling puts it. Of two mains the
+    one with more lines is taken; of as many, the one with the lower multiple, as sampling may put
+    multiples of both at one place.
+
+    Parameters
+    ----------
+    track
+        A recording; its longest stretch is looked at.
+    disabled_channels
+        Channels (counted from 1) that are not looked at; nor are those that are flat.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> time_s = np.arange(6000)[:, np.newaxis] / 320.0
+    >>> volts = np.random.default_rng(0).standard_normal((6000, 2))
+    >>> volts += np.sin(2 * np.pi * 60.0 * time_s) + np.sin(2 * np.pi * 180.0 * time_s)
+    >>> track = track_of('rest', [LabelledRows(volts, np.zeros(6000, bool))], 320.0)
+    >>> [(line.hum_hz, line.seen_hz) for line in find_mains(track).lines]
+    [(60.0, 60.0), (180.0, 140.0)]
+    """
+    rate_hz = track.sample_rate_hz
+    volts = _longest_stretch(track)
+    enabled = [c for c in range(volts.shape[1]) if c + 1 not in disabled_channels]
+    volts = volts[:, [c for c in enabled if np.ptp(volts[:, c]) > 0.0]]
+    rows = round(SPECTRUM_S * rate_hz)
+    if len(volts) < 2 * rows or not volts.shape[1]:
+        return Mains(0.0, ())
+    from scipy import signal
+
+    hz, power = signal.welch(volts, rate_hz, nperseg=rows, axis=0)
+    found = [Mains(mains_hz, tuple(_lines(mains_hz, hz, power, rate_hz))) for mains_hz in MAINS_HZ]
+    best = max(found, key=_certainty)
+    return best if best.lines else Mains(0.0, ())
+
+
+def _certainty(mains: Mains) -> tuple[int, float, float]:
+    """Return what is larger where it is surer that the lines are of this mains."""
+    lowest = min((line.hum_hz / mains.mains_hz for line in mains.lines), default=0.0)
+    return len(mains.lines), -lowest, sum(line.least_db for line in mains.lines)
+
+
+def _lines(mains_hz: float, hz: Floats, power: Floats, rate_hz: float) -> list[MainsLine]:
+    """Return the lines of a mains, each place in the spectrum once."""
+    lines: list[MainsLine] = []
+    for harmonic in range(1, HARMONICS + 1):
+        hum_hz = harmonic * mains_hz
+        seen_hz = abs(hum_hz - rate_hz * round(hum_hz / rate_hz))
+        away = np.abs(hz - seen_hz)
+        near = away <= STRAYS_HZ
+        beside = (away >= BESIDE_HZ[0]) & (away <= BESIDE_HZ[1])
+        taken = any(abs(line.seen_hz - seen_hz) < 2 * STRAYS_HZ for line in lines)
+        if taken or seen_hz < LOWEST_LINE_HZ or not near.any() or not beside.any():
+            continue
+        ratios = power[near].max(axis=0) / np.median(power[beside], axis=0)
+        least_db = 10.0 * float(np.log10(ratios.min()))
+        if least_db >= LEAST_LINE_DB:
+            lines.append(MainsLine(hum_hz, round(seen_hz, 6), least_db))
+    return lines
+
+
+def _longest_stretch(track: Track) -> Floats:
+    """Return the rows of the longest stretch, what is no number replaced by the median."""
+    longest = max(track.rows_of_stretches, key=lambda rows: rows.stop - rows.start)
+    volts: Floats = track.volts[longest].copy()
+    for column in volts.T:
+        bad = ~np.isfinite(column)
+        if bad.any():
+            column[bad] = 0.0 if bad.all() else np.median(column[~bad])
+    return volts

@@ -1,0 +1,28 @@
+"""The way of a newcomer, on short recordings."""
+
+import subprocess
+
+from benchmarks.tune import new_sensor
+from slip_detector.commands.tune import main
+
+
+def test_three_commands_make_a_configuration_of_recordings(monkeypatch):
+    """They run in this process here, which saves their starts."""
+    ran = []
+
+    def in_this_process(command, cwd, **_):
+        monkeypatch.chdir(cwd)
+        ran.append(command[3:])
+        return subprocess.CompletedProcess(command, main(command[3:]), '', '')
+
+    monkeypatch.setattr(new_sensor.subprocess, 'run', in_this_process)
+    monkeypatch.setattr(new_sensor, 'JOBS', 1)
+    figures = new_sensor.measure_new_sensor(2, range(1), rest_s=15.0, knocks_s=9.0)
+    assert [('--quiet' in words, '--taps' in words) for words in ran] == [
+        (True, False), (False, True), (False, False),
+    ]  # fmt: skip
+    assert figures['recording_s'] > 3 * 9.0 + 24.0
+    times_s = [figures[f'{name}_s'] for name in ('quiet', 'taps', 'search')]
+    assert figures['total_s'] == sum(times_s)
+    assert figures['taps_told']
+    assert figures['given']['slips'] == figures['tuned']['slips'] == 9

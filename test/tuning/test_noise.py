@@ -1,0 +1,128 @@
+"""What is learnt of a sensor at rest."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.tuning.noise import LEAST_LINE_DB, find_mains, learnt_floors
+from slip_detector.tuning.tracks import track_of
+
+RATE_HZ = 312.5
+CHAIN = ChainConfig(
+    sample_rate_hz=RATE_HZ,
+    channels=4,
+    passband_hz=(60.0, 0.0),
+    passband_degree=2,
+    stopbands_hz=(),
+    exponent=1,
+    gain=1.0,
+)
+NOISE_V = np.array([0.01, 0.03, 0.1, 0.02])
+
+
+def noise(rows=10_000, seed=0):
+    return NOISE_V * np.random.default_rng(seed).standard_normal((rows, 4))
+
+
+def rest(volts, truth=None, rate_hz=RATE_HZ):
+    truth = np.zeros(len(volts), bool) if truth is None else truth
+    return track_of('rest', [LabelledRows(volts, truth)], rate_hz)
+
+
+def hum(mains_hz, rows, rate_hz, amplitudes):
+    time_s = np.arange(rows)[:, np.newaxis] / rate_hz
+    return sum(
+        amplitude * np.sin(2 * np.pi * harmonic * mains_hz * time_s + harmonic)
+        for harmonic, amplitude in amplitudes.items()
+    )
+
+
+def test_a_floor_is_where_the_floor_that_follows_comes_to_rest():
+    volts = noise(60_000)
+    floors = learnt_floors(CHAIN, [rest(volts)])
+    chain = dataclasses.replace(CHAIN, decision='evidence', noise_floor=(1e-9,))
+    chain = dataclasses.replace(chain, noise_floor_range_db=300.0)
+    followed = SlipChain(chain).update(volts, floor=True).floor[20_000:]
+    decibels = 20.0 * np.log10(floors)
+    np.testing.assert_allclose(decibels, np.median(followed, axis=0), atol=0.3)
+
+
+def test_slips_and_bad_channels_take_no_part_in_the_floors():
+    quiet, loud = noise(), noise()
+    truth = np.zeros(len(loud), bool)
+    truth[4000:7000] = True
+    loud[truth] *= 50.0
+    plain = np.array(learnt_floors(CHAIN, [rest(quiet)]))
+    np.testing.assert_allclose(learnt_floors(CHAIN, [rest(loud, truth)]), plain, rtol=0.05)
+    quiet[:, 1] = np.nan
+    found = learnt_floors(CHAIN, [rest(quiet)])
+    assert found[1] == pytest.approx(np.median(plain[[0, 2, 3]]), rel=1e-3)
+    np.testing.assert_allclose(np.delete(found, 1), np.delete(plain, 1), rtol=1e-9)
+
+
+def test_floors_come_from_all_recordings_and_cuts_change_nothing():
+    volts = noise()
+    truth = np.zeros(5000, bool)
+    pieces = [LabelledRows(part, truth) for part in np.split(volts, 2)]
+    whole = learnt_floors(CHAIN, [rest(volts)])
+    assert learnt_floors(CHAIN, [track_of('rest', pieces, RATE_HZ)]) == whole
+    louder = learnt_floors(CHAIN, [rest(volts), rest(10.0 * noise(seed=1))])
+    assert all(many > one for many, one in zip(louder, whole, strict=True))
+
+
+def test_where_nothing_makes_noise_there_is_no_floor():
+    with pytest.raises(ValueError, match='rest: no channel has any noise, allowed: a recording'):
+        learnt_floors(CHAIN, [rest(np.full((3000, 4), 4.3))])
+
+
+@settings(max_examples=15)
+@given(
+    mains_hz=st.sampled_from([50.0, 60.0]),
+    rate_hz=st.sampled_from([90.0, 210.0, 312.5, 380.0, 1000.0]),
+    harmonics=st.sampled_from([(1, 3), (1, 2, 4), (1,)]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_mains_is_found_by_its_lines_aliased_or_not(mains_hz, rate_hz, harmonics, seed):
+    rows = round(30.0 * rate_hz)
+    volts = noise(rows, seed) + hum(mains_hz, rows, rate_hz, dict.fromkeys(harmonics, 0.3))
+    found = find_mains(rest(volts, rate_hz=rate_hz))
+    assert found.mains_hz == mains_hz
+    for line in found.lines:
+        harmonic = line.hum_hz / mains_hz
+        assert harmonic in harmonics or any(
+            abs(line.hum_hz - rate_hz * k) == pytest.approx(one * mains_hz)
+            or abs(line.hum_hz - rate_hz * k) == pytest.approx(abs(one * mains_hz - rate_hz * j))
+            for one in harmonics
+            for k in range(8)
+            for j in range(8)
+        )
+        assert line.least_db > LEAST_LINE_DB
+        assert 0.0 < line.seen_hz <= rate_hz / 2
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=15)
+def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
+    volts = noise(6000, seed)
+    assert find_mains(rest(volts)).mains_hz == 0.0
+    volts[:, :3] += hum(50.0, 6000, RATE_HZ, {1: 0.5})
+    assert find_mains(rest(volts)).mains_hz == 0.0
+    assert find_mains(rest(volts), disabled_channels=[4]).mains_hz == 50.0
+
+
+def test_a_recording_too_short_for_a_spectrum_has_no_mains():
+    volts = hum(50.0, 2000, RATE_HZ, {1: 0.5}) + noise(2000)
+    assert find_mains(rest(volts)).mains_hz == 0.0
+
+
+def test_of_many_short_recordings_each_takes_part_in_the_floors():
+    chain = dataclasses.replace(CHAIN, passband_hz=(7.0, 50.0), passband_degree=4)
+    short = [rest(noise(400, seed)) for seed in range(900)]
+    whole = learnt_floors(chain, [rest(noise(60_000))])
+    np.testing.assert_allclose(learnt_floors(chain, short), whole, rtol=0.1)
