@@ -30,14 +30,20 @@ def run(executable: str) -> int:
     int
         Exit code: 0, or 1 after an error, which is reported as one line on stderr.
     """
-    initialised = False
+    initialised = compiles = False
+    takedowns: list[Callable[[], object]] = []
     code = 0
 
     def on_signal(*_: Any) -> None:
         # Before rclpy is initialised there is nothing to clean up, and an exception could break an
-        # import off. Later rclpy's own handler runs before this one and ends the spinning.
-        if not initialised:
+        # import off. Later rclpy's own handler runs before this one and ends the spinning; a node
+        # that still compiles would take up to minutes to get there, and has published nothing.
+        if not initialised or (compiles and not takedowns):
             os._exit(0)
+
+    def on_compiling() -> None:
+        nonlocal compiles
+        compiles = True
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
@@ -51,12 +57,11 @@ def run(executable: str) -> int:
     from slip_detector.nodes.rclpy_internals import ignore_what_a_signal_leaves, shut_down
 
     ignore_what_a_signal_leaves(lambda: initialised)
-    takedowns: list[Callable[[], object]] = []
     try:
         if '--configs' in sys.argv and executable != 'slip_detector':
             raise ValueError('--configs is given, allowed: for slip_detector only')
         _check_files(sys.argv)
-        make = _maker(executable)
+        make = _maker(executable, on_compiling)
         rclpy.init()
         initialised = True
         nodes = make(_arguments_of_each(sys.argv, remove_ros_args(sys.argv)))
@@ -157,7 +162,7 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
     ]
 
 
-def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
+def _maker(executable: str, on_compiling: Callable[[], None]) -> Callable[[list[Any]], list[Any]]:
     """Return the function that makes the nodes of an executable from the arguments of each."""
     if executable == 'grasp_controller':
         from slip_detector.nodes.grasp_controller import GraspController
@@ -166,7 +171,7 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
     from slip_detector.chain.compiled import load_numba_alone
 
     load_numba_alone()
-    log_compiling(executable)
+    log_compiling(executable, on_compiling)
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import drivers
 
@@ -190,8 +195,8 @@ def _maker(executable: str) -> Callable[[list[Any]], list[Any]]:
     return detectors
 
 
-def log_compiling(executable: str) -> None:
-    """Log when Numba compiles, once for each subpackage."""
+def log_compiling(executable: str, begins: Callable[[], None] = lambda: None) -> None:
+    """Log when Numba compiles, once for each subpackage, after calling ``begins``."""
     from rclpy.logging import get_logger
 
     from slip_detector.chain.compiled import on_compiling
@@ -199,6 +204,7 @@ def log_compiling(executable: str) -> None:
     said: set[str] = set()
 
     def say(module: str) -> None:
+        begins()
         gc.enable()  # Compiling leaves garbage.
         subpackage = module.rpartition('.')[0]
         if subpackage not in said:

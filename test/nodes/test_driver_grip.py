@@ -80,7 +80,8 @@ def test_a_firm_grip_holds_the_object_and_a_weak_one_lets_it_fall(bench, tmp_pat
 
 
 def test_a_command_is_felt_in_the_next_samples(bench, tmp_path):
-    driver = Gripped(bench, tmp_path)
+    # Until the first command comes, the scene itself would grip with 3 N.
+    driver = Gripped(bench, tmp_path, wait_for_grip='true')
     driver.connect()
     driver.hold(2.0)
     driver.play(1.0)

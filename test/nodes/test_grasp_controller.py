@@ -164,6 +164,8 @@ def test_a_detector_that_is_killed_or_hangs_is_noticed(bench, on_invalid, number
     words = ['--params-file', CONFIG]
     # What comes after a parameter file takes precedence over it.
     told = ['-p', f'on_invalid:={on_invalid}', '-p', 'closing_n_s:=50.0']
+    # A busy machine stops a detector for longer than the three heartbeats of the file.
+    told += ['-p', 'deadline_s:=2.0']
     detector = bench.start('slip_detector', *words)
     controller = bench.start('grasp_controller', *words, *told)
     bench.start('slip_driver', *words, parameters={'wait_for_subscribers': 1, 'loop': 'true'})

@@ -1,6 +1,7 @@
 """The executables of the nodes: their words, and how they end."""
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -74,6 +75,19 @@ def test_the_log_says_once_that_something_is_compiled_and_only_when_it_is(tmp_pa
     (line,) = logged().splitlines()
     assert '[slip_detector]: compiling slip_detector.chain, which takes some seconds' in line
     assert logged() == ''
+
+
+@pytest.mark.skipif(not COMPILED, reason='without Numba nothing is compiled')
+@pytest.mark.parametrize('executable', ['slip_detector', 'slip_driver'])
+def test_a_signal_ends_a_node_before_it_has_compiled_all(bench, monkeypatch, tmp_path, executable):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    process = bench.start(executable)
+    bench.wait_for(lambda: 'compiling slip_detector.' in process.log(), 'the node to compile')
+    process.signal(signal.SIGINT)
+    assert process.wait() == 0
+    assert len(process.log().splitlines()) == 1
+    # The start of a driver compiles more than thirty functions.
+    assert len(list(tmp_path.rglob('*.nbi'))) < 20
 
 
 @pytest.mark.parametrize(
