@@ -15,8 +15,8 @@ def options() -> argparse.ArgumentParser:
         'Measure what evaluating and reading an hour costs, a search against the same around '
         'SciPy and NumPy, and the report of an hour; then what tuning brings on families of '
         'simulated scenes, on a new sensor and, where they are given, on real recordings, and how '
-        'soon and clean config/onset.yaml is. Says of each figure what is wanted and whether it is met; '
-        'the exit code is 0 either way.',
+        'soon and clean config/onset.yaml is. Says of each figure what is wanted and whether it '
+        'is met; the exit code is 0 either way.',
     )
     parser.add_argument(
         '--part', action='append', default=[], metavar='NAME',

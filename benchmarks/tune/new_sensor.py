@@ -115,8 +115,8 @@ def _write_held(path: Path, duration_s: float, parts: Mapping[str, Any]) -> None
     held = {name: plate[name] for name in ('friction', 'texture')}
     scene = Scene({**held, 'steps': steps, **parts}, np.random.default_rng(0))
     samples = scene.read(round(duration_s * scene.sample_rate_hz))
-    rows = {'volts': samples.volts, 'slip': np.zeros(len(samples.volts), bool)}
-    np.savez(path, sample_rate_hz=scene.sample_rate_hz, **rows)
+    rest = np.zeros(len(samples.volts), bool)
+    np.savez(path, sample_rate_hz=scene.sample_rate_hz, volts=samples.volts, slip=rest)
 
 
 def _slip_tune(folder: Path, before: str, after: str, *words: str) -> tuple[float, bool]:
