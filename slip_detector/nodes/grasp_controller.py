@@ -1,9 +1,10 @@
 """The grasp controller node, an example of how to use ``slip``: it commands the grip force."""
 
+import math
 import time
 
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -16,13 +17,23 @@ from slip_detector.parameters.grasp import GraspConfig
 #: How many changes are kept while this node is busy, so that it misses none.
 DEPTH = 100
 
+#: So many command periods at most count as passed between two commands. A stall of this node is
+#: longer: neither the gripper nor the detector knows of it.
+PERIODS_COUNTED = 3
+
+#: Within ``deadline_s`` this node looks so often for what it has heard, but at most each
+#: ``SHORTEST_LOOK_S``.
+LOOKS, SHORTEST_LOOK_S = 10, 1e-3
+
 
 class GraspController(Node):
     """Commands the grip force of :class:`.GraspLaw` at a fixed rate and at each change of slip.
 
     ``slip`` is not relied on while ``slip_valid`` is false, nor when either topic has been silent
     for longer than ``deadline_s``: the detector may hang or have been killed, or the network may
-    be down.
+    be down. A stall of this node itself (a stopped process, a busy machine) is no silence: what
+    came meanwhile is still waiting. So silence is counted in looks of a timer, which after a stall
+    is called once, and not by the deadline of the middleware, which goes on.
 
     Parameters
     ----------
@@ -35,9 +46,13 @@ class GraspController(Node):
         self.config = config = declare(self, GraspConfig)
         self._law = GraspLaw(config)
         self._slip = self._slip_valid = self._trusted = False
-        # Topics that are silent now, and whether both have ever been heard.
+        # Topics that are silent now, how many looks ago the others were heard, and whether both
+        # have ever been heard.
         self._silent = {'slip', 'slip_valid'}
+        self._looks_ago = dict.fromkeys(self._silent, 0)
         self._heard = False
+        # Time for which this node has run, and when it was counted last.
+        self._ran_s, self._counted_s = 0.0, time.monotonic()
         self._command = self.create_publisher(
             JointState,
             'grip_force',
@@ -45,42 +60,50 @@ class GraspController(Node):
             event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
         )
         for topic, take in (('slip', self._on_slip), ('slip_valid', self._on_slip_valid)):
-            self.create_subscription(
-                Bool,
-                topic,
-                take,
-                state_qos(DEPTH, config.deadline_s),
-                event_callbacks=SubscriptionEventCallbacks(
-                    deadline=lambda _, topic=topic: self._on_silence(topic)
-                ),
-            )
+            self.create_subscription(Bool, topic, take, state_qos(DEPTH, config.deadline_s))
         # A clock that is set back must not stop the commands.
-        self.create_timer(
-            1.0 / config.command_hz,
-            self._command_grip,
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
-        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0 / config.command_hz, self._command_grip, clock=steady)
+        look_s = max(config.deadline_s / LOOKS, SHORTEST_LOOK_S)
+        self._looks_allowed = math.ceil(config.deadline_s / look_s)
+        self.create_timer(look_s, self._look_for_silence, clock=steady)
         self.get_logger().info(
             f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
         )
 
     def _on_slip(self, message: Bool) -> None:
-        self._silent.discard('slip')
+        self._note_heard('slip')
         changed, self._slip = message.data != self._slip, message.data
         if changed:
             self._command_grip()
 
     def _on_slip_valid(self, message: Bool) -> None:
-        self._silent.discard('slip_valid')
+        self._note_heard('slip_valid')
         changed, self._slip_valid = message.data != self._slip_valid, message.data
         if changed:
             self._command_grip()
 
-    def _on_silence(self, topic: str) -> None:
-        """Note that a topic has missed its deadline."""
-        if topic not in self._silent:
-            self._silent.add(topic)
+    def _note_heard(self, topic: str) -> None:
+        self._silent.discard(topic)
+        self._looks_ago[topic] = 0
+
+    def _look_for_silence(self) -> None:
+        """Note which topics have been silent for too long."""
+        silent = set(self._silent)
+        for topic in self._looks_ago:
+            self._looks_ago[topic] += 1
+            if self._looks_ago[topic] > self._looks_allowed:
+                silent.add(topic)
+        if silent != self._silent:
+            self._silent = silent
             self._command_grip()
+
+    def _time_s(self) -> float:
+        """Return the time for which this node has run, without its stalls."""
+        now_s = time.monotonic()
+        self._ran_s += min(now_s - self._counted_s, PERIODS_COUNTED / self.config.command_hz)
+        self._counted_s = now_s
+        return self._ran_s
 
     def _command_grip(self) -> None:
         """Command the force of the law, once both topics of the detector have been heard."""
@@ -90,7 +113,7 @@ class GraspController(Node):
             self._trusted = trusted
             self._log_trust(trusted)
         before_n = self._law.force_n
-        force_n = self._law.update(time.monotonic(), self._slip, trusted)
+        force_n = self._law.update(self._time_s(), self._slip, trusted)
         if self._slip and force_n > before_n >= self.config.grip_n:
             self.get_logger().info(f'slip: grip raised to {force_n:.2f} N')
         if self._heard:

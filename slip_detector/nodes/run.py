@@ -70,7 +70,7 @@ def run(executable: str) -> int:
         gc.enable()
         executor: Executor
         if executable == 'grasp_controller':
-            # Its slip messages and its deadline events must be handled in one thread.
+            # Its messages and its timers must be handled in one thread.
             executor = SingleThreadedExecutor()
             for node in nodes:
                 executor.add_node(node)

@@ -2,12 +2,14 @@
 
 import itertools
 import signal
+import time
 
 import pytest
 from rclpy.event_handler import PublisherEventCallbacks
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
+from slip_detector.nodes.grasp_controller import PERIODS_COUNTED
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.parameters.grasp import GraspConfig
 from support.harness import ROOT, ended_quietly, patient_qos
@@ -140,6 +142,54 @@ def test_a_slip_that_cannot_be_relied_on_is_answered_as_told(bench, why, on_inva
         hand.wait_for(lambda: len(hand.forces) > count + 20, 'commands')
         assert {message.effort[0] for message in hand.forces} >= {0.0, QUICK['grip_n']}
         assert hand.force_n() == 0.0
+
+
+def stall(hand, beating):
+    """Stop the controller for three times its deadline, and let it go on."""
+    hand.process.signal(signal.SIGSTOP)
+    until_s = time.monotonic() + 3 * QUICK['deadline_s']
+    hand.wait_for(lambda: time.monotonic() > until_s, 'the stall', beating)
+    hand.process.signal(signal.SIGCONT)
+
+
+def test_a_stall_of_its_own_is_no_silence_of_the_detector(bench):
+    hand = Controlled(bench, on_invalid='open')
+    hand.close()
+    count = len(hand.forces)
+    for _ in range(2):
+        stall(hand, beating=True)
+        went_on = len(hand.forces)
+        hand.wait_for(lambda went_on=went_on: len(hand.forces) > went_on + 100, 'commands')
+    assert {message.effort[0] for message in hand.forces[count:]} == {QUICK['grip_n']}
+    assert 'cannot be relied on' not in hand.process.log()
+
+
+@pytest.mark.parametrize('what', ['dies', 'says that slip is not valid'])
+def test_a_detector_that_fails_during_a_stall_of_the_controller_is_noticed_after_it(bench, what):
+    hand = Controlled(bench, on_invalid='open')
+    hand.close()
+    beating = what != 'dies'
+    hand.state['slip_valid'] = what == 'dies'
+    stall(hand, beating)
+    hand.wait_for(lambda: hand.force_n() == 0.0, 'the grip to open', beating)
+    assert ('silent' if what == 'dies' else 'not valid') in hand.process.log()
+
+
+def test_no_command_moves_faster_than_it_may_after_a_stall(bench):
+    closing_n_s = 0.4
+    hand = Controlled(bench, closing_n_s=closing_n_s, on_invalid='open')
+    hand.wait_for(lambda: (hand.force_n() or 0.0) > 0.1, 'the grip to begin to close')
+    stall(hand, beating=True)
+    count = len(hand.forces)
+    hand.wait_for(lambda: len(hand.forces) > count + 50, 'commands')
+    hand.say(slip_valid=False)
+    hand.wait_for(lambda: hand.forces[-1].effort[0] < hand.forces[-2].effort[0], 'it to open')
+    stall(hand, beating=True)
+    hand.wait_for(lambda: hand.force_n() == 0.0, 'the grip to open')
+    most_n = closing_n_s * PERIODS_COUNTED / GraspConfig().command_hz
+    found = [message.effort[0] for message in hand.forces]
+    assert max(abs(b - a) for a, b in itertools.pairwise(found)) <= most_n * (1 + 1e-9)
+    assert max(found) < QUICK['grip_n']
 
 
 def test_a_detector_that_promises_less_than_is_asked_for_is_named(bench):
