@@ -15,6 +15,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from slip_detector.parameters.files import whole_file, writable_folder
+
 Array = NDArray[np.float64]
 
 #: Where the designs are kept: the user's cache, as the XDG base directory specification has it.
@@ -49,13 +51,8 @@ def load_or_make(key: tuple[object, ...], design: Callable[[], Array]) -> Array:
             return sections
     sections = design()
     # If the file cannot be written, the next start takes as long as this one.
-    with contextlib.suppress(OSError):
-        FOLDER.mkdir(parents=True, exist_ok=True)
-        # It gets its name when it is complete, as another process may read it at any time.
-        unfinished = path.with_suffix(f'.{os.getpid()}')
-        with unfinished.open('wb') as file:
-            np.save(file, sections)
-        unfinished.replace(path)
+    with contextlib.suppress(ValueError), whole_file(writable_folder(FOLDER) / path.name) as new:
+        np.save(new, sections)
     return sections
 
 

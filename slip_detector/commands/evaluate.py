@@ -33,7 +33,11 @@ from typing import Any
 
 from slip_detector.commands.command_line import INTERRUPTED, Parser, run, whole_number
 from slip_detector.commands.progress import progress_bar
-from slip_detector.commands.recording_options import add_recording_options, with_recording_options
+from slip_detector.commands.recording_options import (
+    add_recording_options,
+    paths_read,
+    with_recording_options,
+)
 from slip_detector.commands.worker_options import (
     add_worker_options,
     config_for_workers,
@@ -45,8 +49,8 @@ from slip_detector.evaluation.evaluator import EvaluatedRecording, Evaluator, re
 from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.files import check_apart, check_writable, writable_folder
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.parameters.writing import check_writable, writable_folder
 from slip_detector.recordings import ENDINGS, recording_sets
 from slip_detector.report.evaluation_tables import evaluation_tables
 
@@ -256,7 +260,10 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     evaluator = Evaluator(RecordingLoader(config, recording_config, evaluation_config))
     page = options.report
     if page:  # an error is reported before an hour of recordings is read
+        check_apart({'--report': page}, [*paths_read(options), *([file] if file else [])])
         check_writable(page)
+    if options.plot:
+        writable_folder(options.plot)
     shown = page or options.plot
     paths = paths_for_workers(options, options.recordings)
     with workers_of(options) as workers:

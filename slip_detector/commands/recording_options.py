@@ -2,8 +2,11 @@
 
 import argparse
 import dataclasses
+from itertools import chain
+from pathlib import Path
 
 from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.recordings import recording_sets
 
 
 def add_recording_options(parser: argparse.ArgumentParser) -> None:
@@ -62,3 +65,26 @@ def with_recording_options(
     }
     changes = {name: value for name, value in given.items() if value is not None}
     return dataclasses.replace(config, **changes)
+
+
+def paths_read(options: argparse.Namespace) -> list[Path]:
+    """Return the recordings, and the file of labels, that a command reads.
+
+    Raises
+    ------
+    ValueError
+        For a folder without recordings.
+
+    Examples
+    --------
+    >>> options = argparse.Namespace(recordings=['a.npz'], quiet='rest.npz', labels=None)
+    >>> [path.name for path in paths_read(options)]
+    ['a.npz', 'rest.npz']
+    """
+    lists = [getattr(options, name, None) or [] for name in ('recordings', 'held_out')]
+    single = [getattr(options, name, None) for name in ('quiet', 'taps')]
+    folders = [*lists, *([one] for one in single if one is not None)]
+    found = chain.from_iterable(
+        several for part in folders for several in recording_sets(part).values()
+    )
+    return [*found, *([Path(options.labels)] if options.labels else [])]

@@ -18,7 +18,7 @@ import numpy as np
 from slip_detector.commands.command_line import run
 from slip_detector.commands.learning import Learnt, learn_from_quiet, learn_from_taps
 from slip_detector.commands.progress import progress_bar
-from slip_detector.commands.recording_options import with_recording_options
+from slip_detector.commands.recording_options import paths_read, with_recording_options
 from slip_detector.commands.stopper import Stopper
 from slip_detector.commands.tune_options import NAME, arguments_of
 from slip_detector.commands.worker_options import (
@@ -30,9 +30,10 @@ from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.files import check_apart, check_writable, writable_folder
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.parameters.writing import check_writable, with_parameters, write_file
+from slip_detector.parameters.writing import with_parameters, write_file
 from slip_detector.report.text_table import number_text
 from slip_detector.tuning.file_objective import FileObjective
 from slip_detector.tuning.loading import TrainingFiles, load_tracks
@@ -166,6 +167,8 @@ def _run_search(
         When the storage fails; names it.
     """
     study = problem.study(where, problem.study_name(), seed)
+    if study.lost:
+        sys.stderr.write(f'{NAME}: {study.lost}\n')
     progress = _Progress(problem, study, trials)
     try:
         search(problem, study, trials, stop, progress, results)
@@ -206,6 +209,7 @@ def _learn(
 ) -> list[str]:
     """Set parameters from recordings without a search; return the lines to print."""
     parameters = _parameters(options)
+    check_apart({'--out': options.out}, paths_read(options))
     check_writable(options.out)
     learnt = learn(options, parameters.chain, parameters.loader)
     document = with_parameters(options.config, learnt.parameters)
@@ -218,9 +222,15 @@ def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     if importlib.util.find_spec('optuna') is None:
         raise ValueError(NEEDS_OPTUNA)
     parameters = _parameters(options)
-    for path in (options.out, options.report):
+    written = {'--out': options.out, '--report': options.report}
+    where = options.storage or f'{options.out}.study.journal'
+    check_apart(written, [*paths_read(options), where])
+    check_apart({'--report': options.report}, [options.config] if options.config else [])
+    for path in written.values():
         if path is not None:
             check_writable(path)
+    if options.plot is not None:
+        writable_folder(options.plot)
     files = TrainingFiles(
         paths_for_workers(options, options.recordings),
         parameters.loader,
@@ -252,7 +262,6 @@ def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
             problem = Problem(
                 training, parameters.chain, before.figures, parameters.evaluation, parameters.tune
             )
-        where = options.storage or f'{options.out}.study.journal'
         with workers_of(options) as workers:
             results = partial(workers.results, FileObjective(files, problem).candidates)
             study = _run_search(

@@ -28,6 +28,7 @@ from slip_detector.nodes.executor import SampleExecutor
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.files import whole_file, writable_folder
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.recordings import write_recording
 from slip_detector.recordings.truth import states_at
@@ -284,11 +285,12 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     source = SceneSource(DriverConfig(scene=arguments.scene, seed=arguments.seed))
     if arguments.record:
         record_trial(arguments.record, source, time.time_ns())
-    arguments.out.mkdir(parents=True, exist_ok=True)
+    writable_folder(arguments.out)
     parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
     recorder, config = play(arguments, parameter_file, source.duration_s)
     result = _demo_figures(recorder, config)
-    (arguments.out / 'demo.json').write_text(json.dumps(_to_microseconds(result), indent=2) + '\n')
+    with whole_file(arguments.out / 'demo.json') as new:
+        new.write_text(json.dumps(_to_microseconds(result), indent=2) + '\n')
     _draw(recorder, config, arguments.out / 'demo.png')
     print(_demo_table(result))
     written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]

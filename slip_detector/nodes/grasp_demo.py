@@ -49,6 +49,7 @@ from slip_detector.grasp.objects import SCENE, object_scene
 from slip_detector.nodes.demonstration import run_demonstration
 from slip_detector.nodes.grasp_trial import GraspRecorder, LiveGraspTrial, play_grasp
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.files import whole_file, writable_folder
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.report.grasp_table import grasp_table
@@ -89,7 +90,9 @@ def _through_nodes(
     latencies_s: list[float] = []
     for seed, trial in zip(seeds, trials, strict=True):
         scene = folder / f'grasp_{seed}.yaml'
-        scene.write_text(yaml.safe_dump(object_scene(seed), sort_keys=False), encoding='utf-8')
+        text = yaml.safe_dump(object_scene(seed), sort_keys=False)
+        with whole_file(scene) as new:
+            new.write_text(text, encoding='utf-8')
         live = heard[seed] = play_grasp(recorder, seed, config, scene)
         latencies_s += live.latencies_s()
         last_m = float(live.position[-1, 1])
@@ -152,7 +155,7 @@ def main() -> None:
 def _demonstrate(arguments: argparse.Namespace) -> None:
     config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
-    arguments.out.mkdir(parents=True, exist_ok=True)
+    writable_folder(arguments.out)
     seeds = list(arguments.seeds)
     trials = {name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()}
     parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
@@ -174,7 +177,8 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
         **live,
         'wanted': check_wanted({**parts, **harder}),
     }
-    (arguments.out / 'grasp.json').write_text(json.dumps(result, indent=2) + '\n')
+    with whole_file(arguments.out / 'grasp.json') as new:
+        new.write_text(json.dumps(result, indent=2) + '\n')
     from slip_detector.report.grasp_picture import draw_grasp
 
     drawn = min(SHOWN, len(seeds) - 1)

@@ -1,15 +1,13 @@
-"""Writes ROS parameter files, and checks beforehand that files can be written."""
+"""Writes ROS parameter files."""
 
-import contextlib
-import os
-import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.files import whole_file
 from slip_detector.parameters.reading import node_of, read_yaml, sections_of
 
 
@@ -57,7 +55,7 @@ def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dic
 
 
 def write_file(path: Path, document: Mapping[str, Any], comments: Iterable[str]) -> None:
-    """Write a document with comments above it; the file is never left incomplete.
+    """Write a document with comments above it.
 
     Raises
     ------
@@ -75,82 +73,5 @@ def write_file(path: Path, document: Mapping[str, Any], comments: Iterable[str])
     """
     text = ''.join(f'# {line}'.rstrip() + '\n' for line in comments)
     text += yaml.safe_dump(document, sort_keys=False, default_flow_style=None, allow_unicode=True)
-    with (
-        write_errors_of(path),
-        tempfile.TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as folder,
-    ):
-        new = Path(folder) / path.name
+    with whole_file(path) as new:
         new.write_text(text, encoding='utf-8')
-        os.replace(new, path)
-
-
-@contextlib.contextmanager
-def write_errors_of(path: str | Path) -> Iterator[None]:
-    """Within a block, make each error of the file system one line that names the path.
-
-    Raises
-    ------
-    ValueError
-        For any OSError within the block.
-
-    Examples
-    --------
-    >>> with write_errors_of('pictures'):
-    ...     raise OSError(28, 'No space left on device')
-    Traceback (most recent call last):
-    ValueError: pictures: cannot be written (No space left on device)
-    """
-    try:
-        yield
-    except OSError as error:
-        raise ValueError(f'{path}: cannot be written ({error.strerror or error})') from None
-
-
-def check_writable(path: Path) -> None:
-    """Raise an error if a file cannot be written, before much work is done for it.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be written; names it.
-
-    Examples
-    --------
-    >>> check_writable(Path('no such folder') / 'tuned.yaml')
-    Traceback (most recent call last):
-    ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
-    """
-    with write_errors_of(path):
-        if path.is_dir():
-            raise IsADirectoryError(0, 'is a folder')
-        if path.exists() and not path.is_file():  # A device must not be replaced by a file.
-            raise OSError(0, 'is no file')
-        existed = path.exists()
-        with open(path, 'ab'):
-            pass
-        if not existed:
-            path.unlink()
-        with tempfile.TemporaryFile(dir=path.parent):  # A new file will replace the old one.
-            pass
-
-
-def writable_folder(folder: Path) -> Path:
-    """Make a folder where there is none, and return it.
-
-    Raises
-    ------
-    ValueError
-        When the folder cannot be made; names it.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     writable_folder(Path(folder) / 'out').is_dir()
-    True
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(f'{folder}: cannot be made ({error.strerror})') from None
-    return folder

@@ -2,7 +2,7 @@
 
 import csv
 import os
-import tempfile
+import sqlite3
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.writing import write_errors_of
+from slip_detector.parameters.files import whole_file, write_errors_of
 from slip_detector.recordings.bag_storage import load_rosbags
 from slip_detector.recordings.message_encoder import JointStateEncoder
 from slip_detector.recordings.topics import BOOL, JOINT_STATE, standard_typestore
@@ -84,10 +84,8 @@ def write_recording(
         raise ValueError(f'{path}: is there already, allowed: a new path')
     with write_errors_of(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        # The file gets its name when it is complete, so a failure leaves no incomplete recording.
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as folder:
-            writers[path.suffix](Path(folder) / path.name)
-            os.replace(Path(folder) / path.name, path)
+    with whole_file(path) as new:
+        writers[path.suffix](new)
 
 
 def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> None:
@@ -123,8 +121,11 @@ def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], fram
     rosbag2 = load_rosbags()
     plugin = rosbag2.StoragePlugin[_PLUGINS.get(path.suffix, 'MCAP')]
     folder = path.with_suffix('')
-    with rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin) as writer:
-        _write_messages(writer, pieces, names, frame_id)
+    try:
+        with rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin) as writer:
+            _write_messages(writer, pieces, names, frame_id)
+    except sqlite3.Error as error:  # where other files raise an OSError, as on a full disk
+        raise OSError(str(error)) from None
     if path.suffix:
         os.replace(folder / f'{folder.name}{path.suffix}', path)
 

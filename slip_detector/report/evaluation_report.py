@@ -7,7 +7,6 @@ from pathlib import Path
 from slip_detector.evaluation.evaluator import EvaluatedRecording, recording_figures
 from slip_detector.evaluation.loading import LabelledRecording
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.writing import write_errors_of
 from slip_detector.report.evaluation_pictures import draw_evaluation
 from slip_detector.report.overview import Overview, cells_of_each, events_of
 from slip_detector.report.page import write_page, write_pictures
@@ -104,7 +103,6 @@ def write_evaluation_report(
     if folder is not None:
         written += write_pictures(folder, variants)
         path = folder / 'evaluation.png'
-        with write_errors_of(path):
-            draw_evaluation(path, [one.outcome for one in titles.values()])
+        draw_evaluation(path, [one.outcome for one in titles.values()])
         written.append(path)
     return written

@@ -14,7 +14,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from slip_detector.parameters.writing import write_errors_of
+from slip_detector.parameters.files import whole_file, writable_folder
 from slip_detector.report.evaluation_tables import figure_text
 from slip_detector.report.overview import Overview
 from slip_detector.report.page_data import (
@@ -101,8 +101,8 @@ def write_page(
     )
     # HTML has no NUL; a browser would drop it in one place and replace it in another.
     page = page.replace('\0', '\N{REPLACEMENT CHARACTER}')
-    with write_errors_of(path):
-        Path(path).write_text(page, encoding='utf-8', errors='backslashreplace')
+    with whole_file(path) as new:
+        new.write_text(page, encoding='utf-8', errors='backslashreplace')
 
 
 def write_pictures(
@@ -142,20 +142,19 @@ def write_pictures(
 
     recordings = _recordings(variants)
     names = [variant.name for variant in variants]
-    folder, paths = Path(folder), []
-    with write_errors_of(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for r, overviews in enumerate(recordings):
-            number = f'{r + 1}_' if len(recordings) > 1 else ''
-            paths.append(folder / f'timeline_{number}{_file_name(overviews[0].name)}.png')
-            page_pictures.png(page_pictures.timeline_figure(names, overviews), paths[-1])
-        paths.append(folder / 'filters.png')
-        page_pictures.png(page_pictures.filters_figure(variants), paths[-1])
-        if trials:
-            paths.append(folder / 'front.png')
-            page_pictures.png(page_pictures.front_figure(trials), paths[-1])
-        paths.append(folder / 'figures.txt')
-        paths[-1].write_text(figures_text(variants), encoding='utf-8', errors='backslashreplace')
+    folder, paths = writable_folder(Path(folder)), []
+    for r, overviews in enumerate(recordings):
+        number = f'{r + 1}_' if len(recordings) > 1 else ''
+        paths.append(folder / f'timeline_{number}{_file_name(overviews[0].name)}.png')
+        page_pictures.png(page_pictures.timeline_figure(names, overviews), paths[-1])
+    paths.append(folder / 'filters.png')
+    page_pictures.png(page_pictures.filters_figure(variants), paths[-1])
+    if trials:
+        paths.append(folder / 'front.png')
+        page_pictures.png(page_pictures.front_figure(trials), paths[-1])
+    paths.append(folder / 'figures.txt')
+    with whole_file(paths[-1]) as new:
+        new.write_text(figures_text(variants), encoding='utf-8', errors='backslashreplace')
     return paths
 
 

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from slip_detector.chain.filters import design, group_delay_s, response
+from slip_detector.parameters.files import whole_file
 from slip_detector.report.overview import EVENT_KINDS, Overview, RowNumbers
 from slip_detector.report.page_data import SearchTrial, Variant, trade_off_front
 from slip_detector.report.pictures import COLORS
@@ -44,7 +45,8 @@ def svg(figure: Figure) -> str:
 
 def png(figure: Figure, path: Path) -> None:
     """Write a figure as PNG."""
-    _save(figure, path, dpi=120)
+    with whole_file(path) as new:
+        _save(figure, new, dpi=120)
 
 
 def _save(figure: Figure, to: Any, **settings: Any) -> None:

@@ -11,6 +11,8 @@ from matplotlib import pyplot as plt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from slip_detector.parameters.files import whole_file
+
 #: Colours that the colour-blind can tell apart (Okabe and Ito): blue, vermilion, green, purple,
 #: orange, sky blue, black.
 COLORS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#000000')
@@ -21,8 +23,8 @@ def save_picture(figure: Figure, path: Path) -> None:
 
     Raises
     ------
-    OSError
-        When the file cannot be written.
+    ValueError
+        When the file cannot be written; names it.
 
     Examples
     --------
@@ -32,8 +34,11 @@ def save_picture(figure: Figure, path: Path) -> None:
     ...     [path.name for path in Path(folder).iterdir()]
     ['empty.svg']
     """
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    try:
+        with whole_file(path) as new:
+            figure.savefig(new, dpi=120)
+    finally:
+        plt.close(figure)
 
 
 def writable_picture(name: str | Path) -> Path:

@@ -20,7 +20,6 @@ from slip_detector.evaluation.protocol_trials import (
     band_name,
 )
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.writing import write_errors_of
 from slip_detector.report.pictures import COLORS, save_picture
 from slip_detector.report.trial_pictures import ENLARGED_S, draw_stages, draw_trial
 
@@ -124,44 +123,43 @@ def draw_protocol(
     channel = next(c for c in range(1, config.channels + 1) if c not in config.disabled_channels)
     of_trial = f'plate of {first_plate} µm, trial with the seed {result["seeds"][0]}'
     paths = {number: folder / f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)}
-    with write_errors_of(folder):
-        draw_stages(
-            paths[2],
-            trial.time_s,
-            stage_signals(trial, config, channel),
-            decided.channels[:, channel - 1],
-            config.threshold,
-            trial.motion_s,
-            f'{config.names[channel - 1]} from stage to stage; {of_trial}',
-        )
-        draw_windows(paths[4], _by_plate(result['windows']), PAPER_FALSE_POSITIVE_PERCENT)
-        draw_trial(
-            paths[5],
-            trial.time_s,
-            trial.volts,
-            config,
-            dict(zip(config.groups, decided.groups.T, strict=True)),
-            decided.slip,
-            trial.motion_s,
-            f'Channels by group, decisions of the groups and of all; {of_trial}',
-        )
-        _draw_decisions(
-            paths[6],
-            {plate: trials[0].time_s for plate, trials in plates.items()},
-            {plate: trials[0].position_m for plate, trials in plates.items()},
-            decisions,
-            {plate: trials[0].motion_s for plate, trials in plates.items()},
-        )
-        draw_bands(
-            paths[7],
-            _by_plate(
-                {
-                    'as configured': result,
-                    **{band_name(name): part for name, part in result['bands'].items()},
-                }
-            ),
-            PAPER_DELAY_MS,
-        )
+    draw_stages(
+        paths[2],
+        trial.time_s,
+        stage_signals(trial, config, channel),
+        decided.channels[:, channel - 1],
+        config.threshold,
+        trial.motion_s,
+        f'{config.names[channel - 1]} from stage to stage; {of_trial}',
+    )
+    draw_windows(paths[4], _by_plate(result['windows']), PAPER_FALSE_POSITIVE_PERCENT)
+    draw_trial(
+        paths[5],
+        trial.time_s,
+        trial.volts,
+        config,
+        dict(zip(config.groups, decided.groups.T, strict=True)),
+        decided.slip,
+        trial.motion_s,
+        f'Channels by group, decisions of the groups and of all; {of_trial}',
+    )
+    _draw_decisions(
+        paths[6],
+        {plate: trials[0].time_s for plate, trials in plates.items()},
+        {plate: trials[0].position_m for plate, trials in plates.items()},
+        decisions,
+        {plate: trials[0].motion_s for plate, trials in plates.items()},
+    )
+    draw_bands(
+        paths[7],
+        _by_plate(
+            {
+                'as configured': result,
+                **{band_name(name): part for name, part in result['bands'].items()},
+            }
+        ),
+        PAPER_DELAY_MS,
+    )
     return list(paths.values())
 
 

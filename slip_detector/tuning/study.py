@@ -15,6 +15,8 @@ from typing import Any, TypeVar
 import optuna
 from optuna.trial import FrozenTrial, TrialState
 
+from slip_detector.tuning.journal import mend_journal
+
 #: How long a worker waits for a storage that another worker has locked.
 PATIENCE_S = 30.0
 
@@ -23,9 +25,6 @@ STARTUP_TRIALS = 12
 
 #: Endings of a path that is a journal; with a ``://`` it is the URL of a database.
 JOURNALS = ('.journal', '.log', '.jsonl')
-
-#: Packages whose errors are errors of a database.
-DATABASES = ('sqlalchemy', 'sqlite3', 'psycopg', 'psycopg2')
 
 Result = TypeVar('Result')
 
@@ -73,18 +72,14 @@ def _in_one_line(where: str) -> Iterator[None]:
     """Turn the errors of all kinds of storages into one line that names the storage."""
     try:
         yield
-    except (OSError, ValueError, KeyError, ImportError, optuna.exceptions.OptunaError) as error:
+    except Exception as error:  # Drivers have errors of their own; a journal may hold anything.
         raise ValueError(f'storage {where}: {_first_line(error)}') from None
-    except Exception as error:
-        # SQLAlchemy, which may not be installed, and the drivers that it uses.
-        if type(error).__module__.split('.')[0] in DATABASES:
-            raise ValueError(f'storage {where}: {_first_line(error)}') from None
-        raise
 
 
 def _first_line(error: BaseException) -> str:
     cause = error.__cause__ if error.__cause__ is not None else error
-    return str(cause).strip().split('\n')[0] or type(cause).__name__
+    text = getattr(cause, 'strerror', None) or str(cause)
+    return str(text).strip().split('\n')[0] or type(cause).__name__
 
 
 class Study:
@@ -106,6 +101,11 @@ class Study:
     ValueError
         When the storage cannot be opened; names it.
 
+    Attributes
+    ----------
+    lost : str
+        One line on what was cut off a journal, see :func:`.journal.mend_journal`; else empty.
+
     Examples
     --------
     >>> x = optuna.distributions.FloatDistribution(0.0, 1.0)
@@ -124,7 +124,11 @@ class Study:
         sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=STARTUP_TRIALS)
         self._mine = optuna.create_study(sampler=sampler)
         self._shared, self._followed = None, 0
+        self.lost = ''
         if where is not None:
+            if '://' not in where:
+                with _in_one_line(where):
+                    self.lost = mend_journal(Path(where))
             storage = open_storage(where)
             self._shared = self._patiently(
                 lambda: optuna.create_study(storage=storage, study_name=name, load_if_exists=True)
@@ -137,9 +141,10 @@ class Study:
             return len(self._mine.get_trials(deepcopy=False))
         shared = self._shared
         trials = self._patiently(lambda: shared.get_trials(deepcopy=False))
-        for trial in trials[self._followed :]:
-            if trial.user_attrs.get('worker') != self._worker:
-                self._mine.add_trial(trial)
+        with _in_one_line(self._where):
+            for trial in trials[self._followed :]:
+                if trial.user_attrs.get('worker') != self._worker:
+                    self._mine.add_trial(trial)
         self._followed = len(trials)
         return self._followed
 

@@ -23,6 +23,7 @@ from support.evaluation_cases import (
     roc_auc,
     write,
 )
+from support.full_disk import full_disk
 
 
 def test_json_has_the_figures_of_each_recording_and_of_all_rows_together(capsys, tmp_path):
@@ -129,8 +130,32 @@ def test_a_place_that_cannot_be_written_to_is_named(capsys, tmp_path):
     assert complaint(capsys, path, '--report', page) == (
         f'{page}: cannot be written (No such file or directory)'
     )
-    line = complaint(capsys, path, '--plot', path)
-    assert line.startswith(f'{path}: cannot be written')
+    assert complaint(capsys, path, '--plot', path) == f'{path}: cannot be made (File exists)'
+
+
+def test_a_full_disk_leaves_the_report_and_the_pictures_as_they_were(capsys, tmp_path):
+    path, page = write(tmp_path / 'in' / 'a.npz'), tmp_path / 'page.html'
+    folder = tmp_path / 'pictures'
+    arguments = [path, '--report', page, '--plot', folder]
+    assert main([str(word) for word in arguments]) == 0
+    before = {file: file.read_bytes() for file in [page, *folder.iterdir()]}
+    capsys.readouterr()
+    with full_disk(left_bytes=20_000):
+        assert complaint(capsys, *arguments) == f'{page}: cannot be written (File too large)'
+        line = complaint(capsys, path, '--plot', folder)
+    assert re.fullmatch(r'.*pictures/\w+.*\.png: cannot be written \(File too large\)', line)
+    assert {file: file.read_bytes() for file in [page, *folder.iterdir()]} == before
+    assert set(tmp_path.iterdir()) == {path.parent, page, folder}
+
+
+def test_a_report_is_not_written_over_a_recording(capsys, tmp_path):
+    path = write(tmp_path / 'a.npz')
+    before = path.read_bytes()
+    for given in (path, tmp_path):
+        assert complaint(capsys, given, '--report', path) == (
+            f'--report {path}: is read too, allowed: a file of its own'
+        )
+    assert path.read_bytes() == before
 
 
 def test_a_report_that_cannot_be_written_is_said_before_anything_is_read(capsys, tmp_path):

@@ -13,6 +13,7 @@ import yaml
 from slip_detector.commands.tune import main
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.tuning.problem import searched
+from support.full_disk import full_disk
 from support.tuning_cases import CHAIN, PARAMETERS, journal, slips, trials_of, write
 
 
@@ -112,6 +113,44 @@ def test_a_file_takes_the_place_of_an_old_one_and_leaves_nothing_beside_it(case,
     run(*words, '--out', out, '--trials', 1)
     assert DetectorConfig.from_yaml(out).channels == 4
     assert out.stat().st_mode == (folder / 'given.yaml').stat().st_mode
+
+
+def test_a_full_disk_is_one_line_and_with_room_the_same_command_goes_on(case, capsys):
+    folder, words = case
+    out = folder / 'out.yaml'
+    store = Path(f'{out}.study.journal')
+    run(*words, '--out', out, '--trials', 3)
+    before, params = store.read_bytes(), [trial.params for trial in trials_of(journal(str(store)))]
+    old = out.read_bytes()
+    capsys.readouterr()
+    # There is room for a part of the next line.
+    with full_disk(left_bytes=len(before) + 100):
+        run(*words, '--out', out, '--trials', 6, code=1)
+    assert capsys.readouterr().err.endswith(f'slip_tune: storage {store}: File too large\n')
+    assert out.read_bytes() == old
+    cut = store.read_bytes()
+    assert cut[: len(before)] == before
+    assert not cut.endswith(b'\n')
+    run(*words, '--out', out, '--trials', 6)
+    line = f'slip_tune: {store}: line {before.count(10) + 1} was cut off after 100 bytes and is'
+    assert capsys.readouterr().err.startswith(line)
+    after = [trial.params for trial in trials_of(journal(str(store)))]
+    assert after[:3] == params
+    assert len(after) == 6
+
+
+def test_what_is_written_is_written_once_and_not_over_what_is_read(case, capsys):
+    folder, words = case
+    out, read = folder / 'out.yaml', folder / 'a.npz'
+    for options in (
+        ('--out', out, '--report', out),
+        ('--out', read),
+        ('--out', out, '--report', folder / 'given.yaml'),
+        ('--out', out, '--storage', folder / 'b.journal', '--report', folder / 'b.journal'),
+    ):
+        run(*words, *options, code=1)
+        assert capsys.readouterr().err.endswith(' too, allowed: a file of its own\n')
+    assert not out.exists()
 
 
 def test_the_report_marks_the_given_and_the_tuned_in_the_trade_off(case):

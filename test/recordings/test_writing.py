@@ -16,6 +16,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from slip_detector.chain.samples import Samples
 from slip_detector.recordings import open_recording, write_recording
 from support.bags import ENDINGS, NAMES, check_same, gathered, rows
+from support.full_disk import full_disk
 
 
 @pytest.mark.parametrize('ending', ENDINGS)
@@ -85,3 +86,15 @@ def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
         ValueError, match=r'a\.bag: is \.bag, allowed: \.npz, \.csv, \.mcap, \.db3'
     ):
         write_recording(tmp_path / 'a.bag', [rows(10)], 380.0, NAMES)
+
+
+@pytest.mark.parametrize('ending', ENDINGS)
+def test_on_a_full_disk_no_half_recording_stays(tmp_path, ending):
+    path = tmp_path / f'trial{ending}'
+    samples = rows(5000)
+    said = r'trial.*: cannot be written \((File too large|disk|database)'
+    with pytest.raises(ValueError, match=said), full_disk(100_000):
+        write_recording(path, [samples], 380.0, NAMES)
+    assert not list(tmp_path.iterdir())
+    write_recording(path, [samples], 380.0, NAMES)
+    assert len(gathered(open_recording(path)).volts) == 5000

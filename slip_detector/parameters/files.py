@@ -1,0 +1,166 @@
+"""Files that appear whole or not at all, and checks beforehand that they can be written."""
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+#: Beginning of the name of the folder in which a file is written before it gets its own name.
+UNFINISHED = '.unfinished_'
+
+
+@contextlib.contextmanager
+def whole_file(path: str | Path) -> Iterator[Path]:
+    """Within a block, give a path to write to; after it the file, or folder, has its name.
+
+    What is written stands beside the file, is brought to the disk and replaces the file only when
+    the block has ended without an error. So the file is whole or as it was, also when the disk
+    is full, the process is killed or the power fails.
+
+    Parameters
+    ----------
+    path
+        The file, or a folder that does not exist.
+
+    Raises
+    ------
+    ValueError
+        For any OSError within the block or after it; names the file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     report = Path(folder) / 'report.html'
+    ...     with whole_file(report) as new:
+    ...         _ = new.write_text('A second of rest')
+    ...         print(report.exists())
+    ...     print(report.read_text())
+    False
+    A second of rest
+    """
+    path = Path(path)
+    with (
+        write_errors_of(path),
+        tempfile.TemporaryDirectory(dir=path.parent, prefix=UNFINISHED) as folder,
+    ):
+        new = Path(folder) / path.name
+        yield new
+        for part in [*new.rglob('*'), new]:
+            _bring_to_disk(part)
+        os.replace(new, path)
+        # Some file systems, such as those of other machines, cannot bring a folder to the disk.
+        with contextlib.suppress(OSError):
+            _bring_to_disk(path.parent)
+
+
+def _bring_to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextlib.contextmanager
+def write_errors_of(path: str | Path) -> Iterator[None]:
+    """Within a block, make each error of the file system one line that names the path.
+
+    Raises
+    ------
+    ValueError
+        For any OSError within the block.
+
+    Examples
+    --------
+    >>> with write_errors_of('pictures'):
+    ...     raise OSError(28, 'No space left on device')
+    Traceback (most recent call last):
+    ValueError: pictures: cannot be written (No space left on device)
+    """
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be written ({error.strerror or error})') from None
+
+
+def check_writable(path: Path) -> None:
+    """Raise an error if a file cannot be written, before much work is done for it.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be written; names it.
+
+    Examples
+    --------
+    >>> check_writable(Path('no such folder') / 'tuned.yaml')
+    Traceback (most recent call last):
+    ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
+    """
+    with write_errors_of(path):
+        if path.is_dir():
+            raise IsADirectoryError(0, 'is a folder')
+        if path.exists() and not path.is_file():  # A device must not be replaced by a file.
+            raise OSError(0, 'is no file')
+        existed = path.exists()
+        with open(path, 'ab'):
+            pass
+        if not existed:
+            path.unlink()
+        with tempfile.TemporaryFile(dir=path.parent):  # A new file will replace the old one.
+            pass
+
+
+def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] = ()) -> None:
+    """Raise an error if a file is to be written that is read, or written, by another option too.
+
+    Parameters
+    ----------
+    written
+        The files to write by the options that name them; None: not given.
+    read
+        The files that are read.
+
+    Raises
+    ------
+    ValueError
+        When two of them are the same; names the option and the file.
+
+    Examples
+    --------
+    >>> check_apart({'--out': Path('tuned.yaml'), '--report': Path('./tuned.yaml')})
+    Traceback (most recent call last):
+    ValueError: --report tuned.yaml: is written by --out too, allowed: a file of its own
+    """
+    taken = {Path(path).resolve(): 'is read' for path in read}
+    for option, path in written.items():
+        if path is None:
+            continue
+        place = path.resolve()
+        if place in taken:
+            raise ValueError(f'{option} {path}: {taken[place]} too, allowed: a file of its own')
+        taken[place] = f'is written by {option}'
+
+
+def writable_folder(folder: Path) -> Path:
+    """Make a folder where there is none, and return it.
+
+    Raises
+    ------
+    ValueError
+        When the folder cannot be made; names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     writable_folder(Path(folder) / 'out').is_dir()
+    True
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f'{folder}: cannot be made ({error.strerror})') from None
+    return folder
