@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.result import SlipResult
+from slip_detector.chain.settling import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 
@@ -45,8 +46,9 @@ FLOOR_OUTLASTS = ('disabled_channels', 'envelope_window_s', 'decision_window_s')
 #: One chain is built for all changes that come within this time of the first.
 GATHER_S = 0.1
 
-#: When one of these parameters changes, the rows kept cannot be used.
-INPUT_PARAMETERS = ('sample_rate_hz', 'channels')
+#: When one of these parameters changes, the rows kept cannot be used. The last two are the
+#: detector's: other fields of a message are another signal.
+INPUT_PARAMETERS = ('sample_rate_hz', 'channels', 'input_type', 'input_field')
 
 
 class Replacement(NamedTuple):
@@ -61,11 +63,14 @@ class Replacement(NamedTuple):
     settled : tuple of int or None
         The numbers of rows and of resets at the time at which the chain was given the rows kept;
         None where it takes over the state of the running one.
+    settling : int
+        For how many rows at first it decides by what the change has begun.
     """
 
     chain: SlipChain | None
     config: ChainConfig
     settled: tuple[int, int] | None = None
+    settling: int = 0
 
 
 class LiveChain:
@@ -79,7 +84,8 @@ class LiveChain:
     evidence and impacts), the new chain is ready at once and takes over the state of the running
     one. Otherwise it is built in a thread of its own, after ``GATHER_S`` in which further changes
     are awaited, and is given the rows of the last ``HISTORY_S``: it decides as if it had run for
-    that long. When the rate or the number of channels changes, it starts without any rows.
+    that long. When the rate, the number of channels or the input changes, it starts without any
+    rows.
 
     Parameters
     ----------
@@ -87,6 +93,12 @@ class LiveChain:
         To begin with.
     on_built
         Called, in the thread that built it, when a chain waits for :meth:`swap`.
+
+    Attributes
+    ----------
+    unsettled_rows : int
+        For how many of the next rows slip may come ON because of a change of the configuration,
+        and not because it begins there.
 
     Examples
     --------
@@ -99,6 +111,7 @@ class LiveChain:
 
     def __init__(self, config: ChainConfig, on_built: Callable[[], None]) -> None:
         self.config = config
+        self.unsettled_rows = 0
         self._chain = SlipChain(config)
         self._on_built = on_built
         # Held while rows are taken, and for nothing that takes longer than a row.
@@ -118,6 +131,7 @@ class LiveChain:
         with self._lock:
             self._history.append(rows)
             self._rows_seen += len(rows)
+            self.unsettled_rows = max(self.unsettled_rows - len(rows), 0)
             self._rows_in_history += len(rows)
             while self._rows_in_history - len(self._history[0]) >= self._kept_rows:
                 self._rows_in_history -= len(self._history.popleft())
@@ -127,6 +141,7 @@ class LiveChain:
         """Forget all rows: the next row is the first."""
         with self._lock:
             self._chain.reset()
+            self.unsettled_rows = 0
             self._forget()
 
     def restart(self) -> None:
@@ -144,8 +159,10 @@ class LiveChain:
         with self._lock:
             differ = self._differ(config)
             decision_only = differ <= set(DECISION_PARAMETERS)
-            chain = SlipChain(config) if differ and decision_only else None
-            self._replacement = Replacement(chain, config) if decision_only else None
+            self._replacement = None
+            if decision_only:
+                chain = SlipChain(config) if differ else None
+                self._replacement = Replacement(chain, config, settling=_responds_rows(config))
             self._ordered = None if decision_only else config
             gather = not decision_only and not self._gathering
             self._gathering |= gather
@@ -166,23 +183,28 @@ class LiveChain:
         with self._lock:
             if self._replacement is None:
                 return False
-            (chain, config, settled), self._replacement = self._replacement, None
+            (chain, config, settled, settling), self._replacement = self._replacement, None
             if settled is not None:
                 assert chain is not None
                 self._catch_up(chain, *settled)
                 self._keep_floors(chain)
+                settling = max(settling - self._rows_in_history, _responds_rows(config))
             elif chain is not None:
                 chain.state = self._chain.state
-            self._chain, self.config = chain or self._chain, config
+            if chain is not None:
+                self._chain = chain
+                self.unsettled_rows = max(self.unsettled_rows, settling)
+            self.config = config
             self._kept_rows = config.samples(HISTORY_S)
             return True
 
     def _differ(self, config: ChainConfig) -> set[str]:
-        """Return the parameters of the chain that differ from the running ones."""
+        """Return the parameters of the chain and its input that differ from the running ones."""
+        names = {field.name for field in dataclasses.fields(ChainConfig)} | {*INPUT_PARAMETERS}
         return {
-            field.name
-            for field in dataclasses.fields(ChainConfig)
-            if getattr(config, field.name) != getattr(self.config, field.name)
+            name
+            for name in names
+            if getattr(config, name, None) != getattr(self.config, name, None)
         }
 
     def _build(self) -> None:
@@ -196,12 +218,14 @@ class LiveChain:
             settle_on = list(self._history) if same_input else []
             seen, resets = self._rows_seen, self._resets
         chain = SlipChain(config)
+        settling = min(settling_rows(config), config.samples(HISTORY_S))
         if settle_on:
             chain.update(np.concatenate(settle_on), envelope=False, level=False)
         with self._lock:
             if config is not self._ordered:
                 return
-            self._ordered, self._replacement = None, Replacement(chain, config, (seen, resets))
+            self._ordered = None
+            self._replacement = Replacement(chain, config, (seen, resets), settling)
         self._on_built()
 
     def _catch_up(self, chain: SlipChain, seen: int, resets: int) -> None:
@@ -225,3 +249,8 @@ class LiveChain:
         self._history.clear()
         self._rows_in_history = self._rows_seen = 0
         self._resets += 1
+
+
+def _responds_rows(config: ChainConfig) -> int:
+    """Return how many rows it takes at least until a change of the decision has had its effect."""
+    return config.samples(evidence_falls_s(config)) if config.decision == 'evidence' else 1

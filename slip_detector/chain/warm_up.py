@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stamps import StampGrid
 
@@ -16,7 +17,8 @@ def compile_chain() -> None:
     --------
     >>> compile_chain()
     """
-    SlipChain()
+    chain = SlipChain()
+    settling_rows(chain.config)
     grid = StampGrid(period_s=1.0, max_gap_s=1.0)
     stamps_ns = np.arange(3) * 1_000_000_000
     grid.arrive_all(stamps_ns[:2])

@@ -22,13 +22,16 @@ from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
-from slip_detector.nodes.rclpy_internals import answer_impossible_transitions
+from slip_detector.nodes.rclpy_internals import ROS_ERROR, answer_impossible_transitions
 from slip_detector.parameters.detector import DetectorConfig
 
 #: The input is checked this often within ``input_timeout_s``, and counts as lost when this share
 #: of it has passed since the last check that found a sample. That is between 0.8 and 0.9 of the
 #: timeout after the last sample.
 LOOKS, GIVEN_UP_AFTER = 10, 0.75
+
+#: Period at which the topic of another type of input is tried.
+LISTEN_S = 0.02
 
 #: Shortest time between two messages of the same kind on the log.
 LOG_PERIOD_NS = 1_000_000_000
@@ -80,7 +83,7 @@ class Detector(LifecycleNode):
         self._outputs: Outputs | None = None
         self._input: Input | None = None
         self._subscription: Any = None
-        self._timers_made: list[Timer] = []
+        self._timers_made: dict[str, Timer] = {}
         answer_impossible_transitions(self)
         if self.config.autostart:
             self.trigger_configure()
@@ -108,14 +111,16 @@ class Detector(LifecycleNode):
         self._chain.reset()
         self._forget_input()
         self._diagnostics = Diagnostics(self)
+        self._choose_clock()
+        self._reported_s = time.monotonic()
+        self._start_timers('beat', 'look', 'report')
         self._listen()
-        self._start_timers()
         return TransitionCallbackReturn.SUCCESS
 
     @_exclusive
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish that slip is not valid, then stop publishing."""
-        self._stop_timers()
+        self._stop_timers(*self._timers_made)
         self._deafen()
         self._diagnostics.destroy()
         self._topics.withdraw()
@@ -131,7 +136,7 @@ class Detector(LifecycleNode):
     @_exclusive
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy everything, from any state."""
-        if self._subscription is not None:
+        if self._timers_made:
             self.on_deactivate(state)
         if self._outputs is not None:
             self.on_cleanup(state)
@@ -146,23 +151,40 @@ class Detector(LifecycleNode):
         assert self._outputs is not None, 'not configured'
         return self._outputs
 
+    @_exclusive
     def _listen(self) -> None:
-        self._input = source = Input(self._running)
-        source.replayed = self._time_is_replayed()
-        self._subscription = self.create_subscription(
-            source.message_class,
-            'voltages',
-            functools.partial(self._on_voltages, source),
-            sensor_qos(),
-            # Each sample would wake who waits for events, and there are none: such a quality of
-            # service goes with any publisher's.
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-            raw=True,
-        )
+        """Subscribe to the input; if the topic cannot be had, try again.
+
+        A process can have a topic with one type only, and has it until the thread that waits for
+        samples has let go of the subscription before.
+        """
+        if self._subscription is not None or not self._timers_made:
+            return
+        source = Input(self._running)
+        source.replayed = self._replayed
+        try:
+            self._subscription = self.create_subscription(
+                source.message_class,
+                'voltages',
+                functools.partial(self._on_voltages, source),
+                sensor_qos(),
+                # Each sample would wake who waits for events, and there are none: such a quality
+                # of service goes with any publisher's.
+                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+                raw=True,
+            )
+        except ROS_ERROR:
+            kind = self._running.input_type
+            self._log('listen', f'this process has voltages with a type other than {kind}')
+            self._start_timers('listen')
+            return
+        self._input = source
+        self._stop_timers('listen')
 
     def _deafen(self) -> None:
         """Ignore further samples, even those that the other thread has already received."""
-        self.destroy_subscription(self._subscription)
+        if self._subscription is not None:
+            self.destroy_subscription(self._subscription)
         self._subscription = self._input = None
 
     def _forget_input(self) -> None:
@@ -191,30 +213,35 @@ class Detector(LifecycleNode):
         if self._timers_made:
             self._topics.beat()
 
-    def _start_timers(self) -> None:
-        config = self._running
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        # Time of the last check that found input, by the clock of the timeout.
-        self._looked_ns, self._given_up = 0, False
+    def _choose_clock(self) -> None:
+        """Let the timeout follow a replayed clock, or the machine's."""
         self._replayed = self._time_is_replayed()
         if self._input is not None:
             self._input.replayed = self._replayed
-        self._timeout_clock = self.get_clock() if self._replayed else steady
-        self._timers_made = [
-            self.create_timer(1 / config.heartbeat_hz, self._beat, clock=steady),
-            self.create_timer(
-                config.input_timeout_s / LOOKS,
-                self._look_for_input,
-                clock=self._timeout_clock,
-            ),
-            self.create_timer(1.0, self._report, clock=steady),
-        ]
-        self._reported_s = time.monotonic()
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timeout_clock = self.get_clock() if self._replayed else self._steady
+        # Time of the last check that found input, by the clock of the timeout.
+        self._looked_ns, self._given_up = self._timeout_clock.now().nanoseconds, False
 
-    def _stop_timers(self) -> None:
-        for timer in self._timers_made:
-            self.destroy_timer(timer)
-        self._timers_made = []
+    def _start_timers(self, *names: str) -> None:
+        """Start timers, again where they run: the others keep their time."""
+        config = self._running
+        of_all = {
+            'beat': (1 / config.heartbeat_hz, self._beat, self._steady),
+            'look': (config.input_timeout_s / LOOKS, self._look_for_input, self._timeout_clock),
+            'report': (1.0, self._report, self._steady),
+            'listen': (LISTEN_S, self._listen, self._steady),
+        }
+        self._stop_timers(*names)
+        for name in names:
+            period_s, call, clock = of_all[name]
+            self._timers_made[name] = self.create_timer(period_s, call, clock=clock)
+
+    def _stop_timers(self, *names: str) -> None:
+        for name in names:
+            timer = self._timers_made.pop(name, None)
+            if timer is not None:
+                self.destroy_timer(timer)
 
     @_exclusive
     def _look_for_input(self) -> None:
@@ -229,7 +256,8 @@ class Detector(LifecycleNode):
         if silent_s < GIVEN_UP_AFTER * self._running.input_timeout_s or self._given_up:
             return
         self._given_up = True
-        if self._last_row is not None:
+        # The input may have been changed, and be silent since.
+        if self._last_row is not None or self._topics.valid:
             self._log('silent', 'no input any more')
             self._topics.withdraw()
 
@@ -289,22 +317,26 @@ class Detector(LifecycleNode):
         """Adapt everything to the configuration that the chain now has."""
         config = self._running
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
-        self._health.config = config
+        self._health.configure(config)
         if differ & set(TOPIC_PARAMETERS):
-            self._topics.destroy()
-            self._outputs = Outputs(self, config)
-        if self._subscription is None:
+            self._outputs = Outputs(self, config, self._outputs)
+        if not self._timers_made:
             return
         if differ & {'input_type', 'input_field'}:
             self._deafen()
-            self._listen()
+            self._start_timers('listen')
         if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
             self._forget_input()
         self._stamp_grid.max_gap_s = config.max_gap_s
-        of_timers = {'heartbeat_hz', 'input_timeout_s', *TOPIC_PARAMETERS}
-        if differ & of_timers or self._replayed != self._time_is_replayed():
-            self._stop_timers()
-            self._start_timers()
+        if 'heartbeat_hz' in differ:
+            self._start_timers('beat')
+        if self._replayed != self._time_is_replayed():
+            self._choose_clock()
+            # Stamps by another clock are no gap.
+            self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
+            self._start_timers('look')
+        elif 'input_timeout_s' in differ:
+            self._start_timers('look')
 
     # The input.
 
@@ -345,16 +377,18 @@ class Detector(LifecycleNode):
                 rows = self._mend(rows, arrival)
         self._heard = True
         topics = self._topics
+        unsettled = self._chain.unsettled_rows
         listened = topics.envelope_subscribers() > 0
         result = self._chain.update(rows, level=listened)
         self._last_row = rows[-1:]
         self._frame_id = frame_id
         if len(rows) == 1:
-            topics.announce(result.flags[0], at_ns, self._frame_id)
+            topics.announce(result.flags[0], at_ns, self._frame_id, settled=not unsettled)
         else:
             period_ns = self._stamp_grid.period_ns
-            for i, flags in enumerate(result.flags, 1 - len(rows)):
-                topics.announce(flags, at_ns + round(i * period_ns), self._frame_id)
+            for i, flags in enumerate(result.flags):
+                stamp_ns = at_ns + round((i + 1 - len(rows)) * period_ns)
+                topics.announce(flags, stamp_ns, self._frame_id, settled=i >= unsettled)
         if listened:
             topics.show_envelope(at_ns, self._frame_id, result)
         self._heard_s = time.monotonic()

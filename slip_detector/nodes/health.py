@@ -95,6 +95,12 @@ class Health:
         self._spent_s = self._longest_s = 0.0
         self._ages_s: list[float] = []
 
+    def configure(self, config: DetectorConfig) -> None:
+        """Go on with another configuration; rows of other channels are forgotten."""
+        if config.channels != self.config.channels:
+            self._rows, self._valid = [], []
+        self.config = config
+
     def note_rows(
         self,
         rows: NDArray[np.float64],

@@ -26,7 +26,7 @@ from slip_detector.parameters.detector import DetectorConfig
 #: The longest silence of ``slip`` that is promised, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
 
-#: Parameters on which the topics depend.
+#: Parameters on which the topics and the columns of the decisions depend.
 TOPIC_PARAMETERS = (
     'channels',
     'channel_names',
@@ -39,11 +39,34 @@ TOPIC_PARAMETERS = (
 
 
 class Outputs:
-    """The publishers of one configuration, and the decisions that were published last."""
+    """The publishers of one configuration, and the decisions that were published last.
 
-    def __init__(self, node: Node, config: DetectorConfig) -> None:
-        self._node, self._names = node, config.names
-        self._publishers: list[Publisher] = []
+    Parameters
+    ----------
+    node
+        The detector.
+    config
+        Its parameters.
+    before
+        The outputs that these replace. Publishers that stay the same and what was decided go over
+        to these; the other publishers are destroyed when the new ones have said what holds.
+
+    Attributes
+    ----------
+    onsets : int
+        How many onsets were published.
+    envelope_subscribers : callable
+        Returns how many subscribe to the envelope.
+    """
+
+    def __init__(
+        self, node: Node, config: DetectorConfig, before: 'Outputs | None' = None
+    ) -> None:
+        self._node, self._config = node, config
+        # By topic and deadline: what is still here at the end is new, or was there before.
+        self._publishers: dict[tuple[str, int], Publisher] = {}
+        self._before = {} if before is None else before._publishers
+        self._new: list[Publisher] = []
         beat = heartbeat_qos(DEADLINE_BEATS / config.heartbeat_hz)
         self._slip = self._publisher(Bool, 'slip', beat)
         self._slip_valid = self._publisher(Bool, 'slip_valid', beat)
@@ -67,18 +90,39 @@ class Outputs:
         self._can_vote = slice(1 + n_groups, 1 + 2 * n_groups)
         self._messages = (Bool(data=False), Bool(data=True))
         self._all_off = np.zeros(1 + 2 * n_groups + 2 * config.channels, np.bool_)
-        self._flags, self._flags_bytes = self._all_off, self._all_off.tobytes()
-        self._valid = False
-        self.onsets = 0
-        #: Returns how many subscribe to the envelope.
+        self._flags, self._valid, self.onsets = self._all_off, False, 0
+        if before is not None:
+            self._flags, self._valid = before._carried_to(config), before._valid
+            self.onsets = before.onsets
+        self._flags_bytes = self._flags.tobytes()
         self.envelope_subscribers = subscriber_counter(self._envelope)
-        for publisher in (self._slip_valid, *self._listeners.values()):
-            publisher.publish(self._messages[False])
+        for column, publisher in self._listeners.items():
+            if publisher in self._new:
+                publisher.publish(self._messages[bool(self._flags[column])])
+        if self._slip_valid in self._new:
+            self._slip_valid.publish(self._messages[self._valid])
+        if before is not None:
+            before.destroy()
 
     def destroy(self) -> None:
         """Destroy the publishers."""
-        for publisher in self._publishers:
+        for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
+        self._publishers.clear()
+
+    def _carried_to(self, config: DetectorConfig) -> NDArray[np.bool_]:
+        """Return what was decided last, in the columns of another configuration."""
+        groups, channels = list(self._config.groups), self._config.channels
+        n_groups = len(config.groups)
+        flags = np.zeros(1 + 2 * n_groups + 2 * config.channels, np.bool_)
+        flags[0] = self._flags[0]
+        for g, name in enumerate(config.groups):
+            if name in groups:
+                was = 1 + groups.index(name)
+                flags[[1 + g, 1 + n_groups + g]] = self._flags[[was, was + len(groups)]]
+        if channels == config.channels:  # else the channels are others
+            flags[1 + 2 * n_groups :] = self._flags[1 + 2 * len(groups) :]
+        return flags
 
     @property
     def slip(self) -> bool:
@@ -94,7 +138,9 @@ class Outputs:
         """Publish all decisions as OFF and not valid, for late subscribers too."""
         self.announce(self._all_off, 0, '')
 
-    def announce(self, flags: NDArray[np.bool_], at_ns: int, frame_id: str) -> None:
+    def announce(
+        self, flags: NDArray[np.bool_], at_ns: int, frame_id: str, *, settled: bool = True
+    ) -> None:
         """Publish each decision on a sample that differs from the one before.
 
         Parameters
@@ -103,6 +149,9 @@ class Outputs:
             A row of :attr:`.SlipResult.flags`.
         at_ns, frame_id
             Stamp and frame of the sample.
+        settled
+            Whether ``slip`` that comes ON is an onset; else a parameter was changed, and that may
+            be why.
         """
         flags_bytes = flags.tobytes()
         if flags_bytes == self._flags_bytes:
@@ -115,7 +164,7 @@ class Outputs:
             publisher = self._listeners.get(column)
             if publisher is not None:
                 publisher.publish(self._messages[bool(flags[column])])
-        if flags[0] and not before[0]:
+        if flags[0] and not before[0] and settled:
             self.onsets += 1
             self._onset.publish(Header(stamp=time_message(at_ns), frame_id=frame_id))
         if valid > self._valid:
@@ -126,7 +175,7 @@ class Outputs:
         """Publish the levels that are compared with the threshold, of the last row."""
         if self._writer is None or frame_id != self._frame_id:
             self._frame_id = frame_id
-            self._writer = JointStateWriter(frame_id, self._names, efforts=True)
+            self._writer = JointStateWriter(frame_id, self._config.names, efforts=True)
         effort = result.channels[-1].astype(np.float64)
         self._envelope.publish(self._writer.written(at_ns, result.level[-1], effort))
 
@@ -136,12 +185,20 @@ class Outputs:
         self._slip_valid.publish(self._messages[self._valid])
 
     def _publisher(self, message_type: Any, topic: str, qos: QoSProfile) -> Publisher:
-        """Create a publisher that has no callback for subscribers with an incompatible QoS.
+        """Return the publisher of before if it is the same, else create one.
+
+        It has no callback for subscribers with an incompatible quality of service:
 
         rclpy would check for such events each time the executor waits, which for 24 publishers
         costs more than everything else together. Such a subscriber logs a warning anyway.
         """
-        events = PublisherEventCallbacks(use_default_callbacks=False)
-        publisher = self._node.create_publisher(message_type, topic, qos, event_callbacks=events)
-        self._publishers.append(publisher)
+        key = topic, qos.deadline.nanoseconds
+        publisher = self._before.pop(key, None)
+        if publisher is None:
+            events = PublisherEventCallbacks(use_default_callbacks=False)
+            publisher = self._node.create_publisher(
+                message_type, topic, qos, event_callbacks=events
+            )
+            self._new.append(publisher)
+        self._publishers[key] = publisher
         return publisher

@@ -32,6 +32,28 @@ Entity = TypeVar('Entity', Subscription, Timer, GuardCondition)
 SHUTDOWN_S = 0.4
 
 
+def _internal(owner: Any, name: str) -> Any:
+    """Return an internal attribute of rclpy.
+
+    Raises
+    ------
+    RuntimeError
+        When this version of rclpy does not have it.
+    """
+    try:
+        return getattr(owner, name)
+    except AttributeError:
+        what = getattr(owner, '__name__', type(owner).__name__)
+        raise RuntimeError(
+            f'{what}.{name} is not there: slip_detector.nodes.rclpy_internals relies on it, and '
+            'this version of rclpy has changed it'
+        ) from None
+
+
+#: What is raised where the client library of ROS refuses; it is in the implementation only.
+ROS_ERROR: type[Exception] = _internal(rclpy_implementation, 'RCLError')
+
+
 def given_parameters(node: Node) -> dict[str, Parameter]:
     """Return the parameters that the user gave to a node, by name, declared or not.
 
@@ -49,12 +71,11 @@ def answer_impossible_transitions(node: LifecycleNode) -> None:
     """
     service = _internal(node, '_service_change_state')
     change_state = _internal(service, 'callback')
-    error_class = _internal(rclpy_implementation, 'RCLError')
 
     def answer(request: ChangeState.Request, response: ChangeState.Response) -> Any:
         try:
             return change_state(request, response)
-        except error_class as error:
+        except ROS_ERROR as error:
             node.get_logger().warning(f'refused: {" ".join(str(error).split())}')
             response.success = False
             return response
@@ -234,21 +255,3 @@ def leave(code: int) -> NoReturn:
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
-
-
-def _internal(owner: Any, name: str) -> Any:
-    """Return an internal attribute of rclpy.
-
-    Raises
-    ------
-    RuntimeError
-        When this version of rclpy does not have it.
-    """
-    try:
-        return getattr(owner, name)
-    except AttributeError:
-        what = getattr(owner, '__name__', type(owner).__name__)
-        raise RuntimeError(
-            f'{what}.{name} is not there: slip_detector.nodes.rclpy_internals relies on it, and '
-            'this version of rclpy has changed it'
-        ) from None

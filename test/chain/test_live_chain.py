@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from slip_detector.chain import live_chain, stages
 from slip_detector.chain.live_chain import HISTORY_S, LiveChain
+from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 
 CONFIG = ChainConfig(sample_rate_hz=400.0, channels=4, stopbands_hz=[0.5, 7.0])
 KEPT = round(HISTORY_S * 400.0)
@@ -292,3 +293,56 @@ def test_evidence_takes_the_place_of_the_mean_and_gives_it_back():
         np.testing.assert_array_equal(found, wanted)
         bed.chain.reset()
         bed.levels(rows[:300])
+
+
+@pytest.mark.parametrize(
+    ('before', 'values', 'wanted'),
+    [
+        (300, {'threshold': 0.1}, 1),
+        (KEPT, {'gain': 50.0}, 1),
+        (0, {'gain': 50.0}, settling_rows(CONFIG)),
+        (50, {'gain': 50.0}, settling_rows(CONFIG) - 50),
+        (KEPT, {'channels': 3, 'groups': {}}, settling_rows(CONFIG)),
+        (KEPT, {'passband_hz': (0.1, 100.0)}, 1),
+    ],
+)
+def test_it_is_told_how_long_slip_may_come_of_the_change(before, values, wanted):
+    bed = Bed()
+    bed.chain.update(noise(before), level=False)
+    assert bed.chain.unsettled_rows == 0
+    bed.change(**values) or bed.built.wait(60.0)
+    assert bed.chain.unsettled_rows == 0
+    assert bed.chain.swap()
+    assert bed.chain.unsettled_rows == wanted
+    channels = bed.chain.config.channels
+    bed.chain.update(noise(wanted, channels=channels)[1:], level=False)
+    assert bed.chain.unsettled_rows == 1
+    bed.chain.update(noise(5, channels=channels), level=False)
+    assert bed.chain.unsettled_rows == 0
+
+
+def test_parameters_that_are_not_of_the_chain_unsettle_nothing():
+    chain = LiveChain(DetectorConfig(), on_built=lambda: None)
+    assert chain.change(DetectorConfig(heartbeat_hz=1.0))
+    assert chain.swap()
+    assert chain.unsettled_rows == 0
+
+
+def test_another_field_of_the_messages_is_another_signal():
+    built = threading.Event()
+    chain = LiveChain(DetectorConfig(), built.set)
+    chain.update(noise(500, channels=16), level=False)
+    config = DetectorConfig(input_field='velocity')
+    assert not chain.change(config)
+    assert built.wait(60.0)
+    assert chain.swap()
+    rows = noise(100, channels=16) + 100.0
+    found = chain.update(rows, level=True).level
+    np.testing.assert_array_equal(found, SlipChain(config).update(rows).level)
+
+
+def test_a_change_of_evidence_has_the_time_that_evidence_takes():
+    bed = Bed(EVIDENCE)
+    assert bed.change(evidence_offset_db=2.0)
+    assert bed.chain.swap()
+    assert bed.chain.unsettled_rows == round(1.3 / 2.0 * 400.0)

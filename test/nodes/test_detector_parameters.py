@@ -289,6 +289,18 @@ def test_heartbeat_and_topics_change_too(bench):
     bench.wait_for(lambda: not channels(), 'the topics of the channels to go')
 
 
+def test_another_type_of_input_is_taken_while_it_runs(bench):
+    detected = Detected(bench)
+    detected.settle(np.ones(16), START_NS, PERIOD_NS)
+    batches = {'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data'}
+    assert set_all(bench, **batches).successful
+    bench.wait_for(lambda: not detected.valid[-1].data, 'slip_valid to fall')
+    driver = {'samples_per_message': 4, 'loop': 'true', 'wait_for_subscribers': 1}
+    bench.start('slip_driver', parameters=driver)
+    bench.wait_for(lambda: detected.valid[-1].data, 'slip_valid')
+    assert 'voltages with a type' not in detected.process.log()
+
+
 def test_each_parameter_has_a_description_and_numbers_have_their_range(bench):
     Detected(bench)
     fields = {field.name: field for field in dataclasses.fields(DetectorConfig)}

@@ -18,9 +18,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Header
 
-from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
+from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos, time_message
 
 RATE_HZ = 380.0
 PERIOD_S = 1 / RATE_HZ
@@ -294,19 +294,67 @@ def test_a_parameter_changed_in_the_middle_of_a_slip(bench):
     sensor = Sensor(bench, input_timeout_s=30.0)
     client = bench.client(SetParametersAtomically, 'slip_detector/set_parameters_atomically')
     sensor.slips()
-    for values in ({'threshold': 0.4}, {'passband_hz': [10.0, 60.0]}):
-        known = len(sensor.slip)
-        parameters = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
-        future = client.call_async(SetParametersAtomically.Request(parameters=parameters))
-        sensor.play(future.done, 'the answer')
-        assert future.result().result.successful
+    onsets = bench.listen(Header, 'slip_onset', event_qos())
+    bench.wait_for(lambda: bench.node.count_publishers('slip_onset'), 'the onsets')
+    for values in (
+        {'threshold': 0.4},
+        {'passband_hz': [10.0, 60.0]},
+        {'heartbeat_hz': 20.0},
+        {'publish_channels': False},
+        {'publish_groups': False, 'input_timeout_s': 29.0},
+        {'publish_groups': True, 'publish_channels': True, 'heartbeat_hz': 10.0},
+        {'groups.TP': None, 'groups.TD': None, 'groups.T': [14, 16, 11, 9, 1, 3, 8, 6]},
+        {'disabled_channels': [14]},
+    ):
+        known = len(sensor.slip), len(sensor.valid)
+        # One sample is as good as the next: no rise of its own comes at a change.
+        sensor.slips()
+        del onsets[:]
+        change(sensor, client, values)
         end_s = time.monotonic() + 0.5
         sensor.play(lambda end_s=end_s: time.monotonic() > end_s, 'half a second')
-        # Neither an OFF in between nor a gap.
-        assert all(on for _, on in sensor.slip[known:])
-        assert len(sensor.slip) > known
-    assert 'new filters have taken over' in sensor.process.log()
+        # Neither an OFF in between, nor a gap, nor another onset.
+        for heard, before in zip((sensor.slip, sensor.valid), known, strict=True):
+            assert all(on for _, on in heard[before:]), values
+            assert len(heard) > before
+        assert not onsets, values
+    assert sensor.process.log().count('new filters have taken over') == 2
+    # A chain that starts again is OFF at first; that it comes ON again is no onset.
+    known = len(sensor.slip)
+    change(sensor, client, {'sample_rate_hz': 381.0})
+    sensor.play(lambda: not all(on for _, on in sensor.slip[known:]), 'slip to fall')
+    sensor.slips()
+    assert not onsets
     sensor.goes_on()
+
+
+def change(sensor, client, values):
+    """Change parameters of the detector while the sensor goes on."""
+    parameters = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
+    future = client.call_async(SetParametersAtomically.Request(parameters=parameters))
+    sensor.play(future.done, 'the answer')
+    assert future.result().result.successful, future.result().result.reason
+
+
+@pytest.mark.parametrize(
+    'values',
+    [
+        {'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data'},
+        {'input_field': 'velocity'},
+        {'channels': 2, 'groups.TP': [1, 2]} | {f'groups.{n}': None for n in ('TD', 'LR', 'LU')},
+    ],
+)
+def test_an_input_changed_in_the_middle_of_a_slip_to_one_that_does_not_come(bench, values):
+    sensor = Sensor(bench)
+    client = bench.client(SetParametersAtomically, 'slip_detector/set_parameters_atomically')
+    sensor.slips()
+    change(sensor, client, values)
+    # What was decided on the input before does not stand for ever.
+    sensor.play(sensor.fell, 'slip_valid to fall')
+    reports = len(sensor.reports) + 2
+    sensor.play(lambda: len(sensor.reports) >= reports, 'the diagnostics')
+    assert not sensor.process.ended()
+    assert 'Traceback' not in sensor.process.log()
 
 
 def test_disk_full_where_the_log_goes(bench):

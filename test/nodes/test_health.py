@@ -46,6 +46,15 @@ def test_all_is_well():
     assert statuses[2].values['time per row [ms]'] == '0.100'
 
 
+def test_rows_of_other_channels_are_forgotten_when_their_number_changes():
+    health = Health(CONFIG)
+    first = fed(health, good(100))
+    health.configure(DetectorConfig(channels=2, groups={}))
+    fed(health, good(100)[:, :2], first)
+    statuses = summed(health)
+    assert statuses[1].message == 'all 2 channels are valid'
+
+
 @pytest.mark.parametrize(
     ('share', 'level'),
     [

@@ -115,6 +115,48 @@ def test_what_is_withdrawn_is_off_and_not_valid(bench):
     published.states(slip=[False, True, False], slip_valid=[False, True, False])
 
 
+def test_other_outputs_take_over_what_was_decided_and_the_topics_that_stay(bench):
+    published = Published(bench)
+    published.announce(ALL_ON)
+    replaced = DetectorConfig(
+        channels=3,
+        groups={'back': (3,), 'front': (1, 2)},
+        heartbeat_hz=20.0,
+        publish_channels=False,
+    )
+    other = bench.listen(Bool, 'slip/group/back', patient_state_qos())
+    before, published.outputs = published.outputs, None
+    published.outputs = outputs = Outputs(bench.node, replaced, before)
+    assert (outputs.slip, outputs.valid, outputs.onsets) == (True, True, 1)
+    # What is new says what holds; what stays is silent.
+    bench.wait_for(lambda: other, 'the other group')
+    assert [message.data for message in other] == [False]
+    published.states(
+        slip=[False, True, True],
+        slip_valid=[False, True, True],
+        slip__group__front=[False, True],
+        slip__channel__ch1=[False, True],
+    )
+    # Slip, groups, groups can vote, channels, channels valid.
+    outputs.announce(np.array([1, 0, 1, 1, 1, 1, 1, 0, 1, 1, 1], np.bool_), 2000, 'tip')
+    published.states(slip=[False, True, True], slip__group__front=[False, True])
+    names = dict(bench.node.get_publisher_names_and_types_by_node('bench', '/'))
+    assert '/slip/group/back' in names
+    assert not [name for name in names if name.startswith('/slip/channel')]
+    assert len(bench.node.get_publishers_info_by_topic('slip')) == 1
+    assert len(published.onsets) == 1
+
+
+def test_slip_that_a_change_turns_on_is_no_onset(bench):
+    published = Published(bench)
+    published.outputs.announce(ALL_ON, 1000, 'tip', settled=False)
+    published.announce(AT_REST, ALL_ON)
+    published.states(slip=[False, True, False, True])
+    bench.wait_for(lambda: published.onsets, 'the onset')
+    assert [stamp_ns(onset.stamp) for onset in published.onsets] == [1001]
+    assert published.outputs.onsets == 1
+
+
 def test_disabled_channels_and_unwanted_topics_have_no_publisher(bench):
     published = Published(bench)
     names = dict(bench.node.get_publisher_names_and_types_by_node('bench', '/'))
