@@ -2,9 +2,12 @@
 
 import contextlib
 import importlib
+import os
 import re
+from pathlib import Path
 from typing import Any
 
+import rclpy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
@@ -110,6 +113,9 @@ class Input:
 def message_class(name: str) -> Any:
     """Return the class of a message type.
 
+    A module is imported only where the ament index has the type: no other one is a message's, and
+    what it runs is its own business.
+
     Parameters
     ----------
     name
@@ -126,13 +132,26 @@ def message_class(name: str) -> Any:
     True
     """
     match = _TYPE.fullmatch(name)
-    try:
-        if match:
+    if match and f'msg/{match["name"]}.msg' in _interfaces_of(match['package']):
+        with contextlib.suppress(ImportError, AttributeError):
             module = importlib.import_module(f'{match["package"]}.msg')
             return getattr(module, match['name'])
-    except (ImportError, AttributeError):
-        pass
     raise ValueError(
         f'parameter input_type is {name!r}, allowed: the name of an installed message type, '
         'as sensor_msgs/msg/JointState'
     )
+
+
+def _interfaces_of(package: str) -> set[str]:
+    """Return the interface files of a package in the ament index, as ``msg/JointState.msg``.
+
+    The index is in the folders of ``AMENT_PREFIX_PATH`` and where rclpy is installed: wheels set
+    no such variable.
+    """
+    prefixes = [Path(text) for text in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
+    prefixes += Path(rclpy.__file__).parents[4:5]  # of lib/python3.12/site-packages/rclpy
+    for prefix in prefixes:
+        file = prefix / 'share/ament_index/resource_index/rosidl_interfaces' / package
+        with contextlib.suppress(OSError):
+            return set(file.read_text(encoding='utf-8').split())
+    return set()

@@ -70,17 +70,22 @@ class ParameterSet:
         lead = f'{where}: ' if where else ''
         known = {field.name for field in dataclasses.fields(cls)}
         values: dict[str, Any] = {}
+        nested: dict[str, dict[str, Any]] = {}
         for name, value in parameters.items():
-            head, _, tail = name.partition('.')
-            if head not in known or (tail and head != 'groups'):
+            head, point, tail = name.partition('.')
+            if head not in known or (point and (head != 'groups' or not tail)):
                 hint = _hint(name, cls.NODE, known)
-                raise ValueError(f'{lead}unknown parameter {name} = {value!r}; {hint}')
-            if tail:
-                values.setdefault(head, {})[tail] = value
+                shown = name if name.isprintable() else repr(name)
+                raise ValueError(f'{lead}unknown parameter {shown} = {value!r}; {hint}')
+            if point:
+                nested.setdefault(head, {})[tail] = value
             else:
                 values[name] = value
+        for head in nested.keys() & values.keys():
+            names = ', '.join(f'{head}.{tail}' for tail in nested[head])
+            raise ValueError(f'{lead}parameter {head} is given beside {names}, allowed: either')
         try:
-            return cls(**values)
+            return cls(**values, **nested)
         except ValueError as error:
             raise ValueError(f'{lead}{error}') from None
 

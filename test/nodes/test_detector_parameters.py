@@ -114,6 +114,10 @@ def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
         ({'threshold': 0.3, 'autostart': False}, ['autostart', 'read-only']),
         ({'threshold': 0.3, 'passband_hz': [0.01, 0.0101]}, ['passband_hz', 'round-off']),
         ({'threshold': 0.3, 'channels': 8}, ['groups', 'channel 14', '1 to 8']),
+        ({'threshold': 0.3, 'groups__': True}, ['groups.', 'did you mean groups?']),
+        ({'groups': [1], 'groups__new': [1]}, ['groups is given beside', 'groups.new']),
+        ({'input_type': 'std_msgs/msg/__name__'}, ['input_type', 'installed message type']),
+        ({'input_type': 'this/that'}, ['input_type', 'installed message type']),
     ):
         result = set_all(bench, **values)
         assert not result.successful

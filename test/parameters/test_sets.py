@@ -40,6 +40,8 @@ def test_a_changed_copy_is_checked_too():
         ('Gain', 'did you mean gain?'),
         ('zzz', 'allowed: channel_names, channels, common_mode'),
         ('threshold.a', 'did you mean threshold?'),
+        ('threshold.', 'did you mean threshold?'),
+        ('groups.', 'did you mean groups?'),
     ],
 )
 def test_an_unknown_parameter_is_an_error_that_suggests_a_near_name(name, hint):
@@ -53,6 +55,38 @@ def test_from_parameters_takes_nested_names():
         {'channels': 3, 'groups.left': [1, 3], 'groups.right': [2], 'vote': 1}
     )
     assert config.groups == {'left': (1, 3), 'right': (2,)}
+
+
+@pytest.mark.parametrize('names', [('groups', 'groups.new'), ('groups.new', 'groups')])
+def test_groups_are_given_whole_or_one_by_one(names):
+    message = message_of(ChainConfig.from_parameters, {name: [1] for name in names})
+    assert message == 'parameter groups is given beside groups.new, allowed: either'
+
+
+ANY_NAME = st.one_of(
+    st.sampled_from([field.name for kind in SETS for field in dataclasses.fields(kind)]),
+    st.sampled_from(['groups', 'groups.', 'groups.TP', 'groups.new', 'groups.a.b', 'groups..']),
+    st.text(max_size=5),
+)
+#: What a parameter of ROS can be; Python's tools give any list.
+ONE_VALUE = st.one_of(
+    st.booleans(), st.integers(), st.floats(), st.text(max_size=5), st.binary(max_size=2)
+)
+ANY_VALUE = st.one_of(ONE_VALUE, st.none(), st.lists(ONE_VALUE, max_size=5))
+
+
+@pytest.mark.parametrize('kind', SETS)
+@given(st.dictionaries(ANY_NAME, ANY_VALUE, max_size=4))
+def test_whatever_is_given_is_a_set_or_refused_in_one_line(kind, parameters):
+    values = kind().to_parameters() | parameters
+    try:
+        config = kind.from_parameters(values)
+    except ValueError as error:
+        config, refusal = kind(), str(error)
+    else:
+        refusal = ''
+    assert '\n' not in refusal
+    assert kind.from_parameters(config.to_parameters()) == config
 
 
 def test_a_message_without_a_file_leads_with_the_parameter():
