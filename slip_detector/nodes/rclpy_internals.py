@@ -63,6 +63,14 @@ def given_parameters(node: Node) -> dict[str, Parameter]:
     return dict(_internal(node, '_parameter_overrides'))
 
 
+def is_rcl_error(error: BaseException) -> bool:
+    """Return whether an error is one of the library below rclpy, such as a name it does not take.
+
+    Relies on ``rclpy_implementation.RCLError``.
+    """
+    return isinstance(error, _internal(rclpy_implementation, 'RCLError'))
+
+
 def answer_impossible_transitions(node: LifecycleNode) -> None:
     """Let requests for a transition that is impossible in the present state be refused.
 

@@ -10,8 +10,11 @@ from itertools import pairwise
 from pathlib import PurePath
 from typing import Any, NoReturn
 
-#: What a ROS namespace may be named.
-NAMESPACE = re.compile('[A-Za-z_][A-Za-z0-9_]*')
+#: What a ROS namespace may be named; longer ones are too long for the names of topics in it.
+NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
+
+#: The options beside those of ROS; each is followed by a list with commas.
+OPTIONS = ('--fingers', '--configs')
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
@@ -54,12 +57,17 @@ def run(executable: str) -> int:
     from rclpy.utilities import remove_ros_args
 
     from slip_detector.nodes.executor import LONGEST_WAIT_S, SampleExecutor
-    from slip_detector.nodes.rclpy_internals import ignore_what_a_signal_leaves, shut_down
+    from slip_detector.nodes.rclpy_internals import (
+        ignore_what_a_signal_leaves,
+        is_rcl_error,
+        shut_down,
+    )
 
     ignore_what_a_signal_leaves(lambda: initialised)
     try:
         if '--configs' in sys.argv and executable != 'slip_detector':
             raise ValueError('--configs is given, allowed: for slip_detector only')
+        _check_words(remove_ros_args(sys.argv))
         _check_files(sys.argv)
         make = _maker(executable, on_compiling)
         rclpy.init()
@@ -85,7 +93,8 @@ def run(executable: str) -> int:
         print(f'{executable}: {error}', file=sys.stderr)
         code = 1
     except Exception as error:
-        if not initialised:  # rcl cannot read a parameter file or an argument.
+        # rcl cannot read a parameter file or an argument, or make a node of such a name.
+        if not initialised or (not takedowns and is_rcl_error(error)):
             print(f'{executable}: {" ".join(str(error).split())}', file=sys.stderr)
             code = 1
         elif rclpy.ok():
@@ -120,6 +129,17 @@ def _listed(option: str, words: list[str]) -> list[str] | None:
     return items
 
 
+def _check_words(ours: list[str]) -> None:
+    """Refuse a word that is no option; a typing error would start a node unlike the one meant."""
+    words = ours[1:]
+    while words:
+        if words[0] not in OPTIONS:
+            raise ValueError(
+                f'{words[0]} is not known, allowed: {", ".join(OPTIONS)}, and --ros-args'
+            )
+        words = words[2:]
+
+
 def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | None]:
     """Return the ROS arguments of each node, where there may be several.
 
@@ -140,6 +160,12 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
     fingers, configs = _listed('--fingers', ours), _listed('--configs', ours)
     if fingers is None and configs is None:
         return [None]
+    for finger in fingers or []:
+        if not NAMESPACE.fullmatch(finger):
+            raise ValueError(
+                f'--fingers has {finger!r}, allowed: up to 64 letters, digits and single _, no '
+                'digit first, as each is a namespace'
+            )
     # A namespace of the whole process is put before the others, which would replace it.
     whole = [word.partition(':=')[2] for word in words if word.startswith('__ns:=')]
     hand = whole[-1].strip('/') if whole else ''
@@ -150,7 +176,7 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
     if not all(NAMESPACE.fullmatch(name) for name in names) or len(set(names)) < len(names):
         raise ValueError(
             f'--configs is {",".join(configs)!r}, allowed: files with different names, which are '
-            'namespaces too: letters, digits and _, no digit first'
+            'namespaces too: up to 64 letters, digits and single _, no digit first'
         )
     return [
         [
@@ -243,4 +269,4 @@ def grasp_controller() -> None:
 if __name__ == '__main__':
     if len(sys.argv) < 2 or sys.argv[1] not in EXECUTABLES:
         sys.exit(f'the first word says what to run, allowed: {", ".join(EXECUTABLES)}')
-    main(sys.argv[1])
+    main(sys.argv.pop(1))

@@ -15,7 +15,7 @@ from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.bag_storage import BagStorage
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.message_decoder import MessageDecoder, MessageRows
-from slip_detector.recordings.rate import rate_of
+from slip_detector.recordings.rate import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
 from slip_detector.recordings.topics import BOOL, JOINT_STATE, Topic, typestore_of
 from slip_detector.recordings.truth import PlatformMotion, states_at
@@ -77,7 +77,7 @@ class BagRecording(Recording):
                 'each with its time'
             )
         self._samples = int(np.median(decoded.samples))
-        self.sample_rate_hz = message_hz * self._samples
+        self.sample_rate_hz = checked_rate(message_hz * self._samples, path)
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""

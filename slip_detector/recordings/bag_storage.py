@@ -102,6 +102,9 @@ class BagStorage:
         if self._whole:
             try:
                 for message in self._messages_of_whole(topics):
+                    # A database takes any type in any column.
+                    if not isinstance(message[1], int) or not isinstance(message[2], bytes):
+                        raise ValueError('a message has no bytes or no time')
                     last_ns = message[1]
                     yield message
                 if last_ns >= 0:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
-from slip_detector.recordings.rate import rate_of
+from slip_detector.recordings.rate import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
 from slip_detector.recordings.truth import as_truth
 
@@ -71,7 +71,7 @@ class CsvRecording(Recording):
                 f'{path}: column {TIME} does not rise, allowed: two or more rows, each with its '
                 'time'
             )
-        self.sample_rate_hz = rate_hz
+        self.sample_rate_hz = checked_rate(rate_hz, path)
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
@@ -130,7 +130,10 @@ class CsvRecording(Recording):
 
 def _nanoseconds(text: str) -> int:
     """Convert seconds from text to nanoseconds; float64 would lose the digits of a date."""
-    seconds = decimal.Decimal(text.strip().replace('_', ''))
+    try:
+        seconds = decimal.Decimal(text.strip().replace('_', ''))
+    except decimal.InvalidOperation:  # an exponent that Decimal does not have
+        seconds = decimal.Decimal('nan')
     if not seconds.is_finite() or abs(seconds) >= MOST_S:
         raise ValueError(f'{TIME} is {text.strip()}, allowed: below {MOST_S:g} s')
     return int((seconds * 1_000_000_000).to_integral_value())

@@ -20,6 +20,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
+from slip_detector.recordings.rate import checked_rate
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
 from slip_detector.recordings.truth import as_truth
 
@@ -75,9 +76,7 @@ class NpzRecording(Recording):
             )
         if rate is None or rate.size != 1 or rate.dtype.kind not in 'fiu':
             raise ValueError(f'{path}: {rate_key} is {rate}, allowed: a rate in Hz')
-        self.sample_rate_hz = float(rate.item())
-        if not 0.0 < self.sample_rate_hz < math.inf:
-            raise ValueError(f'{path}: {rate_key} is {rate}, allowed: a rate in Hz')
+        self.sample_rate_hz = checked_rate(float(rate.item()), path)
         n, channels = volts.shape
         if not n * channels:
             raise ValueError(f'{path}: has no samples')

@@ -1,11 +1,14 @@
 """The rate of rows: from their stamps, and beside that of a chain."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.stamps import GAP_PERIODS
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.fields import allowed
 
 #: How far a recording's rate may be from that of the chain, as a share of it: beyond, the bands
 #: and windows are no longer those that the configuration speaks of.
@@ -21,6 +24,26 @@ def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
     (False, True)
     """
     return abs(rate_hz - chain_rate_hz) > RATE_TOLERANCE * chain_rate_hz
+
+
+def checked_rate(rate_hz: float, path: Path) -> float:
+    """Return the rate of a recording, if it is one that a chain can have.
+
+    Raises
+    ------
+    ValueError
+        When it is not; names the recording.
+
+    Examples
+    --------
+    >>> checked_rate(1e-300, Path('trial.npz'))
+    Traceback (most recent call last):
+    ValueError: trial.npz: has 1e-300 Hz, allowed: 1 to 1e+06 Hz
+    """
+    field = ChainConfig.__dataclass_fields__['sample_rate_hz']
+    if not field.metadata['low'] <= rate_hz <= field.metadata['high']:
+        raise ValueError(f'{path}: has {rate_hz:g} Hz, allowed: {allowed(field)}')
+    return rate_hz
 
 
 def rate_of(times_s: NDArray[Any]) -> 'float | None':
@@ -51,4 +74,4 @@ def rate_of(times_s: NDArray[Any]) -> 'float | None':
     if not steps.size:
         return None
     usual = steps[steps < GAP_PERIODS * np.median(steps)]
-    return float(1.0 / np.mean(usual))
+    return 1.0 / float(np.mean(usual))

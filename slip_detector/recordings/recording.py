@@ -13,7 +13,7 @@ from slip_detector.chain.stamps import StampGrid
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
-from slip_detector.recordings.resample import Resampler
+from slip_detector.recordings.resample import MOST_FACTOR, Resampler
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -186,6 +186,12 @@ class Recording:
                 f'{self.path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is '
                 f'{wanted_hz:g} Hz, allowed: at most {RATE_TOLERANCE:.0%} apart, or --resample '
                 '(recording_resample: true)'
+            )
+        factor = max(rate_hz, wanted_hz) / min(rate_hz, wanted_hz)
+        if factor > MOST_FACTOR:
+            raise ValueError(
+                f'{self.path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is '
+                f'{wanted_hz:g} Hz, allowed: at most {MOST_FACTOR} times as fast or slow'
             )
         pieces = self._stretches(rate_hz if apart else wanted_hz, max_gap_s)
         if apart:

@@ -16,6 +16,12 @@ LOBES = 16
 #: below -70 dB.
 EDGE = 0.8
 
+#: Largest factor between the two rates; what a row takes grows with it.
+MOST_FACTOR = 1000
+
+#: Number of output rows that are made at a time; what they take in memory is known so.
+MOST_ROWS = 8192
+
 
 class Resampler:
     """Interpolates rows with a windowed sinc, a low-pass for the lower of the two rates.
@@ -71,11 +77,18 @@ class Resampler:
             stretch.hold_last(half)
         # Output row j is at place j * step of the input and needs `half` more input rows.
         last = stretch.known - 1 if end else stretch.known - 1 - half
-        j = np.arange(stretch.given, int(np.floor(last / step)) + 2)
+        after = int(np.floor(last / step)) + 2
+        while stretch.given < after:
+            j = np.arange(stretch.given, min(stretch.given + MOST_ROWS, after))
+            j = j[j * step <= last]
+            if not len(j):
+                return
+            yield self._rows(stretch, j)
+
+    def _rows(self, stretch: '_Stretch', j: NDArray[np.int64]) -> 'Piece':
+        """Return the output rows with some numbers, whose input rows are all there."""
+        step = self._step
         places = j * step
-        j, places = j[places <= last], places[places <= last]
-        if not len(j):
-            return
         base = np.floor(places).astype(np.int64)
         rest = places - base
         volts = self._interpolated(stretch, base, rest)
@@ -85,7 +98,7 @@ class Resampler:
         piece = stretch.piece(base, volts, after_ns)
         stretch.given = int(j[-1]) + 1
         stretch.forget(int(np.floor(stretch.given * step)))
-        yield piece
+        return piece
 
     def _interpolated(self, stretch: '_Stretch', base: NDArray[np.int64], rest: Floats) -> Floats:
         """Return the weighted sums around the places, (m, c).

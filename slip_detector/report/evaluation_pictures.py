@@ -79,7 +79,7 @@ def _draw_parts(axis: Axes, outcomes: Sequence[ReplayOutcome]) -> None:
             axis.text(0.0, row, '  none', va='center')
     axis.set_yticks([0, 1], ['detected', 'of them\nlate'])
     axis.set(xlabel='mean latency [ms]', ylim=(1.6, -0.9), xlim=(0.0, None))
-    if values['matched']:
+    if axis.get_legend_handles_labels()[0]:
         axis.legend(loc='upper center', ncols=4, frameon=False, fontsize=8, handlelength=1.0)
     axis.set_title('where the time went', fontsize=10)
 

@@ -51,6 +51,32 @@ def test_parameter_files_for_several_nodes_are_for_detectors_only(executable):
     assert done.stderr == f'{executable}: --configs is given, allowed: for slip_detector only\n'
 
 
+@pytest.mark.parametrize('executable', EXECUTABLES)
+@pytest.mark.parametrize('word', ['--bogus', '--finger', 'thumb', '-v'])
+def test_a_word_that_is_not_known_stops_the_start(executable, word):
+    done = run(executable, word, 'thumb', '--ros-args', '-p', 'use_sim_time:=false')
+    assert done.returncode == 1
+    assert done.stderr == (
+        f'{executable}: {word} is not known, allowed: --fingers, --configs, and --ros-args\n'
+    )
+
+
+@pytest.mark.parametrize('executable', EXECUTABLES)
+@pytest.mark.parametrize('finger', ['1', 'ü', '../b', 'a/b', 'a__b', 'a b', 'a' * 65])
+def test_a_finger_that_cannot_be_a_namespace_stops_the_start(executable, finger):
+    words = [executable, '--fingers', f'thumb,{finger}']
+    with pytest.raises(ValueError, match=rf"^--fingers has '{finger}', allowed: up to 64 letters"):
+        _arguments_of_each(words, words)
+
+
+@pytest.mark.parametrize('given', ['__ns:=/1', '__ns:=/ü', f'__ns:=/{"a" * 300}', '__node:=1'])
+def test_a_name_that_ros_does_not_take_is_no_traceback(given):
+    done = run('slip_detector', '--ros-args', '-r', given)
+    assert done.returncode == 1
+    assert done.stderr.strip().splitlines()[-1].startswith('slip_detector: ')
+    assert 'Traceback' not in done.stderr
+
+
 LOGGED = """
 from slip_detector.nodes.run import log_compiling
 from slip_detector.chain.stamps import StampGrid

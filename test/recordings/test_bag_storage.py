@@ -1,7 +1,9 @@
 """The messages of a bag: whole, compressed, split, cut off, or none at all."""
 
+import contextlib
 import functools
 import shutil
+import sqlite3
 import subprocess
 import sys
 
@@ -254,3 +256,20 @@ def test_no_damage_to_a_folder_ends_in_anything_but_rows_or_one_line(tmp_path, p
                 assert '\n' not in said
         damaged.write_bytes(content)
     assert 50 in outcomes
+
+
+@pytest.mark.parametrize(
+    'column', ["data = 'text'", 'data = 5', 'data = 5.5', "timestamp = 'text'", 'timestamp = 1e30']
+)
+def test_a_database_with_other_types_in_a_row_loses_that_row_only(tmp_path, column):
+    path = tmp_path / 'a.db3'
+    write_recording(path, [rows(100, truth=False)], 380.0, NAMES)
+    with contextlib.closing(sqlite3.connect(path)) as database, database:
+        database.execute(f'UPDATE messages SET {column} WHERE id = 50')
+    read, lost = read_of(path)
+    assert len(read.volts) == 100  # the gap is bridged
+    assert '(a message has no bytes or no time): 1 of 100 messages on /voltages is lost' in lost
+    with contextlib.closing(sqlite3.connect(path)) as database, database:
+        database.execute(f'UPDATE messages SET {column}')
+    with pytest.raises(ValueError, match=r'a\.db3: has no samples on /voltages'):
+        open_recording(path)

@@ -72,6 +72,11 @@ def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
         ('time_s,a\n0,1\nnan,1\n2,1\n', ': line 3: time_s is nan, allowed: below 9e+09 s'),
         ('time_s,a\ninf,1\ninf,1\n', ': line 2: time_s is inf, allowed: below'),
         ('time_s,a\n0,1\n1e300,1\n', ': line 3: time_s is 1e300, allowed: below'),
+        *(
+            (f'time_s,a\n0,1\n{time},1\n', f': line 3: time_s is {time}, allowed: below')
+            for time in ('1e-99999999999999999999', '1e99999999999999999999', '-9e9')
+        ),
+        ('time_s,a\n0,1\n1e-9,1\n', ': has 1e+09 Hz, allowed: 1 to 1e+06 Hz'),
         ('time_s\n0\n1\n', ': has no samples'),
         ('time_s,slip\n0,1\n1,1\n', ': has no samples'),
         ('time_s,a,slip\n0,1,0\n1,1,nan\n', ': slip has nan, allowed: 0 and 1'),

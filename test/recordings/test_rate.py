@@ -1,11 +1,13 @@
 """The rate of rows: jitter is averaged, gaps do not count."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.recordings.rate import RATE_TOLERANCE, rate_of, rates_differ
+from slip_detector.recordings.rate import RATE_TOLERANCE, checked_rate, rate_of, rates_differ
 
 RATES_HZ = st.floats(0.1, 1e4)
 
@@ -42,3 +44,16 @@ def test_rates_differ_by_more_than_the_tolerance_of_the_chains(chain_rate_hz, of
         assert rates_differ((1.0 + off) * chain_rate_hz, chain_rate_hz) == (
             abs(off) > RATE_TOLERANCE
         )
+
+
+def test_a_rate_is_one_that_a_chain_can_have():
+    path = Path('trial.npz')
+    for rate_hz in (1.0, 380.0, 1e6):
+        assert checked_rate(rate_hz, path) == rate_hz
+    for rate_hz in (5e-324, 1e-300, 0.999, 1.001e6, 3.8e8, 1e300, np.inf, np.nan, -380.0, 0.0):
+        with pytest.raises(ValueError, match=r'^trial\.npz: has .* Hz, allowed: 1 to 1e\+06 Hz$'):
+            checked_rate(rate_hz, path)
+
+
+def test_steps_too_short_for_a_float_are_infinitely_fast():
+    assert rate_of(np.array([0.0, 5e-324])) == np.inf

@@ -11,7 +11,7 @@ from slip_detector.recordings import (
     open_recording,
 )
 from slip_detector.recordings.piece import Piece
-from slip_detector.recordings.resample import Resampler
+from slip_detector.recordings.resample import MOST_ROWS, Resampler
 from support.recorded import save_rows
 
 PERIOD_NS = 10_000_000
@@ -117,3 +117,21 @@ def test_a_resampler_needs_no_truth():
     (out, *rest) = Resampler(100.0, 200.0).pieces(iter([piece]))
     assert out.truth is None
     assert sum(len(part.volts) for part in (out, *rest)) == 99
+
+
+@pytest.mark.parametrize(('from_hz', 'to_hz'), [(1.0, 1001.0), (1001.0, 1.0)])
+def test_rates_too_far_apart_are_refused_with_both(tmp_path, from_hz, to_hz):
+    path = tmp_path / 'a.npz'
+    np.savez(path, volts=np.zeros((10, 2)), sample_rate_hz=from_hz)
+    recording = open_recording(path, RecordingConfig(recording_resample=True))
+    with pytest.raises(ValueError, match=rf'has {from_hz:g} Hz .* {to_hz:g} Hz, .* at most 1000'):
+        next(recording.pieces(to_hz))
+
+
+def test_a_row_that_becomes_a_thousand_is_given_in_pieces_of_known_size(tmp_path):
+    path = tmp_path / 'a.npz'
+    np.savez(path, volts=np.tile([[0.0], [1.0]], (50, 2)), sample_rate_hz=1.0)
+    recording = open_recording(path, RecordingConfig(recording_resample=True))
+    lengths = [len(piece.volts) for piece in recording.pieces(1000.0)]
+    assert max(lengths) == MOST_ROWS
+    assert sum(lengths) == 99_001

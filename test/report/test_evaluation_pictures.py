@@ -5,6 +5,7 @@ import pytest
 
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report import evaluation_pictures
 from slip_detector.report.evaluation_pictures import draw_evaluation
 from support import report_scenes as scenes
@@ -30,3 +31,15 @@ def test_latencies_their_parts_and_the_roc_are_those_of_the_outcome(tmp_path, mo
         mean_ms = 1e3 * np.mean([slip.latency_s for slip in outcome.slips if slip.latency_s])
         assert sum(lengths_ms) == pytest.approx(mean_ms)
     assert (len(roc.lines) > 1) == (rows > 0)
+
+
+def test_slips_whose_latency_has_no_parts_are_drawn_without_a_warning(tmp_path):
+    volts, truth = scenes.volts_and_truth(380 * 20)
+    # Labels that come late: the alarm rises before them, and no stage took time.
+    replay = Replay(scenes.GIVEN, EvaluationConfig(early_s=0.1))
+    outcome = replay.run([LabelledRows(volts, np.roll(truth, 30))])
+    found = [slip for slip in outcome.slips if slip.latency_s is not None]
+    assert found
+    assert not any(slip.stages_s for slip in found)
+    draw_evaluation(tmp_path / 'a.png', [outcome])
+    assert (tmp_path / 'a.png').is_file()
