@@ -12,6 +12,9 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from slip_detector.parameters.reading import read_yaml
+from slip_detector.scenes.scene_files import find_scene
+
 
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
@@ -25,6 +28,8 @@ def nodes(context):
     # The detector misses nothing while it starts, and nothing falls while the controller does.
     given = {'source': 'scene', 'wait_for_subscribers': 1, 'wait_for_grip': True}
     if scene:
+        if 'object' not in read_yaml(find_scene(scene)):
+            raise ValueError(f'scene is {scene!r}, allowed: a scene with an object')
         given['scene'] = ParameterValue(scene, value_type=str)
     if seed:
         if not seed.isdecimal():

@@ -88,13 +88,23 @@ def follow_changes(
     take
         Takes the new configuration once the parameters have changed.
     """
+    refusal = ''
 
     def converted(parameters: list[Parameter]) -> list[Parameter]:
-        """Convert numbers to the types of their fields: 1 becomes 1.0 in a floating-point one."""
+        """Check the change, and convert numbers to their types: 1 becomes 1.0 in a real one.
+
+        rclpy then checks types and ranges itself, and does not say in a user's words what is
+        allowed. So of a change that is refused here it gets the present values, which pass.
+        """
+        nonlocal refusal
+        refusal = ''
         try:
-            values = changed(current(), parameters).to_parameters()
-        except ValueError:
-            return parameters  # The check, which comes next, reports the error.
+            config = changed(current(), parameters)
+            check(config)
+        except ValueError as error:
+            refusal = str(error)
+            return [node.get_parameter_or(each.name, each) for each in parameters]
+        values = config.to_parameters()
         return [
             Parameter(parameter.name, value=values[parameter.name])
             if parameter.name in values
@@ -103,11 +113,7 @@ def follow_changes(
         ]
 
     def checked(parameters: list[Parameter]) -> SetParametersResult:
-        try:
-            check(changed(current(), parameters))
-        except ValueError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        return SetParametersResult(successful=not refusal, reason=refusal)
 
     def taken(parameters: list[Parameter]) -> None:
         config = changed(current(), parameters)

@@ -91,6 +91,32 @@ def answer_impossible_transitions(node: LifecycleNode) -> None:
     service.callback = answer
 
 
+def ignore_impossible_times(node: Node) -> None:
+    """Let times on ``/clock`` that no clock of ROS can have, as they are negative, be ignored.
+
+    In rclpy the error would end the process. Relies on ``Node._time_source``, whose
+    ``clock_callback`` may be replaced, and on its ``_clock_sub``, the subscription or None, whose
+    ``callback`` may be replaced.
+    """
+    source = _internal(node, '_time_source')
+    take = _internal(source, 'clock_callback')
+
+    def take_if_possible(message: Any) -> None:
+        try:
+            take(message)
+        except ValueError as error:
+            node.get_logger().warning(
+                f'/clock is {message.clock.sec} s and {message.clock.nanosec} ns, allowed: no '
+                f'negative time ({error}); ignored',
+                throttle_duration_sec=1.0,
+            )
+
+    source.clock_callback = take_if_possible  # for the subscription that use_sim_time makes later
+    subscription = _internal(source, '_clock_sub')
+    if subscription is not None:
+        subscription.callback = take_if_possible
+
+
 class WaitSet:
     """Waits for the messages and guard conditions of a context, and for nothing else.
 

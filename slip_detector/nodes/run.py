@@ -58,6 +58,7 @@ def run(executable: str) -> int:
 
     from slip_detector.nodes.executor import LONGEST_WAIT_S, SampleExecutor
     from slip_detector.nodes.rclpy_internals import (
+        ignore_impossible_times,
         ignore_what_a_signal_leaves,
         is_rcl_error,
         shut_down,
@@ -74,6 +75,8 @@ def run(executable: str) -> int:
         initialised = True
         nodes = make(_arguments_of_each(sys.argv, remove_ros_args(sys.argv)))
         takedowns = [node.destroy_node for node in nodes]
+        for node in nodes:
+            ignore_impossible_times(node)
         gc.freeze()
         gc.enable()
         executor: Executor

@@ -26,7 +26,8 @@ class SceneSource(Source):
     Raises
     ------
     ValueError
-        When there is no such scene, or its file is wrong; names it.
+        When there is no such scene, its file is wrong, or it has no object that could wait for a
+        grip; names it.
 
     Examples
     --------
@@ -44,6 +45,11 @@ class SceneSource(Source):
         self._scene = scene = load_scene(find_scene(config.scene), trial)
         super().__init__(f'scene {config.scene}', scene.channel_names, scene.sample_rate_hz)
         self.has_object = 'object' in scene.parts
+        if config.wait_for_grip and not self.has_object:
+            raise ValueError(
+                f'parameter scene is {config.scene!r}, allowed with wait_for_grip: a scene with '
+                'an object'
+            )
         self.duration_s = scene.duration_s
 
     def read(self, n: int) -> Samples:

@@ -151,11 +151,15 @@ def test_the_ordinary_service_takes_them_one_by_one(bench):
         Parameter('threshold', value=0.7).to_parameter_msg(),
         Parameter('vote', value='some').to_parameter_msg(),
         Parameter('vote', value='mean').to_parameter_msg(),
+        # As ros2cli sends `ros2 param set /slip_detector threshold -1`.
+        Parameter('threshold', value=-1).to_parameter_msg(),
     ]
     request = SetParameters.Request(parameters=parameters)
     results = ask(bench, SetParameters, 'set_parameters', request).results
-    assert [result.successful for result in results] == [True, False, True]
+    assert [result.successful for result in results] == [True, False, True, False]
     assert 'allowed: all, mean' in results[1].reason
+    assert results[3].reason == 'parameter threshold is -1, allowed: 1e-30 to 1e+30'
+    assert value_of(bench, 'threshold') == 0.7
     assert value_of(bench, 'vote') == 'mean'
 
 

@@ -10,7 +10,7 @@ from std_msgs.msg import Header
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import event_qos, stamp_ns, time_message
-from support.harness import Detected
+from support.harness import Detected, ended_quietly
 
 PERIOD_NS = round(1e9 / 380)
 START_NS = 1_700_000_000 * 10**9
@@ -114,3 +114,33 @@ def test_a_recording_that_starts_again_goes_on(bench):
         return not replayed.valid[-1].data
 
     bench.wait_for(fallen, 'slip_valid to fall')
+
+
+def test_a_negative_time_on_the_clock_is_ignored_and_named(bench):
+    rows = 4.0 + 0.1 * np.random.default_rng(0).standard_normal((20, 16))
+    replayed = Replayed(bench)
+    begin_ns = replayed.settle(rows[0], START_NS, PERIOD_NS)
+    replayed.tick(-1)
+    bench.wait_for(
+        lambda: '/clock is -1 s and 999999999 ns' in replayed.process.log(), 'the warning'
+    )
+    replayed.send_all(rows, begin_ns, PERIOD_NS)
+    with ended_quietly(replayed.process):
+        pass
+
+
+@pytest.mark.parametrize('node', ['slip_driver', 'grasp_controller'])
+def test_the_other_nodes_ignore_a_negative_time_too(bench, node):
+    clock = bench.node.create_publisher(Clock, '/clock', 10)
+    given = {'use_sim_time': 'true'}
+    if node == 'slip_driver':
+        given.update(source='scene', wait_for_subscribers=1)
+    process = bench.start(node, parameters=given)
+
+    def warned():
+        clock.publish(Clock(clock=time_message(-(10**9))))
+        return '/clock is -1 s and 0 ns, allowed: no negative time' in process.log()
+
+    bench.wait_for(warned, 'the warning')
+    with ended_quietly(process):
+        pass

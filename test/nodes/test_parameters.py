@@ -1,5 +1,7 @@
 """Configurations as parameters of a node, in this process and of each node with a file."""
 
+import math
+
 import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
@@ -87,6 +89,37 @@ def test_a_change_that_is_not_allowed_is_refused_with_the_reason(make, name, val
     assert words in result.reason
     assert len(taken) == 1
     assert node.get_parameter('gain').value == taken[0].gain
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'words'),
+    [
+        # What ros2cli makes of `ros2 param set ... threshold -1`: a whole number.
+        ('threshold', -1, 'parameter threshold is -1, allowed: 1e-30 to 1e+30'),
+        ('threshold', -1.0, 'parameter threshold is -1, allowed: 1e-30 to 1e+30'),
+        ('threshold', math.nan, 'parameter threshold is not a number, allowed: a number'),
+        ('threshold', 'low', "parameter threshold is 'low', allowed: a number"),
+        ('threshold', True, 'parameter threshold is True, allowed: a number'),
+        ('threshold', None, 'parameter threshold cannot be deleted, allowed: groups.<name>'),
+        ('channels', 16.5, 'parameter channels is 16.5, allowed: a whole number'),
+        ('exponent', 0, 'parameter exponent is 0, allowed: 1 to 6'),
+        ('publish_groups', 1, 'parameter publish_groups is 1, allowed: true, false'),
+        ('rectify', 1, 'parameter rectify is 1, allowed: full, half'),
+        ('vote', 0.5, 'parameter vote is 0.5, allowed: all, mean, or a whole number from 1'),
+        ('groups.TP', 1, 'parameter groups.TP is 1, allowed: a list of channel numbers'),
+    ],
+)
+def test_a_refusal_says_what_is_allowed_whatever_the_type_of_the_value(make, name, value, words):
+    node = make()
+    taken = followed(node)
+    before = node.get_parameter(name).value
+    result = node.set_parameters_atomically([Parameter(name, value=value)])
+    assert (result.successful, result.reason) == (False, words)
+    assert len(taken) == 1
+    assert node.get_parameter(name).value == before
+    # It was of that request only.
+    assert node.set_parameters_atomically([Parameter('threshold', value=1)]).successful
+    assert taken[-1].threshold == 1.0
 
 
 def test_what_the_node_cannot_run_is_refused_with_its_reason(make):

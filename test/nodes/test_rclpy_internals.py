@@ -10,11 +10,14 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
+from builtin_interfaces.msg import Time  # noqa: E402
 from lifecycle_msgs.msg import State, Transition  # noqa: E402
 from lifecycle_msgs.srv import ChangeState  # noqa: E402
 from rclpy.clock import Clock, ClockType  # noqa: E402
 from rclpy.lifecycle import LifecycleNode  # noqa: E402
 from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rosgraph_msgs.msg import Clock as ClockMessage  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
 from slip_detector.nodes.messages import event_qos  # noqa: E402
@@ -24,6 +27,7 @@ from slip_detector.nodes.rclpy_internals import (  # noqa: E402
     call_if_due,
     given_parameters,
     held,
+    ignore_impossible_times,
     receiver,
     subscriber_counter,
     until_due_ns,
@@ -66,6 +70,20 @@ def test_a_transition_that_is_not_possible_is_answered_with_no_and_one_that_is_i
     assert not change(Transition.TRANSITION_ACTIVATE)
     assert change(Transition.TRANSITION_CONFIGURE)
     assert node._state_machine.current_state[0] == State.PRIMARY_STATE_INACTIVE
+    node.destroy_node()
+
+
+@pytest.mark.parametrize('from_the_start', [True, False])
+def test_a_negative_time_does_not_reach_the_clock_and_others_do(context, from_the_start):
+    words = ['--ros-args', '-p', 'use_sim_time:=true'] if from_the_start else None
+    node = Node('of_test', context=context, cli_args=words)
+    ignore_impossible_times(node)
+    if not from_the_start:
+        node.set_parameters([Parameter('use_sim_time', value=True)])
+    (subscription,) = node.subscriptions
+    for sec in (7, -1):
+        subscription.callback(ClockMessage(clock=Time(sec=sec)))
+        assert node.get_clock().now().nanoseconds == 7 * 10**9
     node.destroy_node()
 
 

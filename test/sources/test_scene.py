@@ -33,6 +33,13 @@ def test_an_object_is_held_with_the_force_that_was_set():
         firm.hold_force(-1.0)
 
 
+def test_a_scene_without_an_object_does_not_wait_for_a_grip():
+    words = "scene is 'plate_400um', allowed with wait_for_grip: a scene with an object"
+    with pytest.raises(ValueError, match=words):
+        SceneSource(DriverConfig(scene='plate_400um', wait_for_grip=True))
+    assert SceneSource(DriverConfig(scene='grasp', wait_for_grip=True)).has_object
+
+
 def test_a_scene_is_one_trial_per_seed_and_another_with_each_repetition():
     def volts(seed, repetition):
         return open_source(DriverConfig(seed=seed), repetition).read(50).volts.tobytes()
