@@ -15,6 +15,7 @@ from slip_detector.chain.kernel import (
     run,
 )
 from slip_detector.chain.lanes import LANES
+from slip_detector.chain.memory import check_memory, state_shape
 from slip_detector.chain.plan import plan_of
 from slip_detector.chain.result import SlipResult
 from slip_detector.chain.stages import (
@@ -72,13 +73,10 @@ class SlipChain:
         self.config = config = config or ChainConfig()
         self._sections = design(config)
         self._evidence = config.decision == 'evidence'
-        slots = FIXED_SLOTS + 2 * len(self._sections) + config.mains_rows
-        slots += config.samples(config.envelope_window_s) + 1
-        if not self._evidence:
-            slots += config.samples(config.decision_window_s) + 1
+        check_memory(config)
         self._votes: tuple[str | int, ...] = ()
         self._plan = plan_of(config, self._sections, self._votes)
-        self._tiles_shape = (len(tile_bases_of(config)), slots, LANES)
+        self._tiles_shape = state_shape(config)
         self._columns, self._channels = max(config.channels, LANES), config.channels
         self._groups = len(config.groups)
         self._width = 1 + 2 * self._groups + 2 * config.channels

@@ -13,14 +13,14 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 
-from slip_detector.chain.filters import design
-from slip_detector.chain.live_chain import LiveChain
+from slip_detector.chain.live_chain import HISTORY_S, LiveChain
+from slip_detector.chain.memory import check_memory
 from slip_detector.chain.stamps import Arrival, StampGrid
 from slip_detector.nodes.diagnostics import Diagnostics
 from slip_detector.nodes.health import Health
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos
-from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs
+from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs, check_topics
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, answer_impossible_transitions
 from slip_detector.parameters.detector import DetectorConfig
@@ -57,6 +57,24 @@ def _exclusive(
     return run
 
 
+def _explained(
+    method: 'Callable[[Detector, LifecycleState], TransitionCallbackReturn]',
+) -> 'Callable[[Detector, LifecycleState], TransitionCallbackReturn]':
+    """Keep, and log, why a transition has failed: rclpy drops the exception."""
+
+    @functools.wraps(method)
+    def run(self: 'Detector', state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            return method(self, state)
+        except Exception as error:
+            self._failed = ' '.join(str(error).split()) or type(error).__name__
+            if not self.config.autostart:  # else it ends the process
+                self.get_logger().error(self._failed)
+            return TransitionCallbackReturn.ERROR
+
+    return run
+
+
 class Detector(LifecycleNode):
     """Runs the chain on each sample and publishes what changed.
 
@@ -85,12 +103,15 @@ class Detector(LifecycleNode):
         self._subscription: Any = None
         self._timers_made: dict[str, Timer] = {}
         answer_impossible_transitions(self)
+        self._failed = ''
         if self.config.autostart:
-            self.trigger_configure()
-            self.trigger_activate()
+            for trigger in (self.trigger_configure, self.trigger_activate):
+                if trigger() is not TransitionCallbackReturn.SUCCESS:
+                    raise ValueError(self._failed or 'the node cannot be started')
 
     # The life of the node.
 
+    @_explained
     @_exclusive
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the chain and the topics."""
@@ -105,6 +126,7 @@ class Detector(LifecycleNode):
         )
         return TransitionCallbackReturn.SUCCESS
 
+    @_explained
     @_exclusive
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe to the input."""
@@ -286,10 +308,10 @@ class Detector(LifecycleNode):
         assert isinstance(config, DetectorConfig)
         return config
 
-    @staticmethod
-    def _check(config: DetectorConfig) -> None:
-        """Raise a ValueError if the filters cannot be built or the input cannot be read."""
-        design(config)
+    def _check(self, config: DetectorConfig) -> None:
+        """Raise a ValueError if a configuration cannot be run."""
+        check_memory(config, HISTORY_S)
+        check_topics(self, config)
         Input(config)
 
     def _take(self, config: DetectorConfig) -> None:

@@ -20,7 +20,7 @@ from slip_detector.nodes.messages import (
     state_qos,
     time_message,
 )
-from slip_detector.nodes.rclpy_internals import subscriber_counter
+from slip_detector.nodes.rclpy_internals import ROS_ERROR, subscriber_counter
 from slip_detector.parameters.detector import DetectorConfig
 
 #: The longest silence of ``slip`` that is promised, in periods of the heartbeat.
@@ -36,6 +36,41 @@ TOPIC_PARAMETERS = (
     'publish_groups',
     'publish_channels',
 )
+
+
+#: A detector has at most so many topics of channels and groups: each is a publisher, which takes
+#: time, memory and a place in the lists of all nodes that can be reached.
+MOST_TOPICS = 1000
+
+
+def check_topics(node: Node, config: DetectorConfig) -> None:
+    """Check that the topics of channels and groups are not too many, and can be named so.
+
+    Raises
+    ------
+    ValueError
+        When they are, or a name is too long for a topic in the node's namespace.
+    """
+    groups = list(config.groups) if config.publish_groups else []
+    channels = config.names if config.publish_channels else ()
+    for parameter, names in (('publish_groups', groups), ('publish_channels', channels)):
+        if len(names) > MOST_TOPICS:
+            raise ValueError(
+                f'parameter {parameter} is true with {len(names)} topics, allowed: at most '
+                f'{MOST_TOPICS}, or false'
+            )
+    for parameter, kind, names in (
+        ('groups', 'group', groups),
+        ('channel_names', 'channel', channels),
+    ):
+        longest = max(names, key=len, default='')
+        try:
+            node.resolve_topic_name(f'slip/{kind}/{longest or kind}')
+        except ROS_ERROR:
+            raise ValueError(
+                f'parameter {parameter} has a name of {len(longest)} characters, allowed: at most '
+                f'247 in slip/{kind}/<name> and the namespace before it'
+            ) from None
 
 
 class Outputs:

@@ -6,8 +6,13 @@ and what is allowed.
 
 from typing import Any
 
+from slip_detector.parameters.conversion import check_once
+
 #: Lowest band edge as a share of the sample rate: a filter with a lower one is lost to round-off.
 LOWEST_EDGE = 1e-5
+
+#: Each stop-band is a filter of its own, which every row goes through.
+MOST_STOPBANDS = 32
 
 #: Longest time that mains periods may take to be whole in rows.
 LONGEST_COMB_S = 0.25
@@ -20,12 +25,13 @@ def check_channels(config: Any) -> None:
             f'parameter channel_names has {len(config.channel_names)} names, '
             f'allowed: {config.channels}, the number of channels'
         )
+    check_once(config.disabled_channels, 'parameter disabled_channels', 'channel')
     for channel in config.disabled_channels:
         if not 1 <= channel <= config.channels:
             raise ValueError(
                 f'parameter disabled_channels has {channel}, allowed: 1 to {config.channels}'
             )
-    if len(set(config.disabled_channels)) == config.channels:
+    if len(config.disabled_channels) == config.channels:
         raise ValueError('parameter disabled_channels names every channel, allowed: all but one')
 
 
@@ -100,6 +106,11 @@ def check_filters(config: Any) -> None:
                 f'parameter passband_degree is {config.passband_degree}, allowed: an even '
                 'number (a band-pass has two edges of equal degree)'
             )
+    if len(config.stopbands_hz) > MOST_STOPBANDS:
+        raise ValueError(
+            f'parameter stopbands_hz has {len(config.stopbands_hz)} pairs, allowed: at most '
+            f'{MOST_STOPBANDS}'
+        )
     for pair in config.stopbands_hz:
         for edge in pair:
             _check_edge(config, 'stopbands_hz', edge)

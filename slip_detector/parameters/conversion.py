@@ -4,13 +4,29 @@ import contextlib
 import dataclasses
 import math
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 from slip_detector.parameters.fields import allowed, default_of
 
 #: Names of channels and groups, which become parts of topic names.
 NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+
+#: Number of characters of a value in a message.
+LONGEST_SHOWN = 200
+
+
+def shown(value: Any) -> str:
+    """Return a value as it is shown in a message, which is one line that can be read.
+
+    Examples
+    --------
+    >>> shown('fast'), shown([1] * 1000)[-9:]
+    ("'fast'", ', 1, 1...')
+    """
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
 
 
 def _number(value: Any, kind: type, where: str) -> Any:
@@ -21,7 +37,7 @@ def _number(value: Any, kind: type, where: str) -> Any:
             value = float(value)
     wanted = 'a whole number' if kind is int else 'a number'
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ValueError(f'{where} is {value!r}, allowed: {wanted}')
+        raise ValueError(f'{where} is {shown(value)}, allowed: {wanted}')
     try:
         number = float(value)
     except OverflowError:
@@ -29,7 +45,7 @@ def _number(value: Any, kind: type, where: str) -> Any:
     if math.isnan(number):
         raise ValueError(f'{where} is not a number, allowed: {wanted}')
     if kind is int and not number.is_integer():
-        raise ValueError(f'{where} is {value!r}, allowed: {wanted}')
+        raise ValueError(f'{where} is {shown(value)}, allowed: {wanted}')
     return kind(value)
 
 
@@ -70,7 +86,7 @@ def converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
         return _vote(value, where)
     if isinstance(default, bool):
         if not isinstance(value, bool):
-            raise ValueError(f'{where} is {value!r}, allowed: true, false')
+            raise ValueError(f'{where} is {shown(value)}, allowed: true, false')
         return value
     if isinstance(default, (int, float)):
         value = _number(value, type(default), where)
@@ -79,14 +95,14 @@ def converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
     if isinstance(default, str):
         choices = field.metadata['choices']
         if not isinstance(value, str) or (choices and value not in choices):
-            raise ValueError(f'{where} is {value!r}, allowed: {allowed(field) or "text"}')
+            raise ValueError(f'{where} is {shown(value)}, allowed: {allowed(field) or "text"}')
         return value
     if isinstance(default, dict):
         return _groups(value, where)
     if field.name == 'noise_floor' and (isinstance(value, str) or not hasattr(value, '__iter__')):
         value = [value]
     if isinstance(value, str) or not hasattr(value, '__iter__'):
-        raise ValueError(f'{where} is {value!r}, allowed: a list')
+        raise ValueError(f'{where} is {shown(value)}, allowed: a list')
     if field.name == 'channel_names':
         return _names(value, where)
     if str in get_args(field.type):
@@ -125,7 +141,7 @@ def _vote(value: Any, where: str) -> str | int:
     text = str(value)
     if not isinstance(value, bool) and text.isdecimal() and int(text) >= 1:
         return int(text)
-    raise ValueError(f'{where} is {value!r}, allowed: all, mean, or a whole number from 1')
+    raise ValueError(f'{where} is {shown(value)}, allowed: all, mean, or a whole number from 1')
 
 
 def _names(value: Any, where: str) -> tuple[str, ...]:
@@ -133,29 +149,46 @@ def _names(value: Any, where: str) -> tuple[str, ...]:
     for name in names:
         if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
             raise ValueError(
-                f'{where} has {name!r}, allowed: letters, digits and _, a letter first'
+                f'{where} has {shown(name)}, allowed: letters, digits and _, a letter first'
             )
-    doubled = sorted({name for name in names if names.count(name) > 1})
-    if doubled:
-        raise ValueError(f'{where} has {doubled[0]!r} twice, allowed: each name once')
+    check_once(names, where, 'name')
     return names
+
+
+def check_once(values: Sequence[Any], where: str, what: str) -> None:
+    """Check that no value is there twice.
+
+    Raises
+    ------
+    ValueError
+        When one is; names the first in their order.
+
+    Examples
+    --------
+    >>> check_once((1, 3, 2, 3), 'parameter disabled_channels', 'channel')
+    Traceback (most recent call last):
+    ValueError: parameter disabled_channels has 3 twice, allowed: each channel once
+    """
+    doubled = sorted(value for value, count in Counter(values).items() if count > 1)
+    if doubled:
+        raise ValueError(f'{where} has {shown(doubled[0])} twice, allowed: each {what} once')
 
 
 def _texts(value: Any, where: str) -> tuple[str, ...]:
     for text in value:
         if not isinstance(text, str) or not text:
-            raise ValueError(f'{where} has {text!r}, allowed: a list of names')
+            raise ValueError(f'{where} has {shown(text)}, allowed: a list of names')
     return tuple(value)
 
 
 def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
     if not isinstance(value, Mapping):
-        raise ValueError(f'{where} is {value!r}, allowed: a list of channel numbers per name')
+        raise ValueError(f'{where} is {shown(value)}, allowed: a list of channel numbers per name')
     _names(list(value), where)
     groups = {}
     for name, members in value.items():
         inner = f'{where}.{name}'
         if isinstance(members, str) or not hasattr(members, '__iter__'):
-            raise ValueError(f'{inner} is {members!r}, allowed: a list of channel numbers')
+            raise ValueError(f'{inner} is {shown(members)}, allowed: a list of channel numbers')
         groups[name] = tuple(_number(member, int, inner) for member in members)
     return groups

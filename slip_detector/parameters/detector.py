@@ -120,7 +120,7 @@ class ChainConfig(ParameterSet):
         ((0.5, 7.0), (50.0, 180.0)),
         'Edges low, high of each stop-band (Eq. 4), where the ripple ends; [] for none.',
         unit='Hz',
-        allows='as passband_hz',
+        allows='as passband_hz; at most 32 pairs',
     )
     stopband_degree: int = parameter(
         4, 'Degree of the stop-band polynomials.', low=2, high=20, allows='even, 2 to 20'

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from slip_detector.parameters.conversion import converted
+from slip_detector.parameters.conversion import LONGEST_SHOWN, converted, shown
 from slip_detector.parameters.reading import SECTIONS, nodes_that_know, read_parameter_file
 
 ConfigType = TypeVar('ConfigType', bound='ParameterSet')
@@ -75,8 +75,9 @@ class ParameterSet:
             head, point, tail = name.partition('.')
             if head not in known or (point and (head != 'groups' or not tail)):
                 hint = _hint(name, cls.NODE, known)
-                shown = name if name.isprintable() else repr(name)
-                raise ValueError(f'{lead}unknown parameter {shown} = {value!r}; {hint}')
+                plain = name.isprintable() and len(name) < LONGEST_SHOWN
+                label = name if plain else shown(name)
+                raise ValueError(f'{lead}unknown parameter {label} = {shown(value)}; {hint}')
             if point:
                 nested.setdefault(head, {})[tail] = value
             else:

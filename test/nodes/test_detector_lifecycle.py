@@ -32,6 +32,30 @@ def known(bench):
     bench.wait_for(lambda: 'slip_detector' in bench.node.get_node_names(), 'the node to be known')
 
 
+#: A detector whose chain cannot be built, as when memory runs out.
+WITHOUT_MEMORY = """
+import sys
+from slip_detector.chain import live_chain
+def fail(config):
+    raise MemoryError('no memory for the chain')
+live_chain.SlipChain = fail
+from slip_detector.nodes.run import main
+main('slip_detector')
+"""
+
+
+def test_a_node_that_cannot_be_configured_says_why_and_ends(bench):
+    process = bench.start_python('-c', WITHOUT_MEMORY)
+    assert process.refusal() == 'slip_detector: no memory for the chain'
+
+
+def test_a_manager_is_told_why_a_node_cannot_be_configured(bench):
+    process = bench.start_python('-c', WITHOUT_MEMORY, '--ros-args', '-p', 'autostart:=false')
+    assert not change(bench, Transition.TRANSITION_CONFIGURE)
+    assert state(bench) == State.PRIMARY_STATE_UNCONFIGURED
+    assert 'no memory for the chain' in process.log()
+
+
 def topics(bench):
     known(bench)
     names = dict(bench.node.get_publisher_names_and_types_by_node('slip_detector', '/'))

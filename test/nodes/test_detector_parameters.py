@@ -100,6 +100,14 @@ def test_a_new_band_takes_over_between_two_rows_settled_on_the_rows_before(bench
     assert value_of(bench, 'passband_hz') == [20.0, 120.0]
 
 
+def many_channels(channels):
+    """Return what a detector of many channels has, in one group, with a name each."""
+    one_group = {f'groups__{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
+    one_group['groups__all'] = list(range(1, channels + 1))
+    names = [f'name{channel}' for channel in range(channels)]
+    return {'channels': channels, 'channel_names': names, **one_group}
+
+
 def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
     detected = Detected(bench)
     for values, words in (
@@ -117,6 +125,19 @@ def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
         ({'threshold': 0.3, 'groups__': True}, ['groups.', 'did you mean groups?']),
         ({'groups': [1], 'groups__new': [1]}, ['groups is given beside', 'groups.new']),
         ({'input_type': 'std_msgs/msg/__name__'}, ['input_type', 'installed message type']),
+        ({'disabled_channels': [1] * 1_000_000}, ['disabled_channels has 1 twice']),
+        ({'channel_names': ['name'] * 50_000}, ["channel_names has 'name' twice"]),
+        (many_channels(5_000), ['publish_channels is true with 5000 topics', 'at most 1000']),
+        (
+            many_channels(5_000)
+            | {'publish_channels': False, 'envelope_window_s': 60.0, 'sample_rate_hz': 5e4},
+            ['channels is 5000', 'windows of 60 s and 0.04 s at 50000 Hz', 'GB of memory'],
+        ),
+        ({'stopbands_hz': [0.5, 7.0] * 1000}, ['stopbands_hz has 1000 pairs', 'at most 32']),
+        (
+            {'channel_names': [f'{"a" * 240}{k}' for k in range(16)]},
+            ['channel_names has a name of 242 characters', '247'],
+        ),
         ({'input_type': 'this/that'}, ['input_type', 'installed message type']),
     ):
         result = set_all(bench, **values)

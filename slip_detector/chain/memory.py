@@ -1,0 +1,88 @@
+"""How much memory a chain takes: known, and refused, before any is taken."""
+
+import contextlib
+import os
+from pathlib import Path
+
+from slip_detector.chain.filters import design
+from slip_detector.chain.lanes import LANES
+from slip_detector.chain.stages import FIXED_SLOTS
+from slip_detector.chain.tiles import tile_bases_of
+from slip_detector.parameters.detector import ChainConfig
+
+#: Share of the memory that a chain may take: a new one is built beside it when parameters change.
+SHARE = 0.25
+
+#: Where Linux says how much a container may have, in its second and its first version.
+CONTAINER_LIMITS = (
+    '/sys/fs/cgroup/memory.max',
+    '/sys/fs/cgroup/memory/memory.limit_in_bytes',
+)
+
+#: Bytes of a value.
+VALUE = 8
+
+
+def machine_bytes() -> int:
+    """Return how many bytes of memory the machine has, or the container allows.
+
+    Examples
+    --------
+    >>> machine_bytes() > 100e6
+    True
+    """
+    limits = [os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')]
+    for path in CONTAINER_LIMITS:
+        with contextlib.suppress(OSError, ValueError):  # There is none, or it is "max".
+            limits.append(int(Path(path).read_text(encoding='ascii')))
+    return min(limits)
+
+
+def state_shape(config: ChainConfig) -> tuple[int, int, int]:
+    """Return the shape of a chain's state: tiles, slots that a channel takes, and lanes.
+
+    Examples
+    --------
+    >>> state_shape(ChainConfig())[::2]
+    (1, 16)
+    """
+    slots = FIXED_SLOTS + 2 * len(design(config)) + config.mains_rows
+    slots += config.samples(config.envelope_window_s) + 1
+    if config.decision == 'mean':
+        slots += config.samples(config.decision_window_s) + 1
+    return len(tile_bases_of(config)), slots, LANES
+
+
+def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
+    """Check that a chain, and the rows that are kept for the next one, fit into memory.
+
+    Parameters
+    ----------
+    config
+        Of the chain.
+    kept_s
+        Time for which rows are kept.
+
+    Raises
+    ------
+    ValueError
+        When they take more than :data:`SHARE` of it; says what takes so much.
+
+    Examples
+    --------
+    >>> check_memory(ChainConfig(), kept_s=5.0)
+    """
+    tiles, slots, lanes = state_shape(config)
+    kept = config.samples(kept_s) if kept_s else 0
+    needed = VALUE * (tiles * slots * lanes + config.channels * kept)
+    allowed = SHARE * machine_bytes()
+    if needed > allowed:
+        windows = [config.envelope_window_s]
+        if config.decision == 'mean':
+            windows.append(config.decision_window_s)
+        times = ' and '.join(f'{window_s:g} s' for window_s in windows)
+        raise ValueError(
+            f'parameter channels is {config.channels}: with windows of {times} at '
+            f'{config.sample_rate_hz:g} Hz they take {needed / 1e9:.3g} GB of memory, allowed: '
+            f'{allowed / 1e9:.3g} GB'
+        )
