@@ -18,7 +18,7 @@ from slip_detector.commands.tune import TuningParameters
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.reading import read_yaml
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import Problem, searched

@@ -22,7 +22,7 @@ from slip_detector.evaluation.labelled_rows import SLIP
 from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.reading import read_yaml
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import Scene, find_scene
 
 #: Seeds of the slips that are recorded, and of those that the result is judged on.

@@ -8,6 +8,7 @@ import argparse
 import gc
 import importlib
 import os
+import re
 import sys
 from collections.abc import Callable
 from typing import NoReturn
@@ -46,9 +47,11 @@ def whole_number(low: int, high: int | None = None) -> Callable[[str], int]:
     allowed = f'a whole number from {low}' if high is None else f'a whole number, {low} to {high}'
 
     def read(text: str) -> int:
-        if not text.isdecimal() or int(text) < low or (high is not None and int(text) > high):
+        # Not each digit of Unicode, and no more digits than int() takes.
+        number = int(text) if re.fullmatch('[0-9]{1,18}', text) else -1
+        if number < low or (high is not None and number > high):
             raise argparse.ArgumentTypeError(f'is {text!r}, allowed: {allowed}')
-        return int(text)
+        return number
 
     return read
 

@@ -31,7 +31,7 @@ def shown(value: Any) -> str:
 
 def _number(value: Any, kind: type, where: str) -> Any:
     """Return a value as int or float; raise a ValueError where it is not such a number."""
-    if isinstance(value, str) and kind is float:
+    if isinstance(value, str) and value.isascii() and kind is float:
         # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number.
         with contextlib.suppress(ValueError):
             value = float(value)
@@ -139,7 +139,7 @@ def _vote(value: Any, where: str) -> str | int:
     if value in ('all', 'mean'):
         return str(value)
     text = str(value)
-    if not isinstance(value, bool) and text.isdecimal() and int(text) >= 1:
+    if not isinstance(value, bool) and re.fullmatch('[0-9]{1,9}', text) and int(text) >= 1:
         return int(text)
     raise ValueError(f'{where} is {shown(value)}, allowed: all, mean, or a whole number from 1')
 

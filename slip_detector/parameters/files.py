@@ -63,6 +63,30 @@ def _bring_to_disk(path: Path) -> None:
         os.close(descriptor)
 
 
+def read_limited(path: str | Path, most_bytes: int) -> bytes:
+    """Return the content of a file, which may be a device without end.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be read or is larger than ``most_bytes``; names it.
+
+    Examples
+    --------
+    >>> read_limited('/dev/zero', 1000)
+    Traceback (most recent call last):
+    ValueError: /dev/zero: has more than 1000 bytes, allowed: fewer
+    """
+    try:
+        with open(path, 'rb') as file:
+            content = file.read(most_bytes + 1)
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
+    if len(content) > most_bytes:
+        raise ValueError(f'{path}: has more than {most_bytes} bytes, allowed: fewer')
+    return content
+
+
 @contextlib.contextmanager
 def write_errors_of(path: str | Path) -> Iterator[None]:
     """Within a block, make each error of the file system one line that names the path.

@@ -1,11 +1,11 @@
 """Reads ROS parameter files."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
+from slip_detector.parameters.yaml_files import read_yaml
 
 #: Parameters that rclpy itself declares and reads, on every node.
 OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
@@ -14,64 +14,6 @@ OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 #: A set enters itself when its class is defined. Where one set is a part of another, as the
 #: chain's of the detector's, it is a base class of it and is replaced by it here.
 SECTIONS: dict[str, type[Any]] = {}
-
-
-def read_yaml(path: str | Path) -> dict[str, Any]:
-    """Read a YAML file of names and values.
-
-    Raises
-    ------
-    ValueError
-        When the file is missing, is not YAML or has no names; says which file and line.
-
-    Examples
-    --------
-    >>> from slip_detector.parameters.shared_folder import shared_folder
-    >>> list(read_yaml(shared_folder() / 'config' / 'slip_detector.yaml'))
-    ['/**/slip_detector', '/**/slip_driver']
-    """
-    document = parse_yaml(path, yaml.safe_load)
-    if not isinstance(document, dict):
-        raise ValueError(f'{path}: is not a YAML file of names and values')
-    return {str(name): value for name, value in document.items()}
-
-
-def parse_yaml(path: str | Path, parse: Callable[[str], Any]) -> Any:
-    """Return what a parser makes of the text of a YAML file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    parse
-        A parser of PyYAML.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be read or is not YAML; says which file and line.
-
-    Examples
-    --------
-    >>> parse_yaml('no such file.yaml', yaml.safe_load)
-    Traceback (most recent call last):
-    ValueError: no such file.yaml: cannot be read (No such file or directory)
-    """
-    try:
-        return parse(Path(path).read_text(encoding='utf-8'))
-    except OSError as error:
-        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
-    except UnicodeDecodeError:
-        raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
-    except ValueError as error:  # for example an impossible date
-        raise ValueError(f'{path}: is not YAML ({error})') from None
-    except RecursionError:
-        raise ValueError(f'{path}: is nested too deeply') from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        line = f' line {mark.line + 1}' if mark else ''
-        problem = getattr(error, 'problem', None) or 'cannot be parsed'
-        raise ValueError(f'{path}:{line} is not YAML ({problem})') from None
 
 
 def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
@@ -114,7 +56,7 @@ def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
         if node_of(section) == node and '*' not in section:
             of_namespaces.append(section)
         if node_of(section) in (node, '**'):
-            merged.update(_flattened(parameters))
+            merged.update(_flattened(parameters, f'{path}: section {section}'))
     if len(of_namespaces) > 1:
         raise ValueError(
             f'{path}: has sections for {", ".join(of_namespaces)}, allowed: one namespace'
@@ -155,9 +97,9 @@ def names_for_others(path: str | Path, node: str) -> set[str]:
     for_node: set[str] = set()
     for section, parameters in sections_of(read_yaml(path), str(path)):
         if node_of(section) == '**':
-            for_all.update(_flattened(parameters))
+            for_all.update(_flattened(parameters, f'{path}: section {section}'))
         elif node_of(section) == node:
-            for_node.update(_flattened(parameters))
+            for_node.update(_flattened(parameters, f'{path}: section {section}'))
     return {
         name
         for name in for_all - for_node
@@ -266,12 +208,15 @@ def node_of(section: str) -> str:
     return section.rsplit('/', 1)[-1]
 
 
-def _flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+def _flattened(values: Mapping[str, Any], where: str, prefix: str = '') -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in values.items():
         name = f'{prefix}{key}'
+        inner = {name: value}
         if isinstance(value, Mapping):
-            flat.update(_flattened(value, f'{name}.'))
-        else:
-            flat[name] = value
+            inner = _flattened(value, where, f'{name}.')
+        again = flat.keys() & inner
+        if again:
+            raise ValueError(f'{where} has {min(again)} again, allowed: once')
+        flat.update(inner)
     return flat

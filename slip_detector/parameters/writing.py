@@ -8,7 +8,8 @@ import yaml
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import whole_file
-from slip_detector.parameters.reading import node_of, read_yaml, sections_of
+from slip_detector.parameters.reading import node_of, sections_of
+from slip_detector.parameters.yaml_files import read_yaml
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -81,6 +81,7 @@ class BagRecording(Recording):
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
+        self.counts.doubts = '; '.join(self._storage.doubts)
         truth_at = self._truth()
         decoder = self._decoder(self._topic, self._field)
         messages = 0

@@ -12,6 +12,7 @@ import yaml
 from slip_detector.recordings.compression import zstd
 from slip_detector.recordings.damaged_database import DamagedDatabase
 from slip_detector.recordings.damaged_mcap import DamagedMcap
+from slip_detector.recordings.mcap_checksums import without_checksum
 from slip_detector.recordings.topics import Message, Topic
 
 #: A folder that has this file is a bag.
@@ -66,6 +67,8 @@ class BagStorage:
         Number of messages of each topic, by its name, where the bag has it.
     lost : list of str
         What could not be read in the last reading.
+    doubts : list of str
+        Why damage would go unseen.
 
     Raises
     ------
@@ -92,6 +95,11 @@ class BagStorage:
                 topics = [topic for reader in readers for topic in reader.topics]
                 self.lost = [f'{reader.name} {reader.lost}' for reader in readers if reader.lost]
         self.counts = dict(counts)
+        self.doubts = [
+            f'{file.name} {line}'
+            for file in _files(path)
+            if file.suffix == '.mcap' and (line := without_checksum(file))
+        ]
         by_name = {topic.name: topic for topic in topics}
         self.topics = [by_name[name] for name in sorted(by_name)]
 

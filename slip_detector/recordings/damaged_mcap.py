@@ -15,9 +15,9 @@ from slip_detector.recordings.compression import decompressor
 from slip_detector.recordings.topics import Message, Topic
 
 #: Each record of an MCAP file begins with its kind and its length in bytes.
-_RECORD = struct.Struct('<BQ')
-_MAGIC = b'\x89MCAP0\r\n'
-_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
+RECORD = struct.Struct('<BQ')
+MAGIC = b'\x89MCAP0\r\n'
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, CHUNK = range(1, 7)
 #: The record after the last message; an index follows.
 _DATA_END = 15
 
@@ -74,16 +74,16 @@ class DamagedMcap:
         self.lost = ''
         size = self._path.stat().st_size
         with open(self._path, 'rb') as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
+            if file.read(len(MAGIC)) != MAGIC:
                 raise ValueError(f'{self.name}: is broken or not mcap')
             while True:
                 begin = file.tell()
-                head = file.read(_RECORD.size)
-                kind, length = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, 0)
+                head = file.read(RECORD.size)
+                kind, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
                 whole = file.tell() + length <= size
                 if kind in (_DATA_END, _FOOTER) and whole:
                     return
-                if kind == _CHUNK:
+                if kind == CHUNK:
                     right = yield from _in_chunk(file.read(min(length, size)), whole)
                     if not right and whole:
                         self.lost = self.lost or f'is damaged at byte {begin} of {size}'
@@ -108,9 +108,9 @@ def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, b
     if whole and len(content) == length and not right:
         return False  # Some byte is wrong, and it is not known which one.
     begin = 0
-    while begin + _RECORD.size <= len(content):
-        kind, n = _RECORD.unpack_from(content, begin)
-        begin += _RECORD.size
+    while begin + RECORD.size <= len(content):
+        kind, n = RECORD.unpack_from(content, begin)
+        begin += RECORD.size
         if begin + n > len(content):
             return False
         yield kind, content[begin : begin + n]

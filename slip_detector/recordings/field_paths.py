@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 #: Labels of the two dimensions of a ``*MultiArray`` that carries several samples.
 BATCH_LABELS = ['sample', 'channel']
 
-_STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(?P<index>\[\d*\])?')
+_STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(?P<index>\[\d{0,9}\])?', re.ASCII)
 _SYNTAX = 'names joined by dots, each perhaps with [] (all elements) or [2] (the third)'
 
 

@@ -1,7 +1,6 @@
 """Labels of true slip that a person wrote: a file of intervals beside the recording."""
 
 import itertools
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,7 +8,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from slip_detector.parameters.reading import parse_yaml
+from slip_detector.parameters.yaml_files import compose_yaml
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -152,7 +151,7 @@ def read_labels(path: Path) -> Labels:
     >>> labels.at(np.array([0, 1_000_000_000, 2_500_000_000]))
     array([False,  True, False])
     """
-    node = parse_yaml(path, partial(yaml.compose, Loader=yaml.SafeLoader))
+    node = compose_yaml(path)
     intervals = sorted(_interval(item, path) for item in _items(node, path))
     for before, one in itertools.pairwise(intervals):
         if one.start_s < before.end_s:
@@ -175,8 +174,6 @@ def _items(node: 'yaml.Node | None', path: Path) -> list[yaml.Node]:
         if key.value != KEY:
             name = key.value if isinstance(key, yaml.ScalarNode) else 'a key that is no name'
             raise ValueError(f'{path}: line {line}: has {name}, allowed: {KEY}')
-        if items is not None:
-            raise ValueError(f'{path}: line {line}: has {KEY} again, allowed: once')
         if not isinstance(value, yaml.SequenceNode):
             raise ValueError(f'{path}: line {line}: {KEY} is no list, allowed: [start, end] pairs')
         items = value.value

@@ -91,6 +91,20 @@ class NpzRecording(Recording):
                 'numbers of nanoseconds'
             )
         self.channel_names = default_channel_names(channels)
+        self._check_no_other_stamps(n)
+
+    def _check_no_other_stamps(self, n: int) -> None:
+        """Refuse an array of stamps under another name: the rows would get made-up ones."""
+        if STAMPS_KEY in self._names:
+            return
+        with _archive(self.path) as archive:
+            for name in sorted(set(self._names) - set(self._keys)):
+                named = 'stamp' in name.lower() or 'time' in name.lower()
+                if named and _RowArray(archive, name).n_rows == n > 1:
+                    raise ValueError(
+                        f'{self.path}: has {name} but no {STAMPS_KEY}, allowed: the stamps as '
+                        f'{STAMPS_KEY}, in whole nanoseconds, or no times'
+                    )
 
     def _arrays(self, archive: zipfile.ZipFile) -> 'dict[str, _RowArray]':
         """Open the arrays that have a value for each row."""

@@ -44,6 +44,8 @@ class RecordingCounts:
         not those of the first message.
     lost : str
         One line on the part of a damaged bag that could not be read; empty where all was read.
+    doubts : str
+        One line on why damage may have gone unseen; empty where it would have been seen.
     """
 
     rows: int = 0
@@ -53,6 +55,7 @@ class RecordingCounts:
     bad_samples: int = 0
     dropped: int = 0
     lost: str = ''
+    doubts: str = ''
 
 
 class Recording:

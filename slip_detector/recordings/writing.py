@@ -12,6 +12,7 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import whole_file, write_errors_of
 from slip_detector.recordings.bag_storage import load_rosbags
+from slip_detector.recordings.mcap_checksums import write_checksums
 from slip_detector.recordings.message_encoder import JointStateEncoder
 from slip_detector.recordings.topics import BOOL, JOINT_STATE, standard_typestore
 
@@ -126,6 +127,8 @@ def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], fram
             _write_messages(writer, pieces, names, frame_id)
     except sqlite3.Error as error:  # where other files raise an OSError, as on a full disk
         raise OSError(str(error)) from None
+    if plugin is rosbag2.StoragePlugin.MCAP:
+        write_checksums(folder / f'{folder.name}.mcap')
     if path.suffix:
         os.replace(folder / f'{folder.name}{path.suffix}', path)
 

@@ -97,8 +97,13 @@ def write_evaluation_report(
     variants = [Variant('given', config, overviews, figures)]
     written = []
     if page is not None:
-        lost = [f'{title}: {one.counts.lost}' for title, one in titles.items() if one.counts.lost]
-        write_page(page, f'Slips and alarms: {", ".join(sets)}', variants, notes=lost)
+        notes = [
+            f'{title}: {line}'
+            for title, one in titles.items()
+            for line in (one.counts.lost, one.counts.doubts)
+            if line
+        ]
+        write_page(page, f'Slips and alarms: {", ".join(sets)}', variants, notes=notes)
         written.append(page)
     if folder is not None:
         written += write_pictures(folder, variants)

@@ -121,6 +121,9 @@ TABLE_SECTIONS = (
     ),
 )
 
+#: Of a recording, one line each.
+NOTES = ('lost', 'doubts')
+
 #: Printed where the last section is left out.
 NOTHING_MET = '{}: no bad samples, no gaps, no rows dropped'
 
@@ -150,7 +153,7 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
         files = whole['recordings'].items()
         if not any(whole[column] for column in TABLE_SECTIONS[-1].columns):
             notes.append(NOTHING_MET.format(name))
-        notes += [f'{file}: {one["lost"]}' for file, one in files if one['lost']]
+        notes += [f'{file}: {one[key]}' for file, one in files for key in NOTES if one[key]]
     if len(report['sets']) > 1:
         blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']}, report['all'])
     if any(cell == UNDEFINED for block in blocks for line in block for cell in line):

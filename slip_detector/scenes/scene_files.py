@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from slip_detector.parameters.reading import read_yaml
 from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes.scene import Scene
 
 

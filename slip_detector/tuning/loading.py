@@ -76,7 +76,7 @@ def _faults(counts: RecordingCounts) -> str:
         'rows dropped': counts.dropped,
     }
     parts = [f'{number} {what}' for what, number in many.items() if number > 0]
-    return ', '.join(parts + ([counts.lost] if counts.lost else []))
+    return ', '.join([*parts, *filter(None, (counts.lost, counts.doubts))])
 
 
 class TrainingFiles(NamedTuple):

@@ -10,7 +10,7 @@ from benchmarks.scenes.build import build_scene
 from benchmarks.scenes.costs import scene_costs
 from benchmarks.scenes.ode import Ode
 from benchmarks.scenes.precision import scene_precision
-from slip_detector.parameters.reading import read_yaml
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import find_scene
 from support.benchmark_scenes import SHORT_OBJECT, SHORT_PLATE, SIZES, written
 

@@ -1,11 +1,12 @@
 """The commands as processes: what a user sees before anything is computed."""
 
+import argparse
 import subprocess
 import sys
 
 import pytest
 
-from slip_detector.commands.command_line import run
+from slip_detector.commands.command_line import run, whole_number
 
 INTERRUPTED = """
 import sys
@@ -56,3 +57,10 @@ def test_an_error_and_an_interrupt_of_a_command_are_one_line_and_an_exit_code(ca
     assert capsys.readouterr() == ('', 'slip_tune: trial.npz: has no label\n')
     assert run('slip_tune', interrupted) == 130
     assert capsys.readouterr() == ('', 'slip_tune: ended before it was done\n')
+
+
+@pytest.mark.parametrize('text', ['٣', '³', '1_0', '+3', '-1', '', '9' * 5000])
+def test_a_whole_number_is_written_in_the_digits_that_all_read(text):
+    with pytest.raises(argparse.ArgumentTypeError, match='allowed: a whole number from 1'):
+        whole_number(1)(text)
+    assert whole_number(1, 20)('12') == 12

@@ -22,7 +22,7 @@ from slip_detector.evaluation.protocol_trials import (
 )
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.reading import read_yaml
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import SceneSamples, find_scene
 
 RATE_HZ = 100.0

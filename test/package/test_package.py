@@ -13,8 +13,9 @@ import yaml
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.reading import SECTIONS, read_yaml
+from slip_detector.parameters.reading import SECTIONS
 from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import find_scene
 
 ROOT = Path(__file__).resolve().parents[2]

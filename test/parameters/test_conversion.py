@@ -67,3 +67,16 @@ def test_any_float_is_taken_or_refused_in_one_line(value):
             assert re.fullmatch(r'parameter \w+ .+, allowed: .+', message)
         else:
             assert getattr(config, field.name) == value
+
+
+@pytest.mark.parametrize('vote', ['٣', '³', '1_0', ' 3', '0', '1' * 5000, 0, -1, True])
+def test_a_vote_is_a_number_in_the_digits_that_all_read(vote):
+    said = f'parameter vote is {vote!r}, allowed: all, mean, or a whole number from 1'
+    assert message_of(ChainConfig, vote=vote) == said
+
+
+@pytest.mark.parametrize('text', ['٣', '٣.٣'])
+def test_a_number_in_other_digits_is_no_number(text):
+    assert message_of(ChainConfig, threshold=text) == (
+        f'parameter threshold is {text!r}, allowed: a number'
+    )

@@ -5,7 +5,7 @@ import pytest
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.reading import names_for_others, read_parameter_file, read_yaml
+from slip_detector.parameters.reading import names_for_others, read_parameter_file
 from support.config_cases import SETS, message_of
 
 
@@ -219,7 +219,8 @@ def test_a_parameter_of_another_node_is_refused_in_a_nodes_own_section(write):
     assert DetectorConfig.from_yaml(path).threshold == 0.7
 
 
-def test_a_file_that_is_nested_too_deeply_is_named(tmp_path):
-    path = tmp_path / 'deep.yaml'
-    path.write_text('[' * 5000)
-    assert message_of(read_yaml, path) == f'{path}: is nested too deeply'
+def test_a_name_that_is_given_nested_and_flat_is_refused(write):
+    path = write('slip_detector:\n  ros__parameters:\n    groups: {a: [1]}\n    groups.a: [2]\n')
+    assert message_of(read_parameter_file, path, 'slip_detector') == (
+        f'{path}: section slip_detector has groups.a again, allowed: once'
+    )

@@ -98,7 +98,7 @@ def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recordi
         ('slip_s:\n- [4, 3]', ': line 2: the slip [4, 3] s is empty'),
         ('slips:\n- [1, 2]', ': line 1: has slips, allowed: slip_s'),
         ('slip_s: []\nunit: ms', ': line 2: has unit, allowed: slip_s'),
-        ('slip_s: []\nslip_s: []', ': line 2: has slip_s again, allowed: once'),
+        ('slip_s: []\nslip_s: []', ': line 2: has slip_s again, as in line 1, allowed: once'),
         ('slip_s: 3', ': line 1: slip_s is no list, allowed: [start, end] pairs'),
         ('slip_s:', ': line 1: slip_s is no list'),
         ('slip_s:\n- 1\n- 2', ': line 2: is no pair, allowed: [start, end] in seconds'),

@@ -139,3 +139,13 @@ def test_rows_are_read_in_either_order_of_the_array(tmp_path, order):
         pieces = list(open_recording(path).read())
     assert [len(piece.volts) for piece in pieces] == [7, 7, 6]
     np.testing.assert_array_equal(np.concatenate([piece.volts for piece in pieces]), volts)
+
+
+@pytest.mark.parametrize('name', ['stamps', 'stamp_ns', 'timestamps_ns', 'Time', 'time_s'])
+def test_stamps_under_another_name_are_refused_and_not_made_up(tmp_path, name):
+    stamps = np.arange(len(VOLTS)) ** 2
+    said = complaint(save_npz(tmp_path / 'a.npz', **{name: stamps}))
+    assert said.startswith(f': has {name} but no stamps_ns, allowed: the stamps as stamps_ns')
+    path = save_npz(tmp_path / 'b.npz', stamps_ns=stamps, **{name: stamps})
+    assert open_recording(path).array(name).tolist() == stamps.tolist()
+    assert open_recording(save_npz(tmp_path / 'c.npz', **{name: 5.0})).sample_rate_hz

@@ -11,12 +11,14 @@ def test_what_was_lost_of_a_recording_is_said():
     counts = dict.fromkeys(['bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'], 0)
     whole = {**figures, **counts}
     recordings = {
-        'a.mcap': {**whole, 'lost': 'is cut off at byte 9'},
-        'b.mcap': {**whole, 'lost': ''},
+        'a.mcap': {**whole, 'lost': 'is cut off at byte 9', 'doubts': ''},
+        'b.mcap': {**whole, 'lost': '', 'doubts': ''},
+        'c.mcap': {**whole, 'lost': '', 'doubts': 'has no checksums'},
     }
     report = {'sets': {'x': {**whole, 'recordings': recordings}}, 'all': whole}
     lines = evaluation_tables(report).splitlines()
     assert 'a.mcap: is cut off at byte 9' in lines
+    assert 'c.mcap: has no checksums' in lines
     assert not any(line.startswith('b.mcap:') for line in lines)
 
 

@@ -1,0 +1,189 @@
+"""Reads YAML files, of which nothing is taken that a reader would not expect.
+
+A name stands once, and a number is decimal: YAML 1.1 takes the last of two equal names, and reads
+``1:30`` as 90 and ``020`` as 16. The size of a file, its depth and the number of its values have
+limits, which are checked before anything is built of it: aliases let a small file stand for
+billions of values.
+"""
+
+import contextlib
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from slip_detector.parameters.files import read_limited
+
+#: Largest size of a YAML file. A parameter file of a hundred channels has some 10 kB.
+MOST_BYTES = 1_000_000
+
+#: How deep lists and mappings may stand in each other.
+MOST_DEPTH = 32
+
+#: Largest number of values of a file, each alias counted as what it stands for.
+MOST_VALUES = 100_000
+
+#: Numbers that are read as they look.
+_PLAIN_NUMBER = re.compile(
+    r'[-+]?(0|[1-9][0-9]*|0x[0-9a-fA-F]+|([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?'
+    r'|\.(inf|Inf|INF))|\.(nan|NaN|NAN)'
+)
+
+_NUMBER_TAGS = ('tag:yaml.org,2002:int', 'tag:yaml.org,2002:float')
+
+
+class _Loader(yaml.SafeLoader):
+    """Checks depth and number of values while nodes are made of the text.
+
+    Parameters
+    ----------
+    text
+        The text.
+    path
+        The file, for messages.
+    """
+
+    def __init__(self, text: str, path: str | Path) -> None:
+        super().__init__(text)
+        self._path, self._depth, self._values = path, 0, 0
+        self._of_anchor: dict[str, int] = {}
+        self._open: list[str] = []
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Make the next node; an alias counts as what it stands for."""
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        where = f'{self._path}: line {event.start_mark.line + 1}'
+        before = self._values
+        is_alias = isinstance(event, yaml.AliasEvent)
+        if is_alias and event.anchor in self._open:
+            raise ValueError(f'{where} holds itself, allowed: names and values')
+        self._values += self._of_anchor.get(event.anchor, 0) if is_alias else 1
+        if self._values > MOST_VALUES:
+            raise ValueError(f'{where} begins what is too much, allowed: {MOST_VALUES} values')
+        if self._depth == MOST_DEPTH:
+            raise ValueError(f'{where} is nested too deeply, allowed: {MOST_DEPTH} deep')
+        self._depth += 1
+        if event.anchor is not None:
+            self._open.append(event.anchor)
+        node: yaml.Node | None = super().compose_node(parent, index)  # type: ignore[arg-type]
+        if event.anchor is not None:
+            self._open.pop()
+            if not is_alias:
+                self._of_anchor[event.anchor] = self._values - before
+        self._depth -= 1
+        return node
+
+
+def read_yaml(path: str | Path) -> dict[str, Any]:
+    """Read a YAML file of names and values.
+
+    Raises
+    ------
+    ValueError
+        When the file is missing, is not YAML or has no names, when a name stands twice or a
+        number is not decimal, and when the file is too large; says which file and line.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters.shared_folder import shared_folder
+    >>> list(read_yaml(shared_folder() / 'config' / 'slip_detector.yaml'))
+    ['/**/slip_detector', '/**/slip_driver']
+    """
+    node = compose_yaml(path)
+    for scalar in _scalars(node):
+        if scalar.tag in _NUMBER_TAGS and not _PLAIN_NUMBER.fullmatch(scalar.value):
+            raise ValueError(
+                f'{path}: line {scalar.start_mark.line + 1}: {scalar.value} is not a number as it '
+                'looks, allowed: a decimal number, or a text in quotes'
+            )
+    try:
+        with _yaml_errors(path):
+            document = yaml.SafeLoader('').construct_document(node) if node else None
+    except (ValueError, OverflowError) as error:  # for example an impossible date
+        said = str(error)
+        where = said if said.startswith(str(path)) else f'{path}: is not YAML ({said})'
+        raise ValueError(where) from None
+    if not isinstance(document, dict):
+        raise ValueError(f'{path}: is not a YAML file of names and values')
+    return {str(name): value for name, value in document.items()}
+
+
+def compose_yaml(path: str | Path) -> yaml.Node | None:
+    """Read a YAML file as a node, which knows its lines; None: the file is empty.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be read, is not YAML or is too large, or a name stands twice; says
+        which file and line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / 'a.yaml'
+    ...     _ = file.write_text('slip_s: [[1.0, 2.5]]')
+    ...     compose_yaml(file).value[0][0].value
+    'slip_s'
+    """
+    try:
+        text = read_limited(path, MOST_BYTES).decode()
+    except UnicodeDecodeError:
+        raise ValueError(f'{path}: is not text, allowed: a YAML file') from None
+    with _yaml_errors(path):
+        node: yaml.Node | None = _Loader(text, path).get_single_node()
+    _check_names(node, path)
+    return node
+
+
+@contextlib.contextmanager
+def _yaml_errors(path: str | Path) -> Iterator[None]:
+    """Within a block, make each error of PyYAML one line that names file and line."""
+    try:
+        yield
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        line = f' line {mark.line + 1}' if mark else ''
+        problem = getattr(error, 'problem', None) or 'cannot be parsed'
+        raise ValueError(f'{path}:{line} is not YAML ({problem})') from None
+
+
+def _nodes(node: yaml.Node | None) -> Iterator[yaml.Node]:
+    """Yield a node and all in it, each once."""
+    left, seen = [node] if node else [], set()
+    while left:
+        one = left.pop()
+        if id(one) in seen:
+            continue
+        seen.add(id(one))
+        yield one
+        if isinstance(one, yaml.MappingNode):
+            left += [part for pair in one.value for part in pair]
+        elif isinstance(one, yaml.SequenceNode):
+            left += one.value
+
+
+def _scalars(node: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
+    """Yield the scalars of a node in the order of their lines."""
+    found = [one for one in _nodes(node) if isinstance(one, yaml.ScalarNode)]
+    yield from sorted(found, key=lambda one: one.start_mark.index)
+
+
+def _check_names(node: yaml.Node | None, path: str | Path) -> None:
+    """Check that each mapping has each name once; ``1`` and ``'1'`` are one name to us."""
+    for one in _nodes(node):
+        if not isinstance(one, yaml.MappingNode):
+            continue
+        lines: dict[str, int] = {}
+        for key, _ in one.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            line = key.start_mark.line + 1
+            if key.value in lines:
+                raise ValueError(
+                    f'{path}: line {line}: has {key.value} again, as in line {lines[key.value]}, '
+                    'allowed: once'
+                )
+            lines[key.value] = line

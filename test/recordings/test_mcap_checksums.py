@@ -1,0 +1,92 @@
+"""Checksums of the chunks of MCAP files: written, and missed where there are none."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+
+from slip_detector.recordings import open_recording, write_recording
+from slip_detector.recordings.mcap_checksums import chunks_of, without_checksum, write_checksums
+from support.bags import NAMES, gathered, rows
+from support.damaged_bags import read_of
+
+#: Of a whole file of this many rows each 37th byte is damaged.
+ROWS, STEP = 60, 37
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / 'a.mcap'
+    write_recording(path, [rows(ROWS)], 380.0, NAMES)
+    return path
+
+
+def take_checksums(path):
+    """Make a file as rosbags and fast recorders write it."""
+    content = bytearray(path.read_bytes())
+    for chunk in chunks_of(path):
+        content[chunk.begin + 24 : chunk.begin + 28] = bytes(4)
+    path.write_bytes(content)
+
+
+def test_a_recording_is_written_with_the_checksum_of_each_chunk(path):
+    content = path.read_bytes()
+    chunks = list(chunks_of(path))
+    assert chunks
+    for begin, length, checksum in chunks:
+        assert checksum == zlib.crc32(content[begin + 40 : begin + length])
+    assert without_checksum(path) == ''
+    assert read_of(path)[1] == ''
+    before = path.read_bytes()
+    write_checksums(path)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize('in_folder', [True, False])
+def test_no_damage_to_a_recording_changes_rows_unseen(tmp_path, in_folder):
+    path = tmp_path / ('a' if in_folder else 'a.mcap')
+    written = rows(ROWS)
+    write_recording(path, [written], 380.0, NAMES)
+    file = path / 'a.mcap' if in_folder else path
+    whole = file.read_bytes()
+    seen = 0
+    for place in range(0, len(whole), STEP):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << place % 8
+        file.write_bytes(damaged)
+        try:
+            recording = open_recording(path)
+            read = gathered(recording)
+        except ValueError:
+            seen += 1
+            continue
+        same = (
+            read.volts.tobytes() == written.volts.tobytes()
+            and np.array_equal(read.stamps_ns, written.stamps_ns)
+            and (read.truth is None or np.array_equal(read.truth, written.truth))
+        )
+        counts = recording.counts
+        seen += not same
+        assert same or counts.lost or counts.dropped or counts.doubts, place
+    assert seen > len(whole) / STEP / 2
+
+
+def test_a_file_without_checksums_is_said_to_have_none(path):
+    take_checksums(path)
+    recording = open_recording(path)
+    assert len(gathered(recording).volts) == ROWS
+    assert recording.counts.doubts == ('a.mcap has no checksums, so that damage may go unseen')
+
+
+def test_some_chunks_without_a_checksum_are_counted(tmp_path):
+    def chunk(checksum):
+        content = struct.pack('<QQQI', 0, 0, 0, checksum) + bytes(12)
+        return struct.pack('<BQ', 6, len(content)) + content
+
+    path = tmp_path / 'a.mcap'
+    path.write_bytes(b'\x89MCAP0\r\n' + chunk(0) + chunk(7) + chunk(0) + chunk(8)[:-1])
+    assert [one.checksum for one in chunks_of(path)] == [0, 7, 0]
+    assert without_checksum(path).startswith('has no checksums in 2 of 3 chunks,')
