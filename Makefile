@@ -77,7 +77,7 @@ $(VENV)/installed: setup.py
 $(OLDER)/installed: setup.py
 	$(PYTHON) -m venv $(OLDER)
 	$(OLDER)/bin/python -m pip install --quiet --editable '.[bags,numba,tune]' 'numpy==1.26.*' \
-		'scipy==1.11.*' hypothesis pytest pytest-timeout pytest-xdist
+		'scipy==1.11.*' hypothesis 'pytest<9' pytest-timeout pytest-xdist
 	touch $@
 
 $(CHECKS):

@@ -89,6 +89,7 @@ RUN_BY = {
     'ros2 run slip_detector slip_detector': (
         'test/nodes/test_detector.py::test_every_topic_says_what_the_chain_decides'
     ),
+    'ros2 launch': 'test/launch/test_launch_ends.py::test_a_signal_leaves_no_node_behind',
     'ros2 launch slip_detector slip_detector.launch.py': (
         'test/launch/test_launch_slip_detector.py::TestTopics'
     ),

@@ -1,37 +1,19 @@
 """What launch files refuse before they start a node."""
 
 import subprocess
-import sys
 
 import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
 from support.harness import package_share
+from support.launching import launching
 
 reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
 pytest.importorskip('launch', reason=reason)
 pytest.importorskip('launch_ros', reason=reason)
 
 SHARE = package_share()
-
-#: What `ros2 launch` does with a file and its arguments.
-LAUNCH = """
-import sys
-from launch import LaunchDescription, LaunchService
-from launch.actions import IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-
-file, *words = sys.argv[1:]
-arguments = [word.split(':=', 1) for word in words]
-service = LaunchService()
-service.include_launch_description(
-    LaunchDescription(
-        [IncludeLaunchDescription(PythonLaunchDescriptionSource(file), launch_arguments=arguments)]
-    )
-)
-sys.exit(service.run())
-"""
 
 
 @pytest.mark.parametrize(
@@ -44,8 +26,7 @@ sys.exit(service.run())
     ],
 )
 def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(argument, words):
-    file = SHARE / 'launch' / 'grasp.launch.py'
-    command = [sys.executable, '-c', LAUNCH, str(file), argument]
+    command = launching(SHARE / 'launch' / 'grasp.launch.py', argument)
     ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     said = ended.stdout + ended.stderr
     assert ended.returncode == 1, said

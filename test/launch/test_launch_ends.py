@@ -1,0 +1,69 @@
+"""A launch file that is ended by a signal."""
+
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from std_msgs.msg import Bool
+
+from slip_detector.nodes.messages import state_qos
+from support.harness import DEADLINE_S, package_share
+from support.launching import launching
+
+reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
+pytest.importorskip('launch', reason=reason)
+pytest.importorskip('launch_ros', reason=reason)
+
+FILE = package_share() / 'launch' / 'slip_detector.launch.py'
+
+
+def living(group):
+    """Return the processes of a group that have not ended, whether or not somebody asked."""
+    found = []
+    for stat in Path('/proc').glob('[0-9]*/stat'):
+        try:
+            _, _, rest = stat.read_text().rpartition(') ')
+        except OSError:
+            continue  # It has just gone.
+        state, _, its_group, *_ = rest.split()
+        if int(its_group) == group and state != 'Z':
+            found.append(int(stat.parent.name))
+    return found
+
+
+@pytest.mark.parametrize(
+    ('send', 'number', 'code'),
+    [
+        # As systemd does, supervisord with stopasgroup, and a terminal (SIGINT).
+        (os.killpg, signal.SIGTERM, -signal.SIGTERM),
+        (os.killpg, signal.SIGINT, 0),
+        (os.kill, signal.SIGINT, 0),
+    ],
+    ids=['SIGTERM to the group', 'SIGINT to the group', 'SIGINT to ros2 launch'],
+)
+def test_a_signal_leaves_no_node_behind(bench, tmp_path, send, number, code):
+    valid = bench.listen(Bool, 'slip_valid', state_qos())
+    with (tmp_path / 'log').open('w') as log:
+        launched = subprocess.Popen(
+            launching(FILE, 'source:=scene'),
+            env={**os.environ, 'ROS_DOMAIN_ID': str(bench.domain)},
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    try:
+        bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')
+        assert len(living(launched.pid)) == 3
+        send(launched.pid, number)
+        assert launched.wait(timeout=DEADLINE_S) == code
+        bench.wait_for(lambda: not living(launched.pid), 'all nodes to end')
+    finally:
+        for process in living(launched.pid):
+            os.kill(process, signal.SIGKILL)
+        launched.wait()
+    assert 'Traceback' not in (tmp_path / 'log').read_text()
