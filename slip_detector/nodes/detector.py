@@ -3,19 +3,19 @@
 import functools
 import threading
 import time
-from collections.abc import Callable
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.timer import Timer
+from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, LiveChain
 from slip_detector.chain.memory import check_memory
 from slip_detector.chain.stamps import Arrival, StampGrid
+from slip_detector.nodes.decorators import exclusive, explained
 from slip_detector.nodes.diagnostics import Diagnostics
 from slip_detector.nodes.health import Health
 from slip_detector.nodes.inputs import Input
@@ -23,6 +23,8 @@ from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs, check_topics
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, answer_impossible_transitions
+from slip_detector.nodes.senders import SenderWatch
+from slip_detector.nodes.timers import Timers
 from slip_detector.parameters.detector import DetectorConfig
 
 #: The input is checked this often within ``input_timeout_s``, and counts as lost when this share
@@ -36,43 +38,11 @@ LISTEN_S = 0.02
 #: Shortest time between two messages of the same kind on the log.
 LOG_PERIOD_NS = 1_000_000_000
 
+#: Several publishers of a topic count as such for at least so long after they were heard in turns.
+SEVERAL_S = 1.0
+
 #: Parameters that have an effect only while the node starts.
 FIXED = ('autostart',)
-
-
-Arguments = ParamSpec('Arguments')
-Returned = TypeVar('Returned')
-
-
-def _exclusive(
-    method: 'Callable[Concatenate[Detector, Arguments], Returned]',
-) -> 'Callable[Concatenate[Detector, Arguments], Returned]':
-    """Let only one thread at a time run the methods with this decorator."""
-
-    @functools.wraps(method)
-    def run(self: 'Detector', /, *words: Arguments.args, **named: Arguments.kwargs) -> Returned:
-        with self._lock:
-            return method(self, *words, **named)
-
-    return run
-
-
-def _explained(
-    method: 'Callable[[Detector, LifecycleState], TransitionCallbackReturn]',
-) -> 'Callable[[Detector, LifecycleState], TransitionCallbackReturn]':
-    """Keep, and log, why a transition has failed: rclpy drops the exception."""
-
-    @functools.wraps(method)
-    def run(self: 'Detector', state: LifecycleState) -> TransitionCallbackReturn:
-        try:
-            return method(self, state)
-        except Exception as error:
-            self._failed = ' '.join(str(error).split()) or type(error).__name__
-            if not self.config.autostart:  # else it ends the process
-                self.get_logger().error(self._failed)
-            return TransitionCallbackReturn.ERROR
-
-    return run
 
 
 class Detector(LifecycleNode):
@@ -101,7 +71,8 @@ class Detector(LifecycleNode):
         self._outputs: Outputs | None = None
         self._input: Input | None = None
         self._subscription: Any = None
-        self._timers_made: dict[str, Timer] = {}
+        self._of_others: Any = None
+        self._running_timers = Timers(self)
         answer_impossible_transitions(self)
         self._failed = ''
         if self.config.autostart:
@@ -111,8 +82,8 @@ class Detector(LifecycleNode):
 
     # The life of the node.
 
-    @_explained
-    @_exclusive
+    @explained
+    @exclusive
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the chain and the topics."""
         config = self.config
@@ -126,8 +97,8 @@ class Detector(LifecycleNode):
         )
         return TransitionCallbackReturn.SUCCESS
 
-    @_explained
-    @_exclusive
+    @explained
+    @exclusive
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe to the input."""
         self._chain.reset()
@@ -135,30 +106,33 @@ class Detector(LifecycleNode):
         self._diagnostics = Diagnostics(self)
         self._choose_clock()
         self._reported_s = time.monotonic()
-        self._start_timers('beat', 'look', 'report')
+        for name in ('beat', 'look', 'report'):
+            self._start_timer(name)
         self._listen()
+        self._listen_to_others()
         return TransitionCallbackReturn.SUCCESS
 
-    @_exclusive
+    @exclusive
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish that slip is not valid, then stop publishing."""
-        self._stop_timers(*self._timers_made)
+        self._running_timers.stop_all()
         self._deafen()
+        self.destroy_subscription(self._of_others)
         self._diagnostics.destroy()
         self._topics.withdraw()
         return TransitionCallbackReturn.SUCCESS
 
-    @_exclusive
+    @exclusive
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy the topics."""
         self._topics.destroy()
         self._outputs = None
         return TransitionCallbackReturn.SUCCESS
 
-    @_exclusive
+    @exclusive
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy everything, from any state."""
-        if self._timers_made:
+        if self._running_timers:
             self.on_deactivate(state)
         if self._outputs is not None:
             self.on_cleanup(state)
@@ -173,14 +147,14 @@ class Detector(LifecycleNode):
         assert self._outputs is not None, 'not configured'
         return self._outputs
 
-    @_exclusive
+    @exclusive
     def _listen(self) -> None:
         """Subscribe to the input; if the topic cannot be had, try again.
 
         A process can have a topic with one type only, and has it until the thread that waits for
         samples has let go of the subscription before.
         """
-        if self._subscription is not None or not self._timers_made:
+        if self._subscription is not None or not self._running_timers:
             return
         source = Input(self._running)
         source.replayed = self._replayed
@@ -198,10 +172,25 @@ class Detector(LifecycleNode):
         except ROS_ERROR:
             kind = self._running.input_type
             self._log('listen', f'this process has voltages with a type other than {kind}')
-            self._start_timers('listen')
+            self._start_timer('listen')
             return
         self._input = source
-        self._stop_timers('listen')
+        window_s = max(SEVERAL_S, self._running.input_timeout_s)
+        self._senders = SenderWatch(self, self._subscription, window_s)
+        self._running_timers.stop('listen')
+
+    def _listen_to_others(self) -> None:
+        """Notice another detector that publishes on the same topics, by its heartbeat."""
+        self._of_others = self.create_subscription(
+            Bool,
+            'slip_valid',
+            lambda raw, info: self._on_slip_valid(info),
+            sensor_qos(),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
+        )
+        window_s = max(SEVERAL_S, 3 / self._running.heartbeat_hz)
+        self._detectors = SenderWatch(self, self._of_others, window_s)
 
     def _deafen(self) -> None:
         """Ignore further samples, even those that the other thread has already received."""
@@ -230,9 +219,9 @@ class Detector(LifecycleNode):
     # timeout follows a replayed clock. A timer that another thread has just stopped may still be
     # called.
 
-    @_exclusive
+    @exclusive
     def _beat(self) -> None:
-        if self._timers_made:
+        if self._running_timers:
             self._topics.beat()
 
     def _choose_clock(self) -> None:
@@ -245,30 +234,20 @@ class Detector(LifecycleNode):
         # Time of the last check that found input, by the clock of the timeout.
         self._looked_ns, self._given_up = self._timeout_clock.now().nanoseconds, False
 
-    def _start_timers(self, *names: str) -> None:
-        """Start timers, again where they run: the others keep their time."""
+    def _start_timer(self, name: str) -> None:
         config = self._running
-        of_all = {
+        timers = {
             'beat': (1 / config.heartbeat_hz, self._beat, self._steady),
             'look': (config.input_timeout_s / LOOKS, self._look_for_input, self._timeout_clock),
             'report': (1.0, self._report, self._steady),
             'listen': (LISTEN_S, self._listen, self._steady),
         }
-        self._stop_timers(*names)
-        for name in names:
-            period_s, call, clock = of_all[name]
-            self._timers_made[name] = self.create_timer(period_s, call, clock=clock)
+        self._running_timers.start(name, *timers[name])
 
-    def _stop_timers(self, *names: str) -> None:
-        for name in names:
-            timer = self._timers_made.pop(name, None)
-            if timer is not None:
-                self.destroy_timer(timer)
-
-    @_exclusive
+    @exclusive
     def _look_for_input(self) -> None:
         """Withdraw the decisions when no samples arrive any more."""
-        if not self._timers_made:
+        if not self._running_timers:
             return
         now_ns = self._timeout_clock.now().nanoseconds
         if self._heard or now_ns < self._looked_ns:  # heard, or the clock was set back
@@ -283,14 +262,22 @@ class Detector(LifecycleNode):
             self._log('silent', 'no input any more')
             self._topics.withdraw()
 
-    @_exclusive
+    @exclusive
     def _report(self) -> None:
         """Publish the diagnostics."""
-        if not self._timers_made:
+        if not self._running_timers:
             return
         now_s = time.monotonic()
         health, topics = self._health, self._topics
         health.totals['onsets'] = topics.onsets
+        health.senders = [] if self._subscription is None else self._senders.names()
+        health.detectors = self._detectors.names()
+        for topic, names in (('voltages', health.senders), ('slip', health.detectors)):
+            if names:
+                self.get_logger().error(
+                    f'{topic} is published by {" and ".join(names)}, allowed: one of them; '
+                    'slip_valid is false'
+                )
         statuses = health.summary(
             now_s - self._reported_s,
             silent_s=now_s - self._heard_s,
@@ -324,7 +311,7 @@ class Detector(LifecycleNode):
         if self._swap():
             self.get_logger().info('the new filters have taken over')
 
-    @_exclusive
+    @exclusive
     def _swap(self) -> bool:
         """Use the new chain, if it is ready, from the next row on; return whether it was."""
         if self._outputs is None:
@@ -342,23 +329,30 @@ class Detector(LifecycleNode):
         self._health.configure(config)
         if differ & set(TOPIC_PARAMETERS):
             self._outputs = Outputs(self, config, self._outputs)
-        if not self._timers_made:
+        if not self._running_timers:
             return
         if differ & {'input_type', 'input_field'}:
             self._deafen()
-            self._start_timers('listen')
+            self._start_timer('listen')
         if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
             self._forget_input()
         self._stamp_grid.max_gap_s = config.max_gap_s
         if 'heartbeat_hz' in differ:
-            self._start_timers('beat')
+            self._start_timer('beat')
         if self._replayed != self._time_is_replayed():
             self._choose_clock()
             # Stamps by another clock are no gap.
             self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
-            self._start_timers('look')
+            self._start_timer('look')
         elif 'input_timeout_s' in differ:
-            self._start_timers('look')
+            self._start_timer('look')
+
+    @exclusive
+    def _on_slip_valid(self, info: dict[str, int | None]) -> None:
+        if self._running_timers:
+            self._detectors.accepts_message(info)
+            if self._detectors.several:
+                self._topics.withdraw()
 
     # The input.
 
@@ -371,6 +365,12 @@ class Detector(LifecycleNode):
         """Check the samples of a message, run them through the chain, publish what changed."""
         began_s = time.perf_counter()
         config = self._chain.config
+        if not self._senders.accepts_message(info):
+            self._health.totals['senders'] += 1
+            if self._senders.several:
+                self._heard = True
+                self._topics.withdraw()
+            return
         try:
             rows, at_ns, names, frame_id, number = source.read(raw, info)
         except ValueError as error:
@@ -404,7 +404,9 @@ class Detector(LifecycleNode):
         result = self._chain.update(rows, level=listened)
         self._last_row = rows[-1:]
         self._frame_id = frame_id
-        if len(rows) == 1:
+        if self._detectors.several:
+            pass  # What is published would be taken for the other one's.
+        elif len(rows) == 1:
             topics.announce(result.flags[0], at_ns, self._frame_id, settled=not unsettled)
         else:
             period_ns = self._stamp_grid.period_ns

@@ -83,6 +83,9 @@ class Health:
 
     def __init__(self, config: DetectorConfig) -> None:
         self.config = config
+        #: The nodes that publish the input, and those that publish slip, where too many do.
+        self.senders: Sequence[str] = ()
+        self.detectors: Sequence[str] = ()
         #: Counts since the start, by kind of event.
         self.totals: Counter[str] = Counter()
         self._totals_before: Counter[str] = Counter()
@@ -181,7 +184,12 @@ class Health:
         config = self.config
         status = Status('input')
         wanted_hz, rate_hz = config.sample_rate_hz, self.rate_hz()
-        if math.isinf(silent_s):
+        if self.senders:
+            status.complain(
+                Level.ERROR,
+                f'the input is published by {listed(self.senders)}: only one of them may',
+            )
+        elif math.isinf(silent_s):
             status.complain(
                 Level.ERROR, 'no samples yet: does the sensor run, on this topic, with this type?'
             )
@@ -252,6 +260,10 @@ class Health:
         status = Status('decisions')
         rows = sum(len(rows) for rows in self._rows)
         load = self._spent_s / passed_s if passed_s > 0 else 0.0
+        if self.detectors:
+            status.complain(
+                Level.ERROR, f'slip is published by {listed(self.detectors)}: only one of them may'
+            )
         if not valid:
             status.complain(Level.ERROR, 'slip_valid is false: slip has no meaning')
         if load > LOAD_WARNING:
@@ -290,6 +302,7 @@ COUNT_KEYS: Mapping[str, str] = {
     'channels': 'dropped, wrong number of channels',
     'names': 'dropped, wrong names',
     'field': 'dropped, no such field',
+    'senders': 'dropped, of several senders',
 }
 
 #: Names of the values that tell how old the samples are at their decision.

@@ -50,7 +50,8 @@ def _internal(owner: Any, name: str) -> Any:
         ) from None
 
 
-#: What is raised where the client library of ROS refuses; it is in the implementation only.
+#: What the library below rclpy raises, as for a name it does not take; only the implementation has
+#: it.
 ROS_ERROR: type[Exception] = _internal(rclpy_implementation, 'RCLError')
 
 
@@ -61,14 +62,6 @@ def given_parameters(node: Node) -> dict[str, Parameter]:
     Relies on ``Node._parameter_overrides``, which ``Node.declare_parameter`` reads.
     """
     return dict(_internal(node, '_parameter_overrides'))
-
-
-def is_rcl_error(error: BaseException) -> bool:
-    """Return whether an error is one of the library below rclpy, such as a name it does not take.
-
-    Relies on ``rclpy_implementation.RCLError``.
-    """
-    return isinstance(error, _internal(rclpy_implementation, 'RCLError'))
 
 
 def answer_impossible_transitions(node: LifecycleNode) -> None:
@@ -214,6 +207,15 @@ def subscriber_counter(publisher: Publisher) -> Callable[[], int]:
     counting. Relies on ``get_subscription_count`` of the handle.
     """
     count: Callable[[], int] = publisher.handle.get_subscription_count
+    return count
+
+
+def publisher_counter(subscription: Subscription) -> Callable[[], int]:
+    """Return a function that counts the publishers of a subscription, as long as that exists.
+
+    As :func:`subscriber_counter`; relies on ``get_publisher_count`` of the handle.
+    """
+    count: Callable[[], int] = subscription.handle.get_publisher_count
     return count
 
 

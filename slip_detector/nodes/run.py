@@ -58,9 +58,9 @@ def run(executable: str) -> int:
 
     from slip_detector.nodes.executor import LONGEST_WAIT_S, SampleExecutor
     from slip_detector.nodes.rclpy_internals import (
+        ROS_ERROR,
         ignore_impossible_times,
         ignore_what_a_signal_leaves,
-        is_rcl_error,
         shut_down,
     )
 
@@ -97,7 +97,7 @@ def run(executable: str) -> int:
         code = 1
     except Exception as error:
         # rcl cannot read a parameter file or an argument, or make a node of such a name.
-        if not initialised or (not takedowns and is_rcl_error(error)):
+        if not initialised or (not takedowns and isinstance(error, ROS_ERROR)):
             print(f'{executable}: {" ".join(str(error).split())}', file=sys.stderr)
             code = 1
         elif rclpy.ok():

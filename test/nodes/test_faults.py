@@ -5,7 +5,6 @@ In none of them may ``slip_valid`` be true, with ``slip`` ON or OFF, for longer 
 """
 
 import contextlib
-import itertools
 import math
 import signal
 import subprocess
@@ -14,118 +13,12 @@ import time
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
-from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos, time_message
-
-RATE_HZ = 380.0
-PERIOD_S = 1 / RATE_HZ
-TIMEOUT_S = 0.5
-
-#: What a busy machine may add to a time that the detector promises.
-SLACK_S = 0.5
-
-
-class Sensor:
-    """A sensor of the test's own: noise that slips, sent in real time, with any fault."""
-
-    def __init__(self, bench, output=None, **parameters):
-        self.bench, self._output = bench, output
-        self.reports = bench.listen(DiagnosticArray, '/diagnostics', 10)
-        # Each message with the time of its receipt.
-        self.slip, self.valid = [], []
-        for topic, heard in (('slip', self.slip), ('slip_valid', self.valid)):
-            bench.node.create_subscription(
-                Bool,
-                topic,
-                lambda message, heard=heard: heard.append((time.monotonic(), message.data)),
-                state_qos(depth=100),
-            )
-        self._voltages = bench.node.create_publisher(JointState, 'voltages', sensor_qos())
-        self._parameters = parameters
-        self.start()
-        self.random = np.random.default_rng(0)
-        self.next_s = time.monotonic()
-        # The clock of the sensor's stamps.
-        self.clock_s = time.time()
-        self.sent_s = -math.inf
-
-    def start(self):
-        self.process = self.bench.start(
-            'slip_detector', parameters=self._parameters, output=self._output
-        )
-        known = len(self.slip)
-        self.bench.wait_for(
-            lambda: len(self.slip) > known and self._voltages.get_subscription_count(),
-            'the detector',
-        )
-
-    def row(self, slipping=True):
-        """Return a row that slips, or one of a finger at rest."""
-        return 4.0 + (0.3 if slipping else 1e-4) * self.random.standard_normal(16)
-
-    def send(self, row, *, after_s=PERIOD_S, stamped_after_s=PERIOD_S):
-        """Publish a row, some time after the one before and stamped some time after it."""
-        self.next_s = max(self.next_s + after_s, time.monotonic() - 0.05)
-        while (ahead_s := self.next_s - time.monotonic()) > 0:
-            self.bench.executor.spin_once(timeout_sec=ahead_s)
-        self.clock_s += stamped_after_s
-        message = JointState(position=row)
-        message.header.stamp = time_message(round(self.clock_s * 1e9))
-        self._voltages.publish(message)
-        self.sent_s = time.monotonic()
-
-    def play(self, until, what, slipping=True, change=None):
-        """Send good samples until something holds."""
-        deadline_s = time.monotonic() + 60.0
-        for k in itertools.count():
-            if until():
-                return
-            if time.monotonic() > deadline_s:
-                pytest.fail(f'waited in vain for {what}:\n{self.process.log()}')
-            row = self.row(slipping)
-            self.send(row if change is None else change(k, row))
-
-    def slips(self):
-        """Play until slip is ON and valid."""
-        self.play(self.says_slip, 'slip')
-
-    def says_slip(self):
-        return bool(self.slip and self.valid and self.slip[-1][1] and self.valid[-1][1])
-
-    def fell(self):
-        return not self.valid[-1][1] and not self.slip[-1][1]
-
-    def fell_in_time(self):
-        """Check that slip_valid and slip fell in time after the last sample, of themselves."""
-        self.bench.wait_for(self.fell, 'slip_valid and slip to fall')
-        at_s = next(at for at, valid in reversed(self.valid[: self._first_false()]) if valid)
-        assert at_s - self.sent_s < TIMEOUT_S + SLACK_S
-
-    def _first_false(self):
-        """Return where the last run of false begins."""
-        n = len(self.valid)
-        while n and not self.valid[n - 1][1]:
-            n -= 1
-        return n
-
-    def told(self, part, words):
-        """Return whether the diagnostics say something."""
-        return any(
-            status.name.endswith(f': {part}') and words in status.message
-            for report in self.reports
-            for status in report.status
-        )
-
-    def goes_on(self):
-        """Check that the detector works as before."""
-        self.slips()
-        assert not self.process.ended()
-        assert 'Traceback' not in self.process.log()
+from slip_detector.nodes.messages import event_qos, state_qos
+from support.slipping_sensor import PERIOD_S, SLACK_S, TIMEOUT_S, Sensor
 
 
 def test_sensor_silent(bench):

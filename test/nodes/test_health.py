@@ -46,6 +46,22 @@ def test_all_is_well():
     assert statuses[2].values['time per row [ms]'] == '0.100'
 
 
+def test_who_publishes_beside_the_one_that_may_is_named():
+    health = Health(CONFIG)
+    first = fed(health, good(380))
+    health.senders = ['/index/slip_driver', '/slip_driver']
+    health.detectors = ['/slip_detector', '/slip_detector']
+    statuses = summed(health, valid=False)
+    assert statuses[0].message == (
+        'the input is published by /index/slip_driver, /slip_driver: only one of them may'
+    )
+    assert 'slip is published by /slip_detector, /slip_detector:' in statuses[2].message
+    assert [status.level for status in statuses] == [Level.ERROR, Level.OK, Level.ERROR]
+    health.senders = health.detectors = []
+    fed(health, good(380), first)
+    assert [status.level for status in summed(health)] == [Level.OK] * 3
+
+
 def test_rows_of_other_channels_are_forgotten_when_their_number_changes():
     health = Health(CONFIG)
     first = fed(health, good(100))

@@ -28,6 +28,7 @@ from slip_detector.nodes.rclpy_internals import (  # noqa: E402
     given_parameters,
     held,
     ignore_impossible_times,
+    publisher_counter,
     receiver,
     subscriber_counter,
     until_due_ns,
@@ -128,6 +129,17 @@ def test_subscribers_are_counted_as_rclpy_counts_them(node):
     while not count():
         pass
     assert count() == publisher.get_subscription_count() == 1
+
+
+def test_the_publishers_of_a_subscription_are_counted_as_rclpy_counts_them(node):
+    subscription = node.create_subscription(Bool, 'said', lambda message: None, event_qos())
+    count = publisher_counter(subscription)
+    assert count() == 0
+    for _ in range(2):
+        node.create_publisher(Bool, 'said', event_qos())
+    while count() < 2:
+        pass
+    assert count() == subscription.get_publisher_count()
 
 
 def test_a_guard_ends_the_wait_and_the_wait_takes_what_triggered_it(context, node):

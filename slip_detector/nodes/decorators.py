@@ -1,0 +1,46 @@
+"""What wraps methods of a managed node: one thread at a time, and words for what fails."""
+
+import functools
+from collections.abc import Callable
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+
+Arguments = ParamSpec('Arguments')
+Returned = TypeVar('Returned')
+Transition = Callable[[Any, LifecycleState], TransitionCallbackReturn]
+
+
+def exclusive(
+    method: Callable[Concatenate[Any, Arguments], Returned],
+) -> Callable[Concatenate[Any, Arguments], Returned]:
+    """Let only one thread at a time run the methods with this decorator.
+
+    The object has the lock as ``_lock``.
+    """
+
+    @functools.wraps(method)
+    def run(self: Any, /, *words: Arguments.args, **named: Arguments.kwargs) -> Returned:
+        with self._lock:
+            return method(self, *words, **named)
+
+    return run
+
+
+def explained(method: Transition) -> Transition:
+    """Keep why a transition has failed as ``_failed``, and log it: rclpy drops the exception.
+
+    With ``autostart`` the node reports it itself.
+    """
+
+    @functools.wraps(method)
+    def run(self: Any, state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            return method(self, state)
+        except Exception as error:
+            self._failed = ' '.join(str(error).split()) or type(error).__name__
+            if not self.config.autostart:
+                self.get_logger().error(self._failed)
+            return TransitionCallbackReturn.ERROR
+
+    return run

@@ -1,0 +1,107 @@
+"""Whether one publisher sends on a topic, or several at the same time."""
+
+import time
+
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from slip_detector.nodes.rclpy_internals import publisher_counter
+
+#: So many publishers are told from each other.
+MOST_SENDERS = 8
+
+
+class Senders:
+    """Tells by the numbers of messages whether several publishers send on a topic.
+
+    The middleware counts the messages of each publisher. So one message after another has the next
+    number, and of two publishers that both send the numbers go to and fro between two rows. A
+    publisher that only exists is not counted: one that was killed is known for some twenty
+    seconds more, and one that waits does no harm. Where the middleware does not count, each
+    publisher is taken to send.
+
+    Parameters
+    ----------
+    window_s
+        For so long after they were last heard in turns, several count as sending.
+
+    Examples
+    --------
+    >>> senders = Senders(window_s=1.0)
+    >>> [senders.accepts(number, publishers=1) for number in (7, 8, 10)], senders.several
+    ([True, True, True], False)
+    >>> [senders.accepts(number, publishers=2) for number in (11, 1, 12, 2)], senders.several
+    ([True, False, False, False], True)
+    """
+
+    def __init__(self, window_s: float) -> None:
+        self.window_s = window_s
+        # The number that was heard last of each row, the latest at the end.
+        self._rows: list[int] = []
+        self._several_s = float('-inf')
+
+    @property
+    def several(self) -> bool:
+        """Whether several publishers have been heard in turns within the window."""
+        return time.monotonic() - self._several_s < self.window_s
+
+    def accepts(self, number: int | None, publishers: int) -> bool:
+        """Take note of a message; return whether it is of the only publisher that sends.
+
+        Parameters
+        ----------
+        number
+            The number that the middleware gave to the message; None where it gives none.
+        publishers
+            How many publishers the topic has for the subscriber.
+        """
+        if publishers < 2:
+            self._rows = [] if number is None else [number]
+            self._several_s = float('-inf')
+            return True
+        if number is None:
+            self._several_s = time.monotonic()
+            return False
+        before = number - 1
+        goes_on = bool(self._rows) and self._rows[-1] == before
+        if before in self._rows:
+            if not goes_on:
+                self._several_s = time.monotonic()
+            self._rows.remove(before)
+            known = True
+        else:
+            # Another publisher, or messages before this one were lost.
+            known = False
+        self._rows = [*self._rows[1 - MOST_SENDERS :], number]
+        return known and not self.several
+
+
+class SenderWatch(Senders):
+    """Tells of a subscription whether several publishers send to it.
+
+    Parameters
+    ----------
+    node, subscription
+        The node, and its subscription, which takes messages with the middleware's information.
+    window_s
+        As of :class:`Senders`.
+    """
+
+    def __init__(self, node: Node, subscription: Subscription, window_s: float) -> None:
+        super().__init__(window_s)
+        self._node, self._topic = node, subscription.topic_name
+        self._publishers = publisher_counter(subscription)
+
+    def accepts_message(self, info: dict[str, int | None]) -> bool:
+        """Take note of a message; return whether it is of the only publisher that sends."""
+        return self.accepts(info['publication_sequence_number'], self._publishers())
+
+    def names(self) -> list[str]:
+        """Return the full names of the nodes that publish, where several send; else none.
+
+        Which of them send the middleware does not say.
+        """
+        if not self.several:
+            return []
+        found = self._node.get_publishers_info_by_topic(self._topic)
+        return sorted(f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in found)

@@ -1,0 +1,146 @@
+"""One publisher or several, told by the numbers of their messages."""
+
+import itertools
+import signal
+import time
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from hypothesis import given
+from hypothesis import strategies as st
+from std_msgs.msg import Header
+
+from slip_detector.nodes.messages import event_qos
+from slip_detector.nodes.senders import Senders
+from support.slipping_sensor import Sensor
+
+
+def test_one_publisher_is_taken_whatever_its_numbers():
+    senders = Senders(60.0)
+    assert all(senders.accepts(number, publishers=1) for number in (5, 6, 9, 2, 2, None, 7))
+    assert not senders.several
+
+
+@given(st.integers(1, 10**6), st.integers(1, 10**6), st.integers(1, 20), st.integers(1, 20))
+def test_of_two_that_send_nothing_is_taken_once_the_first_is_heard_again(a, b, many_a, many_b):
+    # Rows that run into each other cannot be told apart for a while.
+    senders = Senders(60.0)
+    assert senders.accepts(a, publishers=1)
+    first, second = itertools.count(a + 1), itertools.count(a + 10**7 + b)
+    taken = [senders.accepts(next(second), publishers=2)]
+    for _ in range(5):
+        taken += [senders.accepts(next(first), publishers=2) for _ in range(many_a)]
+        taken += [senders.accepts(next(second), publishers=2) for _ in range(many_b)]
+    assert not any(taken)
+    assert senders.several
+
+
+def test_a_publisher_that_was_killed_does_not_keep_the_next_one_out():
+    senders = Senders(60.0)
+    assert senders.accepts(900, publishers=1)
+    # The dead one is known still.
+    assert [senders.accepts(number, publishers=2) for number in range(1, 100)][1:] == [True] * 98
+    assert not senders.several
+
+
+@given(st.lists(st.integers(1, 4), min_size=1, max_size=60))
+def test_messages_that_are_lost_are_not_another_publisher(steps):
+    senders = Senders(60.0)
+    senders.accepts(1, publishers=1)
+    for number in itertools.accumulate(steps, initial=2):
+        senders.accepts(number, publishers=2)
+    assert not senders.several
+
+
+def test_when_one_of_two_has_ended_the_other_is_taken_at_once():
+    senders = Senders(60.0)
+    for number in (10, 500, 11, 501):
+        senders.accepts(number, publishers=2)
+    assert senders.several
+    assert senders.accepts(12, publishers=1)
+    assert not senders.several
+
+
+def test_when_one_of_two_is_silent_the_other_is_taken_after_the_window(monkeypatch):
+    now_s = 100.0
+    monkeypatch.setattr('time.monotonic', lambda: now_s)
+    senders = Senders(1.0)
+    for number in (10, 500, 11, 501, 12):
+        senders.accepts(number, publishers=2)
+    now_s += 0.9
+    assert not senders.accepts(13, publishers=2)
+    now_s += 0.2
+    assert senders.accepts(14, publishers=2)
+
+
+def test_without_numbers_each_publisher_is_taken_to_send():
+    senders = Senders(60.0)
+    assert senders.accepts(None, publishers=1)
+    assert not senders.accepts(None, publishers=2)
+    assert senders.several
+
+
+def at_rest(k, row):
+    return 4.0 + 1e-3 * (row - 4.0)
+
+
+def test_two_drivers_on_one_topic(bench):
+    sensor = Sensor(bench)
+    sensor.play(sensor.says_valid, 'slip_valid', change=at_rest)
+    known, onsets = len(sensor.slip), bench.listen(Header, 'slip_onset', event_qos())
+    # The finger of the other one is at rest too, at other volts.
+    rest = bench.start_python('-c', DRIVER_AT_REST)
+    sensor.play(sensor.fell, 'slip_valid to fall', change=at_rest)
+    count = len(sensor.valid)
+    sensor.play(
+        lambda: sensor.told('input', 'the input is published by /bench, /other/slip_driver'),
+        'the diagnostics',
+        change=at_rest,
+    )
+    words = 'voltages is published by /bench and /other/slip_driver, allowed: one of them'
+    sensor.play(lambda: words in sensor.process.log(), 'the log', change=at_rest)
+    # While both send it stays so.
+    end_s = time.monotonic() + 2.0
+    sensor.play(lambda: time.monotonic() > end_s, 'two seconds', change=at_rest)
+    assert not any(valid for _, valid in sensor.valid[count:])
+    assert not any(on for _, on in sensor.slip[known:])
+    assert not onsets
+    # One of them alone is heard again, also where the other one could not say goodbye.
+    rest.signal(signal.SIGKILL)
+    sensor.play(sensor.says_valid, 'slip_valid', change=at_rest)
+    sensor.goes_on()
+
+
+DRIVER_AT_REST = """
+import numpy as np, rclpy
+from sensor_msgs.msg import JointState
+from slip_detector.nodes.messages import sensor_qos
+rclpy.init()
+node = rclpy.create_node('slip_driver', namespace='other')
+publisher = node.create_publisher(JointState, '/voltages', sensor_qos())
+random = np.random.default_rng(1)
+def send():
+    message = JointState(position=2.0 + 1e-4 * random.standard_normal(16))
+    message.header.stamp = node.get_clock().now().to_msg()
+    publisher.publish(message)
+node.create_timer(1 / 380, send)
+rclpy.spin(node)
+"""
+
+
+def test_two_detectors_in_one_namespace(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    other = bench.start('slip_detector')
+    sensor.play(sensor.fell, 'slip_valid to fall')
+    words = 'slip is published by /slip_detector, /slip_detector'
+    sensor.play(lambda: sensor.told('decisions', words), 'the diagnostics')
+    # Both say so.
+    words = 'slip is published by /slip_detector and /slip_detector'
+    for process in (sensor.process, other):
+        sensor.play(lambda process=process, words=words: words in process.log(), 'the log')
+    other.signal(signal.SIGINT)
+    sensor.play(other.ended, 'the other one to end')
+    sensor.goes_on()
