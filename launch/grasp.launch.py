@@ -12,6 +12,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.parameters.reading import read_yaml
 from slip_detector.scenes.scene_files import find_scene
 
@@ -38,6 +39,7 @@ def nodes(context):
     executables = {'slip_detector': {}, 'grasp_controller': {}}
     if source != 'none':
         executables['slip_driver'] = given
+        executables['grasp_controller'] = commands_of_a_scene()
     return [
         Node(
             package='slip_detector',

@@ -7,12 +7,12 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float64MultiArray
 
 from slip_detector.grasp.law import GraspLaw
 from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.parameters import declare
-from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.grasp import JOINT_STATE, GraspConfig
 
 #: How many changes are kept while this node is busy, so that it misses none.
 DEPTH = 100
@@ -54,8 +54,8 @@ class GraspController(Node):
         # Time for which this node has run, and when it was counted last.
         self._ran_s, self._counted_s = 0.0, time.monotonic()
         self._command = self.create_publisher(
-            JointState,
-            'grip_force',
+            JointState if config.command_type == JOINT_STATE else Float64MultiArray,
+            config.command_topic,
             state_qos(),
             event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
         )
@@ -117,9 +117,18 @@ class GraspController(Node):
         if self._slip and force_n > before_n >= self.config.grip_n:
             self.get_logger().info(f'slip: grip raised to {force_n:.2f} N')
         if self._heard:
-            message = JointState(name=['grip'], effort=[force_n])
-            message.header.stamp = self.get_clock().now().to_msg()
-            self._command.publish(message)
+            self._command.publish(self._command_of(force_n))
+
+    def _command_of(self, force_n: float) -> JointState | Float64MultiArray:
+        """Return a force as the message that the gripper takes."""
+        config = self.config
+        joints = list(config.command_joints)
+        efforts = [config.command_factor * force_n] * len(joints)
+        if config.command_type != JOINT_STATE:
+            return Float64MultiArray(data=efforts)
+        message = JointState(name=joints, effort=efforts)
+        message.header.stamp = self.get_clock().now().to_msg()
+        return message
 
     def _log_trust(self, trusted: bool) -> None:
         if trusted:

@@ -12,11 +12,13 @@ from std_msgs.msg import Header
 
 from slip_detector.nodes.demonstration import START_TIMEOUT_S, NodeProcesses
 from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
+from slip_detector.parameters.grasp import commands_of_a_scene
 
 NAMESPACE = 'slip_grasp'
 
 DRIVER = 'slip_driver'
-EXECUTABLES = ('slip_detector', 'grasp_controller', DRIVER)
+CONTROLLER = 'grasp_controller'
+EXECUTABLES = ('slip_detector', CONTROLLER, DRIVER)
 
 SPIN_S = 0.05
 
@@ -123,11 +125,12 @@ def play_grasp(recorder: GraspRecorder, seed: int, config: Path, scene: Path) ->
         When a node ends before the scene does, or nothing is received.
     """
     words = {'scene': scene, 'seed': seed, 'wait_for_subscribers': 2, 'wait_for_grip': 'true'}
-    of_driver = [word for name, value in words.items() for word in ('-p', f'{name}:={value}')]
+    given = {DRIVER: words, CONTROLLER: commands_of_a_scene()}
     recorder.forget()
     with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
         for executable in EXECUTABLES:
-            own = of_driver if executable == DRIVER else []
+            of_this = given.get(executable, {}).items()
+            own = [word for name, value in of_this for word in ('-p', f'{name}:={value}')]
             nodes.start(executable, '--params-file', str(config), *own)
         nodes.wait_for_end(DRIVER, 'the scene to end', START_TIMEOUT_S)
     return recorder.trial()

@@ -1,9 +1,17 @@
 """The parameters of the grasp controller."""
 
 import dataclasses
+import re
+from typing import Any
 
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
+
+#: The types of messages in which the grip can be commanded.
+JOINT_STATE, FLOAT64_ARRAY = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Float64MultiArray'
+
+#: Names of topics in ROS, relative, private or absolute.
+TOPIC_PATTERN = re.compile(r'(/|~/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,6 +85,24 @@ class GraspConfig(ParameterSet):
         low=1.0,
         high=1000.0,
     )
+    command_type: str = parameter(
+        JOINT_STATE,
+        'Type of the command: with stamp and names, or the plain numbers that ros2_control takes.',
+        choices=(JOINT_STATE, FLOAT64_ARRAY),
+    )
+    command_topic: str = parameter(
+        'grip_force', 'Topic of the command, for ros2_control <controller>/commands.'
+    )
+    command_joints: tuple[str, ...] = parameter(
+        ('grip',), 'Joints that are commanded, each alike, in the order of their controller.'
+    )
+    command_factor: float = parameter(
+        1.0,
+        'What a joint is commanded for each newton of grip force: its lever arm in metres, say; '
+        'negative where the joint closes with a negative effort.',
+        low=-1e6,
+        high=1e6,
+    )
 
     def __post_init__(self) -> None:
         """Check the fields against each other."""
@@ -91,3 +117,33 @@ class GraspConfig(ParameterSet):
                 'parameter step_factor is 1 and step_n is 0, allowed: one of them larger, else '
                 'slip changes nothing'
             )
+        if not TOPIC_PATTERN.fullmatch(self.command_topic):
+            raise ValueError(
+                f'parameter command_topic is {self.command_topic!r}, allowed: names of letters, '
+                'digits and _ with / between, no digit first'
+            )
+        if not self.command_joints or len(set(self.command_joints)) < len(self.command_joints):
+            raise ValueError(
+                f'parameter command_joints is {list(self.command_joints)}, allowed: at least one '
+                'name, each once'
+            )
+        if self.command_factor == 0.0:
+            raise ValueError(
+                'parameter command_factor is 0, allowed: any other number from -1e+06 to 1e+06, '
+                'else nothing grips'
+            )
+
+
+def commands_of_a_scene() -> dict[str, Any]:
+    """Return the parameters with which a driver that plays an object understands the commands.
+
+    They take the place of those of a real gripper, so that its file can be tried on a scene.
+
+    Examples
+    --------
+    >>> commands_of_a_scene()['command_topic']
+    'grip_force'
+    """
+    values = GraspConfig().to_parameters()
+    names = ('command_type', 'command_topic', 'command_joints', 'command_factor')
+    return {name: values[name] for name in names}

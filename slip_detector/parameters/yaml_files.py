@@ -76,6 +76,13 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
+# A list among the parameters of a launch file, as launch_ros passes it on.
+_Loader.add_constructor(
+    'tag:yaml.org,2002:python/tuple',
+    _Loader.construct_yaml_seq,  # type: ignore[type-var]
+)
+
+
 def read_yaml(path: str | Path) -> dict[str, Any]:
     """Read a YAML file of names and values.
 
@@ -100,7 +107,7 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
             )
     try:
         with _yaml_errors(path):
-            document = yaml.SafeLoader('').construct_document(node) if node else None
+            document = _Loader('', path).construct_document(node) if node else None
     except (ValueError, OverflowError) as error:  # for example an impossible date
         said = str(error)
         where = said if said.startswith(str(path)) else f'{path}: is not YAML ({said})'

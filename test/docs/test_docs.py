@@ -10,6 +10,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.recordings.labels import read_labels
 from slip_detector.scenes import load_scene
@@ -25,6 +26,7 @@ SECTIONS = {
     'slip_driver': DriverConfig,
     'slip_evaluate': EvaluationConfig,
     'slip_tune': TuneConfig,
+    'grasp_controller': GraspConfig,
 }
 
 #: What blocks are: commands, what they print, files, programs.

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.grasp import GraspConfig, commands_of_a_scene
 from support.config_cases import message_of
 
 
@@ -25,6 +25,39 @@ from support.config_cases import message_of
         ({'closing_n_s': 0.0}, 'parameter closing_n_s is 0 N/s, allowed: 0.001 to 1e+06 N/s'),
         ({'on_invalid': 'drop'}, "parameter on_invalid is 'drop', allowed: hold, open"),
         ({'deadline_s': 0.0}, 'parameter deadline_s is 0 s, allowed: 0.001 to 60 s'),
+        (
+            {'command_type': 'std_msgs/msg/Float32'},
+            "parameter command_type is 'std_msgs/msg/Float32', allowed: "
+            'sensor_msgs/msg/JointState, std_msgs/msg/Float64MultiArray',
+        ),
+        *(
+            (
+                {'command_topic': topic},
+                f'parameter command_topic is {topic!r}, allowed: names of letters, digits and _ '
+                'with / between, no digit first',
+            )
+            for topic in ('', '/', 'a//b', 'hand/', '1/commands', 'grip force', 'ü')
+        ),
+        *(
+            (
+                {'command_joints': joints},
+                f'parameter command_joints is {joints}, allowed: at least one name, each once',
+            )
+            for joints in ([], ['left', 'left'])
+        ),
+        (
+            {'command_joints': 'grip'},
+            "parameter command_joints is 'grip', allowed: a list",
+        ),
+        (
+            {'command_factor': 0.0},
+            'parameter command_factor is 0, allowed: any other number from -1e+06 to 1e+06, else '
+            'nothing grips',
+        ),
+        (
+            {'command_factor': -math.inf},
+            'parameter command_factor is -inf, allowed: -1e+06 to 1e+06',
+        ),
         ({'command_hz': '100 Hz'}, "parameter command_hz is '100 Hz', allowed: a number"),
     ],
 )
@@ -51,3 +84,14 @@ def test_the_first_grip_is_at_most_the_limit(grip_n, limit_n):
 
 def test_the_deadline_allows_for_two_heartbeats_of_the_detector():
     assert GraspConfig().deadline_s >= 2.0 / DetectorConfig().heartbeat_hz
+
+
+@pytest.mark.parametrize('topic', ['a', '~/a', '/a1/b_c', '_hidden/commands'])
+def test_topics_are_relative_private_or_absolute(topic):
+    assert GraspConfig(command_topic=topic).command_topic == topic
+
+
+def test_a_scene_is_told_newtons_of_one_grip_whatever_the_real_gripper_is_told():
+    real = GraspConfig(command_topic='/hand', command_joints=['l', 'r'], command_factor=-2)
+    tried = GraspConfig.from_parameters({**real.to_parameters(), **commands_of_a_scene()})
+    assert tried == GraspConfig()

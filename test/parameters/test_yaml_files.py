@@ -97,3 +97,12 @@ def test_aliases_within_reason_are_read(tmp_path):
     path = tmp_path / 'a.yaml'
     path.write_text('a: &a {b: 1}\nc: [*a, *a]\nd: {<<: *a, b: 2}\n')
     assert read_yaml(path) == {'a': {'b': 1}, 'c': [{'b': 1}, {'b': 1}], 'd': {'b': 2}}
+
+
+def test_a_list_of_a_launch_file_is_a_list(tmp_path):
+    # launch_ros writes the parameters of a launch file so.
+    file = tmp_path / 'launch_params'
+    given = {'/**': {'ros__parameters': {'command_joints': ('left', 'right'), 'gain': 2.0}}}
+    file.write_text(yaml.dump(given))
+    assert 'python/tuple' in file.read_text()
+    assert read_yaml(file)['/**']['ros__parameters']['command_joints'] == ['left', 'right']
