@@ -16,7 +16,6 @@ PASSED_ON = ('fingers', 'namespace', 'config', 'source', 'recording')
 
 def generate_launch_description():
     share = FindPackageShare('slip_detector')
-    own_config = PathJoinSubstitution([share, 'config', 'slip_detector.yaml'])
     one_finger = PathJoinSubstitution([share, 'launch', 'slip_detector.launch.py'])
     return LaunchDescription(
         [
@@ -30,10 +29,11 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'config',
-                default_value=own_config,
+                default_value='',
                 description='Parameter file of all nodes: a path, or the name of one of the '
                 'package. Several, with commas between: a detector of each finger for each, in a '
-                'namespace of its name.',
+                'namespace of its name. Empty: slip_detector.yaml, and simulated scenes unless '
+                'source is given.',
             ),
             DeclareLaunchArgument(
                 'source',

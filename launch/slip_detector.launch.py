@@ -10,7 +10,7 @@ from pathlib import Path
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -34,6 +34,9 @@ def nodes(context):
         LaunchConfiguration(name).perform(context) for name in ('config', 'source', 'recording')
     )
     share = Path(FindPackageShare('slip_detector').perform(context)) / 'config'
+    if not names:
+        # The demonstration: a sensor has a parameter file, or is named.
+        names, source = 'slip_detector.yaml', source or 'scene'
     configs = [find_config(name.strip(), share) for name in names.split(',')]
     namespace = LaunchConfiguration('namespace')
     fingers = LaunchConfiguration('fingers').perform(context)
@@ -63,9 +66,6 @@ def nodes(context):
 
 
 def generate_launch_description():
-    own_config = PathJoinSubstitution(
-        [FindPackageShare('slip_detector'), 'config', 'slip_detector.yaml']
-    )
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -79,10 +79,11 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'config',
-                default_value=own_config,
+                default_value='',
                 description='Parameter file of both nodes: a path, or the name of one of the '
                 'package. Several, with commas between: a detector for each, in a namespace of '
-                'its name.',
+                'its name. Empty: slip_detector.yaml, and a simulated scene unless source is '
+                'given.',
             ),
             DeclareLaunchArgument(
                 'source',

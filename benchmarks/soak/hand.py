@@ -110,6 +110,8 @@ def run_hand(
             if sample_rate_hz != DetectorConfig().sample_rate_hz:
                 path = write_noise(Path(folder), sample_rate_hz, seconds + NOISE_EXTRA_S)
                 driver += ['-p', 'source:=recording', '-p', f'recording:={path}']
+            else:
+                driver += ['-p', 'source:=scene']
             commands = {}
             for name, parameters in (('slip_detector', detector), ('slip_driver', driver)):
                 command = [sys.executable, '-m', 'slip_detector.nodes.run', name]

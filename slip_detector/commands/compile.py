@@ -59,7 +59,7 @@ def compile_all() -> str:
 def _use_scenes() -> None:
     """Use the simulated fingertip with each scene of the package."""
     for path in sorted((shared_folder() / 'config' / 'scenes').glob('*.yaml')):
-        open_source(DriverConfig(scene=str(path))).read(1)
+        open_source(DriverConfig(source='scene', scene=str(path))).read(1)
 
 
 def _use_evaluation() -> None:

@@ -144,6 +144,7 @@ def play(
             nodes.wait_until(recorder.receives_all, 'the detector to be heard', START_TIMEOUT_S)
             nodes.start(
                 'slip_driver',
+                *('-p', 'source:=scene'),
                 *('-p', 'wait_for_subscribers:=2'),
                 *('-p', f'seed:={arguments.seed}'),
                 *('-p', f'scene:={arguments.scene}'),

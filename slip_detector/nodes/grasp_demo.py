@@ -47,10 +47,17 @@ from slip_detector.grasp.comparison import (
 from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, play_trials
 from slip_detector.grasp.objects import SCENE, object_scene
 from slip_detector.nodes.demonstration import run_demonstration
-from slip_detector.nodes.grasp_trial import GraspRecorder, LiveGraspTrial, play_grasp
+from slip_detector.nodes.grasp_trial import (
+    EXECUTABLES,
+    NAMESPACE,
+    GraspRecorder,
+    LiveGraspTrial,
+    play_grasp,
+)
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import whole_file, writable_folder
 from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.reading import check_sections
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.report.grasp_table import grasp_table
 
@@ -155,6 +162,8 @@ def main() -> None:
 def _demonstrate(arguments: argparse.Namespace) -> None:
     config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
+    for executable in EXECUTABLES:
+        check_sections(config, executable, f'/{NAMESPACE}/{executable}')
     writable_folder(arguments.out)
     seeds = list(arguments.seeds)
     trials = {name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()}

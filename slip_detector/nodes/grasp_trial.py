@@ -124,7 +124,8 @@ def play_grasp(recorder: GraspRecorder, seed: int, config: Path, scene: Path) ->
     RuntimeError
         When a node ends before the scene does, or nothing is received.
     """
-    words = {'scene': scene, 'seed': seed, 'wait_for_subscribers': 2, 'wait_for_grip': 'true'}
+    words = {'source': 'scene', 'scene': scene, 'seed': seed}
+    words |= {'wait_for_subscribers': 2, 'wait_for_grip': 'true'}
     given = {DRIVER: words, CONTROLLER: commands_of_a_scene()}
     recorder.forget()
     with NodeProcesses(NAMESPACE, recorder.receive) as nodes:

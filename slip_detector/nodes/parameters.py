@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import given_parameters
 from slip_detector.parameters.fields import allowed, default_of
-from slip_detector.parameters.reading import OF_RCLPY, names_for_others
+from slip_detector.parameters.reading import OF_RCLPY, check_sections, names_for_others
 from slip_detector.parameters.sets import ConfigType, ParameterSet
 
 
@@ -44,9 +44,15 @@ def declare(
     Raises
     ------
     ValueError
-        For an unknown name or a value that is not allowed.
+        For an unknown name, a value that is not allowed, or a parameter file that is for nodes of
+        other names.
     """
-    for_others = _names_for_others(config_class.NODE, [*sys.argv, *(cli_args or [])])
+    words = [*sys.argv, *(cli_args or [])]
+    files = [path for option, path in itertools.pairwise(words) if option == '--params-file']
+    for_others: set[str] = set()
+    for path in files:
+        check_sections(path, config_class.NODE, node.get_fully_qualified_name())
+        for_others |= names_for_others(path, config_class.NODE)
     values = {
         name: _value(parameter)
         for name, parameter in given_parameters(node).items()
@@ -58,12 +64,6 @@ def declare(
         descriptor = _descriptor(config_class, name, value, read_only)
         node.declare_parameter(name, value, descriptor, ignore_override=True)
     return config
-
-
-def _names_for_others(node: str, words: Sequence[str]) -> set[str]:
-    """Return the names that the parameter files give to all nodes but that only others have."""
-    files = [path for option, path in itertools.pairwise(words) if option == '--params-file']
-    return {name for path in files for name in names_for_others(path, node)}
 
 
 def follow_changes(

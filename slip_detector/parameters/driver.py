@@ -20,9 +20,11 @@ class DriverConfig(RecordingConfig):
     NODE = 'slip_driver'
 
     source: str = parameter(
-        'scene',
-        'Where the samples come from.',
-        choices=('scene', 'recording', 'serial', 'udp'),
+        '',
+        'Where the samples come from. There is no default: a simulation must not take the place '
+        'of a sensor.',
+        choices=('', 'scene', 'recording', 'serial', 'udp'),
+        allows='scene, recording, serial or udp',
     )
     scene: str = parameter('plate_400um', 'A scene that comes with the package, or a path.')
     seed: int = parameter(0, 'Seed of the noise; one seed is one trial.', low=0, high=2**31 - 1)

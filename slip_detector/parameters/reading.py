@@ -1,6 +1,7 @@
 """Reads ROS parameter files."""
 
 import dataclasses
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -195,6 +196,57 @@ def sections_of(
             yield section, content['ros__parameters']
         else:
             raise ValueError(f'{path}: section {section} has no names under ros__parameters')
+
+
+def matches(section: str, node: str) -> bool:
+    """Return whether a section of a parameter file is for a node, as ROS decides it.
+
+    Parameters
+    ----------
+    section
+        Its name, in which ``*`` stands for a name and ``**`` for any number of names.
+    node
+        Full name of the node.
+
+    Examples
+    --------
+    >>> node = '/index/slip_driver'
+    >>> [matches(name, node) for name in ('/**/slip_driver', '/*/slip_driver', '/**')]
+    [True, True, True]
+    >>> [matches(name, node) for name in ('slip_driver', '/thumb/slip_driver')]
+    [False, False]
+    """
+    pattern = re.escape(f'/{section.lstrip("/")}')
+    pattern = pattern.replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'(/\w+)')
+    return re.fullmatch(pattern, node) is not None
+
+
+def check_sections(path: str | Path, executable: str, node: str) -> None:
+    """Check that a parameter file which has sections for an executable has one for this node.
+
+    ROS ignores sections that do not match, and the node would run on its defaults.
+
+    Parameters
+    ----------
+    path
+        The YAML file.
+    executable
+        The name that the node has unless it is given another.
+    node
+        Its full name.
+
+    Raises
+    ------
+    ValueError
+        When there are sections for the executable but all are for nodes of other names.
+    """
+    sections = [name for name, _ in sections_of(read_yaml(path), str(path))]
+    ours = [name for name in sections if node_of(name) == executable]
+    if ours and not any(matches(name, node) for name in sections if node_of(name) != '**'):
+        raise ValueError(
+            f'{path}: has sections for {", ".join(ours)}, none for this node, {node}, allowed: '
+            f'{node} or /**/{node_of(node)}'
+        )
 
 
 def node_of(section: str) -> str:

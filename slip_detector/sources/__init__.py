@@ -50,6 +50,10 @@ def open_source(
         from slip_detector.sources.udp import UdpSource
 
         return UdpSource(config, now_ns)
-    from slip_detector.sources.scene import SceneSource
+    if config.source == 'scene':
+        from slip_detector.sources.scene import SceneSource
 
-    return SceneSource(config, repetition)
+        return SceneSource(config, repetition)
+    raise ValueError(
+        'parameter source is not given, allowed: scene (a simulation), recording, serial or udp'
+    )

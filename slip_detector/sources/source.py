@@ -37,7 +37,7 @@ class Source:
     --------
     >>> from slip_detector.parameters.driver import DriverConfig
     >>> from slip_detector.sources import open_source
-    >>> source = open_source(DriverConfig(scene='plate_400um'))
+    >>> source = open_source(DriverConfig(source='scene'))
     >>> isinstance(source, Source), source.is_live
     (True, False)
     """

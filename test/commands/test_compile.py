@@ -23,7 +23,7 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
     assert before
     paths = []
     for seed in range(2):
-        source = open_source(DriverConfig(seed=seed))
+        source = open_source(DriverConfig(source='scene', seed=seed))
         samples = source.read(3000)
         path = tmp_path / f'trial_{seed}.npz'
         rate_hz = source.sample_rate_hz
@@ -31,7 +31,7 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
         paths.append(str(path))
     assert evaluate(paths) == 0
     assert tune([*paths, '--trials', '3', '--out', str(tmp_path / 'tuned.yaml')]) == 0
-    grip = open_source(DriverConfig(scene='grasp'))
+    grip = open_source(DriverConfig(source='scene', scene='grasp'))
     grip.hold_force(3.0)
     grip.read(10)
     capsys.readouterr()

@@ -29,7 +29,10 @@ def test_each_file_is_a_detector_of_its_own_on_the_same_input(bench, files):
     names = ','.join(str(path) for path in files.values())
     detector = bench.start('slip_detector', '-r', '__ns:=/index', '--', '--configs', names)
     driver = bench.start(
-        'slip_driver', '-r', '__ns:=/index', parameters={'wait_for_subscribers': len(files)}
+        'slip_driver',
+        '-r',
+        '__ns:=/index',
+        parameters={'source': 'scene', 'wait_for_subscribers': len(files)},
     )
     for name in files:
         bench.wait_for(

@@ -122,7 +122,7 @@ def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told(tmp_path)
 
 
 def test_the_recording_is_the_trial_with_its_labels(finished):
-    wanted = open_source(DriverConfig()).read(100_000)
+    wanted = open_source(DriverConfig(source='scene')).read(100_000)
     recording = open_recording(finished[0] / 'trial.mcap')
     pieces = list(recording.pieces(DetectorConfig().sample_rate_hz))
     assert np.concatenate([piece.volts for piece in pieces]).tobytes() == wanted.volts.tobytes()

@@ -32,7 +32,7 @@ def test_the_end_of_a_node_is_waited_for(nodes, tmp_path):
 
 
 def test_a_node_that_fails_while_something_is_waited_for_is_named(nodes):
-    nodes.start('slip_driver', '-p', 'scene:=moon')
+    nodes.start('slip_driver', '-p', 'source:=scene', '-p', 'scene:=moon')
     with pytest.raises(RuntimeError, match=r'^slip_driver ended with the exit code 1$'):
         nodes.wait_until(lambda: False, 'anything', DEADLINE_S)
     with pytest.raises(RuntimeError, match=r'^slip_driver ended with the exit code 1$'):
@@ -49,7 +49,7 @@ def test_what_does_not_happen_in_time_is_named():
 
 def test_leaving_ends_the_nodes():
     with NodeProcesses('demonstration', nothing_comes) as nodes:
-        nodes.start('slip_driver', '-p', 'wait_for_subscribers:=1')
+        nodes.start('slip_driver', '-p', 'source:=scene', '-p', 'wait_for_subscribers:=1')
         (process,) = nodes._processes.values()
         assert process.poll() is None
     assert process.poll() is not None

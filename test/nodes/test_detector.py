@@ -22,7 +22,7 @@ START_NS = 1_700_000_000 * 10**9
 @pytest.fixture(scope='module')
 def rows():
     """The plate scene around the start of motion: rest, slip, rest, 1.3 s."""
-    samples = open_source(DriverConfig()).read(10_000)
+    samples = open_source(DriverConfig(source='scene')).read(10_000)
     start = int(np.flatnonzero(samples.truth)[0])
     end = int(np.flatnonzero(samples.truth)[-1])
     return np.concatenate(

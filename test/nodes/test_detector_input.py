@@ -197,7 +197,7 @@ def test_the_drivers_batches_carry_the_same_samples(bench):
     qos.depth = 5000
     heard = bench.listen(Float32MultiArray, 'voltages', qos)
     bench.start_driver(parameters={'samples_per_message': 7, 'rate': 4.0})
-    samples = open_source(DriverConfig()).read(10**6).volts
+    samples = open_source(DriverConfig(source='scene')).read(10**6).volts
     full, rest = divmod(len(samples), 7)
     bench.wait_for(lambda: len(heard) == full + (rest > 0), 'all batches')
     for message in heard:
@@ -215,7 +215,10 @@ def test_driver_and_detector_agree_on_batches(bench):
         'slip_detector',
         parameters={'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data'},
     )
-    bench.start('slip_driver', parameters={'samples_per_message': 4, 'wait_for_subscribers': 1})
+    bench.start(
+        'slip_driver',
+        parameters={'source': 'scene', 'samples_per_message': 4, 'wait_for_subscribers': 1},
+    )
     bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')
     bench.wait_for(lambda: slip and slip[-1].data, 'the slip of the scene')
     assert 'dropped' not in process.log()

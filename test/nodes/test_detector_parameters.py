@@ -210,7 +210,7 @@ OTHERS = {
 def test_no_sample_is_lost_while_all_parameters_are_loaded_one_by_one(bench):
     reports = bench.listen(DiagnosticArray, '/diagnostics', 100)
     process = bench.start('slip_detector')
-    driven = {'loop': 'true', 'wait_for_subscribers': 1}
+    driven = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': 1}
     bench.start('slip_driver', parameters=driven)
     rate_hz = DetectorConfig().sample_rate_hz
 
@@ -324,7 +324,12 @@ def test_another_type_of_input_is_taken_while_it_runs(bench):
     batches = {'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data'}
     assert set_all(bench, **batches).successful
     bench.wait_for(lambda: not detected.valid[-1].data, 'slip_valid to fall')
-    driver = {'samples_per_message': 4, 'loop': 'true', 'wait_for_subscribers': 1}
+    driver = {
+        'source': 'scene',
+        'samples_per_message': 4,
+        'loop': 'true',
+        'wait_for_subscribers': 1,
+    }
     bench.start('slip_driver', parameters=driver)
     bench.wait_for(lambda: detected.valid[-1].data, 'slip_valid')
     assert 'voltages with a type' not in detected.process.log()

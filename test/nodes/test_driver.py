@@ -79,7 +79,7 @@ class Played:
 
 
 def test_a_scene_is_played_whole_with_truth_and_position(bench, scene):
-    wanted = open_source(DriverConfig(scene=str(scene), seed=7)).read(10_000)
+    wanted = open_source(DriverConfig(source='scene', scene=str(scene), seed=7)).read(10_000)
     played = Played(bench, {'scene': scene, 'seed': 7, 'frame_id': 'index_tip'}, len(wanted.volts))
     assert played.process.wait() == 0
     np.testing.assert_array_equal(played.rows(), wanted.volts)
@@ -161,7 +161,7 @@ def test_a_looped_recording_goes_on_and_its_stamps_with_it(bench, recording):
 def test_a_scene_with_losses_and_a_wrong_clock_is_stamped_when_its_samples_were_taken(
     bench, lossy_scene
 ):
-    wanted = open_source(DriverConfig(scene=str(lossy_scene), seed=3)).read(10_000)
+    wanted = open_source(DriverConfig(source='scene', scene=str(lossy_scene), seed=3)).read(10_000)
     count = len(wanted.volts)
     assert count < 0.95 * 0.6 * 380 * 1.1  # Some are missing, and none comes in their place.
     played = Played(bench, {'scene': lossy_scene, 'seed': 3}, count)
@@ -173,7 +173,7 @@ def test_a_scene_with_losses_and_a_wrong_clock_is_stamped_when_its_samples_were_
 
 
 def test_a_looped_scene_goes_on_where_its_clock_was(bench, lossy_scene):
-    config = DriverConfig(scene=str(lossy_scene), seed=3)
+    config = DriverConfig(source='scene', scene=str(lossy_scene), seed=3)
     trials = [open_source(config, repetition).read(10_000) for repetition in range(3)]
     assert len({trial.volts.tobytes() for trial in trials}) == 3
     # Each begins a period, as the sensor says it, after the last sample of the one before.
@@ -223,7 +223,9 @@ def test_signals_end_the_driver_cleanly(bench, scene, number):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_signals_end_a_driver_that_still_waits(bench, scene, number):
-    process = bench.start('slip_driver', parameters={'wait_for_subscribers': 1, 'scene': scene})
+    process = bench.start(
+        'slip_driver', parameters={'source': 'scene', 'wait_for_subscribers': 1, 'scene': scene}
+    )
     bench.wait_for(lambda: 'playing' in process.log(), 'the driver to wait')
     with ended_quietly(process, number):
         pass
@@ -233,11 +235,12 @@ def test_signals_end_a_driver_that_still_waits(bench, scene, number):
     ('parameters', 'words'),
     [
         ({'source': 'recording'}, ['recording', "''", 'a path']),
-        ({'source': 'radio'}, ['source', "'radio'", 'scene, recording']),
+        ({'source': 'radio'}, ['source', "'radio'", 'scene, recording, serial or udp']),
         ({'source': 'recording', 'recording': '/nowhere/x.npz'}, ['/nowhere/x.npz', 'No such']),
         ({'source': 'recording', 'recording': __file__}, [__file__, '.npz, .csv']),
-        ({'scene': 'moon'}, ["'moon'", 'plate_400um']),
-        ({'scene': '/nowhere/x.yaml'}, ['/nowhere/x.yaml', 'No such file']),
+        ({'source': 'scene', 'scene': 'moon'}, ["'moon'", 'plate_400um']),
+        ({'source': 'scene', 'scene': '/nowhere/x.yaml'}, ['/nowhere/x.yaml', 'No such file']),
+        ({}, ['parameter source is not given', 'recording, serial or udp']),
         ({'rate': 0.0}, ['rate', '0', '0.001 to 1000']),
         ({'looop': True}, ['looop', 'did you mean loop?']),
     ],

@@ -39,7 +39,8 @@ class Gripped:
         path = folder / 'scene.yaml'
         path.write_text(scene)
         self.process = bench.start(
-            'slip_driver', parameters={'scene': path, 'wait_for_subscribers': 1, **parameters}
+            'slip_driver',
+            parameters={'source': 'scene', 'scene': path, 'wait_for_subscribers': 1, **parameters},
         )
 
     def hold(self, *efforts):

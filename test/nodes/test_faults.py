@@ -151,7 +151,9 @@ def test_driver_killed_and_started_again(bench):
             Bool, topic, lambda m, h=heard: h.append((time.monotonic(), m.data)), state_qos()
         )
     detector = bench.start('slip_detector')
-    driver = bench.start('slip_driver', parameters={'loop': 'true', 'wait_for_subscribers': 1})
+    driver = bench.start(
+        'slip_driver', parameters={'source': 'scene', 'loop': 'true', 'wait_for_subscribers': 1}
+    )
     bench.wait_for(lambda: slip and slip[-1][1] and valid[-1][1], 'slip')
     driver.signal(signal.SIGKILL)
     killed_s = time.monotonic()
@@ -159,7 +161,9 @@ def test_driver_killed_and_started_again(bench):
     bench.wait_for(lambda: not slip[-1][1] and not valid[-1][1], 'both to fall')
     last_true_s = max(at for at, state in valid if state)
     assert last_true_s - killed_s < TIMEOUT_S + SLACK_S
-    bench.start('slip_driver', parameters={'loop': 'true', 'wait_for_subscribers': 1})
+    bench.start(
+        'slip_driver', parameters={'source': 'scene', 'loop': 'true', 'wait_for_subscribers': 1}
+    )
     bench.wait_for(lambda: slip[-1][1] and valid[-1][1], 'slip again')
     assert not detector.ended()
 
@@ -267,7 +271,7 @@ import resource, sys, time
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.nodes.demo import record_trial
 from slip_detector.sources import open_source
-source = open_source(DriverConfig())
+source = open_source(DriverConfig(source='scene'))
 resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536))
 try:
     record_trial(sys.argv[1], source, time.time_ns())

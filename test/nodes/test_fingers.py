@@ -29,7 +29,7 @@ def test_each_finger_has_nodes_and_parameters_of_its_own_and_all_samples_come(be
         for finger in FINGERS
     }
     detector = start(bench, 'slip_detector')
-    driver = start(bench, 'slip_driver', wait_for_subscribers=2, loop='true')
+    driver = start(bench, 'slip_driver', source='scene', wait_for_subscribers=2, loop='true')
     for finger in FINGERS:
         bench.wait_for(
             lambda finger=finger: valid[finger] and valid[finger][-1].data, f'{finger}/slip_valid'
@@ -71,6 +71,8 @@ def test_names_that_are_not_different_stop_the_start_with_one_line(bench, name, 
 
 
 def test_drivers_end_when_all_have_played(bench):
-    process = bench.start('slip_driver', '--', '--fingers', NAMES, parameters={'rate': 20.0})
+    process = bench.start(
+        'slip_driver', '--', '--fingers', NAMES, parameters={'source': 'scene', 'rate': 20.0}
+    )
     assert process.wait() == 0
     assert process.log().count('played all') == len(FINGERS)

@@ -218,7 +218,11 @@ def test_a_detector_that_is_killed_or_hangs_is_noticed(bench, on_invalid, number
     told += ['-p', 'deadline_s:=2.0']
     detector = bench.start('slip_detector', *words)
     controller = bench.start('grasp_controller', *words, *told)
-    bench.start('slip_driver', *words, parameters={'wait_for_subscribers': 1, 'loop': 'true'})
+    bench.start(
+        'slip_driver',
+        *words,
+        parameters={'source': 'scene', 'wait_for_subscribers': 1, 'loop': 'true'},
+    )
     bench.wait_for(lambda: forces and forces[-1].effort[0] >= GraspConfig().grip_n, 'a grip')
     detector.signal(number)
     bench.wait_for(lambda: 'silent' in controller.log(), 'the silence')
@@ -238,7 +242,9 @@ def test_an_object_that_is_lifted_and_filled_is_held_by_the_three_nodes(bench):
     words = ['--params-file', CONFIG]
     bench.start('slip_detector', *words)
     controller = bench.start('grasp_controller', *words)
-    driver = bench.start('slip_driver', *words, parameters={'wait_for_subscribers': 1})
+    driver = bench.start(
+        'slip_driver', *words, parameters={'source': 'scene', 'wait_for_subscribers': 1}
+    )
     bench.wait_for(driver.ended, 'the scene to end')
     assert driver.wait() == 0, driver.log()
     bench.wait_for(lambda: position, 'positions')

@@ -158,7 +158,8 @@ def values_of(bench, node, *names):
 def test_each_node_takes_what_it_knows_from_the_section_for_all(bench, tmp_path):
     file = tmp_path / 'all.yaml'
     file.write_text(
-        '/**:\n  ros__parameters:\n    sample_rate_hz: 400.0\n    loop: true\n    limit_n: 8.0\n'
+        '/**:\n  ros__parameters:\n    sample_rate_hz: 400.0\n    limit_n: 8.0\n'
+        '    loop: true\n    source: scene\n'
     )
     for node in NODES:
         bench.start(node, '--params-file', file)
@@ -166,6 +167,58 @@ def test_each_node_takes_what_it_knows_from_the_section_for_all(bench, tmp_path)
     assert values_of(bench, 'slip_detector', 'sample_rate_hz') == [400.0]
     assert values_of(bench, 'grasp_controller', 'limit_n') == [8.0]
     assert values_of(bench, 'slip_driver', 'sample_rate_hz') in ([None], [])
+
+
+@pytest.mark.parametrize('node', NODES)
+@pytest.mark.parametrize(
+    ('section', 'words', 'name'),
+    [
+        ('{node}', ['-r', '__ns:=/index'], '/index/{node}'),
+        ('/thumb/{node}', ['-r', '__ns:=/index'], '/index/{node}'),
+        ('/thumb/{node}', [], '/{node}'),
+        ('/*/{node}', ['-r', '__ns:=/left/index'], '/left/index/{node}'),
+        ('{node}', ['-r', '__node:=mine'], '/mine'),
+    ],
+)
+def test_a_file_whose_sections_are_for_nodes_of_other_names_stops_the_start(
+    bench, tmp_path, node, section, words, name
+):
+    file = tmp_path / 'robot.yaml'
+    parameters = {'slip_driver': 'source: udp', 'slip_detector': 'threshold: 0.7'}
+    section, name = section.format(node=node), name.format(node=node)
+    file.write_text(
+        f'{section}:\n  ros__parameters: {{{parameters.get(node, "limit_n: 8.0")}}}\n'
+        # Neither of these is for it: one is for all nodes, and one for another.
+        '/**:\n  ros__parameters: {use_sim_time: false}\n'
+        '/**/other_node:\n  ros__parameters: {a: 1}\n'
+    )
+    line = bench.start(node, '--params-file', file, *words).refusal()
+    assert line == (
+        f'{node}: {file}: has sections for {section}, none for this node, {name}, allowed: '
+        f'{name} or /**/{name.rpartition("/")[2]}'
+    )
+
+
+@pytest.mark.parametrize(
+    ('section', 'words', 'name'),
+    [
+        ('slip_detector', [], '/slip_detector'),
+        ('/**/slip_detector', ['-r', '__ns:=/left/index'], '/left/index/slip_detector'),
+        ('/*/slip_detector', ['-r', '__ns:=/index'], '/index/slip_detector'),
+        ('/index/slip_detector', ['-r', '__ns:=/index'], '/index/slip_detector'),
+        ('/**/mine', ['-r', '__node:=mine'], '/mine'),
+        ('/index/**', ['-r', '__ns:=/index'], '/index/slip_detector'),
+    ],
+)
+def test_a_section_is_taken_where_ros_takes_it(bench, tmp_path, section, words, name):
+    file = tmp_path / 'robot.yaml'
+    text = f'{section}:\n  ros__parameters: {{threshold: 0.7}}\n'
+    if 'slip_detector' not in section:
+        # What the package has for it is for a node of another name, or for the driver.
+        text += '/**/slip_driver:\n  ros__parameters: {source: udp}\n'
+    file.write_text(text)
+    bench.start('slip_detector', '--params-file', file, *words)
+    assert values_of(bench, name, 'threshold') == [0.7]
 
 
 @pytest.mark.parametrize('node', NODES)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import default_of
 from support.config_cases import message_of
@@ -71,7 +72,7 @@ def test_any_float_is_taken_or_refused_in_one_line(value):
 
 @pytest.mark.parametrize('vote', ['٣', '³', '1_0', ' 3', '0', '1' * 5000, 0, -1, True])
 def test_a_vote_is_a_number_in_the_digits_that_all_read(vote):
-    said = f'parameter vote is {vote!r}, allowed: all, mean, or a whole number from 1'
+    said = f'parameter vote is {shown(vote)}, allowed: all, mean, or a whole number from 1'
     assert message_of(ChainConfig, vote=vote) == said
 
 

@@ -10,9 +10,9 @@ from support.config_cases import message_of
 NAN, INF = math.nan, math.inf
 
 
-def test_the_driver_plays_a_scene_unless_told():
+def test_the_driver_has_no_source_unless_told():
     config = DriverConfig()
-    assert (config.source, config.seed, config.rate, config.loop) == ('scene', 0, 1.0, False)
+    assert (config.source, config.seed, config.rate, config.loop) == ('', 0, 1.0, False)
     assert DriverConfig(source='recording', recording='trial.npz').recording == 'trial.npz'
 
 

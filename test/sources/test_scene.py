@@ -42,7 +42,11 @@ def test_a_scene_without_an_object_does_not_wait_for_a_grip():
 
 def test_a_scene_is_one_trial_per_seed_and_another_with_each_repetition():
     def volts(seed, repetition):
-        return open_source(DriverConfig(seed=seed), repetition).read(50).volts.tobytes()
+        return (
+            open_source(DriverConfig(source='scene', seed=seed), repetition)
+            .read(50)
+            .volts.tobytes()
+        )
 
     assert volts(3, 0) == volts(3, 0)
     assert volts(3, 0) != volts(3, 1)
@@ -57,7 +61,7 @@ def test_a_scene_with_losses_says_when_the_samples_that_are_left_were_taken(tmp_
     )
 
     def stamps_ns(repetition):
-        source = open_source(DriverConfig(scene=str(path)), repetition)
+        source = open_source(DriverConfig(source='scene', scene=str(path)), repetition)
         assert source.sample_rate_hz == 100.0  # So it says; its clock runs at half of it.
         return source.read(1000).stamps_ns
 
@@ -73,5 +77,5 @@ def test_every_scene_of_the_package_opens_and_gives_samples():
     scenes = sorted((shared_folder() / 'config' / 'scenes').glob('*.yaml'))
     assert scenes
     for scene in scenes:
-        source = open_source(DriverConfig(scene=scene.stem))
+        source = open_source(DriverConfig(source='scene', scene=scene.stem))
         assert source.read(10).volts.shape == (10, len(source.channel_names))

@@ -112,7 +112,7 @@ def compile_nodes():
         fcntl.flock(lock, fcntl.LOCK_EX)
         compile_chain()
         for scene in ('plate_400um', 'grasp'):
-            open_source(DriverConfig(scene=scene)).read(1)
+            open_source(DriverConfig(source='scene', scene=scene)).read(1)
 
 
 class Bench:
@@ -154,7 +154,7 @@ class Bench:
         """
         subscriptions = self._subscriptions['voltages']
         wanted = others + len(subscriptions) + 1
-        given = {**(parameters or {}), 'wait_for_subscribers': wanted}
+        given = {'source': 'scene', **(parameters or {}), 'wait_for_subscribers': wanted}
         process = self.start('slip_driver', *words, parameters=given)
 
         def known():
