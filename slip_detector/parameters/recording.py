@@ -53,6 +53,14 @@ class RecordingConfig(ParameterSet):
         'Whether slip_evaluate and slip_tune bring a recording to the rate of the chain; the '
         'driver plays it at its own.',
     )
+    recording_limit_mb: float = parameter(
+        1024.0,
+        'Largest array, chunk or piece of a recording that is held in memory; reading takes at '
+        'most four times that.',
+        unit='MB',
+        low=1.0,
+        high=1e6,
+    )
     recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
     recording_rate_key: str = parameter(
         'sample_rate_hz', 'Name of the number in an npz recording that is its rate.'

@@ -4,7 +4,8 @@ from slip_detector.recordings.folders import recording_sets
 from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
 from slip_detector.recordings.reading import ENDINGS, is_recording, open_recording
-from slip_detector.recordings.recording import PIECE_ROWS, Recording, RecordingCounts
+from slip_detector.recordings.reading_limit import PIECE_ROWS
+from slip_detector.recordings.recording import Recording, RecordingCounts
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [

@@ -16,8 +16,9 @@ from slip_detector.recordings.bag_storage import BagStorage
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.message_decoder import MessageDecoder, MessageRows
 from slip_detector.recordings.rate import checked_rate, rate_of
-from slip_detector.recordings.recording import PIECE_ROWS, Recording
-from slip_detector.recordings.topics import BOOL, JOINT_STATE, Topic, typestore_of
+from slip_detector.recordings.reading_limit import MESSAGE_SHARE, PIECE_ROWS
+from slip_detector.recordings.recording import Recording
+from slip_detector.recordings.topics import BOOL, JOINT_STATE, Message, Topic, typestore_of
 from slip_detector.recordings.truth import PlatformMotion, states_at
 
 Bools = NDArray[np.bool_]
@@ -52,8 +53,8 @@ class BagRecording(Recording):
     """
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
-        super().__init__(path, labels, config.recording_resample)
-        self._storage = self._naming(lambda: BagStorage(path))
+        super().__init__(path, labels, config)
+        self._storage = self._naming(lambda: BagStorage(path, self._limit))
         self._topic = topic = self._rows_topic(config.recording_topic)
         self._typestore = self._naming(lambda: typestore_of(topic))
         self._field = config.recording_field or self._usual_field(topic)
@@ -121,12 +122,26 @@ class BagRecording(Recording):
         """Yield the messages of a topic, decoded, and when each was received."""
         messages = self._storage.messages({topic.name})
         n = FIRST_MESSAGES
-        while some := self._naming(lambda: list(islice(messages, n))):  # noqa: B023
+        while some := self._naming(lambda: self._some(messages, n)):  # noqa: B023
             _, received, raws = zip(*some, strict=True)
             decoded = self._naming(lambda: decoder.many(raws, received))  # noqa: B023
+            self._limit.check_channels(decoder.channels)
             yield decoded, np.array(received, dtype=np.int64)
             if len(decoded.samples):
                 n = max(1, PIECE_ROWS // max(1, int(np.median(decoded.samples))))
+
+    def _some(self, messages: Iterator[Message], n: int) -> list[Message]:
+        """Return the next messages, at most n, and at most as many as may be held."""
+        some = []
+        n_bytes = 0
+        for message in islice(messages, n):
+            size = len(message[2])
+            self._limit.check(size, f'a message on {message[0]}', MESSAGE_SHARE)
+            some.append(message)
+            n_bytes += size
+            if n_bytes >= self._limit.message_bytes:
+                break
+        return some
 
     def _stamps(self, decoded: MessageRows, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.
@@ -181,7 +196,9 @@ class BagRecording(Recording):
         try:
             return act()
         except ValueError as error:
-            raise ValueError(f'{self.path}: {error}') from None
+            said = str(error)
+            named = said.startswith(f'{self.path}: ')
+            raise ValueError(said if named else f'{self.path}: {said}') from None
 
     def _rows_topic(self, name: str) -> Topic:
         """Find the topic that has the rows."""

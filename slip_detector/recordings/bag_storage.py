@@ -4,15 +4,16 @@ import contextlib
 import re
 import tempfile
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from slip_detector.recordings.compression import zstd
+from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.recordings.compression import decompressed, decompressor
 from slip_detector.recordings.damaged_database import DamagedDatabase
 from slip_detector.recordings.damaged_mcap import DamagedMcap
-from slip_detector.recordings.mcap_checksums import without_checksum
+from slip_detector.recordings.mcap_chunks import check_sizes, without_checksum
+from slip_detector.recordings.reading_limit import ReadingLimit
 from slip_detector.recordings.topics import Message, Topic
 
 #: A folder that has this file is a bag.
@@ -28,6 +29,9 @@ BAG_ENDINGS = tuple(_DAMAGED)
 
 #: Ending of a file that the recorder has compressed as a whole.
 _COMPRESSED = '.zstd'
+
+#: How many times its size a compressed file may have beside what may be held.
+MOST_RATIO = 100
 
 #: Bytes that are copied at a time.
 _STEP = 1 << 20
@@ -46,9 +50,17 @@ def load_rosbags() -> Any:
     """
     try:
         from rosbags import rosbag2
+        from rosbags.rosbag2 import storage_mcap
     except ImportError:
         raise ValueError('bags need the package rosbags: pip install rosbags') from None
+    # rosbags itself would decompress a chunk to any length and compare it then.
+    for name in ('zstd', 'lz4'):
+        storage_mcap.DECOMPRESSORS[name] = partial(_chunk_content, name)
     return rosbag2
+
+
+def _chunk_content(compression: str, data: bytes, size: int) -> bytes:
+    return decompressed(data, compression, size)
 
 
 class BagStorage:
@@ -58,6 +70,8 @@ class BagStorage:
     ----------
     path
         The folder of a bag, or one of its files.
+    limit
+        What may be held in memory.
 
     Attributes
     ----------
@@ -78,19 +92,27 @@ class BagStorage:
         When the path does not exist.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, limit: ReadingLimit) -> None:
+        self._path, self._limit = path, limit
         self._rosbag2 = load_rosbags()
         self.lost: list[str] = []
         path.stat()
+        for file in _files(path):
+            if file.suffix == '.mcap':
+                check_sizes(file, limit)
+        metadata = _metadata(path)
+        self._compression = str(metadata.get('compression_mode')).lower()
         try:
+            # rosbags decompresses files and messages to any length.
+            if self._compression in ('file', 'message') or (path.is_dir() and not metadata):
+                raise ValueError('is compressed, or has no metadata')
             with self._rosbag2.Reader(path) as reader:
                 topics = [_topic(connection) for connection in reader.connections]
                 counts = [(one.topic, one.msgcount) for one in reader.connections]
                 self._whole = True
         except Exception:  # rosbags raises many kinds of error for a cut file.
             self._whole = False
-            counts = _counts(_metadata(path))
+            counts = _counts(metadata)
             with self._readers() as readers:
                 topics = [topic for reader in readers for topic in reader.topics]
                 self.lost = [f'{reader.name} {reader.lost}' for reader in readers if reader.lost]
@@ -121,12 +143,14 @@ class BagStorage:
             except Exception as error:  # Damage raises an error when it is reached.
                 why = ' '.join(str(error).split())
                 self.lost.append(f'{self._path.name} is damaged ({why})')
-        per_message = str(_metadata(self._path).get('compression_mode')).lower() == 'message'
+        per_message = self._compression == 'message'
         with self._readers() as readers:
             for reader in readers:
                 for topic, received_ns, raw in reader.messages(topics):
                     if received_ns > last_ns:
-                        yield topic, received_ns, _decompressed(raw) if per_message else raw
+                        if per_message:
+                            raw = _message(raw, self._limit)  # noqa: PLW2901
+                        yield topic, received_ns, raw
                 if reader.lost:
                     self.lost.append(f'{reader.name} {reader.lost}')
 
@@ -141,7 +165,7 @@ class BagStorage:
     def _readers(self) -> 'Iterator[list[DamagedMcap | DamagedDatabase]]':
         """Open each file of the bag as far as it can be read."""
         with tempfile.TemporaryDirectory() as folder:
-            files = [_readable(file, Path(folder)) for file in _files(self._path)]
+            files = [_readable(file, Path(folder), self._limit) for file in _files(self._path)]
             if not files:
                 raise ValueError('has no files of a bag, allowed: .mcap or .db3')
             names = [file.name.removesuffix(_COMPRESSED) for file in _files(self._path)]
@@ -159,17 +183,16 @@ def _topic(connection: Any) -> Topic:
 def _metadata(path: Path) -> dict[str, Any]:
     """Return the metadata of a bag; empty where they are missing or damaged."""
     try:
-        document = yaml.safe_load((path / METADATA).read_text(encoding='utf-8'))
-        return dict(document['rosbag2_bagfile_information'])
-    except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError):
+        return dict(read_yaml(path / METADATA)['rosbag2_bagfile_information'])
+    except (ValueError, TypeError, KeyError):
         return {}
 
 
-def _decompressed(raw: bytes) -> bytes:
+def _message(raw: bytes, limit: ReadingLimit) -> bytes:
     """Return a message decompressed; a damaged one is empty, and the decoder leaves it out."""
     try:
-        return bytes(zstd().decompress(raw))
-    except Exception:
+        return decompressed(raw, 'zstd', limit.message_bytes)
+    except ValueError:
         return b''
 
 
@@ -193,7 +216,7 @@ def _files(path: Path) -> list[Path]:
     return sorted(files, key=lambda file: [int(n) for n in re.findall(r'\d+', file.name)])
 
 
-def _readable(file: Path, folder: Path) -> Path:
+def _readable(file: Path, folder: Path, limit: ReadingLimit) -> Path:
     """Return the file itself, or a copy of it in the folder that can be read.
 
     A file that was compressed as a whole is decompressed up to the damage. A database is cut to
@@ -201,15 +224,20 @@ def _readable(file: Path, folder: Path) -> Path:
     """
     if file.suffix == _COMPRESSED:
         unpacked = folder / file.stem
-        decompress = zstd().ZstdDecompressor().decompress
+        stream = decompressor('zstd')
+        left = limit.most_bytes + MOST_RATIO * file.stat().st_size
         with (
             open(file, 'rb') as packed,
             open(unpacked, 'wb') as plain,
             contextlib.suppress(Exception),  # The part before the damage is kept.
         ):
-            while part := packed.read(_STEP):
-                plain.write(decompress(part))
+            while left > 0 and (part := packed.read(_STEP)):
+                left -= plain.write(stream.decompress(part, left))
+        if left <= 0:
+            raise ValueError(f'{file.name} stands for more than {MOST_RATIO} times its size')
         file = unpacked
+        if file.suffix == '.mcap':
+            check_sizes(file, limit)
     if file.suffix == '.db3':
         with open(file, 'rb') as database:
             database.seek(_PAGE_SIZE_AT)

@@ -1,4 +1,4 @@
-"""Decompression of bags, one part after another."""
+"""Decompression of bags up to the length that is allowed."""
 
 import importlib
 import sys
@@ -13,7 +13,10 @@ def zstd() -> Any:
 
 
 def decompressor(compression: str) -> Any:
-    """Return a function that decompresses a stream; it takes one part after another.
+    """Return an object that decompresses a stream, one part after another.
+
+    Its ``decompress(data, max_length)`` returns at most ``max_length`` bytes, the next with the
+    next call.
 
     Parameters
     ----------
@@ -29,14 +32,49 @@ def decompressor(compression: str) -> Any:
     --------
     >>> import lz4.frame
     >>> from slip_detector.recordings.compression import decompressor
-    >>> packed, decompress = lz4.frame.compress(b'volts'), decompressor('lz4')
-    >>> decompress(packed[:10]) + decompress(packed[10:])
+    >>> packed, stream = lz4.frame.compress(b'volts'), decompressor('lz4')
+    >>> stream.decompress(packed[:10], 100) + stream.decompress(packed[10:], 100)
     b'volts'
     """
     if compression == 'zstd':
-        return zstd().ZstdDecompressor().decompress
+        return zstd().ZstdDecompressor()
     if compression == 'lz4':
         from lz4.frame import LZ4FrameDecompressor
 
-        return LZ4FrameDecompressor().decompress
+        return LZ4FrameDecompressor()
     raise ValueError(f'unknown compression {compression!r}')
+
+
+def decompressed(data: bytes, compression: str, most_bytes: int) -> bytes:
+    """Decompress data that is to have at most a number of bytes.
+
+    Raises
+    ------
+    ValueError
+        When it has more, is cut or is damaged.
+
+    Examples
+    --------
+    >>> import lz4.frame
+    >>> decompressed(lz4.frame.compress(b'volts'), 'lz4', 5)
+    b'volts'
+    >>> decompressed(lz4.frame.compress(bytes(10**6)), 'lz4', 5)
+    Traceback (most recent call last):
+    ValueError: has more than 5 bytes
+    """
+    parts: list[bytes] = []
+    left = most_bytes
+    while data:
+        stream = decompressor(compression)
+        try:
+            part = stream.decompress(data, left + 1)
+        except Exception as error:  # Each library has its own.
+            raise ValueError(f'is damaged ({error})') from None
+        left -= len(part)
+        if left < 0:
+            raise ValueError(f'has more than {most_bytes} bytes')
+        if not stream.eof:
+            raise ValueError('is cut off')
+        parts.append(part)
+        data = stream.unused_data or b''
+    return b''.join(parts)

@@ -5,7 +5,7 @@ import csv
 import decimal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,14 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.rate import checked_rate, rate_of
-from slip_detector.recordings.recording import PIECE_ROWS, Recording
+from slip_detector.recordings.reading_limit import PIECE_ROWS
+from slip_detector.recordings.recording import Recording
 from slip_detector.recordings.truth import as_truth
 
 TIME = 'time_s'
+
+#: Characters of a cell, up to which a line may have as many cells as there may be channels.
+MOST_CELL = 64
 
 #: Largest time: stamps are nanoseconds in 64 bits.
 MOST_S = 9e9
@@ -51,7 +55,7 @@ class CsvRecording(Recording):
     named = True
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
-        super().__init__(path, labels, config.recording_resample)
+        super().__init__(path, labels, config)
         self._truth_key = config.recording_truth_key
         with self._open() as lines:
             self._names = names = [name.strip() for name in next(lines, [])]
@@ -62,6 +66,7 @@ class CsvRecording(Recording):
             raise ValueError(f'{path}: line 1 has a name twice, allowed: each column once')
         self.labelled = self._truth_key in names
         self.channel_names = tuple(n for n in names if n not in (TIME, self._truth_key))
+        self._limit.check_channels(len(self.channel_names))
         if not self.channel_names:
             raise ValueError(f'{path}: has no samples')
         first = next(self._lines(), None)
@@ -100,9 +105,21 @@ class CsvRecording(Recording):
         try:
             # Spreadsheets begin the file with a byte order mark.
             with open(self.path, newline='', encoding='utf-8-sig') as file:
-                yield csv.reader(file)
+                yield csv.reader(self._limited(file))
         except (UnicodeError, csv.Error):
             raise ValueError(f'{self.path}: is broken or not csv') from None
+
+    def _limited(self, file: TextIO) -> Iterator[str]:
+        """Yield the lines of the file, none of which may be longer than the most channels."""
+        most = self._limit.channels * MOST_CELL
+        number = 0
+        while line := file.readline(most + 1):
+            number += 1
+            if len(line) > most:
+                raise ValueError(
+                    f'{self.path}: line {number} has more than {most} characters, allowed: fewer'
+                )
+            yield line
 
     def _lines(self) -> Iterator[_Lines]:
         """Yield the lines after the first as numbers, some thousands at a time."""

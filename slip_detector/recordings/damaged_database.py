@@ -39,6 +39,12 @@ class DamagedDatabase:
                     msgtype, encoding, text = map(str, row)
                     definitions[msgtype] = (encoding, text)
             try:
+                # A view could stand for any number of rows.
+                kinds = connection.execute(
+                    "SELECT type FROM sqlite_master WHERE name IN ('topics', 'messages')"
+                )
+                if {kind for (kind,) in kinds} - {'table'}:
+                    raise ValueError(f'{name}: is broken or not db3 (it has views)')
                 for key, *row in connection.execute('SELECT id, name, type FROM topics'):
                     topic, msgtype = map(str, row)
                     self._names[key] = topic

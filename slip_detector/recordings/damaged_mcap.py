@@ -18,6 +18,8 @@ from slip_detector.recordings.topics import Message, Topic
 RECORD = struct.Struct('<BQ')
 MAGIC = b'\x89MCAP0\r\n'
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, CHUNK = range(1, 7)
+#: Records that are read whole.
+READ_WHOLE = (_SCHEMA, _CHANNEL, _MESSAGE, CHUNK)
 #: The record after the last message; an index follows.
 _DATA_END = 15
 
@@ -101,7 +103,7 @@ def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, b
     try:
         _, _, length, checksum = struct.unpack_from('<QQQI', chunk)
         compression, rest = _text(chunk[28:])
-        content = b''.join(_decompressed(rest[8:], compression))
+        content = b''.join(_decompressed(rest[8:], compression, length))
     except (ValueError, struct.error):
         return False
     right = whole and len(content) == length and checksum in (0, zlib.crc32(content))
@@ -118,17 +120,21 @@ def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, b
     return right
 
 
-def _decompressed(data: bytes, compression: str) -> Iterator[bytes]:
-    """Yield the content of a chunk, up to where it is cut or damaged."""
+def _decompressed(data: bytes, compression: str, most: int) -> Iterator[bytes]:
+    """Yield the content of a chunk, up to its length, or to where it is cut or damaged."""
     if not compression:
         yield data
         return
-    decompress = decompressor(compression)
+    stream = decompressor(compression)
     for begin in range(0, len(data), _STEP):
         try:
-            yield decompress(data[begin : begin + _STEP])
+            part = stream.decompress(data[begin : begin + _STEP], most + 1)
         except Exception:  # Each library has its own exceptions; the parts before are kept.
             return
+        most -= len(part)
+        if most < 0:
+            return
+        yield part
 
 
 def _text(data: bytes) -> tuple[str, bytes]:

@@ -184,8 +184,8 @@ class _LayoutReader:
         element, count = inner
         if kind == Nodetype.SEQUENCE:
             count = self._length()
-            if count > len(self._raw):
-                raise ValueError('a list is longer than the message')
+        if count > len(self._raw):
+            raise ValueError('a list is longer than the message')
         if element[0] == Nodetype.BASE and element[1][0] != 'string' and not real:
             return self._places(element[1][0], count)
         return [self._value(element, real) for _ in range(count)]

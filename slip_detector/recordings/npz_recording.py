@@ -21,11 +21,15 @@ from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.rate import checked_rate
-from slip_detector.recordings.recording import PIECE_ROWS, Recording
+from slip_detector.recordings.reading_limit import PIECE_ROWS, ReadingLimit
+from slip_detector.recordings.recording import Recording
 from slip_detector.recordings.truth import as_truth
 
 #: Name of the array of stamps in recordings that this package has written.
 STAMPS_KEY = 'stamps_ns'
+
+#: A rate of fewer values is shown in the message that it should be one.
+MOST_SHOWN = 10
 
 #: Errors of a damaged archive; zipfile raises RuntimeErrors for encryptions and compressions that
 #: it does not know.
@@ -54,7 +58,7 @@ class NpzRecording(Recording):
     """
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
-        super().__init__(path, labels, config.recording_resample)
+        super().__init__(path, labels, config)
         self._keys = (config.recording_volts_key, STAMPS_KEY, config.recording_truth_key)
         volts_key, _, truth_key = self._keys
         rate_key = config.recording_rate_key
@@ -68,23 +72,29 @@ class NpzRecording(Recording):
         self.labelled = truth_key in self._names
         with _archive(path) as archive:
             arrays = self._arrays(archive)
-        volts, rate = arrays[volts_key], self.array(rate_key)
+            rate_of_file = _RowArray(archive, rate_key, self._limit)
+        volts = arrays[volts_key]
         if len(volts.shape) != 2 or volts.dtype.kind not in 'fiu':
             raise ValueError(
                 f'{path}: {volts_key} has the shape {volts.shape} and type {volts.dtype}, '
                 'allowed: numbers of shape (rows, channels)'
             )
-        if rate is None or rate.size != 1 or rate.dtype.kind not in 'fiu':
+        size = math.prod(rate_of_file.shape)
+        rate = self.array(rate_key) if size < MOST_SHOWN else f'{size} values'
+        if isinstance(rate, str) or rate is None or size != 1 or rate.dtype.kind not in 'fiu':
             raise ValueError(f'{path}: {rate_key} is {rate}, allowed: a rate in Hz')
         self.sample_rate_hz = checked_rate(float(rate.item()), path)
         n, channels = volts.shape
-        if not n * channels:
+        if min(n, channels) < 1:
             raise ValueError(f'{path}: has no samples')
+        self._limit.check_channels(channels)
         for key, array in arrays.items():
             if array.n_rows != n:
                 raise ValueError(
                     f'{path}: {key} has {array.n_rows} rows, allowed: {n}, as {volts_key}'
                 )
+            if key != volts_key and array.shape not in ((n,), (n, 1)):
+                raise ValueError(f'{path}: {key} has the shape {array.shape}, allowed: ({n},)')
         if STAMPS_KEY in arrays and arrays[STAMPS_KEY].dtype.kind not in 'iu':
             raise ValueError(
                 f'{path}: {STAMPS_KEY} has the type {arrays[STAMPS_KEY].dtype}, allowed: whole '
@@ -100,7 +110,7 @@ class NpzRecording(Recording):
         with _archive(self.path) as archive:
             for name in sorted(set(self._names) - set(self._keys)):
                 named = 'stamp' in name.lower() or 'time' in name.lower()
-                if named and _RowArray(archive, name).n_rows == n > 1:
+                if named and _RowArray(archive, name, self._limit).n_rows == n > 1:
                     raise ValueError(
                         f'{self.path}: has {name} but no {STAMPS_KEY}, allowed: the stamps as '
                         f'{STAMPS_KEY}, in whole nanoseconds, or no times'
@@ -108,7 +118,9 @@ class NpzRecording(Recording):
 
     def _arrays(self, archive: zipfile.ZipFile) -> 'dict[str, _RowArray]':
         """Open the arrays that have a value for each row."""
-        return {key: _RowArray(archive, key) for key in self._keys if key in self._names}
+        return {
+            key: _RowArray(archive, key, self._limit) for key in self._keys if key in self._names
+        }
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
@@ -133,7 +145,7 @@ class NpzRecording(Recording):
         if name not in self._names:
             return None
         with _archive(self.path) as archive:
-            return _whole(archive, name)
+            return _RowArray(archive, name, self._limit).whole()
 
     def array_names(self) -> list[str]:
         """Return the names of all arrays."""
@@ -166,6 +178,8 @@ class _RowArray:
         The open archive.
     name
         Name of the array.
+    limit
+        What may be held in memory.
 
     Attributes
     ----------
@@ -173,8 +187,8 @@ class _RowArray:
     dtype : numpy.dtype
     """
 
-    def __init__(self, archive: zipfile.ZipFile, name: str) -> None:
-        self._archive, self._name = archive, name
+    def __init__(self, archive: zipfile.ZipFile, name: str, limit: ReadingLimit) -> None:
+        self._archive, self._name, self._limit = archive, name, limit
         self._file = _open_array(archive, name)
         try:
             version = np.lib.format.read_magic(self._file)
@@ -194,12 +208,23 @@ class _RowArray:
         """Number of rows."""
         return self.shape[0] if self.shape else 1
 
+    def whole(self) -> NDArray[Any]:
+        """Return all of the array."""
+        self._limit.check(math.prod(self.shape) * self.dtype.itemsize, self._name)
+        try:
+            with _open_array(self._archive, self._name) as file:
+                array = np.lib.format.read_array(file, allow_pickle=False)
+                file.read(1)  # zipfile checks the checksum when it reaches the end.
+        except (*_BAD_ARRAY, MemoryError) as error:
+            raise _BadArrayError(f'{self._name}: {" ".join(str(error).split())}') from None
+        return np.asarray(array)
+
     def read(self, n: int) -> NDArray[Any]:
         """Return the next n rows."""
         first, self._next = self._next, self._next + n
         if self._fortran and len(self.shape) > 1:  # The rows are not contiguous.
             if self._whole is None:
-                self._whole = _whole(self._archive, self._name)
+                self._whole = self.whole()
             return self._whole[first : self._next]
         size = n * math.prod(self.shape[1:]) * self.dtype.itemsize
         content = self._file.read(size)
@@ -213,14 +238,3 @@ class _RowArray:
 def _open_array(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
     member = f'{name}.npy'
     return archive.open(member if member in archive.namelist() else name)
-
-
-def _whole(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
-    """Return all of an array."""
-    try:
-        with _open_array(archive, name) as file:
-            array = np.lib.format.read_array(file, allow_pickle=False)
-            file.read(1)  # zipfile checks the checksum when it reaches the end.
-    except (*_BAD_ARRAY, MemoryError) as error:
-        raise _BadArrayError(f'{name}: {" ".join(str(error).split())}') from None
-    return np.asarray(array)

@@ -10,17 +10,20 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
+from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
+from slip_detector.recordings.reading_limit import ReadingLimit
 from slip_detector.recordings.resample import MOST_FACTOR, Resampler
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-#: Number of rows read at a time: fast, and only some MB for 100 channels.
-PIECE_ROWS = 8192
+
+#: What the stamp and the place of a row that bridges a gap take.
+STAMP_BYTES = 80
 
 
 @dataclasses.dataclass
@@ -83,10 +86,11 @@ class Recording:
     #: Whether :meth:`read` gives a truth of its own.
     labelled = False
 
-    def __init__(self, path: Path, labels: 'Labels | None', resample: bool) -> None:
+    def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path = path
+        self._limit = ReadingLimit(path, config.recording_limit_mb)
         self.counts = RecordingCounts()
-        self._labels, self._resample = labels, resample
+        self._labels, self._resample = labels, config.recording_resample
 
     @property
     def has_truth(self) -> bool:
@@ -214,6 +218,11 @@ class Recording:
             piece = _piece(rows, last is None, which)
             first += len(rows.volts)
             regular = grid.arrive_all(rows.stamps_ns)
+            if not regular:
+                steps_s = np.diff(rows.stamps_ns.astype(np.float64)) * 1e-9
+                bridged = rate_hz * steps_s[(steps_s > 0.0) & (steps_s <= max_gap_s)].sum()
+                row_bytes = 8 * rows.volts.shape[1] + STAMP_BYTES
+                self._limit.check(int(bridged) * row_bytes, 'what bridges the gaps')
             for part in [piece] if regular else self._mended(piece, last, grid):
                 yield part
                 last = part

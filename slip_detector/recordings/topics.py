@@ -6,6 +6,13 @@ from typing import Any, NamedTuple
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 BOOL = 'std_msgs/msg/Bool'
 
+#: Characters of the largest definition that is read; the largest of ROS have some 60,000.
+MOST_DEFINITION = 200_000
+
+#: Most elements of an array of fixed length that are texts or messages. For each of them rosbags
+#: compiles code.
+MOST_ELEMENTS = 2000
+
 #: Separates the definitions of several types in one text.
 _RULE = '=' * 80 + '\n'
 
@@ -59,6 +66,11 @@ def typestore_of(topic: Topic) -> Any:
     """
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
+    if len(topic.definition) > MOST_DEFINITION:
+        raise ValueError(
+            f'the definition of {topic.msgtype} has {len(topic.definition)} characters, allowed: '
+            f'{MOST_DEFINITION}'
+        )
     if not topic.encoding:
         store = get_typestore(Stores.LATEST)
         if topic.msgtype not in store.fielddefs:
@@ -74,8 +86,24 @@ def typestore_of(topic: Topic) -> Any:
             texts = parts if len(parts) == 1 else [part.partition('\n')[2] for part in parts[1:]]
             for text in texts:
                 store.register(get_types_from_idl(text))
+        _check_arrays(store)
         store.get_msgdef(topic.msgtype)
     except Exception as error:
         why = ' '.join(str(error).split())
         raise ValueError(f'the definition of {topic.msgtype} cannot be read ({why})') from None
     return store
+
+
+def _check_arrays(store: Any) -> None:
+    """Check that no type has an array of fixed length that is too long to compile."""
+    from rosbags.interfaces import Nodetype
+
+    for msgtype, (_, fields) in store.fielddefs.items():
+        for name, (kind, inner) in fields:
+            if kind == Nodetype.ARRAY:
+                (element, what), length = inner
+                numbers = element == Nodetype.BASE and what[0] != 'string'
+                if length > MOST_ELEMENTS and not numbers:
+                    raise ValueError(
+                        f'{msgtype}.{name} has {length} elements, allowed: {MOST_ELEMENTS}'
+                    )

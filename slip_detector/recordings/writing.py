@@ -12,7 +12,7 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import whole_file, write_errors_of
 from slip_detector.recordings.bag_storage import load_rosbags
-from slip_detector.recordings.mcap_checksums import write_checksums
+from slip_detector.recordings.mcap_chunks import write_checksums
 from slip_detector.recordings.message_encoder import JointStateEncoder
 from slip_detector.recordings.topics import BOOL, JOINT_STATE, standard_typestore
 

@@ -6,6 +6,9 @@ from typing import Any
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
+#: Largest number of steps: what a scene draws from them is in memory at once.
+MOST_STEPS = 10_000
+
 
 @dataclasses.dataclass(frozen=True)
 class Step(ParameterSet):
@@ -61,6 +64,8 @@ def read_steps(entries: Any) -> list[Step]:
     """
     if not isinstance(entries, list) or not entries:
         raise ValueError(f'steps is {entries!r}, allowed: a list of at least one step')
+    if len(entries) > MOST_STEPS:
+        raise ValueError(f'steps has {len(entries)}, allowed: at most {MOST_STEPS}')
     steps = []
     for number, entry in enumerate(entries, start=1):
         if not isinstance(entry, dict):

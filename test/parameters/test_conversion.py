@@ -70,7 +70,7 @@ def test_any_float_is_taken_or_refused_in_one_line(value):
             assert getattr(config, field.name) == value
 
 
-@pytest.mark.parametrize('vote', ['٣', '³', '1_0', ' 3', '0', '1' * 5000, 0, -1, True])
+@pytest.mark.parametrize('vote', ['٣', '³', '1_0', ' 3', '0', 0, -1, True])
 def test_a_vote_is_a_number_in_the_digits_that_all_read(vote):
     said = f'parameter vote is {shown(vote)}, allowed: all, mean, or a whole number from 1'
     assert message_of(ChainConfig, vote=vote) == said

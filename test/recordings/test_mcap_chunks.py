@@ -1,4 +1,4 @@
-"""Checksums of the chunks of MCAP files: written, and missed where there are none."""
+"""The chunks of MCAP files: their checksums are written, and missed where there are none."""
 
 import struct
 import zlib
@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 
 from slip_detector.recordings import open_recording, write_recording
-from slip_detector.recordings.mcap_checksums import chunks_of, without_checksum, write_checksums
+from slip_detector.recordings.mcap_chunks import chunks_of, without_checksum, write_checksums
 from support.bags import NAMES, gathered, rows
 from support.damaged_bags import read_of
 
@@ -36,7 +36,8 @@ def test_a_recording_is_written_with_the_checksum_of_each_chunk(path):
     content = path.read_bytes()
     chunks = list(chunks_of(path))
     assert chunks
-    for begin, length, checksum in chunks:
+    for begin, length, size, checksum in chunks:
+        assert size == length - 40
         assert checksum == zlib.crc32(content[begin + 40 : begin + length])
     assert without_checksum(path) == ''
     assert read_of(path)[1] == ''
@@ -87,6 +88,6 @@ def test_some_chunks_without_a_checksum_are_counted(tmp_path):
         return struct.pack('<BQ', 6, len(content)) + content
 
     path = tmp_path / 'a.mcap'
-    path.write_bytes(b'\x89MCAP0\r\n' + chunk(0) + chunk(7) + chunk(0) + chunk(8)[:-1])
+    path.write_bytes(b'\x89MCAP0\r\n' + chunk(0) + chunk(7) + chunk(0) + chunk(8)[:-13])
     assert [one.checksum for one in chunks_of(path)] == [0, 7, 0]
     assert without_checksum(path).startswith('has no checksums in 2 of 3 chunks,')

@@ -1,4 +1,4 @@
-"""The checksums of the chunks in MCAP files.
+"""The chunks of MCAP files: their sizes and their checksums.
 
 A chunk has the checksum of its content or 0, which stands for none. rosbags writes none, and then
 a byte that a disk has changed is taken for a sample.
@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from slip_detector.recordings.damaged_mcap import CHUNK, MAGIC, RECORD
+from slip_detector.recordings.damaged_mcap import CHUNK, MAGIC, READ_WHOLE, RECORD
+from slip_detector.recordings.reading_limit import ReadingLimit
 
 #: In a chunk: times of the first and the last message, length of the content, checksum.
 _HEAD = struct.Struct('<QQQI')
@@ -19,15 +20,29 @@ _CHECKSUM_AT = 24
 
 
 class Chunk(NamedTuple):
-    """A chunk: first byte and length of its record's content, and its checksum."""
+    """A chunk.
+
+    Attributes
+    ----------
+    begin, length : int
+        First byte and length of its record's content.
+    size : int
+        Length of what is in it when it is decompressed, as it says.
+    checksum : int
+        Of what is in it; 0: none.
+    """
 
     begin: int
     length: int
+    size: int
     checksum: int
 
 
-def chunks_of(path: Path) -> Iterator[Chunk]:
-    """Yield the chunks of an MCAP file, up to where it is cut; their content is not read."""
+def records_of(path: Path) -> Iterator[tuple[int, int, int]]:
+    """Yield kind, first byte and length of the records of an MCAP file, without reading them.
+
+    The last one may be cut; its length is what is left of it.
+    """
     size = path.stat().st_size
     with open(path, 'rb') as file:
         begin = len(MAGIC)
@@ -35,11 +50,33 @@ def chunks_of(path: Path) -> Iterator[Chunk]:
             file.seek(begin)
             kind, length = RECORD.unpack(file.read(RECORD.size))
             begin += RECORD.size
-            if begin + length > size:
-                return
-            if kind == CHUNK and length >= _HEAD.size:
-                yield Chunk(begin, length, _HEAD.unpack(file.read(_HEAD.size))[3])
+            yield kind, begin, min(length, size - begin)
             begin += length
+
+
+def chunks_of(path: Path) -> Iterator[Chunk]:
+    """Yield the chunks of an MCAP file whose heads are whole; their content is not read."""
+    with open(path, 'rb') as file:
+        for kind, begin, length in records_of(path):
+            if kind == CHUNK and length >= _HEAD.size:
+                file.seek(begin)
+                _, _, size, checksum = _HEAD.unpack(file.read(_HEAD.size))
+                yield Chunk(begin, length, size, checksum)
+
+
+def check_sizes(path: Path, limit: ReadingLimit) -> None:
+    """Check that no record and no content of a chunk is larger than may be held.
+
+    Raises
+    ------
+    ValueError
+        When one is; names its place.
+    """
+    for kind, begin, length in records_of(path):
+        if kind in READ_WHOLE:
+            limit.check(length, f'the record at byte {begin}')
+    for chunk in chunks_of(path):
+        limit.check(chunk.size, f'the chunk at byte {chunk.begin}')
 
 
 def without_checksum(path: Path) -> str:

@@ -1,0 +1,76 @@
+"""The limit of what is held of a recording at a time: small files can stand for large contents."""
+
+from pathlib import Path
+
+#: Number of rows read at a time: fast, and only some MB for 100 channels.
+PIECE_ROWS = 8192
+
+#: Share of the limit that one message may take: its numbers take eight times its bytes.
+MESSAGE_SHARE = 1 / 16
+
+
+class ReadingLimit:
+    """Refuses what would take more memory than ``recording_limit_mb``.
+
+    Reading takes at most four times that, however small the file is.
+
+    Parameters
+    ----------
+    path
+        The recording, for messages.
+    most_mb
+        The limit.
+
+    Attributes
+    ----------
+    most_bytes : int
+        The limit in bytes.
+    message_bytes : int
+        The limit for one message.
+    channels : int
+        Largest number of channels: a piece of rows is to be within the limit.
+
+    Examples
+    --------
+    >>> limit = ReadingLimit(Path('trial.npz'), most_mb=1024.0)
+    >>> limit.channels
+    15625
+    >>> limit.check(3_000_000_000, 'volts')
+    Traceback (most recent call last):
+    ValueError: trial.npz: volts takes 3000 MB, allowed: 1024 MB (recording_limit_mb)
+    """
+
+    def __init__(self, path: Path, most_mb: float) -> None:
+        self._path, self._most_mb = path, most_mb
+        self.most_bytes = int(most_mb * 1e6)
+        self.message_bytes = int(self.most_bytes * MESSAGE_SHARE)
+        self.channels = self.most_bytes // (PIECE_ROWS * 8)
+
+    def check(self, n_bytes: int, what: str, share: float = 1.0) -> None:
+        """Check a size, which may be a share of the limit.
+
+        Raises
+        ------
+        ValueError
+            When it is larger; names the recording and what it is.
+        """
+        if n_bytes > share * self.most_bytes:
+            of_limit = f'1/{1 / share:.0f} of ' if share < 1.0 else ''
+            raise ValueError(
+                f'{self._path}: {what} takes {n_bytes / 1e6:.0f} MB, allowed: '
+                f'{share * self._most_mb:g} MB ({of_limit}recording_limit_mb)'
+            )
+
+    def check_channels(self, channels: int) -> None:
+        """Check a number of channels.
+
+        Raises
+        ------
+        ValueError
+            When it is larger than the limit allows; names the recording.
+        """
+        if channels > self.channels:
+            raise ValueError(
+                f'{self._path}: has {channels} channels, allowed: {self.channels} with '
+                f'{self._most_mb:g} MB (recording_limit_mb)'
+            )
