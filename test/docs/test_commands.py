@@ -1,3 +1,17 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Every command in README and docs is run.
 
 The commands of this package run here, page by page, in an empty folder with the files that the
@@ -88,6 +102,11 @@ RUN_BY = {
     ),
     'ros2 run slip_detector slip_detector': (
         'test/nodes/test_detector.py::test_every_topic_says_what_the_chain_decides'
+    ),
+    'ament_copyright --add-missing The slip_detector maintainers apache2'
+    ' slip_detector benchmarks examples launch test': (
+        'test/package/test_ament_lint.py'
+        '::test_ament_copyright_finds_copyright_and_license_everywhere'
     ),
     'ros2 launch': 'test/launch/test_launch_ends.py::test_a_signal_leaves_no_node_behind',
     'ros2 launch slip_detector slip_detector.launch.py': (

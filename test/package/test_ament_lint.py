@@ -1,0 +1,66 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The linters of ROS 2; with ``colcon test`` they come with the package's dependencies."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = ('slip_detector', 'benchmarks', 'examples', 'launch', 'test')
+SOURCES = [str(ROOT / name) for name in (*FOLDERS, 'setup.py')]
+
+REASON = 'needs the ament linters, which come with a ROS 2 installation'
+
+#: What of PEP 257 does not fit to numpydoc, with Ruff checking the rest in its own words: where a
+#: summary stands (213), an empty line at the end (413), properties that say what they are (401),
+#: and parameters whose names are those of sections, `notes` and `parameters`.
+NUMPYDOC = ('D213', 'D401', 'D402', 'D405', 'D407', 'D410', 'D411', 'D413', 'D414', 'D417')
+
+
+def test_each_source_begins_with_copyright_and_license():
+    header = (ROOT / 'setup.py').read_text().split('\n\n')[0]
+    assert re.match(r'# Copyright \d{4} The slip_detector maintainers\n#\n# Licensed', header)
+    files = [
+        path
+        for folder in FOLDERS
+        for ending in ('py', 'c', 'cpp')
+        for path in (ROOT / folder).rglob(f'*.{ending}')
+    ]
+    assert len(files) > 100
+    for path in files:
+        text = path.read_text(encoding='utf-8')
+        mark = '#' if path.suffix == '.py' else '//'
+        assert not text or text.startswith(header.replace('#', mark)), (
+            f'{path}: run ament_copyright --add-missing, as CONTRIBUTING.md says'
+        )
+
+
+def test_ament_copyright_finds_copyright_and_license_everywhere():
+    linter = pytest.importorskip('ament_copyright.main', reason=REASON)
+    files = [str(ROOT / name) for name in ('LICENSE', 'CONTRIBUTING.md')]
+    assert linter.main([*SOURCES, *files]) == 0
+
+
+def test_ament_flake8_finds_nothing():
+    linter = pytest.importorskip('ament_flake8.main', reason=REASON)
+    config = str(Path(__file__).parent / 'ament_flake8.ini')
+    assert linter.main(['--config', config, *SOURCES]) == 0
+
+
+def test_ament_pep257_finds_nothing():
+    linter = pytest.importorskip('ament_pep257.main', reason=REASON)
+    assert linter.main(['--add-ignore', *NUMPYDOC, '--', *SOURCES]) == 0
