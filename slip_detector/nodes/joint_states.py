@@ -14,6 +14,7 @@
 
 """Reads and writes serialised JointState messages faster than rclpy does."""
 
+import contextlib
 import struct
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -32,6 +33,8 @@ LITTLE_ENDIAN = b'\x00\x01'
 ENCAPSULATION_BYTES = 4
 
 STAMP = struct.Struct('<iI')
+
+LENGTH = struct.Struct('<I')
 
 #: Where the stamp ends and the texts begin.
 TEXTS = ENCAPSULATION_BYTES + STAMP.size
@@ -96,8 +99,9 @@ class JointStateReader:
         if not raw.startswith(LITTLE_ENDIAN):
             raise ValueError('not little-endian CDR')
         self._names, self._frame_id = list(message.name), str(message.header.frame_id)
-        self._n = len(message.position)
-        texts, self._begin = places(self._frame_id, self._names)
+        texts, self._begin, self._n = places_in(raw)
+        if self._n != len(message.position):
+            raise ValueError('the positions are not where they should be')
         self._fixed = np.array([*range(len(LITTLE_ENDIAN)), *texts])
         self._end = self._begin + 8 * self._n
         if not self._n or raw[self._begin : self._end] != message.position.tobytes():
@@ -154,7 +158,9 @@ class JointStateWriter:
         message.header.frame_id = frame_id
         raw: bytes = serialize_message(message)
         # After the positions come the number of velocities, 0, and the number of efforts.
-        _, begin = places(frame_id, names)
+        begin = 0
+        with contextlib.suppress(ValueError):  # of a middleware that serialises in another way
+            _, begin, _ = places_in(raw)
         end = begin + 8 * n
         self._position = slice(begin, end)
         self._effort = slice(end + 8, end + 8 + 8 * n if efforts else end + 8)
@@ -185,8 +191,11 @@ class JointStateWriter:
         return bytes(self._raw)
 
 
-def places(frame_id: str, names: Sequence[str]) -> tuple[list[int], int]:
-    """Return where a serialised message has its texts and lengths, and where its positions begin.
+def places_in(raw: bytes) -> tuple[list[int], int, int]:
+    """Return where a serialised message has its texts and lengths, and its positions.
+
+    The lengths are those in the message: a text as rclpy returns it may be shorter, as it ends at
+    the first zero.
 
     Returns
     -------
@@ -195,17 +204,36 @@ def places(frame_id: str, names: Sequence[str]) -> tuple[list[int], int]:
         alignment.
     begin : int
         The first byte of the positions.
+    n : int
+        Number of positions.
+
+    Raises
+    ------
+    ValueError
+        When the message ends before.
     """
     fixed: list[int] = []
     place = TEXTS
 
-    def pass_by(size: int, text: int = 0) -> None:
+    def number() -> int:
         nonlocal place
-        place += -(place - ENCAPSULATION_BYTES) % size
-        fixed.extend(range(place, place + size + text))
-        place += size + text
+        place += -(place - ENCAPSULATION_BYTES) % LENGTH.size
+        if place + LENGTH.size > len(raw):
+            raise ValueError('the message is cut off')
+        fixed.extend(range(place, place + LENGTH.size))
+        place += LENGTH.size
+        return int(LENGTH.unpack_from(raw, place - LENGTH.size)[0])
 
-    for text in (frame_id, None, *names):
-        pass_by(4, 0 if text is None else len(text.encode()) + 1)
-    pass_by(4)
-    return fixed, place + -(place - ENCAPSULATION_BYTES) % 8
+    def pass_text() -> None:
+        nonlocal place
+        length = number()
+        if place + length > len(raw):
+            raise ValueError('the message is cut off')
+        fixed.extend(range(place, place + length))
+        place += length
+
+    pass_text()
+    for _ in range(number()):
+        pass_text()
+    n = number()
+    return fixed, place + -(place - ENCAPSULATION_BYTES) % 8, n

@@ -50,6 +50,7 @@ class DeviceClock:
 
     def __init__(self) -> None:
         self._last_ns: int | None = None
+        self._arrival_ns = 0
         self._offset_ns = self._newest_ns = self._window_ends_ns = 0
         self._smallest_ns = self._smallest_before_ns = 0
         self.restart()
@@ -81,7 +82,8 @@ class DeviceClock:
         slope = max(-SLEW, min(SLEW, wanted_ns / max(newest_ns - start_ns, 1)))
         self._newest_ns = newest_ns
         self._offset_ns += round(slope * (newest_ns - start_ns))
-        return self.rising([at + offset_ns + round(slope * (at - start_ns)) for at in times_ns])
+        stamps_ns = [at + offset_ns + round(slope * (at - start_ns)) for at in times_ns]
+        return self.rising(stamps_ns, arrival_ns)
 
     def stamp(self, decoded: Iterable[DecodedSamples], channels: int, arrival_ns: int) -> Samples:
         """Stamp samples by the sender's times, or with their arrival where there are no times.
@@ -99,7 +101,7 @@ class DeviceClock:
         volts = [np.empty((0, channels))]
         for samples in decoded:
             if samples.times_ns is None:
-                stamps_ns += self.rising([arrival_ns] * len(samples.volts))
+                stamps_ns += self.rising([arrival_ns] * len(samples.volts), arrival_ns)
             else:
                 if samples.clock_restarted:
                     self.restart()
@@ -107,11 +109,15 @@ class DeviceClock:
             volts.append(samples.volts)
         return Samples(np.concatenate(volts), np.array(stamps_ns, dtype=np.int64))
 
-    def rising(self, stamps_ns: list[int]) -> list[int]:
-        """Move each stamp that is equal to, or shortly before, the last one to just after it."""
-        last_ns = self._last_ns
+    def rising(self, stamps_ns: list[int], arrival_ns: int) -> list[int]:
+        """Move each stamp that is not after the last one to just after it.
+
+        Where the receiver's clock was set back, which the arrival tells, stamps begin again.
+        """
+        last_ns = self._last_ns if arrival_ns >= self._arrival_ns - STEP_NS else None
+        self._arrival_ns = arrival_ns
         for i, at_ns in enumerate(stamps_ns):
-            if last_ns is not None and last_ns - STEP_NS <= at_ns <= last_ns:
+            if last_ns is not None and at_ns <= last_ns:
                 stamps_ns[i] = last_ns + 1
             last_ns = stamps_ns[i]
         self._last_ns = last_ns

@@ -47,6 +47,9 @@ CHECKSUM = struct.Struct('<I')
 #: Largest length of a packet; the first sample of a longer one would be too late for a grasp.
 LONGEST_BYTES = 8192
 
+#: A packet of several samples does not last longer: the sender's time would wrap.
+LONGEST_PACKET_NS = 60_000_000_000
+
 #: Lower sequence numbers than before mean that the sender was reset, when they have risen for this
 #: long by the sender's clock, by at most this step from packet to packet.
 RESTART_US, RESTART_STEP = 250_000, 4
@@ -72,7 +75,8 @@ class PacketDecoder:
     counts : Counter of str
         Decoded ``packets`` and ``samples``; ``lost`` packets, by the sequence numbers; dropped
         packets by reason: ``broken`` (not COBS, or too short), ``overlong``, ``checksum``,
-        ``kind``, ``channels``, ``length``, ``period`` (0 between several samples),
+        ``kind``, ``channels``, ``length``, ``period`` (0 between several samples, or a packet
+        of more than a minute), ``overlap`` (it begins before the end of the packet before),
         ``duplicate``, ``late`` (it came after a later one and was counted as lost then);
         ``restarts`` of the sender's clock or numbering; ``garbage_bytes``, the bytes of dropped
         packets except duplicate and late ones.
@@ -109,6 +113,7 @@ class PacketDecoder:
         self._splitter.restart()
         self._heard = False
         self._last = self._last_us = self._time_us = 0
+        self._end_ns = 0  # of the last sample, by the sender's clock
         # Bit k is set when packet number last - k has come.
         self._seen = 0
         self._old_last, self._old_first_us = 0, -1
@@ -138,11 +143,15 @@ class PacketDecoder:
         clock_restarted = self._in_order(sequence, time_us)
         if clock_restarted is None:
             return None
+        first_ns = 1000 * self._time_us
+        if not clock_restarted and first_ns <= self._end_ns:
+            self.counts['overlap'] += 1
+            return None
+        self._end_ns = first_ns + (n - 1) * period_ns
         self.counts['packets'] += 1
         self.counts['samples'] += n
         integers = self._integers(packet[HEADER.size : -CHECKSUM.size])
         volts = self._offset_v + self._scale_v * integers.astype(np.float64)
-        first_ns = 1000 * self._time_us
         times_ns = [first_ns + i * period_ns for i in range(n)]
         return DecodedSamples(volts.reshape(n, channels), times_ns, clock_restarted)
 
@@ -162,7 +171,8 @@ class PacketDecoder:
             return 'channels'
         if not n or data_bytes != n * channels * self._value_bytes:
             return 'length'
-        return '' if period_ns or n == 1 else 'period'
+        lasts_ns = (n - 1) * period_ns
+        return '' if n == 1 or 0 < lasts_ns <= LONGEST_PACKET_NS else 'period'
 
     def _in_order(self, sequence: int, time_us: int) -> bool | None:
         """Return whether the sender's clock restarted before a packet; None: drop the packet."""

@@ -14,6 +14,7 @@
 
 """Serialised messages read without rclpy's conversion, against what rclpy makes of them."""
 
+import contextlib
 import struct
 
 import numpy as np
@@ -28,7 +29,7 @@ from sensor_msgs.msg import JointState
 
 from slip_detector.nodes import joint_states
 from slip_detector.nodes.inputs import Input
-from slip_detector.nodes.joint_states import JointStateReader, JointStateWriter
+from slip_detector.nodes.joint_states import JointStateReader, JointStateWriter, places_in
 from slip_detector.nodes.messages import stamp_ns, time_message
 from slip_detector.parameters.detector import DetectorConfig
 
@@ -182,3 +183,39 @@ def test_an_empty_stamp_is_that_of_publication_unless_time_is_replayed(replayed,
     raw = serialize_message(a_message(at_ns=0))
     for _ in range(2):
         assert source.read(raw, PUBLISHED).stamp_ns == wanted
+
+
+def padded(message, zeros):
+    """Serialise a message as writers do that fill texts up with zeros."""
+    raw = serialize_message(message)
+    text = message.header.frame_id.encode() + b'\0'
+    wanted = message.header.frame_id.encode() + bytes(zeros)
+    rest = JointState(name=message.name, position=message.position)
+    rest.header.frame_id = 'x' * (len(wanted) - 1)
+    whole = bytearray(serialize_message(rest))
+    whole[4:12] = raw[4:12]
+    whole[16 : 16 + len(wanted)] = wanted
+    assert raw[16 : 16 + len(text)] == text
+    return bytes(whole)
+
+
+@pytest.mark.parametrize('zeros', [1, 2, 5, 9, 16])
+def test_a_text_that_is_padded_with_zeros_does_not_move_the_positions(zeros):
+    # With positions of zero, any place among the zeros would look right.
+    source = Input(DetectorConfig())
+    for position in ((0.0, 0.0), (1.5, -2.5), (0.0, 3.5)):
+        message = a_message(position)
+        sample = source.read(padded(message, zeros), PUBLISHED)
+        assert sample.rows.tolist() == [list(position)]
+        assert sample.frame_id.rstrip('\0') == 'tip'
+
+
+@given(st.binary(max_size=200), messages())
+def test_no_bytes_are_read_beyond_the_message(noise, message):
+    raw = serialize_message(message)
+    for cut in (raw[: len(raw) // 2], raw[:16] + noise, b'\x00\x01\x00\x00' + noise):
+        with contextlib.suppress(ValueError):
+            fixed, begin, n = places_in(cut)
+            assert max(fixed) < len(cut)
+            assert begin > max(fixed)
+            assert n >= 0

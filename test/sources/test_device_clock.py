@@ -144,3 +144,31 @@ def test_the_samples_of_several_packets_are_joined_and_none_are_none():
     np.testing.assert_array_equal(samples.volts, volts)
     assert samples.stamps_ns.dtype == np.int64
     assert clock.stamp([], 2, 10**9).volts.shape == (0, 2)
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 400_000_000), st.integers(1, 20), st.booleans()),
+        min_size=1,
+        max_size=100,
+    )
+)
+def test_stamps_rise_strictly_though_the_senders_clock_begins_again(packets):
+    clock = DeviceClock()
+    at_ns, arrival_ns = 0, OFFSET_NS
+    stamps = []
+    for step_ns, n, restarted in packets:
+        at_ns = 0 if restarted else at_ns + step_ns
+        times = [at_ns + k * 50 * PERIOD_NS for k in range(n)]
+        at_ns = times[-1] + 1
+        arrival_ns += step_ns
+        decoded = DecodedSamples(np.zeros((n, 1)), times, restarted)
+        stamps += clock.stamp([decoded], 1, arrival_ns).stamps_ns.tolist()
+    assert np.all(np.diff(stamps) > 0)
+
+
+def test_a_receivers_clock_that_was_set_back_begins_stamps_again():
+    clock = DeviceClock()
+    first = clock.stamps_ns([0], OFFSET_NS)
+    assert clock.stamps_ns([PERIOD_NS], OFFSET_NS - STEP_NS)[0] > first[0]
+    assert clock.stamps_ns([2 * PERIOD_NS], OFFSET_NS - 4 * STEP_NS)[0] < first[0]

@@ -383,3 +383,35 @@ def test_counts_are_of_one_decoder():
     one.decode(b'')
     assert one.counts == Counter(broken=1, garbage_bytes=0)
     assert other.counts == Counter()
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(1, 5000), st.integers(1, 20), st.integers(1, 2_000_000)),
+        min_size=1,
+        max_size=80,
+    )
+)
+def test_packets_that_overlap_in_time_are_dropped_and_counted(sent):
+    receiver = decoder(channels=1)
+    time_us, end_ns, overlaps, times_ns = 0, -1, 0, []
+    for sequence, (step_us, n, period_ns) in enumerate(sent):
+        time_us += step_us
+        first_ns = 1000 * (time_us - sent[0][0])
+        got = receiver.decode(encode(np.ones((n, 1)), 'int16', sequence, time_us, period_ns))
+        assert (got is None) == (first_ns <= end_ns)
+        overlaps += got is None
+        if got is not None:
+            end_ns = first_ns + (n - 1) * period_ns
+            times_ns += got.times_ns
+    assert np.all(np.diff(times_ns) > 0)
+    assert receiver.counts['overlap'] == overlaps
+    assert receiver.counts['packets'] + overlaps == len(sent)
+    assert not receiver.counts['lost']
+
+
+def test_a_packet_that_lasts_longer_than_a_minute_is_dropped():
+    receiver = decoder(channels=1)
+    assert receiver.decode(encode(np.ones((61, 1)), 'int16', 0, 0, 1_000_000_001)) is None
+    assert receiver.counts['period'] == 1
+    assert receiver.decode(encode(np.ones((61, 1)), 'int16', 1, 0, 1_000_000_000)) is not None
