@@ -130,7 +130,8 @@ class MessageDecoder:
         raws
             The messages, oldest first.
         received_ns
-            When each was received; it is the stamp of a message without a header.
+            When each was received; it is the stamp of a message without a header, or whose
+            header's stamp is 0, as in the detector.
 
         Raises
         ------
@@ -194,9 +195,7 @@ class MessageDecoder:
             alike = layout.fits(block)
             if alike.any():
                 mine = block if alike.all() else block[alike]
-                stamps_ns = layout.stamps_ns(mine)
-                if stamps_ns is None:
-                    stamps_ns = received_ns[which[alike]]
+                stamps_ns = _or_received(layout.stamps_ns(mine), received_ns[which[alike]])
                 volts = layout.rows(mine)
                 groups.append(_LayoutGroup(which[alike], volts, stamps_ns, layout.names))
                 which, block = which[~alike], block[~alike]
@@ -210,7 +209,8 @@ class MessageDecoder:
             if not self.channels:
                 raise
             return None
-        stamps_ns = received_ns[i : i + 1] if stamp_ns is None else np.array([stamp_ns])
+        own_ns = None if stamp_ns is None else np.array([stamp_ns])
+        stamps_ns = _or_received(own_ns, received_ns[i : i + 1])
         return _LayoutGroup(np.array([i]), rows[np.newaxis], stamps_ns, names)
 
     def _make_layout(self, raw: bytes) -> MessageLayout | None:
@@ -224,3 +224,10 @@ class MessageDecoder:
             return read_layout(raw, self._typestore, self._msgtype, self._field)
         except (ValueError, LookupError, struct.error):
             return None
+
+
+def _or_received(stamps_ns: Stamps | None, received_ns: Stamps) -> Stamps:
+    """Return the stamps of messages, and the times of receipt where a stamp is missing or 0."""
+    if stamps_ns is None:
+        return received_ns
+    return np.where(stamps_ns == 0, received_ns, stamps_ns)

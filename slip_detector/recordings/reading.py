@@ -89,6 +89,11 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
             from slip_detector.recordings.bag_recording import BagRecording
 
             return BagRecording(path, config, labels)
+        if path.suffix == '.bag':
+            raise ValueError(
+                f'{path}: is a bag of ROS 1, allowed: what it becomes by rosbags-convert '
+                f'--src {path.name} --dst {path.stem}'
+            )
         raise ValueError(
             f'{path}: is {path.suffix or "without ending"}, allowed: {", ".join(ENDINGS)} or the '
             'folder of a bag'

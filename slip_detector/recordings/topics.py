@@ -70,6 +70,8 @@ def standard_typestore() -> Any:
 def typestore_of(topic: Topic) -> Any:
     """Return the store of rosbags that has the type of a topic.
 
+    Where the definition in the bag is broken, as some recorders wrote it, it is that of ROS.
+
     It is the same for the same topic of all recordings, as a store compiles the code of its types.
 
     Raises
@@ -80,18 +82,15 @@ def typestore_of(topic: Topic) -> Any:
     """
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-    if len(topic.definition) > MOST_DEFINITION:
-        raise ValueError(
-            f'the definition of {topic.msgtype} has {len(topic.definition)} characters, allowed: '
-            f'{MOST_DEFINITION}'
-        )
+    known = get_typestore(Stores.LATEST)
     if not topic.encoding:
-        store = get_typestore(Stores.LATEST)
-        if topic.msgtype not in store.fielddefs:
+        if topic.msgtype not in known.fielddefs:
             raise ValueError(f'the bag does not define the type {topic.msgtype} of {topic.name}')
-        return store
+        return known
     store = get_typestore(Stores.EMPTY)
     try:
+        if len(topic.definition) > MOST_DEFINITION:
+            raise ValueError(f'{len(topic.definition)} characters, allowed: {MOST_DEFINITION}')
         if topic.encoding == 'ros2msg':
             store.register(get_types_from_msg(topic.definition, topic.msgtype))
         else:
@@ -103,6 +102,8 @@ def typestore_of(topic: Topic) -> Any:
         _check_arrays(store)
         store.get_msgdef(topic.msgtype)
     except Exception as error:
+        if topic.msgtype in known.fielddefs:
+            return known
         why = ' '.join(str(error).split())
         raise ValueError(f'the definition of {topic.msgtype} cannot be read ({why})') from None
     return store

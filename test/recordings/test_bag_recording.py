@@ -223,3 +223,27 @@ def test_the_first_messages_do_not_decide_what_the_later_ones_are(tmp_path, monk
     written = rows(100)
     write_recording(tmp_path / 'a.mcap', [written], 380.0, NAMES)
     check_same(gathered(open_recording(tmp_path / 'a.mcap')), written)
+
+
+@pytest.mark.parametrize('plugin', PLUGINS)
+@pytest.mark.parametrize('empty', ['all', 'some'])
+def test_empty_stamps_are_read_as_live_by_time_of_receipt(tmp_path, plugin, empty):
+    written = rows(400, truth=False)
+    with Bag(tmp_path / 'a', plugin) as bag:
+        for k, (stamp_ns, row) in enumerate(zip(written.stamps_ns, written.volts, strict=True)):
+            own_ns = 0 if empty == 'all' or k % 3 == 1 else stamp_ns
+            bag.write('/voltages', bag.joints(own_ns, row), stamp_ns)
+    recording = open_recording(tmp_path / 'a')
+    assert recording.sample_rate_hz == pytest.approx(380.0)
+    check_same(gathered(recording), written)
+
+
+def test_a_bag_of_ros_1_is_refused_with_a_word_on_what_converts_it(tmp_path):
+    path = tmp_path / 'trial.bag'
+    path.write_bytes(b'#ROSBAG V2.0\n')
+    said = (
+        f'{path}: is a bag of ROS 1, allowed: what it becomes by rosbags-convert --src trial.bag '
+        '--dst trial'
+    )
+    with pytest.raises(ValueError, match=re.escape(said)):
+        open_recording(path)

@@ -194,7 +194,10 @@ def test_a_view_in_place_of_the_messages_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ('definition', 'line'),
     [
-        ('\n'.join(f'float64 field_{k}' for k in range(100_000)), 'characters, allowed: 200000'),
+        (
+            '\n'.join(f'float64 field_{k}' for k in range(100_000)),
+            r'characters, allowed: 200000\)',
+        ),
         ('string[100000] a', 'a/msg/A.a has 100000 elements, allowed: 2000'),
         ('std_msgs/Empty[1000000000] a', 'a/msg/A.a has 1000000000 elements, allowed: 2000'),
     ],

@@ -75,3 +75,18 @@ def test_the_code_of_a_type_is_compiled_once_for_all_recordings():
     assert fields(store, PILLAR) == ['fz']
     assert standard_typestore() is standard_typestore()
     assert 'position' in fields(standard_typestore(), JOINT_STATE)
+
+
+@pytest.mark.parametrize(
+    ('encoding', 'text'),
+    [
+        ('ros2msg', 'uint8 level = \n}'),
+        ('ros2msg', 'missing_msgs/Other level\n'),
+        ('ros2idl', 'module sensor_msgs { uint8 level'),
+        ('ros2msg', 'x' * 300_000),
+        ('unknown', 'float64 a'),
+    ],
+)
+def test_where_the_definition_is_broken_a_type_of_ros_is_known(encoding, text):
+    store = typestore_of(Topic('/a', JOINT_STATE, encoding, text))
+    assert 'position' in fields(store, JOINT_STATE)
