@@ -12,15 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What launch files refuse before they start a node."""
+"""What launch files refuse before they start a node, and what the nodes they start refuse."""
 
+import os
+import signal
 import subprocess
 
 import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from support.harness import package_share
+from support.harness import DEADLINE_S, package_share
 from support.launching import launching
 
 reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
@@ -48,3 +50,43 @@ def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(a
     assert words in line
     assert 'process started' not in said
     assert 'Traceback' not in said
+
+
+@pytest.mark.parametrize(
+    ('text', 'arguments', 'words'),
+    [
+        (
+            'slip_driver:\n  ros__parameters: {source: serial, serial_port: /dev/none}\n',
+            ['namespace:=index'],
+            'has sections for slip_driver, none for this node, /index/slip_driver, allowed: ',
+        ),
+        (
+            '/**/slip_detector:\n  ros__parameters: {threshold: 0.7}\n',
+            [],
+            'parameter source is not given, allowed: ',
+        ),
+    ],
+    ids=['a file for another namespace', 'a file without a source'],
+)
+def test_no_simulation_takes_the_place_of_a_sensor(bench, tmp_path, text, arguments, words):
+    config = tmp_path / 'robot.yaml'
+    config.write_text(text)
+    file = SHARE / 'launch' / 'slip_detector.launch.py'
+    log = tmp_path / 'log'
+    with log.open('w') as output:
+        launched = subprocess.Popen(
+            launching(file, f'config:={config}', *arguments),
+            env={**os.environ, 'ROS_DOMAIN_ID': str(bench.domain)},
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    try:
+        bench.wait_for(lambda: words in log.read_text(), 'the refusal')
+        bench.wait_for(lambda: 'process has died' in log.read_text(), 'the driver to end')
+    finally:
+        os.killpg(launched.pid, signal.SIGINT)
+        launched.wait(timeout=DEADLINE_S)
+    (line,) = [line for line in log.read_text().splitlines() if words in line]
+    assert 'slip_driver' in line
+    assert 'playing' not in log.read_text()
