@@ -121,7 +121,8 @@ def test_the_log_says_once_that_something_is_compiled_and_only_when_it_is(tmp_pa
 @pytest.mark.parametrize('executable', ['slip_detector', 'slip_driver'])
 def test_a_signal_ends_a_node_before_it_has_compiled_all(bench, monkeypatch, tmp_path, executable):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
-    process = bench.start(executable)
+    given = {'source': 'scene'} if executable == 'slip_driver' else {}
+    process = bench.start(executable, parameters=given)
     bench.wait_for(lambda: 'compiling slip_detector.' in process.log(), 'the node to compile')
     process.signal(signal.SIGINT)
     assert process.wait() == 0
