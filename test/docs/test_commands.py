@@ -95,7 +95,6 @@ RUN_BY = {
     'ros2 launch slip_detector hand.launch.py': 'test/launch/test_launch_hand.py::TestTopics',
     'ros2 launch slip_detector grasp.launch.py': 'test/launch/test_launch_grasp.py::TestGrasp',
     'slip_demo --out out': 'Makefile: slip_demo --out out',
-    'slip_grasp --out out': 'Makefile: slip_grasp --out out',
     'chromium-headless-shell --hide-scrollbars --screenshot=docs/figures/report.png'
     ' --window-size=1280,860 report.html#event-0-0-0': (
         'test/report/test_page_in_browser.py::test_it_renders'
