@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.evidence import QUANTILE
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.labelled_rows import REST, SLIP
@@ -15,6 +14,11 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
+
+#: The share of rest that is below a floor that is learnt. Of noise this is about the mean power,
+#: whatever the window, so noise alone makes no evidence. With the tenth at which a floor that
+#: follows settles, it would: an envelope of one sample is 13 dB above that on average.
+BELOW_FLOOR = 2 / 3
 
 #: How far a floor that was learnt may rise.
 LEARNT_RANGE_DB = 15.0
@@ -44,11 +48,11 @@ LOWEST_LINE_HZ = 2.0
 
 
 def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, ...]:
-    """Return the noise floor of each channel: what a tenth of its envelopes at rest is below.
+    """Return the noise floor of each channel: what two thirds of its envelopes at rest are below.
 
-    That is where a floor that follows the envelope comes to rest. Rows with slip, and rows in
-    which the chain settles or a channel is not valid, take no part; where there is rest, rows of
-    motion do not either. A channel that tells nothing has the median of the other floors.
+    Rows with slip, and rows in which the chain settles or a channel is not valid, take no part;
+    where there is rest, rows of motion do not either. A channel that tells nothing has the median
+    of the other floors.
 
     Parameters
     ----------
@@ -98,7 +102,7 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
             left -= counts.size
             if not left:
                 break
-    found = _quantiles(np.concatenate(envelopes))
+    found = _floors(np.concatenate(envelopes))
     noisy = found[found > 0.0]
     if not noisy.size:
         raise ValueError(
@@ -109,13 +113,13 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     return tuple(float(f'{floor:.4g}') for floor in found)
 
 
-def _quantiles(envelopes: Floats) -> Floats:
-    """Return the quantile of each channel, of rows that are numbers; NaN where there are none."""
+def _floors(envelopes: Floats) -> Floats:
+    """Return the floor of each channel, of rows that are numbers; NaN where there are none."""
     found = np.full(envelopes.shape[1], np.nan)
     for channel, column in enumerate(envelopes.T):
         numbers = column[np.isfinite(column)]
         if numbers.size:
-            found[channel] = np.quantile(numbers, QUANTILE)
+            found[channel] = np.quantile(numbers, BELOW_FLOOR)
     return found
 
 

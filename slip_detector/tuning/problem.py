@@ -26,7 +26,7 @@ OF_DECISIONS = {
     'evidence': (
         'noise_floor', 'noise_floor_learnt', 'noise_floor_range_db', 'noise_floor_rate_db_s',
         'evidence_offset_db', 'evidence_cap_db', 'evidence_limit_db_s', 'impact_v',
-        'impact_hold_s',
+        'impact_channels', 'impact_hold_s',
     ),
 }  # fmt: skip
 

@@ -72,6 +72,7 @@ def test_quiet_takes_the_hum_off_before_it_learns_the_floors(folder, capsys):
 
 
 def test_quiet_sets_the_threshold_of_the_floors_that_it_learnt(folder, capsys):
+    (folder / 'given.yaml').write_text(EVIDENCE + '    evidence_offset_db: 0.5\n' + LABELS)
     run('--quiet', 'rest.npz', '--false-alarms-per-hour', '200')
     given, written = given_and_written()
     assert written.threshold != given.threshold

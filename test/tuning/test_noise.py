@@ -43,14 +43,25 @@ def hum(mains_hz, rows, rate_hz, amplitudes):
     )
 
 
-def test_a_floor_is_where_the_floor_that_follows_comes_to_rest():
-    volts = noise(60_000)
-    floors = learnt_floors(CHAIN, [rest(volts)])
-    chain = dataclasses.replace(CHAIN, decision='evidence', noise_floor=(1e-9,))
-    chain = dataclasses.replace(chain, noise_floor_range_db=300.0)
-    followed = SlipChain(chain).update(volts, floor=True).floor[20_000:]
-    decibels = 20.0 * np.log10(floors)
-    np.testing.assert_allclose(decibels, np.median(followed, axis=0), atol=0.3)
+@pytest.mark.parametrize('window_rows', [1, 3, 16, 90])
+def test_at_the_floors_that_are_learnt_noise_makes_no_evidence(window_rows):
+    chain = dataclasses.replace(CHAIN, envelope_window_s=window_rows / RATE_HZ)
+    floors = learnt_floors(chain, [rest(noise(20_000))])
+    chain = dataclasses.replace(
+        chain,
+        decision='evidence',
+        noise_floor=floors,
+        noise_floor_learnt=True,
+        noise_floor_range_db=15.0,
+        evidence_offset_db=0.5,
+    )
+    result = SlipChain(chain).update(noise(20_000, seed=1), excess=True)
+    excess_db = result.excess[1000:].mean(axis=0)
+    assert -5.0 < excess_db.min() <= excess_db.max() < 0.0
+    # An offset of half of what is usual is enough.
+    chain = dataclasses.replace(chain, evidence_offset_db=1.75)
+    level = SlipChain(chain).update(noise(20_000, seed=1), level=True).level
+    assert level.max() < 0.5 * chain.evidence_limit_db_s
 
 
 def test_slips_and_bad_channels_take_no_part_in_the_floors():
