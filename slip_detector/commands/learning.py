@@ -57,7 +57,7 @@ def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLo
         )
     track, lines = _only(options.quiet, loader)
     names = []
-    mains = find_mains(track, chain.disabled_channels)
+    mains = find_mains(chain, track)
     lines.append(f'On {track.name}: {mains}')
     if mains.lines and not chain.mains_hz:
         taken_off = _with_mains(chain, mains)

@@ -83,7 +83,7 @@ def largest_slip_steps_v(chain: ChainConfig, tracks: Sequence[Track]) -> Floats:
     steps = [
         _steps_v(chain, track)[track.kinds == SLIP].max(axis=0, initial=0.0) for track in tracks
     ]
-    return np.max(steps, axis=0)
+    return np.asarray(np.max(steps, axis=0))
 
 
 def knocks_v(chain: ChainConfig, track: Track) -> Floats:

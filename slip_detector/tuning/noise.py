@@ -169,19 +169,19 @@ class Mains(NamedTuple):
         return f'mains of {self.mains_hz:g} Hz: lines of {", ".join(told)} on all channels'
 
 
-def find_mains(track: Track, disabled_channels: Sequence[int] = ()) -> Mains:
+def find_mains(chain: ChainConfig, track: Track) -> Mains:
     """Return the mains whose multiples stand out of the noise of all channels.
 
-    A multiple above half the sample rate is looked for where sampling puts it. Of two mains the
-    one with more lines is taken; of as many, the one with the lower multiple, as sampling may put
-    multiples of both at one place.
+    What the chain takes off as common mode is not there. A multiple above half the sample rate is
+    looked for where sampling puts it. Of two mains the one with more lines is taken; of as many,
+    the one with the lower multiple, as sampling may put multiples of both at one place.
 
     Parameters
     ----------
+    chain
+        Its ``common_mode`` and ``disabled_channels`` are used.
     track
-        A recording; its longest stretch is looked at.
-    disabled_channels
-        Channels (counted from 1) that are not looked at; nor are those that are flat.
+        A recording; its longest stretch is looked at, and in it the channels that are not flat.
 
     Examples
     --------
@@ -191,13 +191,16 @@ def find_mains(track: Track, disabled_channels: Sequence[int] = ()) -> Mains:
     >>> volts = np.random.default_rng(0).standard_normal((6000, 2))
     >>> volts += np.sin(2 * np.pi * 60.0 * time_s) + np.sin(2 * np.pi * 180.0 * time_s)
     >>> track = track_of('rest', [LabelledRows(volts, np.zeros(6000, bool))], 320.0)
-    >>> [(line.hum_hz, line.seen_hz) for line in find_mains(track).lines]
+    >>> [(line.hum_hz, line.seen_hz) for line in find_mains(ChainConfig(channels=2), track).lines]
     [(60.0, 60.0), (180.0, 140.0)]
     """
     rate_hz = track.sample_rate_hz
-    volts = _longest_stretch(track)
-    enabled = [c for c in range(volts.shape[1]) if c + 1 not in disabled_channels]
-    volts = volts[:, [c for c in enabled if np.ptp(volts[:, c]) > 0.0]]
+    disabled = [channel - 1 for channel in chain.disabled_channels]
+    volts = _not_flat(np.delete(_longest_stretch(track), disabled, axis=1))
+    if chain.common_mode != 'none' and volts.size:
+        deviations = volts - volts[0]
+        common = np.median if chain.common_mode == 'median' else np.mean
+        volts = _not_flat(deviations - common(deviations, axis=1, keepdims=True))
     rows = round(SPECTRUM_S * rate_hz)
     if len(volts) < 2 * rows or not volts.shape[1]:
         return Mains(0.0, ())
@@ -232,6 +235,10 @@ def _lines(mains_hz: float, hz: Floats, power: Floats, rate_hz: float) -> list[M
         if least_db >= LEAST_LINE_DB:
             lines.append(MainsLine(hum_hz, round(seen_hz, 6), least_db))
     return lines
+
+
+def _not_flat(volts: Floats) -> Floats:
+    return volts[:, np.ptp(volts, axis=0) > 0.0]
 
 
 def _longest_stretch(track: Track) -> Floats:

@@ -102,7 +102,7 @@ def test_where_nothing_makes_noise_there_is_no_floor():
 def test_the_mains_is_found_by_its_lines_aliased_or_not(mains_hz, rate_hz, harmonics, seed):
     rows = round(30.0 * rate_hz)
     volts = noise(rows, seed) + hum(mains_hz, rows, rate_hz, dict.fromkeys(harmonics, 0.3))
-    found = find_mains(rest(volts, rate_hz=rate_hz))
+    found = find_mains(CHAIN, rest(volts, rate_hz=rate_hz))
     assert found.mains_hz == mains_hz
     for line in found.lines:
         harmonic = line.hum_hz / mains_hz
@@ -121,15 +121,31 @@ def test_the_mains_is_found_by_its_lines_aliased_or_not(mains_hz, rate_hz, harmo
 @settings(max_examples=15)
 def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
     volts = noise(6000, seed)
-    assert find_mains(rest(volts)).mains_hz == 0.0
+    assert find_mains(CHAIN, rest(volts)).mains_hz == 0.0
     volts[:, :3] += hum(50.0, 6000, RATE_HZ, {1: 0.5})
-    assert find_mains(rest(volts)).mains_hz == 0.0
-    assert find_mains(rest(volts), disabled_channels=[4]).mains_hz == 50.0
+    assert find_mains(CHAIN, rest(volts)).mains_hz == 0.0
+    without = dataclasses.replace(CHAIN, disabled_channels=(4,))
+    assert find_mains(without, rest(volts)).mains_hz == 50.0
+
+
+@pytest.mark.parametrize('common_mode', ['median', 'mean'])
+def test_hum_that_is_taken_off_as_common_mode_is_no_line(common_mode):
+    chain = dataclasses.replace(CHAIN, common_mode=common_mode)
+    same = hum(50.0, 6000, RATE_HZ, {1: 0.5})
+    baselines_v = np.arange(4.0)
+    assert find_mains(chain, rest(baselines_v + noise(6000) + same)).mains_hz == 0.0
+    different = same * [1.0, 2.0, 4.0, 8.0]
+    assert find_mains(chain, rest(baselines_v + noise(6000) + different)).mains_hz == 50.0
+
+
+def test_what_is_flat_has_no_mains():
+    for chain in (CHAIN, dataclasses.replace(CHAIN, common_mode='median')):
+        assert find_mains(chain, rest(np.full((6000, 4), 4.3))).mains_hz == 0.0
 
 
 def test_a_recording_too_short_for_a_spectrum_has_no_mains():
     volts = hum(50.0, 2000, RATE_HZ, {1: 0.5}) + noise(2000)
-    assert find_mains(rest(volts)).mains_hz == 0.0
+    assert find_mains(CHAIN, rest(volts)).mains_hz == 0.0
 
 
 def test_of_many_short_recordings_each_takes_part_in_the_floors():
