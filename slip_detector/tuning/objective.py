@@ -271,7 +271,10 @@ class Objective:
     ) -> Candidate:
         """Return the cost of a chain at its own threshold, which is one of a sweep."""
         auc = self.auc(statistic, chain.threshold)
-        cost_ms = event_cost_ms + self._config.auc_costs_ms * (1.0 - (auc or 0.0))
+        lacking = 1.0 - (auc or 0.0)
+        if self._given is not None and self._given.better_than_chance:
+            lacking += WORSE_COUNTS * max((self._given.auc or 0.0) - (auc or 0.0), 0.0)
+        cost_ms = event_cost_ms + self._config.auc_costs_ms * lacking
         figures = sweep.figures(at)
         compared = {name: figures[name] for name in CandidateFigures._fields if name != 'auc'}
         return Candidate(

@@ -78,6 +78,11 @@ def test_what_gets_worse_than_given_counts_tenfold():
     better = alone.figures._replace(latency_median_all_ms=faster)
     held = Objective(tracks, EvaluationConfig(), TuneConfig(), better).as_it_is(chain)
     assert held.cost_ms == pytest.approx(alone.cost_ms + 50.0)
+    surer = alone.figures._replace(auc=alone.figures.auc + 0.01)
+    held = Objective(tracks, EvaluationConfig(), TuneConfig(auc_costs_ms=200.0), surer)
+    weighed = Objective(tracks, EvaluationConfig(), TuneConfig(auc_costs_ms=200.0))
+    more_ms = held.as_it_is(chain).cost_ms - weighed.as_it_is(chain).cost_ms
+    assert more_ms == pytest.approx(20.0)
     same = Objective(tracks, EvaluationConfig(), TuneConfig(), alone.figures).as_it_is(chain)
     assert same.cost_ms == pytest.approx(alone.cost_ms)
 
