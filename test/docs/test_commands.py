@@ -99,6 +99,10 @@ RUN_BY = {
     ' --window-size=1280,860 report.html#event-0-0-0': (
         'test/report/test_page_in_browser.py::test_it_renders'
     ),
+    'slip_evaluate xela_uskin_slip --config config/xela_uskin.yaml': (
+        'test/commands/test_evaluate_real_finger.py'
+        '::test_the_real_finger_is_told_sliding_from_holding_and_from_moving'
+    ),
     'slip_evaluate --protocol paper': (
         'test/evaluation/test_protocol.py::test_the_papers_results_are_reproduced'
     ),
