@@ -83,6 +83,14 @@ RUN_BY = {
     ' --ros-args -r __ns:=/index': (
         'test/nodes/test_configs.py::test_each_file_is_a_detector_of_its_own_on_the_same_input'
     ),
+    **dict.fromkeys(
+        (
+            'ros2 topic echo /onset/slip',
+            'ros2 topic echo /sure/slip',
+            'ros2 param set /sure/slip_detector threshold 0.2',
+        ),
+        'test/nodes/test_configs.py::test_each_file_is_a_detector_of_its_own_on_the_same_input',
+    ),
     'ros2 run slip_detector': (
         'test/package/test_installed.py::test_every_executable_is_where_ros2_run_looks'
     ),
