@@ -135,7 +135,7 @@ def quiet_threshold(
         )
     statistic = VoteStatistics(chain, [chain.vote]).of(track)[0]
     exponent, limit = threshold_scale(chain)
-    limits = thresholds([statistic], [track], exponent, limit)
+    limits = thresholds(chain, [statistic], [track])
     if not limits.size:
         if statistic.max() >= limit:
             raise _limit_reached(track, limit)

@@ -16,6 +16,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.objective import CandidateFigures, Objective
+from slip_detector.tuning.thresholds import thresholds
 from slip_detector.tuning.tracks import track_of
 from support.guesses import guessed
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
@@ -208,6 +209,23 @@ def test_the_best_threshold_is_found_for_each_vote():
     again = objective.as_it_is(best.chain)
     assert again.figures == best.figures
     assert best.figures.sooner_than_chance == 1.0
+
+
+def test_a_threshold_next_to_no_evidence_is_not_taken():
+    """It has no room for noise that is a tenth louder on another day."""
+    chain = dataclasses.replace(
+        CHAIN, decision='evidence', noise_floor=(0.05,), exponent=1, evidence_offset_db=12.0
+    )
+    tracks = [track(1)]
+    objective = Objective(tracks, EvaluationConfig(), TuneConfig())
+    candidates = objective.best(chain)
+    assert candidates
+    for found in candidates:
+        assert found.figures.sooner_than_chance > 0.9
+        statistic = objective.statistics(chain, [found.chain.vote])[found.chain.vote]
+        assert found.chain.threshold >= thresholds(chain, statistic, tracks)[3]
+        # Three steps of 3 %, or 0.257 dB, for as long as a window.
+        assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
 
 
 def test_a_chain_that_never_moves_has_no_threshold():
