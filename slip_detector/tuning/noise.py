@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 #: The share of rest that is below a floor that is learnt. Of noise this is about the mean power,
 #: whatever the window, so noise alone makes no evidence. With the tenth at which a floor that
-#: follows settles, it would: an envelope of one sample is 13 dB above that on average.
+#: follows settles, it would: an envelope of one sample is 12 dB above that on average.
 BELOW_FLOOR = 2 / 3
 
 #: How far a floor that was learnt may rise.
