@@ -24,7 +24,8 @@ BELOW_FLOOR = 2 / 3
 LEARNT_RANGE_DB = 15.0
 
 #: Floors are learnt on so many rows, the first ones of each recording: more rows make them hardly
-#: surer and every trial of a search longer. But each recording takes part for so long at least.
+#: surer and every trial of a search longer. But each recording takes part for so long at least,
+#: and one alone has to last for it.
 MOST_ROWS, LEAST_S = 60_000, 5.0
 
 #: Mains frequencies in the world, and how many of their multiples are looked at.

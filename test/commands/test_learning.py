@@ -80,6 +80,13 @@ def test_quiet_sets_the_threshold_of_the_floors_that_it_learnt(folder, capsys):
     assert 'at 95% confidence' in capsys.readouterr().out
 
 
+def test_a_recording_that_is_too_short_for_floors_is_refused(folder, capsys):
+    np.savez('short.npz', volts=slips(1, duration_s=4.0, slips=False)[0], sample_rate_hz=RATE_HZ)
+    run('--quiet', 'short.npz', code=1)
+    assert 'short.npz: lasts 4 s, allowed: at least 5 s at rest' in capsys.readouterr().err
+    assert not (folder / 'out.yaml').exists()
+
+
 def test_a_mains_without_whole_periods_is_told_and_not_written(folder, capsys):
     (folder / 'given.yaml').write_text(EVIDENCE + '    sample_rate_hz: 377.7\n' + LABELS)
     with np.load('hum.npz') as recording:
