@@ -21,7 +21,9 @@ curve of slip against motion over all recordings, as ``auc_moving`` and
 searches; and ``least_auc_moving`` of all seeds. The recordings tuned on make the scores of
 different chains comparable: ``auc_moving`` scales them by the median and the quartiles of the rows
 of motion, ``auc_moving_by_threshold`` by the threshold, which depends on a few slips. Evidence is
-0 in most rows of motion; where a quartile is, the threshold scales it in both.
+0 in most rows of motion; where a quartile is, the threshold scales it in both. Where the given
+parameters decide by evidence, ``choice`` has the figures of
+:mod:`benchmarks.tune.left_out_choice`, else it is None.
 """
 
 from collections.abc import Sequence
@@ -31,6 +33,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tune.families import search_candidate
+from benchmarks.tune.left_out_choice import measure_left_out_choice
 from slip_detector.commands.tune import tuning_parameters_of
 from slip_detector.evaluation.labelled_rows import MOTION
 from slip_detector.evaluation.scores import ScoreTally
@@ -81,12 +84,14 @@ def measure_real_recordings(
             chains.append(parameters.chain if choice is None else choice.chain)
         by_seed[str(seed)] = _pooled_auc(tracks, chains)
     given = _pooled_auc(tracks, [parameters.chain] * len(tracks))
+    evidence = parameters.chain.decision == 'evidence'
     return {
         'recordings': len(tracks),
         'trials': trials,
         'given': given,
         'seeds': by_seed,
         'least_auc_moving': min(one['auc_moving'] for one in by_seed.values()),
+        'choice': measure_left_out_choice(tracks, parameters) if evidence else None,
     }
 
 

@@ -102,7 +102,25 @@ def tuning_table(figures_by_part: dict[str, Any]) -> str:
                 f'  {name:<9} AUC against motion {one["auc_moving"]:.3f} '
                 f'(by thresholds {one["auc_moving_by_threshold"]:.3f})'
             )
+        if real['choice']:
+            lines += _choice_lines(real['choice'])
     return '\n'.join(lines)
+
+
+def _choice_lines(choice: dict[str, Any]) -> list[str]:
+    """Return the figures of a configuration, and what choosing it on the recordings is worth."""
+    lines = [
+        f'  of {choice["settings"]} settings beside the given one half have an AUC below '
+        f'{choice["median_auc_moving"]:.3f}'
+    ]
+    for name, one in (('as given', choice['given']), ('chosen on the others', choice)):
+        lines.append(
+            f'  {name:<20} AUC against motion {one["auc_moving"]:.3f}, {one["matched"]} of '
+            f'{one["slips"]} slips detected ({one["settling_slips"]} while settling), '
+            f'{one["false_alarms"]} false alarms, ON without slip '
+            f'{number_text(one["false_time_percent"], ".2f")} %'
+        )
+    return lines
 
 
 def _onset_lines(onset: dict[str, Any]) -> list[str]:

@@ -24,7 +24,13 @@ from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.impacts import impact_step
 from slip_detector.tuning.loading import load_tracks
-from slip_detector.tuning.noise import LEARNT_RANGE_DB, Mains, find_mains, learnt_floors
+from slip_detector.tuning.noise import (
+    LEARNT_RANGE_DB,
+    LEAST_S,
+    Mains,
+    find_mains,
+    learnt_floors,
+)
 from slip_detector.tuning.tracks import Track
 
 
@@ -61,7 +67,8 @@ def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLo
     Raises
     ------
     ValueError
-        When the recording cannot be read or there is nothing to learn of it; names it.
+        When the recording cannot be read, is too short, or there is nothing to learn of it; names
+        it.
     """
     rate, by_evidence = options.false_alarms_per_hour, chain.decision == 'evidence'
     if rate is None and not by_evidence:
@@ -70,8 +77,13 @@ def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLo
             'or --false-alarms-per-hour, which sets the threshold'
         )
     track, lines = _only(options.quiet, loader)
+    if by_evidence and track.duration_s < LEAST_S:
+        raise ValueError(
+            f'{track.name}: lasts {track.duration_s:.3g} s, allowed: at least {LEAST_S:g} s at '
+            'rest'
+        )
     names = []
-    mains = find_mains(track, chain.disabled_channels)
+    mains = find_mains(chain, track)
     lines.append(f'On {track.name}: {mains}')
     if mains.lines and not chain.mains_hz:
         taken_off = _with_mains(chain, mains)

@@ -102,7 +102,12 @@ class Workers:
             self._executor.shutdown(wait=False)
             self._client.close()
             return
+        results: Any = self._executor._result_queue  # type: ignore[attr-defined]
         self._executor.shutdown(wait=False, cancel_futures=True)
+        # A process that is ended while it writes its result leaves a part of it in the pipe. The
+        # executor's thread, for which the interpreter waits at its end, reads on as long as
+        # anybody can write the rest: that must not be this process.
+        results._writer.close()
         mine = [one for one in multiprocessing.active_children() if one not in self._not_mine]
         for process in mine:
             process.terminate()

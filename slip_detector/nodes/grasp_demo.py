@@ -79,6 +79,10 @@ from slip_detector.report.grasp_table import grasp_table
 SHOWN = 2
 
 
+#: A larger number of objects is taken for a typing error.
+MOST_OBJECTS = 1000
+
+
 def _through_nodes(
     seeds: Sequence[int], config: Path, folder: Path, trials: Sequence[GraspTrial], limit_n: float
 ) -> tuple[dict[str, Any], dict[int, LiveGraspTrial]]:
@@ -146,9 +150,10 @@ def seed_range(text: str) -> range:
         seeds = range(int(first), int(last) + 1) if colon else range(int(text))
     except ValueError:
         seeds = range(0)
-    if not seeds or seeds[0] < 0:
+    if not 1 <= seeds.stop - seeds.start <= MOST_OBJECTS or seeds.start < 0:
         raise argparse.ArgumentTypeError(
-            f'is {text}, allowed: N, at least 1, or FIRST:LAST, from 0 on, with FIRST at most LAST'
+            f'is {text}, allowed: N, at least 1, or FIRST:LAST, from 0 on, with FIRST at most '
+            f'LAST; at most {MOST_OBJECTS} objects'
         )
     return seeds
 

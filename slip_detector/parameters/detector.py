@@ -114,7 +114,7 @@ class ChainConfig(ParameterSet):
         unit='Hz',
         low=0.0,
         high=1000.0,
-        allows='0, or to 1000 with whole periods in at most 0.25 s of rows',
+        allows='0, or up to 1000 with whole periods in at most 0.25 s of rows',
     )
     passband_hz: tuple[float, float] = parameter(
         (7.0, 50.0),

@@ -43,6 +43,7 @@ def grasp_table(result: Mapping[str, Any]) -> str:
     >>> figures |= {'force_percent': 40.0, 'most_force_percent': 44.0, 'onsets': 2.0}
     >>> figures['needed_percent'] = 30.0
     >>> result = {'seeds': [0], 'transport_ms': 5.0, 'conditions': {CONTROLLER: figures}}
+    >>> result['harder'] = {}
     >>> grasp_table({**result, 'wanted': {}, 'nodes': {}}).splitlines()[1]
     'In simulated time, 5 ms from sample to command'
     """

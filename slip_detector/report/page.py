@@ -58,6 +58,9 @@ MAIN_FIGURES = (
 
 UNITS = {'ms': 'ms', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
 
+#: A list of more numbers, as of one for each channel, is told by its lowest and highest one.
+MOST_NUMBERS = 8
+
 #: How many trials of the front are listed at most.
 MOST_LISTED = 60
 
@@ -339,16 +342,37 @@ def _parameters(variants: Sequence[Variant]) -> str:
     columns = [variant.config.to_parameters() for variant in variants]
     rows = []
     for name in dict.fromkeys(name for column in columns for name in column):
-        cells = [_value(column.get(name, UNDEFINED)) for column in columns]
-        differs = 'differs' if len(set(cells)) > 1 else ''
+        values = [column.get(name, UNDEFINED) for column in columns]
+        cells = [_value(value) for value in values]
+        differs = 'differs' if any(value != values[0] for value in values) else ''
         rows.append((_row([name, *cells], differs), differs))
     heads = ['parameter', *(variant.name for variant in variants)]
-    if len(variants) == 1:
-        return _table(heads, ''.join(row for row, _ in rows), 'parameters')
-    differing = [row for row, differs in rows if differs]
     whole = _table(heads, ''.join(row for row, _ in rows), 'parameters')
+    if len(variants) == 1:
+        return whole + _floors(variants)
+    differing = [row for row, differs in rows if differs]
     shown = _table(heads, ''.join(differing), 'parameters') if differing else '<p>All equal.</p>'
-    return f'{shown}<details><summary>All parameters</summary>{whole}</details>'
+    return f'{shown}<details><summary>All parameters</summary>{whole}</details>{_floors(variants)}'
+
+
+def _floors(variants: Sequence[Variant]) -> str:
+    """Return a table of noise floors that differ from channel to channel; empty without any."""
+    columns = [
+        variant.config.noise_floor if variant.config.decision == 'evidence' else ()
+        for variant in variants
+    ]
+    if max(map(len, columns)) <= 1:
+        return ''
+    names = variants[0].overviews[0].channel_names
+    # One floor is for all channels.
+    cells = [floors * len(names) if len(floors) == 1 else floors for floors in columns]
+    rows = [
+        [name, *(_value(floors[c]) if floors else UNDEFINED for floors in cells)]
+        for c, name in enumerate(names)
+    ]
+    heads = ['channel', *(variant.name for variant in variants)]
+    table = _table(heads, ''.join(map(_row, rows)), 'parameters')
+    return f'<details><summary>noise_floor of each channel</summary>{table}</details>'
 
 
 def _table(heads: Sequence[str], rows: str, name: str) -> str:
@@ -398,5 +422,7 @@ def _cell(name: str, value: float | str | None) -> str:
 
 def _value(value: Any) -> str:
     if isinstance(value, (list, tuple)):
+        if len(value) > MOST_NUMBERS and all(isinstance(one, float) for one in value):
+            return f'{len(value)} numbers, {_value(min(value))} to {_value(max(value))}'
         return ' '.join(map(_value, value)) or 'none'
     return f'{value:.6g}' if isinstance(value, float) else str(value)

@@ -120,7 +120,7 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
 
 
 def front_figure(trials: Sequence[SearchTrial]) -> Figure:
-    """Draw the trials of a search: latency against false alarms, recall as colour.
+    """Draw the trials of a search: latency against false alarms, sooner than chance as colour.
 
     Examples
     --------
@@ -131,9 +131,9 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
     figure = Figure(figsize=(8, 4.6), layout='constrained')
     axis = figure.subplots()
     known = [trial for trial in trials if trial.costs is not None]
-    latency_ms, alarms, recall = _columns([trial for trial in known if not trial.mark])
+    latency_ms, alarms, sooner = _columns([trial for trial in known if not trial.mark])
     points = axis.scatter(
-        latency_ms, alarms, c=recall, cmap='viridis', vmin=0.0, vmax=1.0, s=22, zorder=2,
+        latency_ms, alarms, c=sooner, cmap='viridis', vmin=0.0, vmax=1.0, s=22, zorder=2,
         label='trial',
     )  # fmt: skip
     figure.colorbar(points, label='sooner than chance')
@@ -145,7 +145,7 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
     marked = [trial for trial in known if trial.mark]
     for trial, color in zip(marked, COLORS[1:], strict=False):
         (x,), (y,), (sooner_than_chance,) = _columns([trial])
-        figures = f'{x:.0f} ms, {y:.2g} a minute, recall {sooner_than_chance:.2f}'
+        figures = f'{x:.0f} ms, {y:.2g} a minute, sooner than chance {sooner_than_chance:.2f}'
         axis.plot(
             x, y, '*', color=color, markersize=17, markeredgecolor='k', zorder=4,
             label=f'{_plain(trial.mark)}: {figures}',

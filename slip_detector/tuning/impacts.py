@@ -64,11 +64,16 @@ def common_steps_v(chain: ChainConfig, track: Track) -> Floats:
     >>> common_steps_v(ChainConfig(channels=3, impact_channels=2), track)
     array([0., 2., 0.])
     """
+    steps = _steps_v(chain, track)
+    return steps[:, min(chain.impact_channels, steps.shape[1]) - 1]
+
+
+def _steps_v(chain: ChainConfig, track: Track) -> Floats:
+    """Return the steps of the enabled channels in each row, the largest first."""
     low, high = chain.valid_range_v
     disabled = set(chain.disabled_channels)
     enabled = [c for c in range(track.volts.shape[1]) if c + 1 not in disabled]
-    which = min(chain.impact_channels, len(enabled))
-    found = np.zeros(len(track.volts))
+    found = np.zeros((len(track.volts), len(enabled)))
     for rows in track.rows_of_stretches:
         volts = track.volts[rows, enabled]
         good = (volts >= low) & (volts <= high)
@@ -77,15 +82,22 @@ def common_steps_v(chain: ChainConfig, track: Track) -> Floats:
         places = np.maximum.accumulate(places, axis=0)
         held = np.where(places < 0, np.nan, np.take_along_axis(volts, places, axis=0))
         steps = np.nan_to_num(np.abs(np.diff(held, axis=0)))
-        if steps.size:
-            found[rows][1:] = np.partition(steps, -which, axis=1)[:, -which]
+        found[rows][1:] = np.sort(steps, axis=1)[:, ::-1]
     return found
 
 
-def largest_slip_step_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
-    """Return the largest of :func:`common_steps_v` in rows with slip; 0 where there are none."""
-    steps = [common_steps_v(chain, track)[track.kinds == SLIP] for track in tracks]
-    return max((float(part.max()) for part in steps if part.size), default=0.0)
+def largest_slip_steps_v(chain: ChainConfig, tracks: Sequence[Track]) -> Floats:
+    """Return the largest step that 1, 2, ... channels make at once in rows with slip.
+
+    Returns
+    -------
+    ndarray
+        One for each number of enabled channels; 0 where there is no slip.
+    """
+    steps = [
+        _steps_v(chain, track)[track.kinds == SLIP].max(axis=0, initial=0.0) for track in tracks
+    ]
+    return np.asarray(np.max(steps, axis=0))
 
 
 def knocks_v(chain: ChainConfig, track: Track) -> Floats:
@@ -168,7 +180,8 @@ def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> I
     >>> found.knocks, found.slip_v < found.impact_v < found.knock_v
     (4, True)
     """
-    steps_v, slip_v = knocks_v(chain, knocks), largest_slip_step_v(chain, tracks)
+    steps_v, slip_steps_v = knocks_v(chain, knocks), largest_slip_steps_v(chain, tracks)
+    slip_v = float(slip_steps_v[min(chain.impact_channels, slip_steps_v.size) - 1])
     if not steps_v.size:
         raise ValueError(
             f'{knocks.name}: has no step of {KNOCK:g} times its noise on {chain.impact_channels} '

@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.evidence import QUANTILE
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.labelled_rows import REST, SLIP
@@ -30,11 +29,17 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
+#: The share of rest that is below a floor that is learnt. Of noise this is about the mean power,
+#: whatever the window, so noise alone makes no evidence. With the tenth at which a floor that
+#: follows settles, it would: an envelope of one sample is 12 dB above that on average.
+BELOW_FLOOR = 2 / 3
+
 #: How far a floor that was learnt may rise.
 LEARNT_RANGE_DB = 15.0
 
 #: Floors are learnt on so many rows, the first ones of each recording: more rows make them hardly
-#: surer and every trial of a search longer. But each recording takes part for so long at least.
+#: surer and every trial of a search longer. But each recording takes part for so long at least,
+#: and one alone has to last for it.
 MOST_ROWS, LEAST_S = 60_000, 5.0
 
 #: Mains frequencies in the world, and how many of their multiples are looked at.
@@ -58,11 +63,11 @@ LOWEST_LINE_HZ = 2.0
 
 
 def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, ...]:
-    """Return the noise floor of each channel: what a tenth of its envelopes at rest is below.
+    """Return the noise floor of each channel: what two thirds of its envelopes at rest are below.
 
-    That is where a floor that follows the envelope comes to rest. Rows with slip, and rows in
-    which the chain settles or a channel is not valid, take no part; where there is rest, rows of
-    motion do not either. A channel that tells nothing has the median of the other floors.
+    Rows with slip, and rows in which the chain settles or a channel is not valid, take no part;
+    where there is rest, rows of motion do not either. A channel that tells nothing has the median
+    of the other floors.
 
     Parameters
     ----------
@@ -112,7 +117,7 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
             left -= counts.size
             if not left:
                 break
-    found = _quantiles(np.concatenate(envelopes))
+    found = _floors(np.concatenate(envelopes))
     noisy = found[found > 0.0]
     if not noisy.size:
         raise ValueError(
@@ -123,13 +128,13 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     return tuple(float(f'{floor:.4g}') for floor in found)
 
 
-def _quantiles(envelopes: Floats) -> Floats:
-    """Return the quantile of each channel, of rows that are numbers; NaN where there are none."""
+def _floors(envelopes: Floats) -> Floats:
+    """Return the floor of each channel, of rows that are numbers; NaN where there are none."""
     found = np.full(envelopes.shape[1], np.nan)
     for channel, column in enumerate(envelopes.T):
         numbers = column[np.isfinite(column)]
         if numbers.size:
-            found[channel] = np.quantile(numbers, QUANTILE)
+            found[channel] = np.quantile(numbers, BELOW_FLOOR)
     return found
 
 
@@ -179,19 +184,19 @@ class Mains(NamedTuple):
         return f'mains of {self.mains_hz:g} Hz: lines of {", ".join(told)} on all channels'
 
 
-def find_mains(track: Track, disabled_channels: Sequence[int] = ()) -> Mains:
+def find_mains(chain: ChainConfig, track: Track) -> Mains:
     """Return the mains whose multiples stand out of the noise of all channels.
 
-    A multiple above half the sample rate is looked for where sampling puts it. Of two mains the
-    one with more lines is taken; of as many, the one with the lower multiple, as sampling may put
-    multiples of both at one place.
+    What the chain takes off as common mode is not there. A multiple above half the sample rate is
+    looked for where sampling puts it. Of two mains the one with more lines is taken; of as many,
+    the one with the lower multiple, as sampling may put multiples of both at one place.
 
     Parameters
     ----------
+    chain
+        Its ``common_mode`` and ``disabled_channels`` are used.
     track
-        A recording; its longest stretch is looked at.
-    disabled_channels
-        Channels (counted from 1) that are not looked at; nor are those that are flat.
+        A recording; its longest stretch is looked at, and in it the channels that are not flat.
 
     Examples
     --------
@@ -201,13 +206,16 @@ def find_mains(track: Track, disabled_channels: Sequence[int] = ()) -> Mains:
     >>> volts = np.random.default_rng(0).standard_normal((6000, 2))
     >>> volts += np.sin(2 * np.pi * 60.0 * time_s) + np.sin(2 * np.pi * 180.0 * time_s)
     >>> track = track_of('rest', [LabelledRows(volts, np.zeros(6000, bool))], 320.0)
-    >>> [(line.hum_hz, line.seen_hz) for line in find_mains(track).lines]
+    >>> [(line.hum_hz, line.seen_hz) for line in find_mains(ChainConfig(channels=2), track).lines]
     [(60.0, 60.0), (180.0, 140.0)]
     """
     rate_hz = track.sample_rate_hz
-    volts = _longest_stretch(track)
-    enabled = [c for c in range(volts.shape[1]) if c + 1 not in disabled_channels]
-    volts = volts[:, [c for c in enabled if np.ptp(volts[:, c]) > 0.0]]
+    disabled = [channel - 1 for channel in chain.disabled_channels]
+    volts = _not_flat(np.delete(_longest_stretch(track), disabled, axis=1))
+    if chain.common_mode != 'none' and volts.size:
+        deviations = volts - volts[0]
+        common = np.median if chain.common_mode == 'median' else np.mean
+        volts = _not_flat(deviations - common(deviations, axis=1, keepdims=True))
     rows = round(SPECTRUM_S * rate_hz)
     if len(volts) < 2 * rows or not volts.shape[1]:
         return Mains(0.0, ())
@@ -242,6 +250,10 @@ def _lines(mains_hz: float, hz: Floats, power: Floats, rate_hz: float) -> list[M
         if least_db >= LEAST_LINE_DB:
             lines.append(MainsLine(hum_hz, round(seen_hz, 6), least_db))
     return lines
+
+
+def _not_flat(volts: Floats) -> Floats:
+    return volts[:, np.ptp(volts, axis=0) > 0.0]
 
 
 def _longest_stretch(track: Track) -> Floats:

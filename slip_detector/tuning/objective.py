@@ -31,7 +31,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.sweep import ThresholdSweep, VoteStatistics, sweep_thresholds
-from slip_detector.tuning.thresholds import Vote, threshold_scale, thresholds, votes_of
+from slip_detector.tuning.thresholds import Vote, thresholds, votes_of
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
@@ -218,7 +218,7 @@ class Objective:
         """
         candidates = []
         for vote, statistic in self.statistics(chain, votes_of(chain)).items():
-            limits = thresholds(statistic, self._tracks, *threshold_scale(chain))
+            limits = thresholds(chain, statistic, self._tracks)
             if limits.size:
                 sweep = self.sweep(chain, statistic, limits)
                 costs_ms = _with_neighbours(self._event_costs_ms(sweep))
@@ -285,7 +285,10 @@ class Objective:
     ) -> Candidate:
         """Return the cost of a chain at its own threshold, which is one of a sweep."""
         auc = self.auc(statistic, chain.threshold)
-        cost_ms = event_cost_ms + self._config.auc_costs_ms * (1.0 - (auc or 0.0))
+        lacking = 1.0 - (auc or 0.0)
+        if self._given is not None and self._given.better_than_chance:
+            lacking += WORSE_COUNTS * max((self._given.auc or 0.0) - (auc or 0.0), 0.0)
+        cost_ms = event_cost_ms + self._config.auc_costs_ms * lacking
         figures = sweep.figures(at)
         compared = {name: figures[name] for name in CandidateFigures._fields if name != 'auc'}
         return Candidate(
@@ -350,7 +353,12 @@ def _more(figures: Floats, given: float | None) -> Floats:
 
 
 def _with_neighbours(costs: Floats) -> Floats:
-    """Return the mean of each cost and of the costs of the neighbouring thresholds; shape (T,)."""
+    """Return the mean of each cost and of the costs of the neighbouring thresholds; shape (T,).
+
+    Above the highest threshold nothing is ON either. What is ON below the lowest is not known, so
+    thresholds that lack neighbours there cost infinitely much.
+    """
     width = 2 * NEIGHBOURS + 1
     padded = np.pad(costs, NEIGHBOURS, mode='edge')
+    padded[:NEIGHBOURS] = np.inf
     return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))

@@ -23,7 +23,12 @@ from typing import TYPE_CHECKING, Any
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.objective import Candidate, CandidateFigures, Objective
+from slip_detector.tuning.objective import (
+    AUC_STEP,
+    Candidate,
+    CandidateFigures,
+    Objective,
+)
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track, fingerprint
 
@@ -40,7 +45,7 @@ OF_DECISIONS = {
     'evidence': (
         'noise_floor', 'noise_floor_learnt', 'noise_floor_range_db', 'noise_floor_rate_db_s',
         'evidence_offset_db', 'evidence_cap_db', 'evidence_limit_db_s', 'impact_v',
-        'impact_hold_s',
+        'impact_channels', 'impact_hold_s',
     ),
 }  # fmt: skip
 
@@ -182,9 +187,15 @@ class Problem:
         return choice
 
     def _worse(self, found: Candidate, best: Candidate) -> bool:
-        """Return whether a chain is worse than the given one in more figures than the best is."""
+        """Return whether a chain is worse than the given one where the best is not.
+
+        It is worse in more figures, or tells rows of slip from others less well than both: that
+        figure is of many rows, so few slips do not excuse it.
+        """
         if self.figures is None:
             return False
-        return len(found.figures.worse_than(self.figures)) > len(
-            best.figures.worse_than(self.figures)
+        areas = [one.auc or 0.0 for one in (found.figures, best.figures, self.figures)]
+        return areas[0] < min(areas[1:]) - AUC_STEP or (
+            len(found.figures.worse_than(self.figures))
+            > len(best.figures.worse_than(self.figures))
         )

@@ -102,14 +102,15 @@ def quiet_threshold(
 
     Where counting can show the rate, it is the lowest threshold at which the upper bound of the
     rate is at most the allowed rate. For a lower rate a generalised Pareto distribution is fitted
-    to the highest peaks of the blocks, in amplitude; the bounds come from resampled blocks.
+    to the highest peaks of the blocks, in amplitude; the bounds come from resampled blocks. Where
+    there is no evidence throughout, any threshold will do: it is the given one.
 
     Parameters
     ----------
     track
         A recording without slip.
     chain
-        The chain; its threshold is not used.
+        The chain.
     per_hour
         Allowed rate of false alarms.
     random
@@ -118,8 +119,8 @@ def quiet_threshold(
     Raises
     ------
     ValueError
-        When the recording has slip or is too short for the rate, or the chain gives 0 throughout;
-        names the recording.
+        When the recording has slip or is too short for the rate, or the sensor does not run; names
+        the recording.
 
     Examples
     --------
@@ -148,13 +149,15 @@ def quiet_threshold(
         )
     statistic = VoteStatistics(chain, [chain.vote]).of(track)[0]
     exponent, limit = threshold_scale(chain)
-    limits = thresholds([statistic], [track], exponent, limit)
+    limits = thresholds(chain, [statistic], [track])
     if not limits.size:
         if statistic.max() >= limit:
             raise _limit_reached(track, limit)
-        raise ValueError(
-            f'{track.name}: the chain gives 0 throughout, allowed: a sensor that runs'
-        )
+        if chain.decision == 'mean':
+            raise ValueError(
+                f'{track.name}: the chain gives 0 throughout, allowed: a sensor that runs'
+            )
+        limits = np.array([chain.threshold])
     # All that the detector says counts, from the first row on: each rise is an alarm.
     config = EvaluationConfig(off_before_s=0.0)
     sweep = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)

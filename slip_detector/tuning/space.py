@@ -25,12 +25,17 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.shared_folder import shared_folder
-from slip_detector.tuning.impacts import LEAST_RATIO, largest_slip_step_v
-from slip_detector.tuning.noise import LEARNT_RANGE_DB, MAINS_HZ, learnt_floors
+from slip_detector.tuning.impacts import LEAST_RATIO, largest_slip_steps_v
+from slip_detector.tuning.noise import MAINS_HZ, learnt_floors
 from slip_detector.tuning.thresholds import rounded
 from slip_detector.tuning.tracks import Track
+
+Floats = NDArray[np.float64]
 
 #: Edges as shares of the sample rate: lowest and highest low edge of the pass-band, and the
 #: highest edge of any band. A pass-band that would end above that is a high-pass.
@@ -57,9 +62,9 @@ LEAST_SHARING = 3
 #: Degrees of the pass-band, beside the given one; a band-pass has the next even one.
 DEGREES = (1, 2, 4)
 
-#: Ranges of what evidence is made with: how often the noise floors, in amplitude, how fast they
-#: follow, the offset, the cap above it, the limit, and how long an impact is held for.
-FLOOR_SCALE, FLOOR_RATE_DB_S = (0.1, 10.0), (0.02, 5.0)
+#: Ranges of what evidence is made with: the factor on the noise floors, in amplitude, how far and
+#: how fast they rise, the offset, the cap above it, the limit, and how long an impact is held for.
+FLOOR_SCALE, FLOOR_RANGE_DB, FLOOR_RATE_DB_S = (0.1, 10.0), (0.0, 60.0), (0.02, 5.0)
 OFFSET_DB, CAP_ABOVE_DB, LIMIT_DB_S = (0.5, 12.0), (1.0, 30.0), (0.02, 5.0)
 HOLD_S = (0.05, 1.0)
 
@@ -73,8 +78,8 @@ IMPACTS = ('given', 'none', 'above slips')
 #: The parameters of points that only one decision has.
 OF_MEAN = ('decision_window_s',)
 OF_EVIDENCE = (
-    'floors', 'floor_scale', 'floor_rate_db_s', 'evidence_offset_db', 'cap_above_db',
-    'evidence_limit_db_s', 'impact', 'impact_hold_s',
+    'floors', 'floor_scale', 'floor_range_db', 'floor_rate_db_s', 'evidence_offset_db',
+    'cap_above_db', 'evidence_limit_db_s', 'impact', 'impact_channels', 'impact_hold_s',
 )  # fmt: skip
 
 
@@ -122,14 +127,12 @@ class SearchSpace:
         self._exponents = (1, max(4, given.exponent))
         self._degrees = tuple(sorted({given.passband_degree, *DEGREES}))
         self.notches_hz = (0.0, *(f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < HIGHEST * rate))
-        enabled = given.channels - len(given.disabled_channels)
+        self._enabled = given.channels - len(given.disabled_channels)
         mains_hz = filter(self._has_whole_periods, MAINS_HZ)
         self.mains_hz = tuple(sorted({0.0, given.mains_hz, *mains_hz}))
-        self._common_modes = COMMON_MODES if enabled >= LEAST_SHARING else ('none',)
+        self._common_modes = COMMON_MODES if self._enabled >= LEAST_SHARING else ('none',)
         self._floors = FLOORS if given.decision == 'evidence' else FLOORS[1:]
-        self._impacts: tuple[str, ...] = IMPACTS if given.impact_v else IMPACTS[1:]
-        if enabled < given.impact_channels:
-            self._impacts = ('none',)
+        self._impacts = IMPACTS if given.impact_v else IMPACTS[1:]
 
     def distributions(self) -> dict[str, Any]:
         """Return Optuna's distributions by name."""
@@ -152,11 +155,13 @@ class SearchSpace:
             'decision_window_s': FloatDistribution(*self._window_s, log=True),
             'floors': CategoricalDistribution(self._floors),
             'floor_scale': FloatDistribution(*FLOOR_SCALE, log=True),
+            'floor_range_db': FloatDistribution(*FLOOR_RANGE_DB),
             'floor_rate_db_s': FloatDistribution(*FLOOR_RATE_DB_S, log=True),
             'evidence_offset_db': FloatDistribution(*OFFSET_DB),
             'cap_above_db': FloatDistribution(*CAP_ABOVE_DB),
             'evidence_limit_db_s': FloatDistribution(*LIMIT_DB_S, log=True),
             'impact': CategoricalDistribution(self._impacts),
+            'impact_channels': IntDistribution(1, self._enabled, log=True),
             'impact_hold_s': FloatDistribution(*self._hold_s, log=True),
             'common_mode': CategoricalDistribution(self._common_modes),
         }
@@ -202,6 +207,7 @@ class SearchSpace:
         return {
             'decision': 'evidence',
             **self._of_floors(point, chain),
+            'noise_floor_range_db': rounded(point['floor_range_db']),
             'noise_floor_rate_db_s': rounded(point['floor_rate_db_s']),
             'evidence_offset_db': offset_db,
             'evidence_cap_db': rounded(offset_db + point['cap_above_db']),
@@ -209,7 +215,7 @@ class SearchSpace:
             'threshold': given.threshold
             if given.threshold < limit_db_s
             else rounded(0.5 * limit_db_s),
-            'impact_v': self._impact_v(point['impact']),
+            **self._of_impacts(point),
             'impact_hold_s': rounded(point['impact_hold_s']),
         }
 
@@ -222,22 +228,23 @@ class SearchSpace:
             made = {}
         else:
             floors = learnt_floors(chain, self._tracks)
-            learnt = which == 'learnt'
-            range_db = LEARNT_RANGE_DB if learnt else ChainConfig().noise_floor_range_db
-            made = {'noise_floor_learnt': learnt, 'noise_floor_range_db': range_db}
+            made = {'noise_floor_learnt': which == 'learnt'}
         if scale != 1.0 or power != 1.0:
             factor = scale**chain.exponent
             floors = tuple(rounded(factor * floor**power) for floor in floors)
         return {'noise_floor': floors, **made}
 
-    def _impact_v(self, which: str) -> float:
-        if which == 'above slips':
-            return rounded(LEAST_RATIO * self._slip_step_v)
-        return self._given.impact_v if which == 'given' else 0.0
+    def _of_impacts(self, point: dict[str, Any]) -> dict[str, Any]:
+        """Return which step of how many channels is an impact at a point."""
+        if point['impact'] != 'above slips':
+            return {'impact_v': self._given.impact_v if point['impact'] == 'given' else 0.0}
+        channels = point['impact_channels']
+        step_v = float(self._slip_steps_v[channels - 1])
+        return {'impact_v': rounded(LEAST_RATIO * step_v), 'impact_channels': channels}
 
     @functools.cached_property
-    def _slip_step_v(self) -> float:
-        return largest_slip_step_v(self._given, self._tracks)
+    def _slip_steps_v(self) -> Floats:
+        return largest_slip_steps_v(self._given, self._tracks)
 
     def _has_whole_periods(self, mains_hz: float) -> bool:
         """Return whether the mains has whole periods in rows of the given rate."""
@@ -283,11 +290,13 @@ class SearchSpace:
             'decision_window_s': _within(chain.decision_window_s, self._window_s),
             'floors': self._floors_of(chain),
             'floor_scale': 1.0,
+            'floor_range_db': _within(chain.noise_floor_range_db, FLOOR_RANGE_DB),
             'floor_rate_db_s': _within(chain.noise_floor_rate_db_s, FLOOR_RATE_DB_S),
             'evidence_offset_db': _within(offset_db, OFFSET_DB),
             'cap_above_db': _within(chain.evidence_cap_db - offset_db, CAP_ABOVE_DB),
             'evidence_limit_db_s': _within(chain.evidence_limit_db_s, LIMIT_DB_S),
             'impact': self._impact_of(chain),
+            'impact_channels': min(chain.impact_channels, self._enabled),
             'impact_hold_s': _within(chain.impact_hold_s, self._hold_s),
             'common_mode': mode if mode in self._common_modes else 'none',
         }
@@ -326,8 +335,10 @@ class SearchSpace:
             'passband_octaves': OCTAVES[1],
             'passband_degree': max(self._degrees),
             'exponent': self._exponents[1],
+            'floor_range_db': FLOOR_RANGE_DB[1],
             'evidence_offset_db': OFFSET_DB[1],
             'cap_above_db': CAP_ABOVE_DB[1],
+            'impact_channels': self._enabled,
         }
         left_out = set() if point['decision'] == 'mean' == other['decision'] else {*OF_MEAN}
         if not point['decision'] == 'evidence' == other['decision']:

@@ -74,27 +74,22 @@ def threshold_scale(chain: ChainConfig) -> tuple[int, float]:
     return chain.exponent, math.inf
 
 
-def thresholds(
-    statistic: Sequence[Floats],
-    tracks: Sequence[Track],
-    exponent: int,
-    limit: float = math.inf,
-) -> Floats:
+def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence[Track]) -> Floats:
     """Return the thresholds of a vote to try, in rising order, evenly spaced in amplitude.
 
-    They reach from the median of the rows without slip to the value at which nothing is ON. They
-    are rounded first and then tried, so that the threshold of a result is one that was tried.
+    They reach from the median of the rows without slip to the value at which nothing is ON, or the
+    limit of evidence. Those of evidence are at least so far apart as a step in amplitude moves it
+    while one window of the envelope lasts. They are rounded first and then tried, so that the
+    threshold of a result is one that was tried.
 
     Parameters
     ----------
+    chain
+        The chain that has made the statistic; its threshold and vote do not matter.
     statistic
         The decision statistic of each track, shapes (n,).
     tracks
         At least one.
-    exponent
-        The exponent of the level in amplitude.
-    limit
-        What thresholds are below; see :func:`threshold_scale`.
 
     Returns
     -------
@@ -107,7 +102,7 @@ def thresholds(
     >>> from slip_detector.tuning.tracks import track_of
     >>> rows = LabelledRows(np.zeros((20, 1)), truth=np.zeros(20, bool))
     >>> tracks = [track_of('rest', [rows], sample_rate_hz=100.0)]
-    >>> thresholds([np.linspace(0.95, 1.0, 20)], tracks, exponent=1)
+    >>> thresholds(ChainConfig(exponent=1), [np.linspace(0.95, 1.0, 20)], tracks)
     array([0.9709, 1.    ])
     """
     top = max((float(part.max()) for part in statistic if part.size), default=0.0)
@@ -118,11 +113,17 @@ def thresholds(
         for part, track in zip(statistic, tracks, strict=True)
     ]
     rest = float(np.median(np.concatenate(quiet))) if any(part.size for part in quiet) else 0.0
-    ratio = STEP**exponent
+    exponent, limit = threshold_scale(chain)
     low = max(rest, top * RANGE**-exponent, 1e-30)
-    steps = math.ceil(math.log(top / low) / math.log(ratio)) if low < top else 0
-    below = [rounded(top * ratio**step) for step in range(-steps, 0)]
-    found = np.array([*below, _rounded_up(top)])
+    least_step = 0.0
+    if chain.decision == 'evidence':
+        least_step = 20.0 * math.log10(STEP) * chain.envelope_window_s
+    value, falling = top, [_rounded_up(top)]
+    while value > low:
+        value = min(value / STEP**exponent, value - least_step)
+        if value > 0.0:
+            falling.append(rounded(value))
+    found = np.array(falling[::-1])
     return found[found < limit]
 
 

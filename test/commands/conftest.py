@@ -23,5 +23,5 @@ from support.tuning_cases import PARAMETERS, write
 def case(tmp_path):
     """A parameter file and three short recordings."""
     (tmp_path / 'given.yaml').write_text(PARAMETERS)
-    paths = [write(tmp_path / f'{name}.npz', seed) for seed, name in enumerate('abc')]
+    paths = [write(tmp_path / f'{name}.npz', seed) for seed, name in enumerate('abc', 4)]
     return tmp_path, [*paths, '--config', str(tmp_path / 'given.yaml')]

@@ -74,6 +74,23 @@ def test_the_real_finger_is_told_sliding_from_holding_and_from_moving(capsys):
     assert report['auc_moving'] == pytest.approx(0.953, abs=1e-3)
     within = [part['auc_moving'] for part in report['recordings'].values() if part['slip_rows']]
     assert within == pytest.approx([0.965, 0.783, 0.946], abs=2e-3)
+    assert (report['slips'], report['settling_slips'], report['matched']) == (4, 0, 3)
+    assert (report['false_alarms'], report['rest_s']) == (2, pytest.approx(28.2, abs=0.1))
+    assert report['false_time_percent'] == pytest.approx(4.6, abs=0.1)
+    found = [slip for part in report['recordings'].values() for slip in part['slip_events']]
+    latencies_s = sorted(slip['latency_s'] for slip in found if slip['latency_s'] is not None)
+    assert latencies_s == pytest.approx([0.033, 0.150, 0.318], abs=1e-3)
+
+
+@needs_xela
+def test_a_threshold_that_is_too_low_detects_nothing(capsys, tmp_path):
+    low = tmp_path / 'low.yaml'
+    given = XELA_CONFIG.read_text(encoding='utf-8')
+    low.write_text(given.replace('threshold: 0.5', 'threshold: 0.1'), encoding='utf-8')
+    report = report_of(capsys, XELA, '--config', low)['xela_uskin_slip']
+    assert (report['matched'], report['false_alarms'], report['success_percent']) == (0, 13, 100.0)
+    assert report['sooner_than_chance'] < 0.0
+    assert report['false_time_percent'] == pytest.approx(12.0, abs=0.1)
 
 
 @needs_xela

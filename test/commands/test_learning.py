@@ -86,11 +86,19 @@ def test_quiet_takes_the_hum_off_before_it_learns_the_floors(folder, capsys):
 
 
 def test_quiet_sets_the_threshold_of_the_floors_that_it_learnt(folder, capsys):
+    (folder / 'given.yaml').write_text(EVIDENCE + '    evidence_offset_db: 0.5\n' + LABELS)
     run('--quiet', 'rest.npz', '--false-alarms-per-hour', '200')
     given, written = given_and_written()
     assert written.threshold != given.threshold
     assert written.noise_floor_learnt
     assert 'at 95% confidence' in capsys.readouterr().out
+
+
+def test_a_recording_that_is_too_short_for_floors_is_refused(folder, capsys):
+    np.savez('short.npz', volts=slips(1, duration_s=4.0, slips=False)[0], sample_rate_hz=RATE_HZ)
+    run('--quiet', 'short.npz', code=1)
+    assert 'short.npz: lasts 4 s, allowed: at least 5 s at rest' in capsys.readouterr().err
+    assert not (folder / 'out.yaml').exists()
 
 
 def test_a_mains_without_whole_periods_is_told_and_not_written(folder, capsys):

@@ -93,6 +93,25 @@ def test_a_process_ends_with_the_one_that_started_it():
     assert done.stdout.startswith('(0, (1, ')
 
 
+def test_who_leaves_while_a_result_is_being_written_can_end():
+    code = (
+        'from slip_detector.commands.workers import Workers\n'
+        'from support.worker_calls import zeros\n'
+        'with Workers(jobs=2) as workers:\n'
+        '    for _ in workers.results(zeros, [1, 300_000_000]):\n'
+        '        pipe = workers._executor._result_queue._reader\n'
+        '        while not pipe.poll():  # the large one comes in many parts\n'
+        '            pass\n'
+        '        break\n'
+    )
+    subprocess.run(
+        [sys.executable, '-c', code],
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
+        timeout=60,
+        check=True,
+    )
+
+
 def test_a_cluster_that_is_not_there_is_named():
     pytest.importorskip('distributed', reason='needs distributed')
     with (

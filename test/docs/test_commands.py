@@ -97,6 +97,14 @@ RUN_BY = {
     ' --ros-args -r __ns:=/index': (
         'test/nodes/test_configs.py::test_each_file_is_a_detector_of_its_own_on_the_same_input'
     ),
+    **dict.fromkeys(
+        (
+            'ros2 topic echo /onset/slip',
+            'ros2 topic echo /sure/slip',
+            'ros2 param set /sure/slip_detector threshold 0.2',
+        ),
+        'test/nodes/test_configs.py::test_each_file_is_a_detector_of_its_own_on_the_same_input',
+    ),
     'ros2 run slip_detector': (
         'test/package/test_installed.py::test_every_executable_is_where_ros2_run_looks'
     ),
@@ -115,10 +123,13 @@ RUN_BY = {
     'ros2 launch slip_detector hand.launch.py': 'test/launch/test_launch_hand.py::TestTopics',
     'ros2 launch slip_detector grasp.launch.py': 'test/launch/test_launch_grasp.py::TestGrasp',
     'slip_demo --out out': 'Makefile: slip_demo --out out',
-    'slip_grasp --out out': 'Makefile: slip_grasp --out out',
     'chromium-headless-shell --hide-scrollbars --screenshot=docs/figures/report.png'
     ' --window-size=1280,860 report.html#event-0-0-0': (
         'test/report/test_page_in_browser.py::test_it_renders'
+    ),
+    'slip_evaluate xela_uskin_slip --config config/xela_uskin.yaml': (
+        'test/commands/test_evaluate_real_finger.py'
+        '::test_the_real_finger_is_told_sliding_from_holding_and_from_moving'
     ),
     'slip_evaluate --protocol paper': (
         'test/evaluation/test_protocol.py::test_the_papers_results_are_reproduced'

@@ -114,13 +114,20 @@ def test_the_picture_is_a_picture(finished):
 
 @pytest.mark.parametrize(
     ('text', 'seeds'),
-    [('3', [0, 1, 2]), ('5000:5001', [5000, 5001]), ('7:7', [7])],
+    [
+        ('3', [0, 1, 2]),
+        ('5000:5001', [5000, 5001]),
+        ('7:7', [7]),
+        ('5:1004', list(range(5, 1005))),
+    ],
 )
 def test_seeds_are_a_number_of_them_or_the_first_and_the_last(text, seeds):
     assert list(seed_range(text)) == seeds
 
 
-@pytest.mark.parametrize('text', ['0', '-2', '9:8', '-1:3', '1:', ':', '1:2:3', 'x', '1.5'])
+@pytest.mark.parametrize(
+    'text', ['0', '-2', '9:8', '-1:3', '1:', ':', '1:2:3', 'x', '1.5', '1001', '5:1005']
+)
 def test_other_seeds_are_refused(text):
     with pytest.raises(argparse.ArgumentTypeError, match=f'is {text}, allowed: '):
         seed_range(text)

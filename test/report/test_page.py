@@ -14,6 +14,7 @@
 
 """Reports: what is in the file. How it behaves in a browser is in test_page_in_browser.py."""
 
+import dataclasses
 import json
 import re
 from html.parser import HTMLParser
@@ -143,6 +144,33 @@ def test_parameters_that_differ_are_shown_first(page):
     text = '|'.join(text for text in page.texts if text.strip())
     assert '|passband_hz|7 50|10 60|' in text
     assert text.index('|vote|all|mean|') < text.index('All parameters') < text.index('|channels|')
+
+
+def test_the_floors_of_many_channels_have_a_table_of_their_own(tmp_path):
+    floors = tuple(1e-4 * (k + 1) for k in range(16))
+    each = dataclasses.replace(scenes.EVIDENCE, noise_floor=floors)
+    swapped = dataclasses.replace(
+        each, noise_floor=(floors[0], *floors[2:15], floors[1], floors[15])
+    )
+    volts, truth = scenes.volts_and_truth(800)
+    variants = [
+        Variant(name, config, [scenes.overview('a.npz', config, volts, truth)], {})
+        for name, config in (('given', each), ('tuned', swapped), ('paper', scenes.GIVEN))
+    ]
+    report.write_page(tmp_path / 'report.html', 'A title', variants[:2])
+    text = '|'.join(text for text in Page(tmp_path / 'report.html').texts if text.strip())
+    shown = '16 numbers, 0.0001 to 0.0016'
+    differing = text.index(f'|noise_floor|{shown}|{shown}|')
+    assert differing < text.index('|All parameters|')
+    assert (
+        '|noise_floor of each channel|channel|given|tuned|ch1|0.0001|0.0001|ch2|0.0002|0.0003|'
+        in text
+    )
+    report.write_page(tmp_path / 'report.html', 'A title', variants[::2])
+    text = '|'.join(text for text in Page(tmp_path / 'report.html').texts if text.strip())
+    assert f'|ch16|0.0016|{report.UNDEFINED}' in text
+    report.write_page(tmp_path / 'report.html', 'A title', variants[2:])
+    assert 'noise_floor of each channel' not in Page(tmp_path / 'report.html').texts
 
 
 def test_the_same_report_is_the_same_bytes(tmp_path, variants):

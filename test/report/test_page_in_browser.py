@@ -365,6 +365,23 @@ def test_of_evidence_excess_floor_and_impacts_are_shown(opened):
     assert 'after impact' not in page.evaluate('timeline.lanes.map((lane) => lane.name)')
 
 
+def test_the_scale_of_excess_and_floor_is_told(opened):
+    page = opened('evidence.html')
+    assert page.locator('#signal option').all_inner_texts() == [
+        'volts', 'level or evidence / threshold', 'excess above the noise floor', 'noise floor',
+    ]  # fmt: skip
+    told = page.locator('#resolution')
+    expect(told).not_to_contain_text('dB')
+    page.select_option('#signal', 'excess')
+    expect(told).to_contain_text(
+        'The excess is drawn from -8.7 to 13.0 dB, with a line at 3.5 dB, above which'
+    )
+    page.select_option('#signal', 'floor')
+    expect(told).to_contain_text('The floor is drawn from -70.5 to -10.5 dB.')
+    page.get_by_label('given').check()  # it decides by the mean of its envelope
+    expect(told).not_to_contain_text('dB')
+
+
 def test_where_nothing_decides_by_evidence_there_is_no_choice_of_it(opened):
     page = opened('one.html')
     assert page.locator('#signal option').all_inner_texts() == ['volts', 'level / threshold']

@@ -51,6 +51,16 @@ def test_the_same_figure_is_the_same_svg():
     assert svg(figures[0]) == svg(figures[1])
 
 
+def test_what_is_marked_is_named_with_its_figures():
+    told = [text.get_text() for text in front_figure(scenes.trials()).axes[0].get_legend().texts]
+    assert told == [
+        'trial',
+        'on the front',
+        'given: 50 ms, 4 a minute, sooner than chance 0.80',
+        'tuned: 20 ms, 1 a minute, sooner than chance 0.90',
+    ]
+
+
 def test_a_timeline_has_a_lane_for_each_decision_and_each_channel():
     seen = scenes.overview('a', scenes.GIVEN, *scenes.volts_and_truth(4000))
     figure = timeline_figure(['given', 'tuned'], [seen, seen])

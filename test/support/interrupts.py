@@ -18,6 +18,7 @@ import fcntl
 import json
 import os
 import pty
+import select
 import signal
 import struct
 import subprocess
@@ -32,6 +33,9 @@ from support.tuning_cases import SLIP_TUNE, journal, trials_of
 
 ROOT = Path(__file__).parents[2]
 DEADLINE_S = 120.0
+
+#: A process that has ended, or was told to abort, has written all it had to say after so long.
+QUIET_S = 10.0
 
 
 def wait_for(condition, *processes):
@@ -81,16 +85,19 @@ def check_interrupted_evaluation(folder, *words):
     fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 80, 0, 0))
     process = subprocess.Popen(
         [sys.executable, '-c', SLIP_EVALUATE, *map(str, [*paths, endless, *words]), '--json'],
-        stdout=subprocess.PIPE, stderr=its, env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        stdout=subprocess.PIPE, stderr=its,
+        env={**os.environ, 'PYTHONPATH': str(ROOT), 'PYTHONFAULTHANDLER': '1'},
     )  # fmt: skip
     os.close(its)
     try:
-        shown = ''
-        while '2/3' not in shown:
-            shown += os.read(mine, 4096).decode()
+        shown = read_until(mine, '2/3')
         process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=DEADLINE_S)
-        shown += read_rest(mine)
+        try:
+            out, _ = process.communicate(timeout=DEADLINE_S)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGABRT)  # it tells where it hangs
+            raise AssertionError(shown + read_until(mine)) from None
+        shown += read_until(mine)
     finally:
         process.kill()
         os.close(mine)
@@ -102,12 +109,17 @@ def check_interrupted_evaluation(folder, *words):
     return endless
 
 
-def read_rest(terminal):
-    """Return what a process that has ended wrote to a terminal."""
+def read_until(terminal, words=None):
+    """Return what is written to a terminal until words come, or without any until it is closed."""
     shown = b''
-    try:
-        while more := os.read(terminal, 4096):
-            shown += more
-    except OSError:  # The other end is closed.
-        pass
+    while words is None or words.encode() not in shown:
+        ready, _, _ = select.select([terminal], [], [], DEADLINE_S if words else QUIET_S)
+        if not ready:
+            assert not words, f'no {words} in {shown.decode()}'
+            break
+        try:
+            shown += os.read(terminal, 4096)
+        except OSError:  # The other end is closed.
+            assert not words, f'no {words} in {shown.decode()}'
+            break
     return shown.decode()

@@ -47,6 +47,11 @@ def refuse(number):
     raise ValueError(f'{number} is refused')
 
 
+def zeros(number):
+    """Return so many bytes."""
+    return bytes(number)
+
+
 def die(number):
     os.kill(os.getpid(), signal.SIGKILL)
 

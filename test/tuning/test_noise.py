@@ -57,14 +57,25 @@ def hum(mains_hz, rows, rate_hz, amplitudes):
     )
 
 
-def test_a_floor_is_where_the_floor_that_follows_comes_to_rest():
-    volts = noise(60_000)
-    floors = learnt_floors(CHAIN, [rest(volts)])
-    chain = dataclasses.replace(CHAIN, decision='evidence', noise_floor=(1e-9,))
-    chain = dataclasses.replace(chain, noise_floor_range_db=300.0)
-    followed = SlipChain(chain).update(volts, floor=True).floor[20_000:]
-    decibels = 20.0 * np.log10(floors)
-    np.testing.assert_allclose(decibels, np.median(followed, axis=0), atol=0.3)
+@pytest.mark.parametrize('window_rows', [1, 3, 16, 90])
+def test_at_the_floors_that_are_learnt_noise_makes_no_evidence(window_rows):
+    chain = dataclasses.replace(CHAIN, envelope_window_s=window_rows / RATE_HZ)
+    floors = learnt_floors(chain, [rest(noise(20_000))])
+    chain = dataclasses.replace(
+        chain,
+        decision='evidence',
+        noise_floor=floors,
+        noise_floor_learnt=True,
+        noise_floor_range_db=15.0,
+        evidence_offset_db=0.5,
+    )
+    result = SlipChain(chain).update(noise(20_000, seed=1), excess=True)
+    excess_db = result.excess[1000:].mean(axis=0)
+    assert -5.0 < excess_db.min() <= excess_db.max() < 0.0
+    # An offset of half of what is usual is enough.
+    chain = dataclasses.replace(chain, evidence_offset_db=1.75)
+    level = SlipChain(chain).update(noise(20_000, seed=1), level=True).level
+    assert level.max() < 0.5 * chain.evidence_limit_db_s
 
 
 def test_slips_and_bad_channels_take_no_part_in_the_floors():
@@ -105,7 +116,7 @@ def test_where_nothing_makes_noise_there_is_no_floor():
 def test_the_mains_is_found_by_its_lines_aliased_or_not(mains_hz, rate_hz, harmonics, seed):
     rows = round(30.0 * rate_hz)
     volts = noise(rows, seed) + hum(mains_hz, rows, rate_hz, dict.fromkeys(harmonics, 0.3))
-    found = find_mains(rest(volts, rate_hz=rate_hz))
+    found = find_mains(CHAIN, rest(volts, rate_hz=rate_hz))
     assert found.mains_hz == mains_hz
     for line in found.lines:
         harmonic = line.hum_hz / mains_hz
@@ -124,15 +135,31 @@ def test_the_mains_is_found_by_its_lines_aliased_or_not(mains_hz, rate_hz, harmo
 @settings(max_examples=15)
 def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
     volts = noise(6000, seed)
-    assert find_mains(rest(volts)).mains_hz == 0.0
+    assert find_mains(CHAIN, rest(volts)).mains_hz == 0.0
     volts[:, :3] += hum(50.0, 6000, RATE_HZ, {1: 0.5})
-    assert find_mains(rest(volts)).mains_hz == 0.0
-    assert find_mains(rest(volts), disabled_channels=[4]).mains_hz == 50.0
+    assert find_mains(CHAIN, rest(volts)).mains_hz == 0.0
+    without = dataclasses.replace(CHAIN, disabled_channels=(4,))
+    assert find_mains(without, rest(volts)).mains_hz == 50.0
+
+
+@pytest.mark.parametrize('common_mode', ['median', 'mean'])
+def test_hum_that_is_taken_off_as_common_mode_is_no_line(common_mode):
+    chain = dataclasses.replace(CHAIN, common_mode=common_mode)
+    same = hum(50.0, 6000, RATE_HZ, {1: 0.5})
+    baselines_v = np.arange(4.0)
+    assert find_mains(chain, rest(baselines_v + noise(6000) + same)).mains_hz == 0.0
+    different = same * [1.0, 2.0, 4.0, 8.0]
+    assert find_mains(chain, rest(baselines_v + noise(6000) + different)).mains_hz == 50.0
+
+
+def test_what_is_flat_has_no_mains():
+    for chain in (CHAIN, dataclasses.replace(CHAIN, common_mode='median')):
+        assert find_mains(chain, rest(np.full((6000, 4), 4.3))).mains_hz == 0.0
 
 
 def test_a_recording_too_short_for_a_spectrum_has_no_mains():
     volts = hum(50.0, 2000, RATE_HZ, {1: 0.5}) + noise(2000)
-    assert find_mains(rest(volts)).mains_hz == 0.0
+    assert find_mains(CHAIN, rest(volts)).mains_hz == 0.0
 
 
 def test_of_many_short_recordings_each_takes_part_in_the_floors():

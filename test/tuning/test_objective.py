@@ -30,6 +30,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.objective import CandidateFigures, Objective
+from slip_detector.tuning.thresholds import thresholds
 from slip_detector.tuning.tracks import track_of
 from support.guesses import guessed
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
@@ -92,6 +93,11 @@ def test_what_gets_worse_than_given_counts_tenfold():
     better = alone.figures._replace(latency_median_all_ms=faster)
     held = Objective(tracks, EvaluationConfig(), TuneConfig(), better).as_it_is(chain)
     assert held.cost_ms == pytest.approx(alone.cost_ms + 50.0)
+    surer = alone.figures._replace(auc=alone.figures.auc + 0.01)
+    held = Objective(tracks, EvaluationConfig(), TuneConfig(auc_costs_ms=200.0), surer)
+    weighed = Objective(tracks, EvaluationConfig(), TuneConfig(auc_costs_ms=200.0))
+    more_ms = held.as_it_is(chain).cost_ms - weighed.as_it_is(chain).cost_ms
+    assert more_ms == pytest.approx(20.0)
     same = Objective(tracks, EvaluationConfig(), TuneConfig(), alone.figures).as_it_is(chain)
     assert same.cost_ms == pytest.approx(alone.cost_ms)
 
@@ -217,6 +223,23 @@ def test_the_best_threshold_is_found_for_each_vote():
     again = objective.as_it_is(best.chain)
     assert again.figures == best.figures
     assert best.figures.sooner_than_chance == 1.0
+
+
+def test_a_threshold_next_to_no_evidence_is_not_taken():
+    """It has no room for noise that is a tenth louder on another day."""
+    chain = dataclasses.replace(
+        CHAIN, decision='evidence', noise_floor=(0.05,), exponent=1, evidence_offset_db=12.0
+    )
+    tracks = [track(1)]
+    objective = Objective(tracks, EvaluationConfig(), TuneConfig())
+    candidates = objective.best(chain)
+    assert candidates
+    for found in candidates:
+        assert found.figures.sooner_than_chance > 0.9
+        statistic = objective.statistics(chain, [found.chain.vote])[found.chain.vote]
+        assert found.chain.threshold >= thresholds(chain, statistic, tracks)[3]
+        # Three steps of 3 %, or 0.257 dB, for as long as a window.
+        assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
 
 
 def test_a_chain_that_never_moves_has_no_threshold():

@@ -15,6 +15,7 @@
 """What a search is asked, and which of the answers is taken."""
 
 import dataclasses
+from types import SimpleNamespace
 
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
@@ -35,6 +36,29 @@ def test_of_one_slip_nothing_is_learnt_but_a_threshold():
     for name in BANDS:
         assert getattr(choice.chain, name) == getattr(CHAIN, name), name
     assert choice.chain.vote == CHAIN.vote
+
+
+def test_few_slips_do_not_excuse_a_chain_that_tells_less_of_the_rows():
+    asked = problem([track(1)])
+    given = asked.space.point(CHAIN)
+    found = {
+        'parameters': {'threshold': 0.06, 'vote': CHAIN.vote},
+        'cost_ms': 90.0,
+        'error_ms': 500.0,
+        'figures': asked.figures._asdict(),
+    }
+
+    def trial(octaves, cost_ms, auc):
+        one = {**found, 'cost_ms': cost_ms, 'figures': {**found['figures'], 'auc': auc}}
+        point = {**given, 'passband_octaves': given['passband_octaves'] + octaves}
+        return SimpleNamespace(params=point, user_attrs={'found': [one]})
+
+    best = trial(2.0, 50.0, asked.figures.auc - 0.02)
+    near, nearer = trial(1.0, 80.0, asked.figures.auc - 0.02), trial(0.5, 70.0, 0.6)
+    choice = asked.choice(SimpleNamespace(trials=[best, near, nearer]))
+    assert choice.cost_ms == 80.0
+    nearest = trial(0.1, 500.0, asked.figures.auc)
+    assert asked.choice(SimpleNamespace(trials=[best, near, nearest])).cost_ms == 500.0
 
 
 def test_another_question_has_another_name():

@@ -117,3 +117,14 @@ def test_evidence_that_is_at_its_limit_at_rest_has_no_threshold():
     recording = track(5, duration_s=60.0, slips=False)
     with pytest.raises(ValueError, match=r'seed 5: the evidence reaches its limit of 1\.3 dB s'):
         quiet_threshold(recording, deaf, 100.0, np.random.default_rng(0))
+
+
+def test_where_rest_makes_no_evidence_the_given_threshold_stays():
+    surer = dataclasses.replace(EVIDENCE, noise_floor=(1.0,))
+    recording = track(5, duration_s=60.0, slips=False)
+    found = quiet_threshold(recording, surer, 200.0, np.random.default_rng(0))
+    assert found.chain == surer
+    assert found.alarms == 0
+    assert found.per_hour == (0.0, pytest.approx(180.0, rel=0.01))
+    with pytest.raises(ValueError, match=r'seed 5: has 0 blocks of 1\.825 s with a peak'):
+        quiet_threshold(recording, surer, 100.0, np.random.default_rng(0))

@@ -25,11 +25,12 @@ from hypothesis import strategies as st
 from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.scenes import find_scene, load_scene
 from slip_detector.tuning.impacts import common_steps_v
 from slip_detector.tuning.noise import learnt_floors
 from slip_detector.tuning.space import SearchSpace, presets
 from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN, track
+from support.tuning_cases import CHAIN, RATE_HZ, track
 
 XELA = ChainConfig.from_yaml(Path(__file__).resolve().parents[2] / 'config' / 'xela_uskin.yaml')
 
@@ -68,11 +69,12 @@ def some_point(space, shares):
             point[name] = kind.choices[round(share * (len(kind.choices) - 1))]
         else:
             value = kind.low + share * (kind.high - kind.low)
-            point[name] = round(value) if name == 'exponent' else value
+            whole = name in ('exponent', 'impact_channels')
+            point[name] = round(value) if whole else value
     return point
 
 
-SHARES = st.lists(st.floats(0.0, 1.0), min_size=19, max_size=19)
+SHARES = st.lists(st.floats(0.0, 1.0), min_size=21, max_size=21)
 
 
 def noise_at(rate_hz):
@@ -168,9 +170,11 @@ def test_an_impact_is_above_every_step_of_the_slips():
     tracks = [track(1)]
     space = SearchSpace(CHAIN, tracks)
     point = space.point(CHAIN) | {'decision': 'evidence', 'impact': 'above slips'}
-    impact_v = space.chain(point).impact_v
-    steps = common_steps_v(CHAIN, tracks[0])[tracks[0].kinds == SLIP]
-    assert impact_v == pytest.approx(1.5 * steps.max(), rel=1e-3)
+    for channels in (1, 2, 4):
+        found = space.chain(point | {'impact_channels': channels})
+        assert found.impact_channels == channels
+        steps = common_steps_v(found, tracks[0])[tracks[0].kinds == SLIP]
+        assert found.impact_v == pytest.approx(1.5 * steps.max(), rel=1e-3)
     assert space.chain(point | {'impact': 'none'}).impact_v == 0.0
 
 
@@ -185,5 +189,18 @@ def test_a_search_begins_at_each_preset_with_the_floors_of_its_own_sensor():
         assert found.groups == CHAIN.groups
         if preset.decision == 'evidence':
             assert found.noise_floor == learnt_floors(found, tracks)
+            assert found.noise_floor_range_db == preset.noise_floor_range_db
     files = list((shared_folder() / 'config').glob('*.yaml'))
     assert len(presets()) == 1 + len(files)
+
+
+def test_where_a_preset_is_for_the_sensor_the_search_begins_where_it_is():
+    """The simulated fingertip is what it is for: floors learnt there are those it has."""
+    scene = load_scene(find_scene('plate_440um'), np.random.default_rng(6000))
+    samples = scene.read(round(60.0 * scene.sample_rate_hz))
+    tracks = [track_of('plate', [LabelledRows(samples.volts, samples.truth)], RATE_HZ)]
+    space = SearchSpace(ChainConfig(gain=1.0), tracks)
+    for name in ('onset', 'sure'):
+        preset = ChainConfig.from_yaml(shared_folder() / 'config' / f'{name}.yaml')
+        floors = space.chain(space.point(preset)).noise_floor
+        np.testing.assert_allclose(floors, preset.noise_floor[0], rtol=0.4)

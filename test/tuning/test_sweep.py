@@ -28,7 +28,7 @@ from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
-from slip_detector.tuning.thresholds import threshold_scale, thresholds, votes_of
+from slip_detector.tuning.thresholds import thresholds, votes_of
 from slip_detector.tuning.tracks import track_of
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 
@@ -57,7 +57,7 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
     statistics = [one_pass.of(track) for track in tracks]
     for v, vote in enumerate(votes):
         mine = [statistic[v] for statistic in statistics]
-        limits = thresholds(mine, tracks, *threshold_scale(config))
+        limits = thresholds(config, mine, tracks)
         if not limits.size:
             continue
         sweep = sweep_thresholds(mine, tracks, limits, evaluation, settling_rows(config))

@@ -24,6 +24,8 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.thresholds import thresholds, votes_of
 from slip_detector.tuning.tracks import track_of
 
+EVIDENCE = ChainConfig(decision='evidence', noise_floor=1e-3, envelope_window_s=0.02)
+
 
 @pytest.mark.parametrize(
     ('groups', 'vote', 'votes'),
@@ -45,7 +47,8 @@ def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones(group
 def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(values, exponent):
     statistic = np.array(values)
     quiet = LabelledRows(np.zeros((len(values), 1)), np.zeros(len(values), bool))
-    limits = thresholds([statistic], [track_of('a', [quiet], 380.0)], exponent)
+    chain = ChainConfig(exponent=exponent)
+    limits = thresholds(chain, [statistic], [track_of('a', [quiet], 380.0)])
     assert limits[-1] >= statistic.max() > 0.999 * limits[-1]
     np.testing.assert_allclose(limits[1:] / limits[:-1], 1.03**exponent, rtol=3e-3)
     assert (
@@ -58,11 +61,20 @@ def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(va
 def test_of_a_silent_or_endless_statistic_there_is_no_threshold():
     quiet = track_of('a', [LabelledRows(np.zeros((3, 1)), np.zeros(3, bool))], 380.0)
     for statistic in (np.zeros(3), np.array([0.0, np.inf, 1.0])):
-        assert thresholds([statistic], [quiet], 1).size == 0
+        assert thresholds(ChainConfig(), [statistic], [quiet]).size == 0
 
 
 def test_thresholds_of_evidence_stay_below_its_limit():
     quiet = track_of('a', [LabelledRows(np.zeros((20, 1)), np.zeros(20, bool))], 380.0)
-    limits = thresholds([np.linspace(0.0, 1.3, 20)], [quiet], 1, 1.3)
+    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.3, 20)], [quiet])
     assert 0.95 * 1.3 < limits[-1] < 1.3
-    assert thresholds([np.full(20, 1.3)], [quiet], 1, 1.3).size == 0
+    assert thresholds(EVIDENCE, [np.full(20, 1.3)], [quiet]).size == 0
+
+
+def test_thresholds_of_evidence_are_as_far_apart_as_louder_noise_moves_it():
+    quiet = track_of('a', [LabelledRows(np.zeros((20, 1)), np.zeros(20, bool))], 380.0)
+    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.0, 20)], [quiet])
+    # 3 % of amplitude are 0.257 dB, and a window lasts for 20 ms.
+    steps = np.diff(limits[limits < 0.1])
+    np.testing.assert_allclose(steps, 0.257 * 0.02, rtol=0.05)
+    np.testing.assert_allclose(limits[-10:-1] / limits[-9:], 1 / 1.03, rtol=2e-3)

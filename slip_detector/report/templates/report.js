@@ -225,7 +225,7 @@ function choose(what, value) {
     fillList();
   }
   markListed();
-  element('resolution').textContent = resolution();
+  tellScale();
   redraw();
 }
 
@@ -254,8 +254,12 @@ function start() {
   for (const option of [...element('signal').options]) {
     if (option.value !== 'volts' && !signals.includes(option.value)) option.remove();
   }
+  if (signals.includes('excess')) {
+    element('signal').querySelector('[value=level]').textContent = 'level or evidence / threshold';
+  }
   element('signal').addEventListener('change', (event) => {
     element('scale-choice').hidden = event.target.value !== 'volts';
+    tellScale();
     redraw();
   });
   element('same-scale').addEventListener('change', redraw);
@@ -264,7 +268,7 @@ function start() {
   [view.from, view.to] = [0, Math.max(duration(), 10 / now().rate_hz)];
   fillKinds();
   fillList();
-  element('resolution').textContent = resolution();
+  tellScale();
   fromHash();
   redraw();
   new ResizeObserver(redraw).observe(element('drawing'));

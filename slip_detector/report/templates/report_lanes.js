@@ -84,6 +84,19 @@ function signalShown() {
   return known ? chosen : 'level';
 }
 
+// Between which decibels a lane shows excess or floor.
+function scaleOfDecibels() {
+  const name = signalShown(), {ranges_db: ranges, offset_db: offset} = now().variants[view.variant];
+  if (!ranges?.[name]) return '';
+  const [low, high] = ranges[name].map((value) => value.toFixed(1));
+  const line = name === 'excess' ? `, with a line at ${offset.toFixed(1)} dB, above which evidence grows` : '';
+  return `The ${name} is drawn from ${low} to ${high} dB${line}. `;
+}
+
+function tellScale() {
+  element('resolution').textContent = scaleOfDecibels() + resolution();
+}
+
 // How fine the drawing can be.
 function resolution() {
   const {bin_rows: bin, rate_hz: rate} = now(), events = eventsOf(view.recording);

@@ -51,6 +51,7 @@ def test_each_recording_is_left_out_and_scored_against_motion(recordings, tmp_pa
     for areas in (figures['given'], *figures['seeds'].values()):
         assert 0.8 < areas['auc_moving'] <= 1.0
         assert 0.8 < areas['auc_moving_by_threshold'] <= 1.0
+    assert figures['choice'] is None  # the given parameters decide by the mean of the envelope
     assert figures['least_auc_moving'] == min(
         areas['auc_moving'] for areas in figures['seeds'].values()
     )

@@ -46,16 +46,23 @@ def test_families_and_real_recordings_have_lines_of_their_own():
         'false_time_percent': 0.125, 'recall': 0.5, 'sooner_than_chance': 0.25,
     }  # fmt: skip
     area = {'auc_moving': 0.91, 'auc_moving_by_threshold': 0.85}
+    scored = {
+        'auc_moving': 0.93, 'matched': 3, 'slips': 4, 'settling_slips': 1, 'false_alarms': 2,
+        'false_time_percent': None,
+    }  # fmt: skip
+    choice = {**scored, 'settings': 180, 'median_auc_moving': 0.89, 'given': scored}
     text = tuning_table(
         {
             'wanted': {},
             'families': {'by_name': {'plates': {'given': one, 'tuned': one, 'kept': 'no better'}}},
-            'real': {'recordings': 3, 'given': area, 'seeds': {'0': area}},
+            'real': {'recordings': 3, 'given': area, 'seeds': {'0': area}, 'choice': choice},
         }
     )
     assert 'plates' in text
     assert '40.0, -, 1.2, 0.12, 0.50, 0.25 -> 40.0, -, 1.2, 0.12, 0.50, 0.25 (no better)' in text
     assert text.count('AUC against motion 0.910 (by thresholds 0.850)') == 2
+    assert 'of 180 settings beside the given one half have an AUC below 0.890' in text
+    assert text.count('0.930, 3 of 4 slips detected (1 while settling), 2 false alarms') == 2
 
 
 def test_the_presets_stand_beside_the_papers_parameters():
