@@ -5,6 +5,7 @@
 #   make check              what a change is checked with: lint, types, all tests without nodes
 #   make benchmark          how fast and how exact it is: the quick form of each measurement
 #   make test               all checks
+#   make fuzz seconds=600   hostile packets, messages, parameters, YAML, recordings and scenes, for so long
 #   make test ROS=kilted    the same on the wheels of another distribution, in .venv-kilted
 #
 # Each step leaves a stamp and is done again only when something it depends on has changed.
@@ -28,6 +29,10 @@ CHAIN_TESTS := test/chain test/evaluation
 COMPUTING_TESTS := $(CHAIN_TESTS) test/parameters test/recordings test/sources test/scenes test/tuning \
 	test/report test/grasp test/commands
 
+# For how long make fuzz tries, and how many fuzzers share that time.
+seconds ?= 600
+FUZZERS := $(shell cat test/fuzz/test_*.py | grep -c '^def test_any')
+
 # On all cores; a worker that has nothing left takes tests from another.
 PYTEST := -m pytest --numprocesses auto --dist worksteal
 
@@ -36,7 +41,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo grasp benchmark check test clean
+.PHONY: demo grasp benchmark check test fuzz clean
 .DELETE_ON_ERROR:
 
 demo: out/demo.json
@@ -121,6 +126,10 @@ $(CHECKS)/colcon: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
 	rm -rf $(COLCON)
 	PATH="$(CURDIR)/$(BIN):$$PATH" .ci/colcon $(COLCON)
 	touch $@
+
+# Inputs that nobody would send, for so long: make fuzz seconds=3600.
+fuzz: $(VENV)/installed
+	@SLIP_FUZZ_SECONDS=$$(($(seconds) / $(FUZZERS))) $(BIN)/python -m pytest --timeout 0 test/fuzz
 
 clean:
 	rm -rf build out .venv .venv-* slip_detector.egg-info

@@ -23,6 +23,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.parameters.conversion import listed
 from slip_detector.parameters.detector import DetectorConfig
 
 #: Relative errors of the measured rate above which there is a warning, and an error.
@@ -201,7 +202,7 @@ class Health:
         if self.senders:
             status.complain(
                 Level.ERROR,
-                f'the input is published by {listed(self.senders)}: only one of them may',
+                f'the input is published by {listed(self.senders, LISTED)}: only one of them may',
             )
         elif math.isinf(silent_s):
             status.complain(
@@ -263,7 +264,7 @@ class Health:
             status.values[kind] = ', '.join(names) or '-'
             if names:
                 level = Level.ERROR if len(names) == n_enabled else Level.WARN
-                status.complain(level, f'{kind}: {listed(names)}: {ADVICE[kind]}')
+                status.complain(level, f'{kind}: {listed(names, LISTED)}: {ADVICE[kind]}')
         now_valid = int(valid[-1].sum())
         status.values['valid now'] = f'{now_valid} of {n_enabled}'
         status.values['disabled'] = ', '.join(config.names[c] for c in sorted(disabled)) or '-'
@@ -275,9 +276,8 @@ class Health:
         rows = sum(len(rows) for rows in self._rows)
         load = self._spent_s / passed_s if passed_s > 0 else 0.0
         if self.detectors:
-            status.complain(
-                Level.ERROR, f'slip is published by {listed(self.detectors)}: only one of them may'
-            )
+            who = listed(self.detectors, LISTED)
+            status.complain(Level.ERROR, f'slip is published by {who}: only one of them may')
         if not valid:
             status.complain(Level.ERROR, 'slip_valid is false: slip has no meaning')
         if load > LOAD_WARNING:
@@ -329,19 +329,6 @@ ADVICE: Mapping[str, str] = {
     'at the upper rail': 'unplugged, broken or overloaded?',
     'flat': 'repeats one value, broken?',
 }
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return a list of names as text; of many names only the first ones.
-
-    Examples
-    --------
-    >>> listed(['ch1', 'ch2']), listed([f'ch{k}' for k in range(1, 11)])
-    ('ch1, ch2', 'ch1, ch2, ch3, ch4, ch5, ch6, ch7, ch8 and 2 more')
-    """
-    if len(names) <= LISTED:
-        return ', '.join(names)
-    return f'{", ".join(names[:LISTED])} and {len(names) - LISTED} more'
 
 
 def _milliseconds(times_s: list[float], percentile: float) -> str:

@@ -39,8 +39,41 @@ def shown(value: Any) -> str:
     >>> shown('fast'), shown([1] * 1000)[-9:]
     ("'fast'", ', 1, 1...')
     """
-    text = repr(value)
+    return shortened(repr(value))
+
+
+def shortened(text: str) -> str:
+    """Return a text as it is, or its beginning where it is too long for a message.
+
+    Examples
+    --------
+    >>> shortened('fast'), len(shortened('a' * 1000))
+    ('fast', 200)
+    """
     return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
+
+
+def shown_name(name: str) -> str:
+    """Return a name that somebody gave as it is shown in a message: in quotes where it is odd.
+
+    Examples
+    --------
+    >>> shown_name('left'), shown_name('left' * 100)[-7:]
+    ('left', 'left...')
+    """
+    return name if name.isprintable() and len(name) < LONGEST_SHOWN else shown(name)
+
+
+def listed(names: Sequence[str], most: int = 40) -> str:
+    """Return a list of names as text; of many names only the first ones.
+
+    Examples
+    --------
+    >>> listed(['ch1', 'ch2']), listed([f'ch{k}' for k in range(1, 11)], most=3)
+    ('ch1, ch2', 'ch1, ch2, ch3 and 7 more')
+    """
+    text = ', '.join(map(shown_name, names[:most]))
+    return text if len(names) <= most else f'{text} and {len(names) - most} more'
 
 
 def _number(value: Any, kind: type, where: str) -> Any:

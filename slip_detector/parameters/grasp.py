@@ -18,6 +18,7 @@ import dataclasses
 import re
 from typing import Any
 
+from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
@@ -133,8 +134,8 @@ class GraspConfig(ParameterSet):
             )
         if not TOPIC_PATTERN.fullmatch(self.command_topic):
             raise ValueError(
-                f'parameter command_topic is {self.command_topic!r}, allowed: names of letters, '
-                'digits and _ with / between, no digit first'
+                f'parameter command_topic is {shown(self.command_topic)}, allowed: names of '
+                'letters, digits and _ with / between, no digit first'
             )
         if not self.command_joints or len(set(self.command_joints)) < len(self.command_joints):
             raise ValueError(

@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from slip_detector.parameters.conversion import LONGEST_SHOWN, converted, shown
+from slip_detector.parameters.conversion import converted, listed, shown, shown_name
 from slip_detector.parameters.reading import SECTIONS, nodes_that_know, read_parameter_file
 
 ConfigType = TypeVar('ConfigType', bound='ParameterSet')
@@ -89,15 +89,14 @@ class ParameterSet:
             head, point, tail = name.partition('.')
             if head not in known or (point and (head != 'groups' or not tail)):
                 hint = _hint(name, cls.NODE, known)
-                plain = name.isprintable() and len(name) < LONGEST_SHOWN
-                label = name if plain else shown(name)
-                raise ValueError(f'{lead}unknown parameter {label} = {shown(value)}; {hint}')
+                label = f'{shown_name(name)} = {shown(value)}'
+                raise ValueError(f'{lead}unknown parameter {label}; {hint}')
             if point:
                 nested.setdefault(head, {})[tail] = value
             else:
                 values[name] = value
         for head in nested.keys() & values.keys():
-            names = ', '.join(f'{head}.{tail}' for tail in nested[head])
+            names = listed([f'{head}.{tail}' for tail in nested[head]])
             raise ValueError(f'{lead}parameter {head} is given beside {names}, allowed: either')
         try:
             return cls(**values, **nested)

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import GAP_PERIODS
+from slip_detector.parameters.conversion import listed, shown_name
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.bag_storage import BagStorage
@@ -219,10 +220,11 @@ class BagRecording(Recording):
         found = [topic for topic in self._storage.topics if _is_named(topic.name, name or TOPIC)]
         if len(found) == 1:
             return found[0]
-        known = ', '.join(f'{topic.name} ({topic.msgtype})' for topic in self._storage.topics)
+        every = [f'{topic.name} ({topic.msgtype})' for topic in self._storage.topics]
+        known = listed(every)
         if found:
             raise ValueError(
-                f'{self.path}: has {", ".join(topic.name for topic in found)}, allowed: one of '
+                f'{self.path}: has {listed([topic.name for topic in found])}, allowed: one of '
                 'them, named by --topic (recording_topic)'
             )
         lost = f' ({self._storage.lost[0]})' if self._storage.lost else ''
@@ -243,7 +245,7 @@ class BagRecording(Recording):
             return found[0] if self._storage.counts.get(found[0].name, 1) else None
         if name == getattr(RecordingConfig, parameter):
             return None
-        known = ', '.join(topic.name for topic in found or alike)
+        known = listed([topic.name for topic in found or alike])
         raise ValueError(
             f'{self.path}: parameter {parameter} is {name!r}, allowed: one topic of type '
             f'{msgtype}, there are: {known or "none"}'
@@ -255,10 +257,11 @@ class BagRecording(Recording):
             return 'position'
         if topic.msgtype.endswith('MultiArray'):
             return 'data'
-        fields = ', '.join(name for name, _ in self._typestore.fielddefs[topic.msgtype][1])
+        known = self._typestore.fielddefs[topic.msgtype][1]
+        fields = listed([name for name, _ in known])
         raise ValueError(
-            f'{self.path}: {topic.name} is {topic.msgtype}, allowed: with a field named by '
-            f'--field (recording_field), there are: {fields}'
+            f'{self.path}: {shown_name(topic.name)} is {shown_name(topic.msgtype)}, allowed: with '
+            f'a field named by --field (recording_field), there are: {fields}'
         )
 
 

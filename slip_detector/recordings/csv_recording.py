@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
+from slip_detector.parameters.conversion import listed, shortened, shown_name
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.rate import checked_rate, rate_of
@@ -74,7 +75,7 @@ class CsvRecording(Recording):
         with self._open() as lines:
             self._names = names = [name.strip() for name in next(lines, [])]
         if TIME not in names:
-            there = ', '.join(names) or 'none'
+            there = listed(names) or 'none'
             raise ValueError(f'{path}: line 1 has no column {TIME}, there are: {there}')
         if len(set(names)) != len(names):
             raise ValueError(f'{path}: line 1 has a name twice, allowed: each column once')
@@ -151,7 +152,8 @@ class CsvRecording(Recording):
                         raise ValueError(f'has {len(line)} columns, allowed: {columns}')
                     stamps_ns.append(_nanoseconds(line[time_at]))
                 except ValueError as error:
-                    raise ValueError(f'{self.path}: line {lines.line_num}: {error}') from None
+                    said = shortened(str(error))
+                    raise ValueError(f'{self.path}: line {lines.line_num}: {said}') from None
                 if len(cells) == PIECE_ROWS:
                     yield _Lines(np.array(cells), np.array(stamps_ns, dtype=np.int64))
                     cells, stamps_ns = [], []
@@ -166,5 +168,5 @@ def _nanoseconds(text: str) -> int:
     except decimal.InvalidOperation:  # an exponent that Decimal does not have
         seconds = decimal.Decimal('nan')
     if not seconds.is_finite() or abs(seconds) >= MOST_S:
-        raise ValueError(f'{TIME} is {text.strip()}, allowed: below {MOST_S:g} s')
+        raise ValueError(f'{TIME} is {shown_name(text.strip())}, allowed: below {MOST_S:g} s')
     return int((seconds * 1_000_000_000).to_integral_value())

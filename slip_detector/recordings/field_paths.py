@@ -24,6 +24,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.parameters.conversion import listed
+
 Floats = NDArray[np.float64]
 
 #: Labels of the two dimensions of a ``*MultiArray`` that carries several samples.
@@ -117,7 +119,7 @@ class FieldReader:
         known = field_names(message)
         if step.name not in known:
             raise ValueError(
-                f'field {self.path}: {where} has no {step.name}, there are: {", ".join(known)}'
+                f'field {self.path}: {where} has no {step.name}, there are: ' + listed(known)
             )
         value = getattr(message, step.name)
         where = step.name if k == 0 else f'{where}.{step.name}'
@@ -158,7 +160,7 @@ class FieldReader:
         if inner:
             raise ValueError(
                 f'field {self.path}: {where} is a message, allowed: one of its fields: '
-                f'{", ".join(f"{where}.{name}" for name in inner)}'
+                + listed([f'{where}.{name}' for name in inner])
             )
         if isinstance(value, (str, bytes)):
             raise ValueError(f'field {self.path}: {where} is text, allowed: numbers')

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
+from slip_detector.parameters.conversion import listed
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
@@ -81,7 +82,7 @@ class NpzRecording(Recording):
         for key in (volts_key, rate_key):
             if key not in self._names:
                 raise ValueError(
-                    f'{path}: has no array {key}, there are: {", ".join(self.array_names())}'
+                    f'{path}: has no array {key}, there are: ' + listed(self.array_names())
                 )
         self.labelled = truth_key in self._names
         with _archive(path) as archive:

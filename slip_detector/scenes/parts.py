@@ -18,6 +18,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from slip_detector.parameters.conversion import shown, shown_name
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.clock import Clock
@@ -129,11 +130,12 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
         if name in NOT_PARTS:
             continue
         if name not in PARTS:
-            raise ValueError(f'unknown part {name}, allowed: {", ".join((*NOT_PARTS, *PARTS))}')
+            known = ', '.join((*NOT_PARTS, *PARTS))
+            raise ValueError(f'unknown part {shown_name(name)}, allowed: {known}')
         if name == 'friction' and content == 'none':
             continue
         values = {'model': content} if name == 'friction' and isinstance(content, str) else content
         if not isinstance(values, Mapping | None):
-            raise ValueError(f'{name} is {values!r}, allowed: names and values')
+            raise ValueError(f'{name} is {shown(values)}, allowed: names and values')
         parts[name] = PARTS[name].from_parameters(values or {}, name)
     return parts

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes.scene import Scene
@@ -79,5 +80,7 @@ def find_scene(name: str) -> Path:
     folder = shared_folder() / 'config' / 'scenes'
     known = sorted(file.stem for file in folder.glob('*.yaml'))
     if name not in known:
-        raise ValueError(f'no scene {name!r}, allowed: {", ".join(known)}, or a path to a .yaml')
+        raise ValueError(
+            f'no scene {shown(name)}, allowed: {", ".join(known)}, or a path to a .yaml'
+        )
     return folder / f'{name}.yaml'

@@ -17,6 +17,7 @@
 import dataclasses
 from typing import Any
 
+from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
@@ -77,12 +78,12 @@ def read_steps(entries: Any) -> list[Step]:
     ValueError: steps: step 1: unknown parameter force = 0.4; did you mean force_n?
     """
     if not isinstance(entries, list) or not entries:
-        raise ValueError(f'steps is {entries!r}, allowed: a list of at least one step')
+        raise ValueError(f'steps is {shown(entries)}, allowed: a list of at least one step')
     if len(entries) > MOST_STEPS:
         raise ValueError(f'steps has {len(entries)}, allowed: at most {MOST_STEPS}')
     steps = []
     for number, entry in enumerate(entries, start=1):
         if not isinstance(entry, dict):
-            raise ValueError(f'steps: step {number} is {entry!r}, allowed: names and values')
+            raise ValueError(f'steps: step {number} is {shown(entry)}, allowed: names and values')
         steps.append(Step.from_parameters(entry, f'steps: step {number}'))
     return steps

@@ -1,0 +1,28 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tells what the fuzzers have tried."""
+
+from support.fuzzing import COUNTS, SECONDS
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Show a table of counts after a long run."""
+    if SECONDS and COUNTS:
+        terminalreporter.section('inputs')
+        terminalreporter.write_line('| subject | inputs | taken | refused in one line |')
+        terminalreporter.write_line('|---|---|---|---|')
+        for subject, counts in COUNTS.items():
+            numbers = [f'{counts[kind]:,}' for kind in ('inputs', 'taken', 'refused')]
+            terminalreporter.write_line(f'| {subject} | {" | ".join(numbers)} |')

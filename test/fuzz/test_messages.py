@@ -1,0 +1,150 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Serialised messages as they come from the middleware."""
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
+
+from slip_detector.nodes.inputs import Input
+from slip_detector.nodes.messages import stamp_ns
+from slip_detector.parameters.detector import DetectorConfig
+from support.fuzzing import fuzz
+from support.mutations import mutated_bytes
+
+pytestmark = pytest.mark.nodes
+
+INFO = {'source_timestamp': 7, 'publication_sequence_number': 3}
+FIELDS = {
+    'sensor_msgs/msg/JointState': 'position',
+    'std_msgs/msg/Float32MultiArray': 'data',
+    'geometry_msgs/msg/WrenchStamped': 'wrench.force.z',
+}
+
+
+def joint_state(position=(1.0, 2.0), name=('a', 'bc'), frame_id='tip', sec=5):
+    message = JointState(position=position, name=list(name))
+    message.header.frame_id, message.header.stamp.sec = frame_id, sec
+    return message
+
+
+def batch(dims, data):
+    dims = [MultiArrayDimension(label=label, size=size) for label, size in dims]
+    return Float32MultiArray(data=data, layout=MultiArrayLayout(dim=dims))
+
+
+SOUND = {
+    'sensor_msgs/msg/JointState': [
+        serialize_message(message)
+        for message in (
+            joint_state(),
+            joint_state([0.0, 0.0], frame_id=''),
+            joint_state([], []),
+            joint_state(sec=-1),
+        )
+    ],
+    'std_msgs/msg/Float32MultiArray': [
+        serialize_message(batch(dims, [1.0, 2.0, 3.0, 4.0]))
+        for dims in ([], [('sample', 2), ('channel', 2)], [('channel', 2**31), ('sample', 2**31)])
+    ],
+    'geometry_msgs/msg/WrenchStamped': [serialize_message(WrenchStamped())],
+}
+
+
+def check(case):
+    """Read messages one after the other: each as rclpy reads it, whatever came before."""
+    kind, messages = case
+    source = Input(DetectorConfig(input_type=kind, input_field=FIELDS[kind]))
+    before = None
+    for raw in messages:
+        if kind != 'sensor_msgs/msg/JointState':
+            assert source.read(raw, INFO).rows.ndim == 2
+            continue
+        try:
+            message = deserialize_message(raw, JointState)
+        except (RuntimeError, UnicodeDecodeError):
+            message = None
+        try:
+            sample = source.read(raw, INFO)
+        except ValueError:
+            assert message is None or not len(message.position)
+            raise
+        if message is None:
+            # One like it was sound up to its positions, and nothing behind them is used.
+            assert sample.names == before.names
+            assert sample.rows.shape == before.rows.shape
+            continue
+        before = sample
+        np.testing.assert_array_equal(sample.rows, [message.position])
+        assert (sample.names, sample.frame_id) == (list(message.name), message.header.frame_id)
+        assert sample.stamp_ns == (stamp_ns(message.header.stamp) or INFO['source_timestamp'])
+
+
+@st.composite
+def sequences(draw):
+    kind = draw(st.sampled_from(list(SOUND)))
+    return kind, draw(st.lists(mutated_bytes(SOUND[kind], most=2), min_size=1, max_size=3))
+
+
+def padded(*position):
+    """Make a message whose frame ends in more than one zero, as some middlewares write it."""
+    # A frame that is as long, then with zeros in place of its end.
+    raw = serialize_message(joint_state(position, ['a', 'b'], 'tip' + 8 * 'x'))
+    return raw.replace(8 * b'x', bytes(8))
+
+
+def test_any_messages_are_read_as_rclpy_reads_them_or_refused():
+    kind = 'sensor_msgs/msg/JointState'
+    one = serialize_message(joint_state())
+    corpus = [
+        (kind, [b'']),
+        (kind, [one[:-1], one]),
+        (kind, [padded(0.0, 0.0), padded(3.0, 4.0), padded(0.0, 0.0)]),
+    ]
+    fuzz('messages', sequences(), check, corpus=corpus, few=100)
+
+
+def check_type(case):
+    name, field = case
+    Input(DetectorConfig(input_type=name, input_field=field))
+
+
+def test_any_name_of_a_type_and_any_field_is_taken_or_refused():
+    corpus = [
+        (name, 'position')
+        for name in (
+            *('std_msgs/msg/__name__', 'std_msgs/msg/__builtins__', 'std_msgs/msg/std_msgs'),
+            *('this/that', 'os/path', 'sensor_msgs/msg/JointState/x', '../x', '', 'rclpy/Node'),
+        )
+    ]
+    words = ('std_msgs', 'msg', '/', '__doc__', '.', '[]', '[0]', '[-1]', 'a')
+    parts = st.sampled_from([*FIELDS, *FIELDS.values(), *words])
+    names = st.lists(parts, max_size=4).map(''.join)
+    pairs = st.tuples(names, names.filter(bool))
+    fuzz(
+        'types of messages',
+        pairs,
+        check_type,
+        corpus=corpus,
+        few=100,
+        refusal=r'input_(type|field)|field',
+    )

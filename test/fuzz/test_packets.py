@@ -1,0 +1,112 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Packets, lines of text and noise on the wire of a sensor."""
+
+import itertools
+
+import numpy as np
+from hypothesis import strategies as st
+
+from slip_detector.sources.cobs import cobs_encode
+from slip_detector.sources.device_clock import DeviceClock
+from slip_detector.sources.packets import PacketDecoder, encode
+from slip_detector.sources.text_lines import LineDecoder
+from support.fuzzing import fuzz
+from support.mutations import mutated_bytes
+
+CHANNELS = 3
+
+
+def packet(sequence=0, time_us=0, period_ns=1_000_000, samples=1):
+    values = (np.arange(samples * CHANNELS).reshape(samples, CHANNELS) + sequence) % 30000
+    return encode(values, 'int16', sequence, time_us, period_ns)
+
+
+@st.composite
+def streams(draw):
+    """Draw what comes from a port: packets and what is none, and when how much of it arrives."""
+    line, sequence, time_us = b'', draw(st.integers(0, 2**32 - 1)), draw(st.integers(0, 2**32 - 1))
+    for _ in range(draw(st.integers(1, 12))):
+        # Mostly the next one, else one that overlaps, comes again, or is of another start.
+        sequence += draw(st.sampled_from([1, 1, 1, 0, -1, 2, 1000, 2**31]))
+        time_us += draw(st.sampled_from([1000, 1000, 100, 0, -1000, 250_000, 2**31]))
+        samples = draw(st.sampled_from([1, 1, 2, 7]))
+        period_ns = draw(st.sampled_from([1_000_000, 1_000_000, 0, 1, 2**32 - 1]))
+        sound = packet(sequence % 2**32, time_us % 2**32, period_ns, samples)
+        line += cobs_encode(draw(mutated_bytes([sound], most=1))) + b'\0'
+    line = draw(mutated_bytes([line], most=2))
+    cuts = sorted(draw(st.lists(st.integers(0, len(line)), max_size=5)))
+    steps_ns = st.sampled_from([0, 1, 1_000_000, 10**9])
+    return [
+        (line[begin:end], draw(steps_ns))
+        for begin, end in zip([0, *cuts], [*cuts, len(line)], strict=True)
+    ]
+
+
+def check_packets(pieces):
+    """Decode a stream in pieces and at once: the same samples, with stamps that rise."""
+    piecewise, whole = (PacketDecoder(CHANNELS, 'int16', 1e-3, 0.0) for _ in range(2))
+    clock = DeviceClock()
+    now_ns, stamps, volts = 10**18, [], [np.empty((0, CHANNELS))]
+    for data, later_ns in pieces:
+        now_ns += later_ns
+        samples = clock.stamp(piecewise.feed(data), CHANNELS, now_ns)
+        assert samples.volts.shape == (len(samples.stamps_ns), CHANNELS)
+        stamps.extend(samples.stamps_ns.tolist())
+        volts.append(samples.volts)
+    assert all(a < b for a, b in itertools.pairwise(stamps)), stamps
+    at_once = [received.volts for received in whole.feed(b''.join(data for data, _ in pieces))]
+    np.testing.assert_array_equal(
+        np.concatenate(volts), np.concatenate([np.empty((0, CHANNELS)), *at_once])
+    )
+    assert whole.counts == piecewise.counts
+
+
+def overlapping():
+    """Packets whose samples overlap in time, each in order of its own."""
+    return [
+        (b''.join(cobs_encode(packet(k, 1500 * k, 1_000_000, 4)) + b'\0' for k in range(8)), 0),
+        (cobs_encode(packet(8, 12_000, 1, 7)) + b'\0', 1),
+    ]
+
+
+def test_any_stream_gives_the_same_samples_however_it_is_cut_and_its_stamps_rise():
+    fuzz('packets', streams(), check_packets, corpus=[overlapping(), [(b'', 0)]], few=60)
+
+
+def check_datagram(data):
+    decoder = PacketDecoder(CHANNELS, 'int16', 1e-3, 0.0)
+    decoded = decoder.decode(data)
+    counted = sum(decoder.counts.values())
+    assert counted if decoded is None else decoder.counts['packets'] == 1
+
+
+def test_any_datagram_is_decoded_or_counted():
+    sound = [packet(5, 7, 1000, n) for n in (1, 3)]
+    fuzz('datagrams', mutated_bytes(sound), check_datagram, corpus=[b'', b'\0' * 9000], few=60)
+
+
+def check_lines(data):
+    decoder = LineDecoder(CHANNELS, 0.0)
+    for received in decoder.feed(data):
+        assert received.volts.shape[1] == CHANNELS
+    assert all(count >= 0 for count in decoder.counts.values())
+
+
+def test_any_text_is_decoded_or_counted():
+    sound = [b'1.0,2.0,3.0\n' * 4, b'1 2 3\r\n-4 5e-3 6\r\n']
+    digits = '\u0661,\u0662,\u0663\n'.encode()  # of another script
+    corpus = [b'1e999,nan,inf\n', b'1' * 5000 + b',2,3\n', digits, b'1_0,2,3\n']
+    fuzz('lines of text', mutated_bytes(sound), check_lines, corpus=corpus, few=60)

@@ -1,0 +1,124 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sets of parameters, as services and programs give them."""
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import strategies as st
+
+from slip_detector.chain.memory import check_memory
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.parameters import (
+    ChainConfig,
+    DetectorConfig,
+    DriverConfig,
+    EvaluationConfig,
+    GraspConfig,
+    TuneConfig,
+)
+from slip_detector.parameters.fields import default_of
+from support.fuzzing import fuzz
+
+SETS = {
+    config.NODE: config
+    for config in (DetectorConfig, DriverConfig, EvaluationConfig, GraspConfig, TuneConfig)
+}
+
+#: For how many channels and rows a chain is built.
+MOST_CHANNELS, MOST_ROWS = 64, 100_000
+
+STRANGE = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=5),
+    st.sampled_from(['٣', '1e400', 10**400, -(10**400), math.nan, math.inf, -0.0, 5e-324]),
+    st.lists(st.one_of(st.integers(-2, 20), st.floats(), st.text(max_size=2)), max_size=4),
+    st.dictionaries(st.text(max_size=2), st.integers(), max_size=2),
+)
+
+
+def near(field):
+    """Draw values about which a parameter is taken or refused."""
+    default = default_of(field)
+    low, high = field.metadata['low'], field.metadata['high']
+    bounds = [bound for bound in (low, high) if bound is not None]
+    values = [default, *bounds, *(bound + 1 for bound in bounds), *(-bound for bound in bounds)]
+    if isinstance(default, (int, float)) and not isinstance(default, bool):
+        values += [0, 1, 2, default * 2, default / 3]
+    return st.sampled_from([*values, *field.metadata['choices']])
+
+
+@st.composite
+def parameters(draw):
+    node = draw(st.sampled_from(list(SETS)))
+    fields = dataclasses.fields(SETS[node])
+    values = {}
+    for field in draw(st.lists(st.sampled_from(fields), max_size=5, unique_by=id)):
+        strange = draw(st.integers(0, 3)) == 0
+        values[field.name] = draw(STRANGE if strange else near(field))
+    if node == 'slip_detector' and draw(st.integers(0, 3)) == 0:
+        values[f'groups.{draw(st.text(max_size=3))}'] = draw(STRANGE)
+    if draw(st.integers(0, 9)) == 0:
+        values[draw(st.text(max_size=8))] = draw(STRANGE)
+    return node, values
+
+
+def check(case):
+    """What is taken says the same after any way out and in, and a chain of it runs."""
+    node, values = case
+    config = SETS[node].from_parameters(values)
+    assert SETS[node].from_parameters(config.to_parameters()) == config
+    if node != 'slip_detector' or config.channels > MOST_CHANNELS:
+        return
+    check_memory(config, 5.0)
+    window_s = config.envelope_window_s + config.decision_window_s
+    if window_s * config.sample_rate_hz <= MOST_ROWS:
+        chain = SlipChain(
+            ChainConfig(
+                **{
+                    field.name: getattr(config, field.name)
+                    for field in dataclasses.fields(ChainConfig)
+                }
+            )
+        )
+        result = chain.update([[4.3] * config.channels] * 3)
+        assert result.slip.shape == (3,)
+
+
+CORPUS = [
+    ('slip_detector', {'groups.': True}),
+    ('slip_detector', {'groups': [1], 'groups.new': [1]}),
+    ('slip_detector', {'groups': True}),
+    ('slip_detector', {'disabled_channels': [1] * 1_000_000}),
+    ('slip_detector', {'channels': 50_000, 'channel_names': [f'c{k}' for k in range(50_000)]}),
+    ('slip_detector', {'channel_names': ['a'] * 50_000}),
+    ('slip_detector', {'vote': '٣'}),
+    ('slip_detector', {'channels': 10**400}),
+    ('slip_detector', {'envelope_window_s': 1e300}),
+    ('slip_detector', {'sample_rate_hz': 1e-300}),
+    ('slip_detector', {'threshold': -1}),
+    ('grasp_controller', {'command_joints': ['a', 'a']}),
+    ('grasp_controller', {'command_topic': 'a//b'}),
+    ('slip_driver', {'udp_senders': ['']}),
+]
+
+
+@pytest.mark.filterwarnings('ignore:overflow:RuntimeWarning')
+def test_any_set_is_taken_whole_or_refused_in_one_line():
+    fuzz('sets of parameters', parameters(), check, corpus=CORPUS, few=60, refusal='allowed|mean')

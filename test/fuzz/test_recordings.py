@@ -1,0 +1,118 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings of all kinds with damage anywhere."""
+
+import io
+import sqlite3
+import zipfile
+
+import numpy as np
+from hypothesis import strategies as st
+
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.recordings import open_recording, write_recording
+from support.bags import rows
+from support.fuzzing import fuzz
+from support.little_memory import little_memory
+from support.mutations import mutated_bytes
+
+ENDINGS = ('.npz', '.csv', '.mcap', '.db3')
+
+#: What reading may hold at a time, and what a process may take for it.
+CONFIG = RecordingConfig(recording_limit_mb=8.0)
+MOST_BYTES = 1_000_000_000
+
+
+def sound(folder):
+    """Write a recording of each kind; return their bytes."""
+    names = ['left', 'right', 'tip']
+    found = {}
+    for ending in ENDINGS:
+        path = folder / f'sound{ending}'
+        write_recording(path, [rows(60)], 380.0, names)
+        # A path that was written as a bag may be a folder with the file in it.
+        file = next(path.glob(f'*{ending}')) if path.is_dir() else path
+        found[ending] = file.read_bytes()
+    return found
+
+
+def npz(**arrays):
+    """Return an npz; arrays may be given as the bytes of their npy."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, 'w', zipfile.ZIP_DEFLATED) as archive:
+        for name, value in arrays.items():
+            array = io.BytesIO(value if isinstance(value, bytes) else b'')
+            if not isinstance(value, bytes):
+                np.save(array, value)
+            archive.writestr(f'{name}.npy', array.getvalue())
+    return buffer.getvalue()
+
+
+def declared(shape, begin=b''):
+    """Return an npy that declares a shape and has only the beginning of it."""
+    header = io.BytesIO()
+    described = {'descr': '<f8', 'fortran_order': False, 'shape': shape}
+    np.lib.format.write_array_header_1_0(header, described)
+    return header.getvalue() + begin
+
+
+def text_in_a_database(database, folder):
+    """Return a db3 with text where the message should be."""
+    path = folder / 'text.db3'
+    path.write_bytes(database)
+    connection = sqlite3.connect(path)
+    with connection:
+        connection.execute("UPDATE messages SET data = 'text' WHERE id % 7 = 1")
+    connection.close()
+    return path.read_bytes()
+
+
+def corpus(found, folder):
+    volts = np.zeros((50, 2))
+    yield '.npz', npz(volts=declared((1, 10**9)), sample_rate_hz=380.0)
+    yield '.npz', npz(volts=declared((10**9, 3), bytes(10**7)), sample_rate_hz=380.0)
+    yield '.npz', npz(volts=declared((4, 2), bytes(3 * 10**7)), sample_rate_hz=380.0)
+    yield '.npz', npz(volts=volts, sample_rate_hz=1e-300)
+    yield '.npz', npz(volts=volts, sample_rate_hz=np.nan)
+    yield '.npz', npz(volts=volts, sample_rate_hz=380.0, stamp_ns=np.arange(50))
+    yield '.csv', b'time_s,a,b\n0,1,2\n1e-99999999999999999999,1,2\n'
+    yield '.csv', b'time_s,a,b\n0,1,2\n1e99999999999999999999,1,2\n'
+    yield '.csv', b'time_s,' + b','.join(b'c%d' % k for k in range(100_000)) + b'\n'
+    yield '.db3', text_in_a_database(found['.db3'], folder)
+    for ending, data in found.items():
+        yield ending, data
+        yield ending, b''
+        yield ending, data[: len(data) // 2]
+        yield ending, bytes(len(data))
+
+
+def test_any_bytes_are_read_or_refused_in_one_line_and_never_take_much_memory(tmp_path):
+    found = sound(tmp_path)
+    paths = {ending: tmp_path / f'some{ending}' for ending in ENDINGS}
+
+    def check(case):
+        ending, data = case
+        paths[ending].write_bytes(data)
+        with little_memory(MOST_BYTES):
+            for piece in open_recording(paths[ending], CONFIG).pieces():
+                assert piece.volts.shape[0] == len(piece.stamps_ns)
+                assert (np.diff(piece.stamps_ns) > 0).all()
+
+    cases = st.sampled_from(ENDINGS).flatmap(
+        lambda ending: st.tuples(st.just(ending), mutated_bytes([found[ending]], most=6))
+    )
+    fuzz(
+        'recordings', cases, check, corpus=list(corpus(found, tmp_path)), few=40, refusal='some[.]'
+    )

@@ -1,0 +1,102 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Descriptions of scenes, of all parts with all that a parameter can be."""
+
+import dataclasses
+
+import numpy as np
+from hypothesis import strategies as st
+
+from slip_detector.parameters.fields import default_of
+from slip_detector.scenes import Scene
+from slip_detector.scenes.parts import PARTS, Sampling
+from slip_detector.scenes.steps import Step
+from support.fuzzing import fuzz
+
+STRANGE = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.floats(),
+    st.integers(-3, 3),
+    st.text(max_size=3),
+    st.lists(st.floats(), max_size=3),
+)
+
+#: Longest scene whose beginning is played, and the most patches of its contact.
+MOST_S, MOST_ROWS = 100.0, 20
+
+
+def values_of(field):
+    """Draw values of a parameter: mostly some that are taken, at times any."""
+    default = default_of(field)
+    if isinstance(default, (bool, str)) or not isinstance(default, (int, float)):
+        usual = st.sampled_from([default, *field.metadata['choices']])
+    else:
+        usual = st.one_of(
+            st.sampled_from([default, default / 2, default * 2, 0]),
+            st.floats(0.1, 10.0).map(lambda factor: type(default)(default * factor)),
+        )
+    return st.integers(0, 19).flatmap(lambda k: STRANGE if k == 0 else usual)
+
+
+@st.composite
+def some_of(draw, parameters, most):
+    fields = dataclasses.fields(parameters)
+    chosen = draw(st.lists(st.sampled_from(fields), max_size=most, unique_by=id))
+    return {field.name: draw(values_of(field)) for field in chosen}
+
+
+@st.composite
+def scenes(draw):
+    parts = draw(st.lists(st.sampled_from(list(PARTS)), max_size=4, unique=True))
+    scene = {name: draw(some_of(PARTS[name], 3)) for name in parts}
+    scene['steps'] = draw(st.lists(some_of(Step, 3), min_size=1, max_size=3))
+    if draw(st.integers(0, 4)) == 0:
+        scene.update(draw(some_of(Sampling, 1)))
+    if draw(st.integers(0, 19)) == 0:
+        scene[draw(st.text(max_size=6))] = draw(STRANGE)
+    return scene
+
+
+def check(description):
+    """What is taken plays: rows of its channels, in rising times, as often as it is asked."""
+    scene = Scene(description, np.random.default_rng(0))
+    if scene.duration_s > MOST_S:
+        return
+    before_s = -np.inf
+    for n in (0, 1, MOST_ROWS):
+        samples = scene.read(n)
+        assert samples.volts.shape == (len(samples.time_s), len(scene.channel_names))
+        assert len(samples.volts) <= n
+        assert (np.diff(samples.time_s, prepend=before_s) > 0).all()
+        before_s = max([before_s, *samples.time_s])
+
+
+CORPUS = [
+    {'steps': [{}] * 100_000},
+    {'steps': []},
+    {'steps': None},
+    {'steps': [None]},
+    {'steps': [{'duration_s': 1e300}]},
+    {'steps': [{'force_n': 0.4}], 'sample_rate_hz': 1e300},
+    {'steps': [{'force_n': 0.4}], 'step_s': 1e-300},
+    {'steps': [{'force_n': 0.4}], 'object': None},
+    {'steps': [{'force_n': 0.4}], 'clock': {'rate_ratio': 0}},
+    {'steps': [{'force_n': 0.4}], '': {}},
+]
+
+
+def test_any_scene_plays_or_is_refused_in_one_line():
+    fuzz('scenes', scenes(), check, corpus=CORPUS, few=40)

@@ -1,0 +1,91 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parameter files, labels and scenes, as somebody's editor left them."""
+
+import pytest
+
+from slip_detector.parameters import DetectorConfig, DriverConfig, GraspConfig, TuneConfig
+from slip_detector.parameters.reading import our_sections
+from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.recordings.labels import read_labels
+from support.fuzzing import fuzz
+from support.mutations import mutated_text
+
+FILES = sorted((shared_folder() / 'config').glob('*.yaml'))
+PIECES = [
+    *('\n', ' ', '  ', ': ', '- ', '[', ']', '{', '}', '"', "'", '#', '&a ', '*a', '<<: *a\n'),
+    *('!!python/object:os.system ', '!!binary ', '!!set ', '? ', '|', '>', '---\n', '...\n', '%'),
+    *('~', 'null', 'yes', '1:30', '020', '0x1F', '1e3', '.nan', '.inf', '-', '2026-11-22', '\t'),
+    *('\0', '\x85', '\ufeff', '٣', '/**', '/**/slip_driver', 'ros__parameters', 'threshold: 1\n'),
+]
+
+
+def doubling(levels):
+    """Return a small text that stands for 9 ** levels values."""
+    lines = ['a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]']
+    lines += [f'a{k}: &a{k} [{", ".join([f"*a{k - 1}"] * 9)}]' for k in range(1, levels)]
+    return '\n'.join(lines) + '\n'
+
+
+CORPUS = [
+    doubling(12),
+    '[' * 20_000,
+    '{a: ' * 20_000,
+    '- ' * 20_000,
+    '&a [*a]',
+    '/**/slip_detector: {ros__parameters: {threshold: 0.4, threshold: 0.5}}',
+    '/**/slip_detector: {ros__parameters: {threshold: 1:30}}',
+    '/**/slip_detector: {ros__parameters: {channels: 020}}',
+    '/**/slip_detector: {ros__parameters: {vote: "٣"}}',
+    '/**/slip_detector: {ros__parameters: {groups: {"": true}}}',
+    '/**/slip_detector: {ros__parameters: {groups: [1], groups.new: [1]}}',
+    'slip_driver: {source: serial}',
+    'slip_s: [[1, 0]]',
+    '!!python/object/apply:os.system [true]',
+    '? [a]\n: 1',
+    '2026-13-45: 1',
+    '',
+    '\0',
+]
+
+
+def test_any_text_of_a_file_is_read_or_refused_in_one_line_that_names_the_file(tmp_path):
+    file = tmp_path / 'some.yaml'
+    sets = (DetectorConfig, DriverConfig, GraspConfig, TuneConfig)
+    readers = [*(one.from_yaml for one in sets), our_sections, read_labels, read_yaml]
+
+    def check(text):
+        # As bytes that are no text too.
+        file.write_bytes(text.encode('utf-8', 'surrogatepass'))
+        refused = []
+        for reader in readers:
+            try:
+                reader(file)
+            except ValueError as error:
+                refused.append(error)
+        for error in refused:
+            assert str(error).startswith(f'{file}'), error
+        if len(refused) == len(readers):
+            raise refused[0]
+
+    texts = [path.read_text(encoding='utf-8') for path in FILES]
+    texts += ['slip_s: [[1.0, 2.5], [3.0, 4.0]]\n', 'slip: [1, 2]\n']
+    fuzz('YAML', mutated_text(texts, PIECES), check, corpus=CORPUS, few=40, refusal='some.yaml')
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+def test_what_is_mutated_is_sound_before(path):
+    assert read_yaml(path)

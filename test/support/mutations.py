@@ -1,0 +1,52 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bytes and texts that were right before something happened to them."""
+
+from hypothesis import strategies as st
+
+
+@st.composite
+def mutated_bytes(draw, originals, most=4):
+    """Draw one of some bytes with up to so many pieces changed, cut, doubled or put in."""
+    data = bytearray(draw(st.sampled_from(originals)))
+    for _ in range(draw(st.integers(0, most))):
+        begin = draw(st.integers(0, len(data)))
+        end = min(len(data), begin + draw(st.sampled_from([0, 1, 2, 4, 8, 64, 1024])))
+        kind = draw(st.sampled_from(['flip', 'set', 'cut', 'double', 'put', 'end']))
+        if kind == 'flip' and begin < len(data):
+            data[begin] ^= 1 << draw(st.integers(0, 7))
+        elif kind == 'set':
+            data[begin:end] = bytes([draw(st.sampled_from([0, 1, 127, 128, 255]))]) * (end - begin)
+        elif kind == 'cut':
+            del data[begin:end]
+        elif kind == 'double':
+            data[begin:begin] = data[begin:end]
+        elif kind == 'put':
+            data[begin:begin] = draw(st.binary(max_size=16))
+        elif kind == 'end':
+            del data[begin:]
+    return bytes(data)
+
+
+@st.composite
+def mutated_text(draw, originals, pieces, most=4):
+    """Draw one of some texts with up to so many pieces taken out, doubled or put in."""
+    text = draw(st.sampled_from(originals))
+    for _ in range(draw(st.integers(0, most))):
+        begin = draw(st.integers(0, len(text)))
+        end = min(len(text), begin + draw(st.sampled_from([0, 1, 3, 20])))
+        put = draw(st.one_of(st.sampled_from(pieces), st.text(max_size=4)))
+        text = text[:begin] + put + draw(st.sampled_from([text[begin:], text[end:]]))
+    return text
