@@ -230,9 +230,11 @@ def _maker(executable: str, on_compiling: Callable[[], None]) -> Callable[[list[
             try:
                 made.append(Detector(arguments))
             except ValueError as error:
-                if '--params-file' not in (arguments or []):
+                path = arguments[-1] if arguments and '--params-file' in arguments else ''
+                # What is wrong with the sections of a file names it already.
+                if not path or str(error).startswith(f'{path}: '):
                     raise
-                raise ValueError(f'{arguments[-1]}: {error}') from error  # type: ignore[index]
+                raise ValueError(f'{path}: {error}') from error
         return made
 
     return detectors

@@ -66,6 +66,17 @@ def test_each_file_is_a_detector_of_its_own_on_the_same_input(bench, files):
     assert 'Traceback' not in detector.log()
 
 
+def test_a_file_for_another_namespace_stops_the_start_with_one_line_that_names_both(bench, files):
+    files['late'].write_text('/index/slip_detector:\n  ros__parameters: {threshold: 1.0}\n')
+    names = ','.join(str(path) for path in files.values())
+    process = bench.start('slip_detector', '-r', '__ns:=/index', '--', '--configs', names)
+    assert process.wait() == 1
+    assert process.log().strip().splitlines()[-1] == (
+        f'slip_detector: {files["late"]}: has sections for /index/slip_detector, none for this '
+        'node, /index/late/slip_detector, allowed: /index/late/slip_detector or /**/slip_detector'
+    )
+
+
 def test_a_wrong_file_stops_the_start_with_one_line_that_names_it(bench, files):
     files['late'].write_text('/**/slip_detector:\n  ros__parameters: {treshold: 1.0}\n')
     names = ','.join(str(path) for path in files.values())
