@@ -44,6 +44,7 @@ RUN_BY = {
     'make check': 'Makefile: \ncheck:',
     'make test': '.ci/run: make test',
     'make benchmark': 'Makefile: \nbenchmark:',
+    'make fuzz seconds=3600': 'Makefile: \nfuzz:',
     '. .venv/bin/activate': 'Makefile: -m venv $(VENV)',
     'python test/support/parameter_tables.py': (
         'test/docs/test_docs.py::test_the_parameter_tables_are_those_of_the_dataclasses'

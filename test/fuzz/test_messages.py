@@ -74,7 +74,6 @@ def check(case):
     """Read messages one after the other: each as rclpy reads it, whatever came before."""
     kind, messages = case
     source = Input(DetectorConfig(input_type=kind, input_field=FIELDS[kind]))
-    before = None
     for raw in messages:
         if kind != 'sensor_msgs/msg/JointState':
             assert source.read(raw, INFO).rows.ndim == 2
@@ -90,10 +89,8 @@ def check(case):
             raise
         if message is None:
             # One like it was sound up to its positions, and nothing behind them is used.
-            assert sample.names == before.names
-            assert sample.rows.shape == before.rows.shape
+            assert sample.rows.shape[0] == 1
             continue
-        before = sample
         np.testing.assert_array_equal(sample.rows, [message.position])
         assert (sample.names, sample.frame_id) == (list(message.name), message.header.frame_id)
         assert sample.stamp_ns == (stamp_ns(message.header.stamp) or INFO['source_timestamp'])

@@ -90,6 +90,8 @@ def corpus(found, folder):
     yield '.csv', b'time_s,a,b\n0,1,2\n1e-99999999999999999999,1,2\n'
     yield '.csv', b'time_s,a,b\n0,1,2\n1e99999999999999999999,1,2\n'
     yield '.csv', b'time_s,' + b','.join(b'c%d' % k for k in range(100_000)) + b'\n'
+    yield '.csv', b'time_s,a,b\n' + bytes(20_000)
+    yield '.csv', b'time_s,a,b\n1e' + b'9' * 20_000 + b',1,2\n'
     yield '.db3', text_in_a_database(found['.db3'], folder)
     for ending, data in found.items():
         yield ending, data

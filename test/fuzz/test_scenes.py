@@ -95,6 +95,9 @@ CORPUS = [
     {'steps': [{'force_n': 0.4}], 'object': None},
     {'steps': [{'force_n': 0.4}], 'clock': {'rate_ratio': 0}},
     {'steps': [{'force_n': 0.4}], '': {}},
+    {'steps': [{'force_n': 0.4}], '\r': {}},
+    {'steps': [{'force_n': 0.4}], 'a' * 100_000: {}},
+    {'steps': 'a' * 100_000},
 ]
 
 
