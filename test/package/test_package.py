@@ -152,8 +152,10 @@ def test_launch_files_offer_the_documented_arguments(path):
         if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'DeclareLaunchArgument'
     }
     assert {'namespace', 'config', 'source'} <= declared.keys()
-    # A name alone would also be that of a file in the folder in which somebody launches.
-    assert not isinstance(declared['config']['default_value'], ast.Constant)
+    # A name alone would also be that of a file in the folder in which somebody launches; empty
+    # is none.
+    default = declared['config']['default_value']
+    assert not isinstance(default, ast.Constant) or default.value == ''
 
 
 def test_no_yaml_file_needs_what_ros_parameter_files_lack():
