@@ -86,6 +86,7 @@ class ParameterSet:
         values: dict[str, Any] = {}
         nested: dict[str, dict[str, Any]] = {}
         for name, value in parameters.items():
+            name = str(name)  # noqa: PLW2901 - in YAML it may be a number
             head, point, tail = name.partition('.')
             if head not in known or (point and (head != 'groups' or not tail)):
                 hint = _hint(name, cls.NODE, known)

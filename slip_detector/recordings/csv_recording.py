@@ -165,8 +165,9 @@ def _nanoseconds(text: str) -> int:
     """Convert seconds from text to nanoseconds; float64 would lose the digits of a date."""
     try:
         seconds = decimal.Decimal(text.strip().replace('_', ''))
-    except decimal.InvalidOperation:  # an exponent that Decimal does not have
-        seconds = decimal.Decimal('nan')
-    if not seconds.is_finite() or abs(seconds) >= MOST_S:
+        fits = seconds.is_finite() and abs(seconds) < MOST_S
+    except decimal.DecimalException:  # an exponent that Decimal does not have
+        fits = False
+    if not fits:
         raise ValueError(f'{TIME} is {shown_name(text.strip())}, allowed: below {MOST_S:g} s')
     return int((seconds * 1_000_000_000).to_integral_value())

@@ -17,6 +17,8 @@
 import functools
 from typing import Any, NamedTuple
 
+from slip_detector.parameters.conversion import shortened, shown_name
+
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 BOOL = 'std_msgs/msg/Bool'
 
@@ -85,7 +87,10 @@ def typestore_of(topic: Topic) -> Any:
     known = get_typestore(Stores.LATEST)
     if not topic.encoding:
         if topic.msgtype not in known.fielddefs:
-            raise ValueError(f'the bag does not define the type {topic.msgtype} of {topic.name}')
+            raise ValueError(
+                f'the bag does not define the type {shown_name(topic.msgtype)} of '
+                f'{shown_name(topic.name)}'
+            )
         return known
     store = get_typestore(Stores.EMPTY)
     try:
@@ -105,7 +110,10 @@ def typestore_of(topic: Topic) -> Any:
         if topic.msgtype in known.fielddefs:
             return known
         why = ' '.join(str(error).split())
-        raise ValueError(f'the definition of {topic.msgtype} cannot be read ({why})') from None
+        msgtype = shown_name(topic.msgtype)
+        raise ValueError(
+            f'the definition of {msgtype} cannot be read ({shortened(why)})'
+        ) from None
     return store
 
 

@@ -16,6 +16,7 @@
 
 import io
 import sqlite3
+import struct
 import zipfile
 
 import numpy as np
@@ -23,6 +24,7 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
+from slip_detector.recordings.compression import zstd
 from support.bags import rows
 from support.fuzzing import fuzz
 from support.little_memory import little_memory
@@ -68,6 +70,28 @@ def declared(shape, begin=b''):
     return header.getvalue() + begin
 
 
+def without_checksums(mcap):
+    """Return an MCAP whose damage is not seen by its checksums, so that it is read."""
+    bare = bytearray(mcap)
+    begin = 8
+    while begin + 9 <= len(mcap):
+        kind, length = struct.unpack_from('<BQ', mcap, begin)
+        begin += 9
+        if kind == 6:
+            bare[begin + 24 : begin + 28] = bytes(4)
+        begin += length
+    return bytes(bare)
+
+
+def with_a_chunk(mcap, content, size):
+    """Return an MCAP with one more chunk, which declares a size."""
+    packed = zstd().compress(content)
+    chunk = struct.pack('<QQQII', 0, 1, size, 0, 4) + b'zstd' + struct.pack('<Q', len(packed))
+    at = 8 + 9 + struct.unpack_from('<Q', mcap, 9)[0]
+    record = struct.pack('<BQ', 6, len(chunk) + len(packed)) + chunk + packed
+    return mcap[:at] + record + mcap[at:]
+
+
 def text_in_a_database(database, folder):
     """Return a db3 with text where the message should be."""
     path = folder / 'text.db3'
@@ -87,6 +111,18 @@ def corpus(found, folder):
     yield '.npz', npz(volts=volts, sample_rate_hz=1e-300)
     yield '.npz', npz(volts=volts, sample_rate_hz=np.nan)
     yield '.npz', npz(volts=volts, sample_rate_hz=380.0, stamp_ns=np.arange(50))
+    yield '.npz', npz(volts=declared((-1, -1)), sample_rate_hz=380.0)
+    yield '.npz', npz(volts=volts, sample_rate_hz=declared((10**9,)))
+    yield '.npz', npz(volts=volts, slip=declared((50, 10**9)), sample_rate_hz=380.0)
+    yield '.npz', npz(volts=volts, sample_rate_hz=1e6, stamps_ns=np.arange(50) * 90_000_000)
+    yield '.npz', npz(**{'a\nb': volts})
+    yield '.mcap', with_a_chunk(found['.mcap'], bytes(10**8), 10**8)
+    yield '.mcap', with_a_chunk(found['.mcap'], bytes(10**8), 1000)
+    yield '.mcap', found['.mcap'][:8] + struct.pack('<BQ', 5, 2**63)
+    yield '.mcap', found['.mcap'][:8] + struct.pack('<BQ', 6, 5) + bytes(5)
+    yield '.mcap', without_checksums(found['.mcap']).replace(b'sensor_msgs/', b'\rensor_msgs/')
+    yield '.csv', b'time_s,a,b\n0,1,2\n1e999999999999999999,1,2\n'
+    yield '.csv', b'"time_s\r",a\n0,1\n1,1\n'
     yield '.csv', b'time_s,a,b\n0,1,2\n1e-99999999999999999999,1,2\n'
     yield '.csv', b'time_s,a,b\n0,1,2\n1e99999999999999999999,1,2\n'
     yield '.csv', b'time_s,' + b','.join(b'c%d' % k for k in range(100_000)) + b'\n'
@@ -112,8 +148,10 @@ def test_any_bytes_are_read_or_refused_in_one_line_and_never_take_much_memory(tm
                 assert piece.volts.shape[0] == len(piece.stamps_ns)
                 assert (np.diff(piece.stamps_ns) > 0).all()
 
+    originals = {ending: [data] for ending, data in found.items()}
+    originals['.mcap'].append(without_checksums(found['.mcap']))
     cases = st.sampled_from(ENDINGS).flatmap(
-        lambda ending: st.tuples(st.just(ending), mutated_bytes([found[ending]], most=6))
+        lambda ending: st.tuples(st.just(ending), mutated_bytes(originals[ending], most=6))
     )
     fuzz(
         'recordings', cases, check, corpus=list(corpus(found, tmp_path)), few=40, refusal='some[.]'

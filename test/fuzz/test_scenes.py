@@ -87,6 +87,8 @@ def check(description):
 CORPUS = [
     {'steps': [{}] * 100_000},
     {'steps': []},
+    {'steps': [{1: 2}]},
+    {'steps': [{}], 'friction': {1.5: 2}},
     {'steps': None},
     {'steps': [None]},
     {'steps': [{'duration_s': 1e300}]},
