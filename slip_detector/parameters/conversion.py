@@ -78,8 +78,9 @@ def listed(names: Sequence[str], most: int = 40) -> str:
 
 def _number(value: Any, kind: type, where: str) -> Any:
     """Return a value as int or float; raise a ValueError where it is not such a number."""
-    if isinstance(value, str) and value.isascii() and kind is float:
-        # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number.
+    if isinstance(value, str) and value.isascii() and '_' not in value and kind is float:
+        # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number; neither has
+        # the 1_0 of Python.
         with contextlib.suppress(ValueError):
             value = float(value)
     wanted = 'a whole number' if kind is int else 'a number'

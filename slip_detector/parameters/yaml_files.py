@@ -28,6 +28,7 @@ from typing import Any
 
 import yaml
 
+from slip_detector.parameters.conversion import shortened
 from slip_detector.parameters.files import read_limited
 
 #: Largest size of a YAML file. A parameter file of a hundred channels has some 10 kB.
@@ -116,12 +117,14 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     for scalar in _scalars(node):
         if scalar.tag in _NUMBER_TAGS and not _PLAIN_NUMBER.fullmatch(scalar.value):
             raise ValueError(
-                f'{path}: line {scalar.start_mark.line + 1}: {scalar.value} is not a number as it '
-                'looks, allowed: a decimal number, or a text in quotes'
+                f'{path}: line {scalar.start_mark.line + 1}: {shortened(scalar.value)} is not a '
+                'number as it looks, allowed: a decimal number, or a text in quotes'
             )
     try:
         with _yaml_errors(path):
             document = _Loader('', path).construct_document(node) if node else None
+    except (LookupError, AttributeError):  # by PyYAML, of a text with the tag !!bool, say
+        raise ValueError(f'{path}: is not YAML (a value is not what its tag says)') from None
     except (ValueError, OverflowError) as error:  # for example an impossible date
         said = str(error)
         where = said if said.startswith(str(path)) else f'{path}: is not YAML ({said})'
@@ -168,7 +171,7 @@ def _yaml_errors(path: str | Path) -> Iterator[None]:
         mark = getattr(error, 'problem_mark', None)
         line = f' line {mark.line + 1}' if mark else ''
         problem = getattr(error, 'problem', None) or 'cannot be parsed'
-        raise ValueError(f'{path}:{line} is not YAML ({problem})') from None
+        raise ValueError(f'{path}:{line} is not YAML ({shortened(problem)})') from None
 
 
 def _nodes(node: yaml.Node | None) -> Iterator[yaml.Node]:
@@ -204,7 +207,7 @@ def _check_names(node: yaml.Node | None, path: str | Path) -> None:
             line = key.start_mark.line + 1
             if key.value in lines:
                 raise ValueError(
-                    f'{path}: line {line}: has {key.value} again, as in line {lines[key.value]}, '
-                    'allowed: once'
+                    f'{path}: line {line}: has {shortened(key.value)} again, as in line '
+                    f'{lines[key.value]}, allowed: once'
                 )
             lines[key.value] = line

@@ -90,7 +90,7 @@ def test_a_vote_is_a_number_in_the_digits_that_all_read(vote):
     assert message_of(ChainConfig, vote=vote) == said
 
 
-@pytest.mark.parametrize('text', ['٣', '٣.٣'])
+@pytest.mark.parametrize('text', ['٣', '٣.٣', '1_0', '1_0e3'])
 def test_a_number_in_other_digits_is_no_number(text):
     assert message_of(ChainConfig, threshold=text) == (
         f'parameter threshold is {text!r}, allowed: a number'

@@ -20,6 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.parameters import yaml_files
+from slip_detector.parameters.conversion import LONGEST_SHOWN
 from slip_detector.parameters.yaml_files import (
     MOST_BYTES,
     MOST_DEPTH,
@@ -69,6 +70,19 @@ def test_numbers_are_read_as_they_are_written(tmp_path_factory, number):
     path = tmp_path_factory.mktemp('number') / 'a.yaml'
     path.write_text(yaml.safe_dump({'a': number}))
     assert read_yaml(path) == {'a': number}
+
+
+@pytest.mark.parametrize('value', ['!!bool x', '!!timestamp x', '!!int x', '!!binary "a"'])
+def test_a_value_that_is_not_what_its_tag_says_is_refused(tmp_path, value):
+    said(tmp_path, f'a: {value}')
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['!' * 10_000, 'a: ' + '9' * 5_000, 'a: 0' + '7' * 5_000, 'a: 1\n' + f'{"b" * 900}: 1\n' * 2],
+)
+def test_a_message_can_be_read_however_long_the_line_is(tmp_path, text):
+    assert len(said(tmp_path, text)) < 2 * LONGEST_SHOWN
 
 
 def test_what_looks_like_no_number_is_text(tmp_path):
