@@ -19,6 +19,7 @@ import dataclasses
 
 from slip_detector.commands.recording_options import (
     add_recording_options,
+    paths_read,
     with_recording_options,
 )
 from slip_detector.parameters.recording import RecordingConfig
@@ -37,3 +38,14 @@ def test_the_options_say_what_the_parameters_say():
         recording_labels='l.yaml',
         recording_resample=True,
     )
+
+
+def test_what_a_command_reads_is_each_recording_of_its_folders_and_the_labels(tmp_path):
+    for name in ('a.npz', 'b.csv', 'c.txt'):
+        (tmp_path / name).touch()
+    options = argparse.Namespace(
+        recordings=[str(tmp_path)], held_out=['h.mcap'], quiet=None, taps='t.npz', labels='l.yaml'
+    )
+    assert [path.name for path in paths_read(options)] == [
+        'a.npz', 'b.csv', 'h.mcap', 't.npz', 'l.yaml',
+    ]  # fmt: skip

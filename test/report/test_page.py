@@ -220,5 +220,5 @@ def test_what_cannot_be_written_is_one_line(tmp_path, variants):
     with pytest.raises(ValueError, match=r'no/report.html: cannot be written \(No such file'):
         report.write_page(tmp_path / 'no' / 'report.html', 'A title', variants[:1])
     (tmp_path / 'file').write_text('')
-    with pytest.raises(ValueError, match=r'file/out: cannot be written \(Not a directory'):
+    with pytest.raises(ValueError, match=r'file/out: cannot be made \(Not a directory'):
         report.write_pictures(tmp_path / 'file' / 'out', variants[:1])
