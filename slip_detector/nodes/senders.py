@@ -21,6 +21,9 @@ from rclpy.subscription import Subscription
 
 from slip_detector.nodes.rclpy_internals import publisher_counter
 
+#: A publisher whose numbers go on after so many is the same one: the others were lost.
+MOST_LOST = 1000
+
 #: So many publishers are told from each other.
 MOST_SENDERS = 8
 
@@ -31,13 +34,15 @@ class Senders:
     The middleware counts the messages of each publisher. So one message after another has the next
     number, and of two publishers that both send the numbers go to and fro between two rows. A
     publisher that only exists is not counted: one that was killed is known for some twenty
-    seconds more, and one that waits does no harm. Where the middleware does not count, each
-    publisher is taken to send.
+    seconds more, and one that waits does no harm. Where a topic has more than one, another is
+    taken only when the one before has been silent for the window. Where the middleware does not
+    count, each publisher is taken to send.
 
     Parameters
     ----------
     window_s
-        For so long after they were last heard in turns, several count as sending.
+        For so long after they were last heard in turns, several count as sending; and for so long
+        one is awaited that was heard before.
 
     Examples
     --------
@@ -53,6 +58,9 @@ class Senders:
         # The number that was heard last of each row, the latest at the end.
         self._rows: list[int] = []
         self._several_s = float('-inf')
+        # The last number of the publisher that is taken, and when it was heard.
+        self._taken: int | None = None
+        self._taken_s = float('-inf')
 
     @property
     def several(self) -> bool:
@@ -72,22 +80,24 @@ class Senders:
         if publishers < 2:
             self._rows = [] if number is None else [number]
             self._several_s = float('-inf')
+            self._taken, self._taken_s = number, time.monotonic()
             return True
         if number is None:
             self._several_s = time.monotonic()
             return False
-        before = number - 1
-        goes_on = bool(self._rows) and self._rows[-1] == before
-        if before in self._rows:
-            if not goes_on:
-                self._several_s = time.monotonic()
+        now_s, before = time.monotonic(), number - 1
+        known = before in self._rows
+        if known:
+            if self._rows[-1] != before:
+                self._several_s = now_s
             self._rows.remove(before)
-            known = True
-        else:
-            # Another publisher, or messages before this one were lost.
-            known = False
         self._rows = [*self._rows[1 - MOST_SENDERS :], number]
-        return known and not self.several
+        goes_on = self._taken is not None and 0 <= before - self._taken <= MOST_LOST
+        # Another one is taken when the one before has ended.
+        if goes_on or (known and now_s - self._taken_s >= self.window_s):
+            self._taken, self._taken_s = number, now_s
+            return not self.several
+        return False
 
 
 class SenderWatch(Senders):
