@@ -147,6 +147,7 @@ class CsvRecording(Recording):
                 if not line:  # many programs write an empty line at the end
                     continue
                 try:
+                    _check_digits(line)
                     cells.append(list(map(float, line)))
                     if len(line) != columns:
                         raise ValueError(f'has {len(line)} columns, allowed: {columns}')
@@ -161,10 +162,18 @@ class CsvRecording(Recording):
             yield _Lines(np.array(cells), np.array(stamps_ns, dtype=np.int64))
 
 
+def _check_digits(line: list[str]) -> None:
+    """Refuse what float() takes for a number and nobody writes: 1_0, digits of other scripts."""
+    text = ''.join(line)
+    if '_' in text or not text.isascii():
+        odd = next(cell for cell in line if '_' in cell or not cell.isascii())
+        raise ValueError(f'has {shown_name(odd.strip())}, allowed: decimal numbers')
+
+
 def _nanoseconds(text: str) -> int:
     """Convert seconds from text to nanoseconds; float64 would lose the digits of a date."""
     try:
-        seconds = decimal.Decimal(text.strip().replace('_', ''))
+        seconds = decimal.Decimal(text.strip())
         fits = seconds.is_finite() and abs(seconds) < MOST_S
     except decimal.DecimalException:  # an exponent that Decimal does not have
         fits = False

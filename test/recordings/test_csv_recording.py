@@ -96,6 +96,9 @@ def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
             )
         ),
         ('time_s,a\n0,1\n1e-9,1\n', ': has 1e+09 Hz, allowed: 1 to 1e+06 Hz'),
+        ('time_s,a\n0,1\n1,1_0\n', ': line 3: has 1_0, allowed: decimal numbers'),
+        ('time_s,a\n0,1\n1_0,1\n', ': line 3: has 1_0, allowed: decimal numbers'),
+        ('time_s,a\n0,1\n1,\u0663\n', ': line 3: has \u0663, allowed: decimal numbers'),
         ('time_s\n0\n1\n', ': has no samples'),
         ('time_s,slip\n0,1\n1,1\n', ': has no samples'),
         ('time_s,a,slip\n0,1,0\n1,1,nan\n', ': slip has nan, allowed: 0 and 1'),
