@@ -29,8 +29,10 @@ from typing import Any, NoReturn, TypeVar
 
 import rclpy
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import GetParameterTypes, SetParameters, SetParametersAtomically
 from rclpy.context import Context
-from rclpy.exceptions import InvalidHandle
+from rclpy.exceptions import InvalidHandle, ParameterNotDeclaredException
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
@@ -96,6 +98,50 @@ def answer_impossible_transitions(node: LifecycleNode) -> None:
             return response
 
     service.callback = answer
+
+
+def mend_parameter_services(node: Node) -> None:
+    """Answer two requests about parameters whose errors in rclpy would end the process.
+
+    One sets a value of a type that does not exist: it is refused. The other asks the detector,
+    which takes names of groups that were not declared, for the type of such a one. Relies on
+    ``Service.srv_type``, and on ``Service.callback``, which may be replaced.
+    """
+
+    def types(
+        request: GetParameterTypes.Request, response: GetParameterTypes.Response
+    ) -> GetParameterTypes.Response:
+        # Of one that is not declared rclpy gives the member of the enumeration, not its number.
+        with suppress(ParameterNotDeclaredException):
+            found = [Parameter.Type(node.get_parameter_type(name)) for name in request.names]
+            response.types = [each.value for each in found]
+        return response
+
+    for service in node.services:
+        kind = _internal(service, 'srv_type')
+        if kind is GetParameterTypes:
+            service.callback = types
+        elif kind in (SetParameters, SetParametersAtomically):
+            service.callback = _refusing_types(_internal(service, 'callback'))
+
+
+def _refusing_types(take: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return a callback that sets parameters, but refuses all where one's type does not exist."""
+
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            for each in request.parameters:
+                Parameter.Type(each.value.type)
+        except ValueError as error:
+            refused = SetParametersResult(successful=False, reason=str(error))
+            if isinstance(response, SetParametersAtomically.Response):
+                response.result = refused
+            else:
+                response.results = [refused] * len(request.parameters)
+            return response
+        return take(request, response)
+
+    return answer
 
 
 def ignore_impossible_times(node: Node) -> None:

@@ -75,6 +75,7 @@ def run(executable: str) -> int:
         ROS_ERROR,
         ignore_impossible_times,
         ignore_what_a_signal_leaves,
+        mend_parameter_services,
         shut_down,
     )
 
@@ -91,6 +92,7 @@ def run(executable: str) -> int:
         takedowns = [node.destroy_node for node in nodes]
         for node in nodes:
             ignore_impossible_times(node)
+            mend_parameter_services(node)
         gc.freeze()
         gc.enable()
         executor: Executor

@@ -81,8 +81,13 @@ def check_groups(config: Any) -> None:
 
 
 def check_evidence(config: Any) -> None:
-    """Check what the decision by evidence needs; nothing with another decision."""
+    """Check what the decision by evidence needs; with another one only the number of floors."""
     if config.decision != 'evidence':
+        if len(config.noise_floor) > config.channels:
+            raise ValueError(
+                f'parameter noise_floor has {len(config.noise_floor)} numbers, allowed: at most '
+                f'{config.channels}, one for each channel'
+            )
         return
     floors, enabled = len(config.noise_floor), config.channels - len(set(config.disabled_channels))
     if floors not in (1, config.channels):

@@ -18,9 +18,11 @@ import dataclasses
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
+    GetParameterTypes,
     ListParameters,
     SetParameters,
     SetParametersAtomically,
@@ -196,6 +198,41 @@ def test_the_ordinary_service_takes_them_one_by_one(bench):
     assert results[3].reason == 'parameter threshold is -1, allowed: 1e-30 to 1e+30'
     assert value_of(bench, 'threshold') == 0.7
     assert value_of(bench, 'vote') == 'mean'
+
+
+def test_the_types_of_parameters_are_told(bench):
+    Detected(bench)
+
+    def types(*names):
+        request = GetParameterTypes.Request(names=names)
+        return list(ask(bench, GetParameterTypes, 'get_parameter_types', request).types)
+
+    assert types('threshold', 'vote') == [
+        ParameterType.PARAMETER_DOUBLE,
+        ParameterType.PARAMETER_STRING,
+    ]
+    assert types('threshold', 'none') == [
+        ParameterType.PARAMETER_DOUBLE,
+        ParameterType.PARAMETER_NOT_SET,
+    ]
+
+
+def test_a_value_of_no_type_is_refused_with_all_that_is_asked_with_it(bench):
+    detected = Detected(bench)
+    parameters = [Parameter('threshold', value=0.7).to_parameter_msg() for _ in range(2)]
+    parameters[1].value.type = 99
+    request = SetParameters.Request(parameters=parameters)
+    results = ask(bench, SetParameters, 'set_parameters', request).results
+    request = SetParametersAtomically.Request(parameters=parameters)
+    results.append(
+        ask(bench, SetParametersAtomically, 'set_parameters_atomically', request).result
+    )
+    assert len(results) == 3
+    for result in results:
+        assert not result.successful
+        assert '99' in result.reason
+    assert value_of(bench, 'threshold') == 0.5
+    assert 'Traceback' not in detected.process.log()
 
 
 #: Each is allowed whatever the others still are.

@@ -118,6 +118,11 @@ def test_impacts_need_enabled_channels_only_where_there_are_any():
     assert message.endswith('allowed: at most 1, the number of enabled channels')
 
 
+def test_more_noise_floors_than_channels_are_refused_whatever_decides():
+    said = 'parameter noise_floor has 1000000 numbers, allowed: at most 16, one for each channel'
+    assert message_of(ChainConfig, noise_floor=[1.0] * 1_000_000) == said
+
+
 def test_a_noise_floor_is_one_number_or_one_a_channel_in_yaml_too(tmp_path):
     one = DetectorConfig(channels=3, decision='evidence', noise_floor=0.25)
     assert one.noise_floors == (0.25, 0.25, 0.25)
