@@ -54,19 +54,21 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     False
     A second of rest
     """
-    path = Path(path)
+    # What a symbolic link stands for is replaced, not the link: a workspace that was built with
+    # --symlink-install has its configurations so.
+    place = Path(os.path.realpath(path))
     with (
         write_errors_of(path),
-        tempfile.TemporaryDirectory(dir=path.parent, prefix=UNFINISHED) as folder,
+        tempfile.TemporaryDirectory(dir=place.parent, prefix=UNFINISHED) as folder,
     ):
-        new = Path(folder) / path.name
+        new = Path(folder) / place.name
         yield new
         for part in [*new.rglob('*'), new]:
             _bring_to_disk(part)
-        os.replace(new, path)
+        os.replace(new, place)
         # Some file systems, such as those of other machines, cannot bring a folder to the disk.
         with contextlib.suppress(OSError):
-            _bring_to_disk(path.parent)
+            _bring_to_disk(place.parent)
 
 
 def _bring_to_disk(path: Path) -> None:
@@ -142,12 +144,12 @@ def check_writable(path: Path) -> None:
             raise IsADirectoryError(0, 'is a folder')
         if path.exists() and not path.is_file():  # A device must not be replaced by a file.
             raise OSError(0, 'is no file')
-        existed = path.exists()
+        place, existed = Path(os.path.realpath(path)), path.exists()
         with open(path, 'ab'):
             pass
         if not existed:
-            path.unlink()
-        with tempfile.TemporaryFile(dir=path.parent):  # A new file will replace the old one.
+            place.unlink()
+        with tempfile.TemporaryFile(dir=place.parent):  # A new file will replace the old one.
             pass
 
 

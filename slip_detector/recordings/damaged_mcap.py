@@ -31,9 +31,9 @@ from slip_detector.recordings.topics import Message, Topic
 #: Each record of an MCAP file begins with its kind and its length in bytes.
 RECORD = struct.Struct('<BQ')
 MAGIC = b'\x89MCAP0\r\n'
-_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, CHUNK = range(1, 7)
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, MESSAGE, CHUNK = range(1, 7)
 #: Records that are read whole.
-READ_WHOLE = (_SCHEMA, _CHANNEL, _MESSAGE, CHUNK)
+READ_WHOLE = (_SCHEMA, _CHANNEL, MESSAGE, CHUNK)
 #: The record after the last message; an index follows.
 _DATA_END = 15
 
@@ -79,7 +79,7 @@ class DamagedMcap:
     def messages(self, topics: set[str]) -> Iterator[Message]:
         """Yield the messages of some topics in the order in which they were written."""
         for kind, record in self._records():
-            if kind == _MESSAGE and len(record) >= 22:
+            if kind == MESSAGE and len(record) >= 22:
                 key, _, received_ns = struct.unpack_from('<HIQ', record)
                 topic = self._channels.get(key)
                 if topic is not None and topic.name in topics:
@@ -103,7 +103,7 @@ class DamagedMcap:
                     right = yield from _in_chunk(file.read(min(length, size)), whole)
                     if not right and whole:
                         self.lost = self.lost or f'is damaged at byte {begin} of {size}'
-                elif whole and kind in (_SCHEMA, _CHANNEL, _MESSAGE):
+                elif whole and kind in (_SCHEMA, _CHANNEL, MESSAGE):
                     yield kind, file.read(length)
                 elif whole:
                     file.seek(length, 1)

@@ -25,7 +25,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from slip_detector.recordings.damaged_mcap import CHUNK, MAGIC, READ_WHOLE, RECORD
+from slip_detector.recordings.damaged_mcap import CHUNK, MAGIC, MESSAGE, READ_WHOLE, RECORD
 from slip_detector.recordings.reading_limit import ReadingLimit
 
 #: In a chunk: times of the first and the last message, length of the content, checksum.
@@ -94,12 +94,15 @@ def check_sizes(path: Path, limit: ReadingLimit) -> None:
 
 
 def without_checksum(path: Path) -> str:
-    """Return one line on the chunks without checksum; empty where each has one."""
+    """Return one line on messages and chunks without checksum; empty where each has one."""
     checksums = [chunk.checksum for chunk in chunks_of(path)]
     none = checksums.count(0)
-    if not none:
+    if any(kind == MESSAGE for kind, _, _ in records_of(path)):
+        where = ' of messages outside of chunks'
+    elif not none:
         return ''
-    where = '' if none == len(checksums) else f' in {none} of {len(checksums)} chunks'
+    else:
+        where = '' if none == len(checksums) else f' in {none} of {len(checksums)} chunks'
     return f'has no checksums{where}, so that damage may go unseen'
 
 

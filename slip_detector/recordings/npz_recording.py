@@ -20,6 +20,7 @@ numpy.load would read all rows at once: 170 MB for an hour of 16 channels at 380
 
 import contextlib
 import math
+import re
 import tokenize
 import zipfile
 import zlib
@@ -42,6 +43,9 @@ from slip_detector.recordings.truth import as_truth
 
 #: Name of the array of stamps in recordings that this package has written.
 STAMPS_KEY = 'stamps_ns'
+
+#: What the name of an array of times has in it.
+_TIMES = re.compile('stamp|time|clock|second|(^|_)(t|ts|ns|us|ms|sec)(_|$)', re.IGNORECASE)
 
 #: A rate of fewer values is shown in the message that it should be one.
 MOST_SHOWN = 10
@@ -124,8 +128,7 @@ class NpzRecording(Recording):
             return
         with _archive(self.path) as archive:
             for name in sorted(set(self._names) - set(self._keys)):
-                named = 'stamp' in name.lower() or 'time' in name.lower()
-                if named and _RowArray(archive, name, self._limit).n_rows == n > 1:
+                if _TIMES.search(name) and _RowArray(archive, name, self._limit).n_rows == n > 1:
                     raise ValueError(
                         f'{self.path}: has {name} but no {STAMPS_KEY}, allowed: the stamps as '
                         f'{STAMPS_KEY}, in whole nanoseconds, or no times'

@@ -111,6 +111,22 @@ def test_checking_changes_nothing(tmp_path):
     assert old.read_text() == 'old'
 
 
+@pytest.mark.parametrize('exists', [True, False])
+def test_of_a_symbolic_link_the_file_is_written_and_the_link_stays(tmp_path, exists):
+    (tmp_path / 'source').mkdir()
+    file, link = tmp_path / 'source' / 'a.yaml', tmp_path / 'installed.yaml'
+    link.symlink_to(file)
+    if exists:
+        file.write_text('old')
+    check_writable(link)
+    assert file.exists() == exists
+    with whole_file(link) as new:
+        new.write_text('new')
+    assert link.is_symlink()
+    assert file.read_text() == 'new'
+    assert [path.name for path in file.parent.iterdir()] == ['a.yaml']
+
+
 def test_a_folder_is_made_unless_a_file_stands_there(tmp_path):
     assert writable_folder(tmp_path / 'a' / 'b').is_dir()
     (tmp_path / 'file').write_text('')

@@ -96,6 +96,18 @@ def test_a_file_without_checksums_is_said_to_have_none(path):
     assert recording.counts.doubts == ('a.mcap has no checksums, so that damage may go unseen')
 
 
+def test_messages_outside_of_chunks_have_no_checksum(path):
+    whole = path.read_bytes()
+    (chunk,) = chunks_of(path)
+    before = chunk.begin - 9  # where the head of its record begins
+    content = whole[chunk.begin + 40 : chunk.begin + chunk.length]
+    path.write_bytes(whole[:before] + content + whole[chunk.begin + chunk.length :])
+    recording = open_recording(path)
+    assert len(gathered(recording).volts) == ROWS
+    said = 'a.mcap has no checksums of messages outside of chunks, so that damage may go unseen'
+    assert recording.counts.doubts == said
+
+
 def test_some_chunks_without_a_checksum_are_counted(tmp_path):
     def chunk(checksum):
         content = struct.pack('<QQQI', 0, 0, 0, checksum) + bytes(12)

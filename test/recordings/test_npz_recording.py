@@ -153,7 +153,13 @@ def test_rows_are_read_in_either_order_of_the_array(tmp_path, order):
     np.testing.assert_array_equal(np.concatenate([piece.volts for piece in pieces]), volts)
 
 
-@pytest.mark.parametrize('name', ['stamps', 'stamp_ns', 'timestamps_ns', 'Time', 'time_s'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        *('stamps', 'stamp_ns', 'timestamps_ns', 'Time', 'time_s'),
+        *('t', 'ts', 't_ns', 'row_ns', 'sec', 'seconds', 'clock'),
+    ],
+)
 def test_stamps_under_another_name_are_refused_and_not_made_up(tmp_path, name):
     stamps = np.arange(len(VOLTS)) ** 2
     said = complaint(save_npz(tmp_path / 'a.npz', **{name: stamps}))
