@@ -73,11 +73,12 @@ class PacketDecoder:
     Attributes
     ----------
     counts : Counter of str
-        Decoded ``packets`` and ``samples``; ``lost`` packets, by the sequence numbers; dropped
+        Decoded ``packets`` and ``samples``; of them ``overlap``, the packets that begin before
+        the end of the packet before; ``lost`` packets, by the sequence numbers; dropped
         packets by reason: ``broken`` (not COBS, or too short), ``overlong``, ``checksum``,
         ``kind``, ``channels``, ``length``, ``period`` (0 between several samples, or a packet
-        of more than a minute), ``overlap`` (it begins before the end of the packet before),
-        ``duplicate``, ``late`` (it came after a later one and was counted as lost then);
+        of more than a minute), ``no_time`` (it ends before the end of the packet before, or
+        with it), ``duplicate``, ``late`` (it came after a later one and was counted as lost then);
         ``restarts`` of the sender's clock or numbering; ``garbage_bytes``, the bytes of dropped
         packets except duplicate and late ones.
 
@@ -113,7 +114,7 @@ class PacketDecoder:
         self._splitter.restart()
         self._heard = False
         self._last = self._last_us = self._time_us = 0
-        self._end_ns = 0  # of the last sample, by the sender's clock
+        self._last_ns = 0  # of the last sample, by the sender's clock
         # Bit k is set when packet number last - k has come.
         self._seen = 0
         self._old_last, self._old_first_us = 0, -1
@@ -144,15 +145,22 @@ class PacketDecoder:
         if clock_restarted is None:
             return None
         first_ns = 1000 * self._time_us
-        if not clock_restarted and first_ns <= self._end_ns:
+        last_ns = first_ns + (n - 1) * period_ns
+        times_ns = [first_ns + i * period_ns for i in range(n)]
+        if not clock_restarted and first_ns <= self._last_ns:
+            # Senders that stamp by the time of sending do this after each packet that they sent
+            # late. The last sample's time is kept, and the others come evenly before it.
+            free_ns = last_ns - self._last_ns
+            if free_ns < n:
+                self.counts['no_time'] += 1
+                return None
             self.counts['overlap'] += 1
-            return None
-        self._end_ns = first_ns + (n - 1) * period_ns
+            times_ns = [self._last_ns + (i + 1) * free_ns // n for i in range(n)]
+        self._last_ns = last_ns
         self.counts['packets'] += 1
         self.counts['samples'] += n
         integers = self._integers(packet[HEADER.size : -CHECKSUM.size])
         volts = self._offset_v + self._scale_v * integers.astype(np.float64)
-        times_ns = [first_ns + i * period_ns for i in range(n)]
         return DecodedSamples(volts.reshape(n, channels), times_ns, clock_restarted)
 
     def fault(self, packet: bytes) -> str:

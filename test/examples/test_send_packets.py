@@ -123,7 +123,8 @@ def test_python_sends_what_the_driver_takes(source):
     names['send'](batches.tolist(), 1_000_000, ('127.0.0.1', config.udp_port))
     volts = np.concatenate([source.read(1).volts for _ in batches])
     np.testing.assert_array_equal(volts, config.packet_scale_v * INTEGERS[:60])
-    assert +source.counts == {'packets': 20, 'samples': 60}
+    # They are sent at once, each within the time of the one before it.
+    assert +source.counts == {'packets': 20, 'samples': 60, 'overlap': 19}
 
 
 def test_python_as_a_program_sends_volts_that_vibrate_with_the_right_times(source):
@@ -140,7 +141,8 @@ def test_python_as_a_program_sends_volts_that_vibrate_with_the_right_times(sourc
         finally:
             program.terminate()
     assert source.counts['samples'] == source.counts['packets'] * 10
-    assert (+source.counts).keys() == {'packets', 'samples'}
+    # On a busy machine a packet is sent late, and the next one overlaps it.
+    assert (+source.counts).keys() - {'overlap'} == {'packets', 'samples'}
     volts = np.array(rows)
     assert np.all(np.abs(volts[:450].mean(axis=0) - 4.3) < 0.001)
     assert volts[510:900].std() > 10 * volts[:490].std()

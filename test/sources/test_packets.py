@@ -392,22 +392,46 @@ def test_counts_are_of_one_decoder():
         max_size=80,
     )
 )
-def test_packets_that_overlap_in_time_are_dropped_and_counted(sent):
+def test_times_rise_strictly_though_packets_overlap_in_time(sent):
     receiver = decoder(channels=1)
-    time_us, end_ns, overlaps, times_ns = 0, -1, 0, []
+    time_us, before_ns, times_ns, counts = 0, -1, [], Counter()
     for sequence, (step_us, n, period_ns) in enumerate(sent):
         time_us += step_us
         first_ns = 1000 * (time_us - sent[0][0])
+        last_ns = first_ns + (n - 1) * period_ns
         got = receiver.decode(encode(np.ones((n, 1)), 'int16', sequence, time_us, period_ns))
-        assert (got is None) == (first_ns <= end_ns)
-        overlaps += got is None
-        if got is not None:
-            end_ns = first_ns + (n - 1) * period_ns
-            times_ns += got.times_ns
+        if last_ns - before_ns < n:
+            counts['no_time'] += 1
+            assert got is None
+            continue
+        assert len(got.times_ns) == n
+        assert got.times_ns[-1] == last_ns
+        if first_ns <= before_ns:
+            counts['overlap'] += 1
+            assert np.ptp(np.diff([before_ns, *got.times_ns])) <= 1
+        else:
+            assert got.times_ns[0] == first_ns
+        before_ns = last_ns
+        times_ns += got.times_ns
     assert np.all(np.diff(times_ns) > 0)
-    assert receiver.counts['overlap'] == overlaps
-    assert receiver.counts['packets'] + overlaps == len(sent)
+    assert {name: receiver.counts[name] for name in ('no_time', 'overlap')} == {
+        name: counts[name] for name in ('no_time', 'overlap')
+    }
+    assert receiver.counts['packets'] + counts['no_time'] == len(sent)
     assert not receiver.counts['lost']
+
+
+def test_a_packet_that_was_sent_late_costs_no_sample():
+    receiver = decoder(channels=1)
+    sent_us = [0, 10_000, 27_000, 30_000, 40_000]  # the third one was held up for 7 ms
+    times_ns = []
+    for sequence, time_us in enumerate(sent_us):
+        packet = encode(np.ones((10, 1)), 'int16', sequence, time_us, 1_000_000)
+        times_ns += receiver.decode(packet).times_ns
+    assert len(times_ns) == 50
+    assert np.all(np.diff(times_ns) > 0)
+    assert times_ns[-1] == 49_000_000
+    assert receiver.counts == Counter(packets=5, samples=50, overlap=1)
 
 
 def test_a_packet_that_lasts_longer_than_a_minute_is_dropped():
