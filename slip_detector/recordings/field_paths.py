@@ -107,7 +107,8 @@ class FieldReader:
         if self._only and not hasattr(message, 'layout'):
             value = getattr(message, self._only, None)
             if isinstance(value, np.ndarray) or hasattr(value, 'typecode'):
-                return np.array(value, dtype=np.float64, ndmin=2)
+                with np.errstate(invalid='ignore'):  # by a NaN of the signalling kind
+                    return np.array(value, dtype=np.float64, ndmin=2)
         values: list[Any] = []
         self._collect(message, 0, type(message).__name__.rsplit('__', 1)[-1], values)
         rows = values[0] if len(values) == 1 else np.concatenate(values)
@@ -170,7 +171,8 @@ class FieldReader:
             names = field_names(value[0]) if len(value) else []
             hint = f'numbers, such as {where}[].{names[0]}' if names else 'numbers'
             raise ValueError(f'field {self.path}: {where} is no list of numbers, allowed: {hint}')
-        return array.astype(np.float64).reshape(-1)
+        with np.errstate(invalid='ignore'):  # by a NaN of the signalling kind
+            return array.astype(np.float64).reshape(-1)
 
     def _as_laid_out(self, values: Floats, layout: Any) -> Floats:
         """Return the samples of a batch as rows."""

@@ -95,6 +95,10 @@ class MessageLayout(NamedTuple):
 
     def rows(self, messages: Bytes) -> Floats:
         """Return the numbers of messages of this layout, shape (m, samples, channels)."""
+        with np.errstate(invalid='ignore'):  # by a NaN of the signalling kind
+            return self._rows(messages)
+
+    def _rows(self, messages: Bytes) -> Floats:
         codes, begins = np.divmod(self.places.reshape(-1), _TYPE_STEP)
         first, begin = _CODES[int(codes[0])], int(begins[0])
         size = np.dtype(first).itemsize

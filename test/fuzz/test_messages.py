@@ -96,6 +96,9 @@ def check(case):
         assert sample.stamp_ns == (stamp_ns(message.header.stamp) or INFO['source_timestamp'])
 
 
+SIGNALLING = b'\x00\x00\x81\x7f'
+
+
 @st.composite
 def sequences(draw):
     kind = draw(st.sampled_from(list(SOUND)))
@@ -116,6 +119,11 @@ def test_any_messages_are_read_as_rclpy_reads_them_or_refused():
         (kind, [b'']),
         (kind, [one[:-1], one]),
         (kind, [padded(0.0, 0.0), padded(3.0, 4.0), padded(0.0, 0.0)]),
+        # A NaN of the signalling kind.
+        (
+            'std_msgs/msg/Float32MultiArray',
+            [serialize_message(batch([], [1.0]))[:-4] + SIGNALLING],
+        ),
     ]
     fuzz('messages', sequences(), check, corpus=corpus, few=100)
 

@@ -176,3 +176,12 @@ def test_messages_of_rclpy_and_of_bags_are_read_alike():
 
 def test_what_is_no_message_has_no_fields():
     assert field_names(np.ones(3)) == field_names('text') == field_names(3.0) == []
+
+
+@pytest.mark.parametrize('kind', [np.ndarray, array.array])
+def test_a_nan_of_the_signalling_kind_is_a_nan_without_a_warning(kind):
+    signalling = np.array([0x7F810000, 0x3F800000], np.uint32).view(np.float32)
+    data = signalling if kind is np.ndarray else array.array('f', signalling.tobytes())
+    message = dataclasses.make_dataclass('Message', ['data'])(data)
+    rows = FieldReader('data')(message)
+    np.testing.assert_array_equal(rows, [[np.nan, 1.0]])
