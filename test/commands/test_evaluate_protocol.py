@@ -168,4 +168,5 @@ def test_a_folder_that_cannot_be_made_or_written_to_is_named(capsys, tmp_path):
     assert line == f'{tmp_path / "file"}: cannot be made (File exists)'
     (tmp_path / 'full' / 'paper_fig4.png').mkdir(parents=True)
     line = complaint(capsys, *arguments, tmp_path / 'full', code=1)
-    assert line == f'{tmp_path / "full"}: cannot be written (Is a directory)'
+    picture = tmp_path / 'full' / 'paper_fig4.png'
+    assert line == f'{picture}: cannot be written (Is a directory)'

@@ -174,7 +174,7 @@ def test_a_recording_that_does_not_suit_is_named(capsys, tmp_path):
     assert complaint(capsys, broken) == f'{broken}: is broken or not npz'
     missing = tmp_path / 'missing.npz'
     assert complaint(capsys, missing) == f'{missing}: cannot be read (No such file or directory)'
-    assert 'is .bag, allowed: .npz, .csv' in complaint(capsys, tmp_path / 'a.bag')
+    assert 'is .wav, allowed: .npz, .csv' in complaint(capsys, tmp_path / 'a.wav')
 
 
 def test_one_bad_recording_in_a_folder_is_no_reason_to_leave_it_out(capsys, tmp_path):

@@ -54,7 +54,7 @@ def test_a_missing_file_a_folder_and_an_unknown_ending_are_named(tmp_path):
     assert complaint(tmp_path / 'no.npz') == ': cannot be read (No such file or directory)'
     assert complaint(folder) == ': cannot be read (Is a directory)'
     allowed = 'allowed: .npz, .csv, .mcap, .db3 or the folder of a bag'
-    assert complaint(tmp_path / 'a.bag') == f': is .bag, {allowed}'
+    assert complaint(tmp_path / 'a.wav') == f': is .wav, {allowed}'
     assert complaint(tmp_path / 'bag') == f': is without ending, {allowed}'
 
 
