@@ -130,10 +130,13 @@ def run(executable: str) -> int:
 
 def _check_files(words: list[str]) -> None:
     """Read the parameter files before rcl does, whose error messages are hard to understand."""
-    from slip_detector.parameters.reading import our_sections
+    from slip_detector.parameters.reading import our_sections, sections_of
+    from slip_detector.parameters.yaml_files import read_yaml
 
-    paths = [path for option, path in pairwise(words) if option == '--params-file']
-    for path in [*paths, *(_listed('--configs', words) or [])]:
+    for option, path in pairwise(words):
+        if option == '--params-file':
+            list(sections_of(read_yaml(path), path))
+    for path in _listed('--configs', words) or []:
         our_sections(path)
 
 

@@ -252,11 +252,15 @@ def check_sections(path: str | Path, executable: str, node: str) -> None:
     Raises
     ------
     ValueError
-        When there are sections for the executable but all are for nodes of other names.
+        When there are sections for the executable but all are for nodes of other names, or none
+        for anything of this package.
     """
     sections = [name for name, _ in sections_of(read_yaml(path), str(path))]
+    if any(matches(name, node) for name in sections if node_of(name) != '**'):
+        return
+    our_sections(path)
     ours = [name for name in sections if node_of(name) == executable]
-    if ours and not any(matches(name, node) for name in sections if node_of(name) != '**'):
+    if ours:
         raise ValueError(
             f'{path}: has sections for {", ".join(ours)}, none for this node, {node}, allowed: '
             f'{node} or /**/{node_of(node)}'

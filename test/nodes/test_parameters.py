@@ -221,18 +221,26 @@ def test_a_file_whose_sections_are_for_nodes_of_other_names_stops_the_start(
         ('/*/slip_detector', ['-r', '__ns:=/index'], '/index/slip_detector'),
         ('/index/slip_detector', ['-r', '__ns:=/index'], '/index/slip_detector'),
         ('/**/mine', ['-r', '__node:=mine'], '/mine'),
+        ('/mine', ['-r', '__node:=mine'], '/mine'),
         ('/index/**', ['-r', '__ns:=/index'], '/index/slip_detector'),
     ],
 )
 def test_a_section_is_taken_where_ros_takes_it(bench, tmp_path, section, words, name):
     file = tmp_path / 'robot.yaml'
     text = f'{section}:\n  ros__parameters: {{threshold: 0.7}}\n'
-    if 'slip_detector' not in section:
-        # What the package has for it is for a node of another name, or for the driver.
+    if '*' in section:  # else as ros2 param dump writes it
         text += '/**/slip_driver:\n  ros__parameters: {source: udp}\n'
     file.write_text(text)
     bench.start('slip_detector', '--params-file', file, *words)
     assert values_of(bench, name, 'threshold') == [0.7]
+
+
+@pytest.mark.parametrize('node', NODES)
+def test_a_dump_of_a_node_of_another_name_stops_the_start(bench, tmp_path, node):
+    file = tmp_path / 'mine.yaml'
+    file.write_text('/mine:\n  ros__parameters: {threshold: 0.7}\n')
+    line = bench.start(node, '--params-file', file).refusal()
+    assert line.startswith(f'{node}: {file}: has no section of this package, allowed: slip_')
 
 
 @pytest.mark.parametrize('node', NODES)
