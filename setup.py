@@ -29,7 +29,7 @@ def ros_wheels(distribution: str) -> list[str]:
 
 setup(
     name=NAME,
-    version='0.5.0',
+    version='0.6.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={f'{NAME}.report': ['templates/*', 'templates/uplot/*']},
     data_files=[
