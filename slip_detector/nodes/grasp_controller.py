@@ -19,6 +19,7 @@ import time
 
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
@@ -26,6 +27,8 @@ from std_msgs.msg import Bool, Float64MultiArray
 from slip_detector.grasp.law import GraspLaw
 from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.parameters import declare
+from slip_detector.nodes.rclpy_internals import ROS_ERROR
+from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.grasp import JOINT_STATE, GraspConfig
 
 #: How many changes are kept while this node is busy, so that it misses none.
@@ -58,6 +61,7 @@ class GraspController(Node):
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('grasp_controller', cli_args=cli_args)
         self.config = config = declare(self, GraspConfig)
+        self._check_topic(config.command_topic)
         self._law = GraspLaw(config)
         self._slip = self._slip_valid = self._trusted = False
         # Topics that are silent now, how many looks ago the others were heard, and whether both
@@ -84,6 +88,16 @@ class GraspController(Node):
         self.get_logger().info(
             f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
         )
+
+    def _check_topic(self, name: str) -> None:
+        """Raise a ValueError if the commands cannot have a topic of this name."""
+        said = f'parameter command_topic is {shown(name)}, allowed: '
+        try:
+            taken = {self.resolve_topic_name(topic) for topic in ('slip', 'slip_valid')}
+            if self.resolve_topic_name(name) in taken:
+                raise ValueError(f'{said}a topic of its own, not one of the detector')
+        except (ROS_ERROR, InvalidTopicNameException):
+            raise ValueError(f'{said}at most 247 characters with the namespace') from None
 
     def _on_slip(self, message: Bool) -> None:
         self._note_heard('slip')

@@ -83,8 +83,8 @@ def run(executable: str) -> int:
     try:
         if '--configs' in sys.argv and executable != 'slip_detector':
             raise ValueError('--configs is given, allowed: for slip_detector only')
-        _check_words(remove_ros_args(sys.argv))
         _check_files(sys.argv)
+        _check_words(remove_ros_args(sys.argv))
         make = _maker(executable, on_compiling)
         rclpy.init()
         initialised = True
@@ -159,6 +159,8 @@ def _check_words(ours: list[str]) -> None:
             raise ValueError(
                 f'{words[0]} is not known, allowed: {", ".join(OPTIONS)}, and --ros-args'
             )
+        if words[0] in words[2::2]:
+            raise ValueError(f'{words[0]} is given twice, allowed: once')
         words = words[2:]
 
 

@@ -288,6 +288,8 @@ def test_signals_end_the_controller_cleanly(bench, number):
         ({'grip_n': 20.0}, ['grip_n', '20', 'at most limit_n, 10 N']),
         ({'on_invalid': 'panic'}, ['on_invalid', "'panic'", 'hold, open']),
         ({'step_facto': 2.0}, ['step_facto', 'did you mean step_factor?']),
+        ({'command_topic': 'slip'}, ["command_topic is 'slip'", 'not one of the detector']),
+        ({'command_topic': 300 * 'a'}, ['command_topic', 'at most 247 characters']),
     ],
 )
 def test_a_wrong_parameter_stops_the_start_with_one_line(bench, parameters, words):

@@ -75,6 +75,29 @@ def test_a_word_that_is_not_known_stops_the_start(executable, word):
     )
 
 
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('a: [', ' line 1 is not YAML (expected the node content'),
+        ('a: 1\na: 2\n', ' line 2: has a again, as in line 1, allowed: once\n'),
+        ('a: ' + 20_000 * '[', ' line 1 is nested too deeply, allowed: 32 deep\n'),
+    ],
+)
+def test_a_parameter_file_is_refused_in_our_words_before_rcl_reads_it(tmp_path, text, said):
+    file = tmp_path / 'a.yaml'
+    file.write_text(text)
+    done = run('slip_detector', '--ros-args', '--params-file', str(file))
+    assert done.returncode == 1
+    assert done.stderr.startswith(f'slip_detector: {file}:{said}')
+    assert done.stderr.count('\n') == 1
+
+
+def test_an_option_is_given_once():
+    done = run('slip_detector', '--fingers', 'thumb', '--fingers', 'index')
+    assert done.returncode == 1
+    assert done.stderr == 'slip_detector: --fingers is given twice, allowed: once\n'
+
+
 @pytest.mark.parametrize('executable', EXECUTABLES)
 @pytest.mark.parametrize('finger', ['1', 'ü', '../b', 'a/b', 'a__b', 'a b', 'a' * 65])
 def test_a_finger_that_cannot_be_a_namespace_stops_the_start(executable, finger):
