@@ -44,6 +44,8 @@ RUN_BY = {
     'make check': 'Makefile: \ncheck:',
     'make test': '.ci/run: make test',
     'make benchmark': 'Makefile: \nbenchmark:',
+    'make fuzz': 'Makefile: \nfuzz:',
+    'make fuzz seconds=300': 'Makefile: \nfuzz:',
     'make fuzz seconds=3600': 'Makefile: \nfuzz:',
     '. .venv/bin/activate': 'Makefile: -m venv $(VENV)',
     'python test/support/parameter_tables.py': (
