@@ -19,6 +19,7 @@ numpy.load would read all rows at once: 170 MB for an hour of 16 channels at 380
 """
 
 import contextlib
+import io
 import math
 import re
 import tokenize
@@ -43,6 +44,9 @@ from slip_detector.recordings.truth import as_truth
 
 #: Name of the array of stamps in recordings that this package has written.
 STAMPS_KEY = 'stamps_ns'
+
+#: Longest header of an array, as numpy takes it.
+MOST_HEADER = 10_000
 
 #: What the name of an array of times has in it.
 _TIMES = re.compile('stamp|time|clock|second|(^|_)(t|ts|ns|us|ms|sec)(_|$)', re.IGNORECASE)
@@ -209,11 +213,7 @@ class _RowArray:
         self._archive, self._name, self._limit = archive, name, limit
         self._file = _open_array(archive, name)
         try:
-            version = np.lib.format.read_magic(self._file)
-            read = np.lib.format.read_array_header_1_0
-            if version != (1, 0):
-                read = np.lib.format.read_array_header_2_0
-            self.shape, self._fortran, self.dtype = read(self._file)
+            self.shape, self._fortran, self.dtype = _read_header(self._file)
         except _BAD_ARRAY:
             raise _BadArrayError(f'{name} is no array') from None
         if self.dtype.hasobject:
@@ -251,6 +251,17 @@ class _RowArray:
         if self._next == self.n_rows:
             self._file.read(1)  # zipfile checks the checksum when it reaches the end.
         return np.frombuffer(content, self.dtype).reshape(n, *self.shape[1:])
+
+
+def _read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, order and type of an array; numpy would read a header of any length."""
+    if np.lib.format.read_magic(file) == (1, 0):
+        return np.lib.format.read_array_header_1_0(file)
+    length = file.read(4)
+    if int.from_bytes(length, 'little') > MOST_HEADER:
+        raise ValueError('the header is too long')
+    header = io.BytesIO(length + file.read(int.from_bytes(length, 'little')))
+    return np.lib.format.read_array_header_2_0(header)
 
 
 def _open_array(archive: zipfile.ZipFile, name: str) -> IO[bytes]:

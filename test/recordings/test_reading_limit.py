@@ -59,6 +59,18 @@ def said(path, config=SMALL):
     return str(caught.value).removeprefix(f'{path}: ')
 
 
+def test_a_long_header_of_an_array_is_not_read(tmp_path):
+    path = npz(tmp_path / 'a.npz', sample_rate_hz=((), 8))
+    with (
+        zipfile.ZipFile(path, 'a', zipfile.ZIP_DEFLATED) as archive,
+        archive.open('volts.npy', 'w', force_zip64=True) as file,
+    ):
+        file.write(b'\x93NUMPY\x02\x00' + (2**32 - 1).to_bytes(4, 'little'))
+        for _ in range(200):
+            file.write(bytes(1 << 20))
+    assert said(path) == 'is broken or not npz (volts is no array)'
+
+
 def npz(path, **members):
     """Write an npz of arrays, or of a shape and the zeros that follow it."""
     with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
