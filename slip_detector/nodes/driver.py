@@ -157,14 +157,16 @@ class Driver(Node):
                 yield from self._publish(source, samples, taken_ns, start_s, first_stamp_ns)
                 played += n
                 end_ns = taken_ns[-1] + round(1e9 / source.sample_rate_hz)
-            elif not self.config.loop:
+                continue
+            if source.damage and not repetition:
+                self.get_logger().warning(f'{source.name}: {source.damage}')
+            if not self.config.loop:
                 self._voltages.flush()
                 break
-            else:
-                repetition += 1
-                begin_ns = end_ns
-                source = open_source(self.config, repetition)
-                gripped_n = None
+            repetition += 1
+            begin_ns = end_ns
+            source = open_source(self.config, repetition)
+            gripped_n = None
         self.get_logger().info(f'played all {played} samples')
 
     def _moment(self) -> tuple[float, int]:

@@ -51,9 +51,15 @@ class RecordingSource(Source):
             raise ValueError("parameter recording is '', allowed: a path, as source is recording")
         recording = open_recording(config.recording, config)
         super().__init__(config.recording, recording.channel_names, recording.sample_rate_hz)
-        self._pieces = recording.rows()
+        self._recording, self._pieces = recording, recording.rows()
         self._next: Samples | None = None
         self._first_ns = 0
+
+    @property
+    def damage(self) -> str:
+        """One line on what could not be read, or not be checked, so far; empty for nothing."""
+        counts = self._recording.counts
+        return '; '.join(filter(None, (counts.lost, counts.doubts)))
 
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples; fewer only at the end."""

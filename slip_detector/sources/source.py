@@ -67,6 +67,11 @@ class Source:
         self.state = ''
         self.counts: Counter[str] = Counter()
 
+    @property
+    def damage(self) -> str:
+        """One line on what could not be read, or not be checked, so far; empty for nothing."""
+        return ''
+
     def start(self) -> None:
         """Begin to listen, if the source is live; earlier samples are not returned.
 

@@ -113,6 +113,19 @@ def test_a_scene_is_played_whole_with_truth_and_position(bench, scene):
     assert 'joint_states' not in str(bench.node.get_topic_names_and_types())
 
 
+def test_a_recording_that_is_cut_off_is_played_as_far_as_it_goes_and_said_to_be(bench, tmp_path):
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    whole, cut = tmp_path / 'whole.mcap', tmp_path / 'cut.mcap'
+    samples = Samples(np.full((150, 2), 4.0), 2_000_000 * np.arange(1, 151))
+    write_recording(whole, [samples], 500.0, ['a', 'b'])
+    cut.write_bytes(whole.read_bytes()[:5000])
+    process = bench.start(
+        'slip_driver', parameters={'source': 'recording', 'recording': str(cut), 'loop': False}
+    )
+    assert process.wait() == 0
+    assert 'cut.mcap is cut off at byte 5000' in process.log()
+
+
 def test_a_recording_is_played_once_at_its_own_rate(bench, recording):
     played = Played(bench, {'source': 'recording', 'recording': recording}, 150)
     assert played.process.wait() == 0

@@ -21,8 +21,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.recordings import npz_recording
+from slip_detector.recordings import npz_recording, write_recording
 from slip_detector.sources import open_source
 from slip_detector.sources.recording import RecordingSource
 
@@ -55,6 +56,22 @@ def test_a_recording_is_read_to_its_end_in_any_cut(whole, piece_rows, cuts):
     whole_cuts = [len(p.volts) == n for p, n in zip(pieces, cuts, strict=False)]
     assert all(whole_cuts) or sum(cuts) > N_ROWS
     assert len(pieces[-1].volts) == 0
+
+
+def test_a_recording_tells_its_damage_when_it_was_read(tmp_path):
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    path = tmp_path / 'a.mcap'
+    samples = Samples(np.full((N_ROWS, 2), 4.0), 2_000_000 * np.arange(1, N_ROWS + 1))
+    write_recording(path, [samples], 500.0, ['a', 'b'])
+
+    def damage():
+        source = RecordingSource(DriverConfig(recording=str(path)))
+        source.read(N_ROWS + 1)
+        return source.damage
+
+    assert damage() == ''
+    path.write_bytes(path.read_bytes()[:4000])
+    assert damage().startswith('a.mcap is cut off at byte 4000')
 
 
 def test_a_recording_without_label_plays_without_truth_and_without_platform(tmp_path):
