@@ -108,6 +108,8 @@ CORPUS = [
     ('slip_detector', {'disabled_channels': [1] * 1_000_000}),
     ('slip_detector', {'channels': 50_000, 'channel_names': [f'c{k}' for k in range(50_000)]}),
     ('slip_detector', {'channel_names': ['a'] * 50_000}),
+    ('slip_detector', {'noise_floor': [1.0] * 1_000_000}),
+    ('slip_detector', {'threshold': '1_0'}),
     ('slip_detector', {'vote': '٣'}),
     ('slip_detector', {'channels': 10**400}),
     ('slip_detector', {'envelope_window_s': 1e300}),
