@@ -16,6 +16,7 @@
 
 import contextlib
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -26,6 +27,7 @@ from pathlib import Path
 import pytest
 
 from slip_detector.commands import evaluate, tune
+from slip_detector.commands.workers import Workers
 from support.evaluation_cases import write
 from support.interrupts import (
     DEADLINE_S,
@@ -135,3 +137,13 @@ def test_an_interrupt_leaves_what_a_cluster_found_and_the_cluster_as_it_was(clus
     assert worker.poll() is None
     with distributed.Client(cluster.address) as client:
         wait_for(lambda: not any(client.processing().values()))
+
+
+def test_a_result_that_came_for_a_cancelled_call_is_no_error_on_the_log(cluster, caplog):
+    log = logging.getLogger('tornado.application')
+    with Workers(cluster=cluster.address):
+        for error in (distributed.client.FutureCancelledError('a call', None), ValueError()):
+            log.error('in a callback', exc_info=error)
+    assert [record.exc_info[0] for record in caplog.records if record.name == log.name] == [
+        ValueError
+    ]

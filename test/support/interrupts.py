@@ -68,7 +68,7 @@ def check_interrupted_search(case, *words):
     process.send_signal(signal.SIGINT)
     shown, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 0, err
-    assert 'Traceback' not in err
+    assert 'Traceback' not in err, err
     assert 'Stopped early.' in shown
     assert DetectorConfig.from_yaml(out).channels == 4
     assert len(trials_of(journal(store))) >= 3
