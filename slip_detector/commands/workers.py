@@ -188,16 +188,17 @@ class Workers:
             self._client: Any = Client(address, timeout=CONNECT_TIMEOUT_S)
         except (OSError, ValueError) as error:
             raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
-        # A call that is cancelled while its result is on the way is an error on the log, with a
-        # traceback: not for who pressed Ctrl-C, and who lost a cluster is told so.
-        logging.getLogger('tornado.application').addFilter(_is_not_of_cancelled_call)
+        # A call that is cancelled, or a connection that is closed, while a result is on the way is
+        # an error on the log, with a traceback: not for who pressed Ctrl-C, and who lost a cluster
+        # is told so.
+        logging.getLogger('tornado.application').addFilter(_is_not_of_leaving)
         self._executor = self._client.get_executor(pure=False)
         # A call that killed its workers, and one on a worker that lacks this package.
         self._given_up = (KilledWorker, ImportError)
 
 
-def _is_not_of_cancelled_call(record: logging.LogRecord) -> bool:
-    return not (record.exc_info and isinstance(record.exc_info[1], CancelledError))
+def _is_not_of_leaving(record: logging.LogRecord) -> bool:
+    return not (record.exc_info and isinstance(record.exc_info[1], (CancelledError, OSError)))
 
 
 def _processes(jobs: int) -> ProcessPoolExecutor:

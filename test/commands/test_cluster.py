@@ -139,10 +139,11 @@ def test_an_interrupt_leaves_what_a_cluster_found_and_the_cluster_as_it_was(clus
         wait_for(lambda: not any(client.processing().values()))
 
 
-def test_a_result_that_came_for_a_cancelled_call_is_no_error_on_the_log(cluster, caplog):
+def test_a_result_that_was_on_the_way_to_who_leaves_is_no_error_on_the_log(cluster, caplog):
     log = logging.getLogger('tornado.application')
     with Workers(cluster=cluster.address):
-        for error in (distributed.client.FutureCancelledError('a call', None), ValueError()):
+        cancelled = distributed.client.FutureCancelledError('a call', None)
+        for error in (cancelled, distributed.comm.CommClosedError(), ValueError()):
             log.error('in a callback', exc_info=error)
     assert [record.exc_info[0] for record in caplog.records if record.name == log.name] == [
         ValueError
