@@ -27,7 +27,7 @@ from slip_detector.chain.evidence import LEAST_EXCESS_DB, floor_steps_db, least_
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from support import reference_evidence
-from support.chain_cases import FAST, noise, sine
+from support.chain_cases import QUICK_EVIDENCE, noise, quick_evidence, sine, tone
 from support.interpreted import interpreted_chain
 from support.random_chains import (
     assert_same_votes,
@@ -48,30 +48,12 @@ KEPT = {'floor': True, 'excess': True}
 #: Of a decibel, in the kernel.
 ERROR_DB = 1e-5
 
-#: A quick chain whose envelope is 1 for a sine of 1 V within its band, after a few rows.
-QUICK = ChainConfig(
-    **FAST | {'envelope_window_s': 0.02},
-    channels=4,
-    decision='evidence',
-    noise_floor=0.01,
-    threshold=0.1,
-)
-
-
-def changed(**values):
-    return dataclasses.replace(QUICK, **values)
-
 
 def bits(*results):
     return {
         name: np.concatenate([getattr(result, name) for result in results]).tobytes()
         for name in ('flags', 'after_impact', *SIGNALS)
     }
-
-
-def tone(n, size=1.0, channels=4):
-    """A sine amid the quick chain's band, on all channels."""
-    return size * np.sqrt(2) * np.repeat(sine(n)[:, None], channels, axis=1)
 
 
 # --- against the reference -----------------------------------------------------------------
@@ -188,7 +170,7 @@ def test_any_cut_of_the_rows_gives_the_same_bits(data):
 
 
 def test_a_row_a_call_gives_the_same_bits_over_chunks_of_rows():
-    config = changed(channels=20, mains_hz=50, impact_v=0.5, groups={}, vote=2)
+    config = quick_evidence(channels=20, mains_hz=50, impact_v=0.5, groups={}, vote=2)
     volts = np.round(3 + noise(2, 700, 20), 2)
     volts[noise(3, *volts.shape) > 1.8] = np.nan
     whole = bits(SlipChain(config).update(volts, **KEPT))
@@ -200,7 +182,7 @@ def test_a_row_a_call_gives_the_same_bits_over_chunks_of_rows():
     'copied', [copy.deepcopy, lambda chain: pickle.loads(pickle.dumps(chain))]
 )
 def test_a_copy_made_in_mid_stream_goes_on_with_the_same_bits(copied):
-    chain = SlipChain(changed(mains_hz=50, impact_v=2.0))
+    chain = SlipChain(quick_evidence(mains_hz=50, impact_v=2.0))
     volts = 2 + noise(8, 300, 4)
     chain.update(volts[:150])
     twin = copied(chain)
@@ -250,7 +232,9 @@ def test_the_statistic_tells_of_any_threshold_where_slip_would_be_on(data):
 
 
 def test_a_channel_comes_on_above_the_threshold_and_goes_off_at_half_of_it():
-    chain = SlipChain(changed(threshold=0.2, noise_floor_learnt=True, noise_floor_rate_db_s=0.0))
+    chain = SlipChain(
+        quick_evidence(threshold=0.2, noise_floor_learnt=True, noise_floor_rate_db_s=0.0)
+    )
     volts = np.concatenate([tone(40, 0.001), tone(30), tone(400, 0.001)])
     result = chain.update(volts)
     on, evidence = result.channels[:, 0], result.level[:, 0]
@@ -263,7 +247,7 @@ def test_a_channel_comes_on_above_the_threshold_and_goes_off_at_half_of_it():
 
 
 def test_evidence_stays_within_its_limit_and_falls_to_exactly_0():
-    config = changed(evidence_limit_db_s=0.5, noise_floor_learnt=True)
+    config = quick_evidence(evidence_limit_db_s=0.5, noise_floor_learnt=True)
     result = SlipChain(config).update(np.concatenate([tone(400), tone(800, 1e-4)]))
     assert result.level.max() == 0.5
     assert result.level.min() == 0.0
@@ -272,7 +256,7 @@ def test_evidence_stays_within_its_limit_and_falls_to_exactly_0():
 
 def test_a_learnt_floor_begins_at_its_least_and_any_other_at_the_first_envelope():
     for learnt in (True, False):
-        config = changed(noise_floor_learnt=learnt, noise_floor_rate_db_s=0.0)
+        config = quick_evidence(noise_floor_learnt=learnt, noise_floor_rate_db_s=0.0)
         result = SlipChain(config).update(tone(200), **KEPT)
         begin = config.samples(config.envelope_window_s)
         assert result.floor[:begin] == pytest.approx(-40.0)
@@ -282,7 +266,9 @@ def test_a_learnt_floor_begins_at_its_least_and_any_other_at_the_first_envelope(
 
 
 def test_a_floor_rises_slowly_and_falls_nine_times_as_fast_within_its_range():
-    config = changed(noise_floor_learnt=True, noise_floor_range_db=20.0, noise_floor_rate_db_s=4.0)
+    config = quick_evidence(
+        noise_floor_learnt=True, noise_floor_range_db=20.0, noise_floor_rate_db_s=4.0
+    )
     result = SlipChain(config).update(np.concatenate([tone(1000), tone(400, 1e-6)]), **KEPT)
     floor = result.floor[:, 0]
     assert floor[500] - floor[400] == pytest.approx(1.0)
@@ -295,7 +281,7 @@ def test_a_floor_rises_slowly_and_falls_nine_times_as_fast_within_its_range():
 
 
 def test_in_noise_a_tenth_of_the_rows_lies_below_the_floor():
-    config = changed(noise_floor_rate_db_s=5.0, envelope_window_s=0.0025)
+    config = quick_evidence(noise_floor_rate_db_s=5.0, envelope_window_s=0.0025)
     volts = noise(5, 10_000, 4)
     result = SlipChain(config).update(volts, **KEPT)
     below = (result.excess[3000:] <= 0).mean()
@@ -308,7 +294,7 @@ def test_a_channel_that_is_not_valid_keeps_floor_and_evidence(at, rows, bad):
     volts = np.concatenate([tone(150), tone(150, 0.001)])
     hit = volts.copy()
     hit[at : at + rows, 1] = bad
-    config = changed(noise_floor_learnt=True, evidence_limit_db_s=0.3)
+    config = quick_evidence(noise_floor_learnt=True, evidence_limit_db_s=0.3)
     result, clean = (SlipChain(config).update(one, **KEPT) for one in (hit, volts))
     out = slice(at, at + rows)
     before = result.level[at - 1, 1] if at else 0.0
@@ -321,7 +307,7 @@ def test_a_channel_that_is_not_valid_keeps_floor_and_evidence(at, rows, bad):
 
 
 def test_a_late_channel_counts_from_its_own_first_sample_on():
-    config = changed(mains_hz=50.0, noise_floor_learnt=True)
+    config = quick_evidence(mains_hz=50.0, noise_floor_learnt=True)
     volts = tone(300)
     volts[:117, 2] = np.nan
     result = SlipChain(config).update(volts, **KEPT)
@@ -332,67 +318,8 @@ def test_a_late_channel_counts_from_its_own_first_sample_on():
         assert (result.envelope[: first + config.mains_rows, channel] == 0).all()
 
 
-def test_the_comb_takes_the_mains_and_all_its_harmonics_off():
-    config = changed(
-        sample_rate_hz=380.0, mains_hz=50.0, passband_hz=(20.0, 0.0), passband_degree=2
-    )
-    rows = np.arange(1000) / 380.0
-    hum = sum(np.sin(2 * np.pi * (50 * k * rows + 0.1 * k)) for k in range(1, 12))
-    result = SlipChain(config).update(4 + np.repeat(hum[:, None], 4, axis=1))
-    assert result.envelope.max() < 1e-11
-    without = SlipChain(dataclasses.replace(config, mains_hz=0.0)).update(
-        4 + np.repeat(hum[:, None], 4, axis=1)
-    )
-    assert without.envelope[500:].min() > 0.5
-
-
-def test_the_comb_serves_the_mean_too():
-    config = ChainConfig(mains_hz=50.0)
-    rows = np.arange(1000) / 380.0
-    hum = 0.5 * np.sin(2 * np.pi * 50 * rows)[:, None]
-    assert SlipChain(config).update(np.repeat(hum, 16, axis=1)).level.max() < 1e-30
-    assert SlipChain(ChainConfig()).update(np.repeat(hum, 16, axis=1)).level.max() > 0.5
-
-
-def test_an_impact_holds_the_excess_of_all_channels_at_0_for_its_time():
-    config = changed(impact_v=5.0, impact_hold_s=0.1, noise_floor_learnt=True)
-    volts = tone(300)
-    volts[100:, [0, 3]] += 8.0  # a step on two channels
-    volts[200:, 1] -= 8.0  # and one on one, which is none
-    result = SlipChain(config).update(volts, **KEPT)
-    held = slice(100, 140)
-    assert np.flatnonzero(result.after_impact).tolist() == list(range(*held.indices(300)))
-    assert (result.excess[held] == 0).all()
-    assert (result.excess[140:] > 0).all()
-    assert (np.diff(result.level[99:140], axis=0) < 0).all()
-
-
-def test_an_impact_within_the_time_of_another_prolongs_it():
-    config = changed(impact_v=5.0, impact_hold_s=0.1)
-    volts = 0.1 * noise(6, 300, 4)
-    volts[100:130] += 8.0
-    result = SlipChain(config).update(volts, **KEPT)
-    assert np.flatnonzero(result.after_impact).tolist() == list(range(100, 170))
-
-
-def test_a_step_over_bad_samples_counts_where_the_channel_is_good_again():
-    config = changed(impact_v=5.0, impact_hold_s=0.0)
-    volts = 0.1 * noise(7, 60, 4)
-    volts[20:] += 8.0
-    volts[20:30, :3] = np.nan
-    result = SlipChain(config).update(volts, **KEPT)
-    assert np.flatnonzero(result.after_impact).tolist() == [30]
-
-
-def test_disabled_channels_make_no_impact():
-    config = changed(impact_v=5.0, disabled_channels=(1, 2), groups={})
-    volts = 0.1 * noise(7, 60, 4)
-    volts[20:, :3] += 8.0
-    assert not SlipChain(config).update(volts, **KEPT).after_impact.any()
-
-
 def test_a_gap_that_restarts_the_chain_keeps_the_floor_alone():
-    config = changed(noise_floor_rate_db_s=100.0)
+    config = quick_evidence(noise_floor_rate_db_s=100.0)
     volts = 0.1 * noise(9, 600, 4)
     chain = SlipChain(config)
     floor = chain.update(volts[:300], **KEPT).floor[-1]
@@ -411,7 +338,7 @@ def test_signals_of_evidence_are_refused_where_there_is_none():
     chain = SlipChain()
     with pytest.raises(ValueError, match='allowed: with decision: evidence'):
         chain.update(np.zeros((1, 16)), floor=True)
-    result = SlipChain(QUICK).update(np.zeros((1, 4)))
+    result = SlipChain(QUICK_EVIDENCE).update(np.zeros((1, 4)))
     for name in ('floor', 'excess', 'after_impact'):
         with pytest.raises(ValueError, match=f'{name} was not kept'):
             getattr(result, name)
@@ -430,7 +357,7 @@ def test_what_evidence_needs_costs_the_mean_no_state():
 @pytest.mark.parametrize('size_v', [0.0, 5e-324, 1e-310, 1e-160, 1e6, 1e12])
 def test_any_size_of_signal_gives_finite_numbers_within_their_bounds(size_v):
     values = {'gain': 1e6, 'exponent': 6} if size_v == 1e12 else {}
-    config = changed(valid_range_v=(-1e12, 1e12), **values)
+    config = quick_evidence(valid_range_v=(-1e12, 1e12), **values)
     volts = np.concatenate([size_v * noise(10, 300, 4), np.zeros((300, 4))])
     volts = np.clip(volts, -1e12, 1e12)
     result = SlipChain(config).update(volts, **KEPT)
@@ -445,7 +372,7 @@ def test_any_size_of_signal_gives_finite_numbers_within_their_bounds(size_v):
 
 
 def test_a_step_of_a_million_volts_leaves_no_trace_in_the_evidence():
-    config = changed(noise_floor_learnt=True, noise_floor_rate_db_s=0.0)
+    config = quick_evidence(noise_floor_learnt=True, noise_floor_rate_db_s=0.0)
     volts = 0.1 * noise(11, 3000, 4)
     hit = volts.copy()
     hit[100:, 0] += 1e6

@@ -14,7 +14,11 @@
 
 """Configurations and recordings that the tests of the chain share."""
 
+import dataclasses
+
 import numpy as np
+
+from slip_detector.parameters.detector import ChainConfig
 
 VOTES = ('all', 1, 2, 'mean')
 # A small chain that is quick to settle, for the hand-made cases.
@@ -40,3 +44,22 @@ def sine(n, hz=50.0, rate=400.0):
 
 def noise(seed, *shape):
     return np.random.default_rng(seed).normal(size=shape)
+
+
+#: A quick chain whose envelope is 1 for a sine of 1 V within its band, after a few rows.
+QUICK_EVIDENCE = ChainConfig(
+    **FAST | {'envelope_window_s': 0.02},
+    channels=4,
+    decision='evidence',
+    noise_floor=0.01,
+    threshold=0.1,
+)
+
+
+def quick_evidence(**values):
+    return dataclasses.replace(QUICK_EVIDENCE, **values)
+
+
+def tone(n, size=1.0, channels=4):
+    """A sine amid the quick chain's band, on all channels."""
+    return size * np.sqrt(2) * np.repeat(sine(n)[:, None], channels, axis=1)
