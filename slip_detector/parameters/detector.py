@@ -69,7 +69,12 @@ class ChainConfig(ParameterSet):
     NODE = 'slip_detector'
 
     sample_rate_hz: float = parameter(
-        380.0, 'Rate at which samples are taken.', unit='Hz', low=1.0, high=1e6
+        380.0,
+        'Rate at which samples are taken.',
+        unit='Hz',
+        low=1.0,
+        high=1e6,
+        heading='Samples',
     )
     channels: int = parameter(16, 'Number of channels in a sample.', low=1, high=1_000_000)
     channel_names: tuple[str, ...] = parameter(
@@ -107,6 +112,7 @@ class ChainConfig(ParameterSet):
         'none',
         'What all channels share and is taken off each row: none, median or mean.',
         choices=COMMON_MODES,
+        heading='Interference',
     )
     mains_hz: float = parameter(
         0.0,
@@ -121,6 +127,7 @@ class ChainConfig(ParameterSet):
         'Edges of the band-pass; a high edge of 0 makes it a high-pass.',
         unit='Hz',
         allows='1e-5 of the sample rate to below half of it',
+        heading='Filters',
     )
     passband_degree: int = parameter(
         4,
@@ -146,7 +153,10 @@ class ChainConfig(ParameterSet):
         40.0, 'Attenuation in the middle of the stop-bands.', unit='dB', low=6.0, high=120.0
     )
     rectify: str = parameter(
-        'full', 'Rectifier: full wave or half wave (Eq. 3).', choices=('full', 'half')
+        'full',
+        'Rectifier: full wave or half wave (Eq. 3).',
+        choices=('full', 'half'),
+        heading='Envelope',
     )
     exponent: int = parameter(3, 'Power of the rectified signal (Eq. 3-5).', low=1, high=6)
     envelope_window_s: float = parameter(
@@ -170,6 +180,7 @@ class ChainConfig(ParameterSet):
         'What is held against the threshold: the mean of the envelope, or the evidence for slip '
         '(docs/method.md); what follows is for evidence.',
         choices=('mean', 'evidence'),
+        heading='Decision',
     )
     noise_floor: tuple[float, ...] = parameter(
         (),
@@ -225,6 +236,7 @@ class ChainConfig(ParameterSet):
         unit='V',
         low=0.0,
         high=1e12,
+        heading='Impacts',
     )
     impact_channels: int = parameter(
         2,
@@ -245,6 +257,7 @@ class ChainConfig(ParameterSet):
         'Level above which a channel is ON; with evidence in dB s, and OFF at half of it.',
         low=1e-30,
         high=1e30,
+        heading='Threshold and vote',
     )
     vote: str | int = parameter(
         'all',
@@ -328,6 +341,7 @@ class DetectorConfig(ChainConfig):
         'sensor_msgs/msg/JointState',
         'Message type of the topic voltages.',
         allows='any that is installed, as package/msg/Type',
+        heading='Input and topics',
     )
     input_field: str = parameter(
         'position',

@@ -27,6 +27,7 @@ def parameter(
     high: float | None = None,
     choices: tuple[str, ...] = (),
     allows: str = '',
+    heading: str = '',
 ) -> Any:
     """Return a dataclass field that describes one parameter.
 
@@ -47,6 +48,9 @@ def parameter(
         The allowed values of a text.
     allows
         What is allowed, in words, where bounds and choices do not say it.
+    heading
+        Of this parameter and those after it, up to the next that has one: docs/parameters.md and
+        the live page show them under it.
 
     Examples
     --------
@@ -68,6 +72,7 @@ def parameter(
         'high': high,
         'choices': choices,
         'allows': allows,
+        'heading': heading,
     }
     if isinstance(default, dict):
         return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
@@ -110,3 +115,20 @@ def allowed(field: 'dataclasses.Field[Any]') -> str:
     if low is not None:
         return f'at least {low:g}{unit}'
     return 'true, false' if isinstance(default_of(field), bool) else ''
+
+
+def under_headings(config_class: type[Any]) -> dict[str, list['dataclasses.Field[Any]']]:
+    """Return the fields of a set by the heading they are shown under, in their order.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters import ChainConfig
+    >>> [field.name for field in under_headings(ChainConfig)['Interference']]
+    ['common_mode', 'mains_hz']
+    """
+    found: dict[str, list[dataclasses.Field[Any]]] = {}
+    heading = ''
+    for field in dataclasses.fields(config_class):
+        heading = field.metadata['heading'] or heading
+        found.setdefault(heading, []).append(field)
+    return found

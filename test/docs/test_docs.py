@@ -30,7 +30,7 @@ from slip_detector.recordings.labels import read_labels
 from slip_detector.scenes import load_scene
 from slip_detector.scenes.parts import PARTS
 from support.pages import DOCS, PAGES, README, ROOT, blocks, file_name, identifier
-from support.parameter_tables import DOCUMENTS, table, with_tables
+from support.parameter_tables import DOCUMENTS, tables, with_tables
 
 SCENES = DOCS / 'scenes.md'
 
@@ -79,7 +79,7 @@ def test_the_parameter_tables_are_those_of_the_dataclasses(path):
 def test_each_part_of_a_scene_has_its_table():
     text = SCENES.read_text(encoding='utf-8')
     for name, part in PARTS.items():
-        assert f'### `{name}`\n\n<!-- {part.__name__} -->\n{table(part)}\n' in text
+        assert f'### `{name}`\n\n<!-- {part.__name__} -->\n{tables(part)}\n' in text
 
 
 @pytest.mark.parametrize('path', PAGES, ids=identifier)

@@ -16,9 +16,9 @@
 
 import dataclasses
 
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.fields import allowed, default_of
+from slip_detector.parameters.fields import allowed, default_of, under_headings
 
 
 def test_the_default_of_groups_is_not_shared():
@@ -34,3 +34,13 @@ def test_allowed_says_the_range_the_choices_or_nothing():
     assert allowed(chain['sample_rate_hz']) == '1 to 1e+06 Hz'
     assert allowed(chain['rectify']) == 'full, half'
     assert allowed(fields['frame_id']) == ''
+
+
+def test_each_field_stands_under_the_heading_before_it_in_the_order_of_the_set():
+    found = under_headings(DetectorConfig)
+    names = [field.name for fields in found.values() for field in fields]
+    assert names == [field.name for field in dataclasses.fields(DetectorConfig)]
+    assert list(found)[0] == 'Samples'
+    assert {field.name for field in found['Threshold and vote']} == {'threshold', 'vote', 'groups'}
+    assert '' not in found
+    assert list(under_headings(DriverConfig)) == ['']

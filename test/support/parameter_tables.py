@@ -24,7 +24,7 @@ from pathlib import Path
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.fields import allowed, default_of
+from slip_detector.parameters.fields import allowed, default_of, under_headings
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.sets import ParameterSet
@@ -49,9 +49,8 @@ DOCUMENTS = {
 }
 
 
-def table(config_class):
-    """Lay out the fields of a configuration as a Markdown table."""
-    lines = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
+def tables(config_class):
+    """Lay out the fields of a configuration as Markdown tables, each below its heading."""
     # What it has from another set stands in the table of that.
     inherited = {
         field.name
@@ -59,9 +58,18 @@ def table(config_class):
         if base is not ParameterSet
         for field in dataclasses.fields(base)
     }
-    for field in dataclasses.fields(config_class):
-        if field.name in inherited:
-            continue
+    found = []
+    for heading, fields in under_headings(config_class).items():
+        own = [field for field in fields if field.name not in inherited]
+        if own:
+            found.append((f'### {heading}\n\n' if heading else '') + table(own))
+    return '\n\n'.join(found)
+
+
+def table(fields):
+    """Lay out fields as a Markdown table."""
+    lines = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
+    for field in fields:
         default = shown(default_of(field))
         unit = field.metadata['unit']
         limits = allowed(field).removesuffix(f' {unit}')
@@ -91,7 +99,7 @@ def with_tables(path):
         name = config_class.__name__
         pattern = rf'(<!-- {name} -->\n).*?(<!-- end -->)'
         text, found = re.subn(
-            pattern, lambda m, c=config_class: f'{m[1]}{table(c)}\n{m[2]}', text, flags=re.S
+            pattern, lambda m, c=config_class: f'{m[1]}{tables(c)}\n{m[2]}', text, flags=re.S
         )
         assert found == 1, f'{path.name} has no place for {name}'
     return text
