@@ -40,7 +40,7 @@ def test_each_field_stands_under_the_heading_before_it_in_the_order_of_the_set()
     found = under_headings(DetectorConfig)
     names = [field.name for fields in found.values() for field in fields]
     assert names == [field.name for field in dataclasses.fields(DetectorConfig)]
-    assert list(found)[0] == 'Samples'
+    assert next(iter(found)) == 'Samples'
     assert {field.name for field in found['Threshold and vote']} == {'threshold', 'vote', 'groups'}
     assert '' not in found
     assert list(under_headings(DriverConfig)) == ['']
