@@ -43,9 +43,10 @@ from slip_detector.report.text_table import text_table
 
 #: Scripts of a page; each comes after those that it needs.
 SCRIPTS = (
-    'uplot/uPlot.iife.min.js', 'timeline.js', 'report_data.js', 'report_lanes.js', 'report.js',
+    'uplot/uPlot.iife.min.js', 'drawing.js', 'timeline.js', 'report_data.js', 'report_lanes.js',
+    'report.js',
 )  # fmt: skip
-STYLES = ('uplot/uPlot.min.css', 'report.css')
+STYLES = ('uplot/uPlot.min.css', 'drawing.css', 'report.css')
 
 UNDEFINED = '\N{EN DASH}'
 

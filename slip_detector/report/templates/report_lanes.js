@@ -2,24 +2,11 @@
 
 const KINDS = [['false alarm', '\u25bc', '#d55e00'], ['missed', '\u2715', '#a3347f'],
   ['late', '\u25c6', '#e69f00'], ['detected', '\u25cf', '#009e73']];
-const TRUTH = '#b9d7ec', ON = '#d55e00', INK = '#23292e';
-const LISTED = 200, THRESHOLD_CODE = 128, STRIP = 4;
-// Codes of levels between which a lane shows them: 1/32 to 32 times the threshold.
-const LEVEL_CODES = [48, 208];
+const LISTED = 200, THRESHOLD_CODE = 128, CODES_OF_OCTAVE = 16;
+// Codes of levels between which a lane shows them.
+const LEVEL_CODES = [-1, 1].map((sign) => THRESHOLD_CODE + sign * CODES_OF_OCTAVE * LEVEL_OCTAVES);
 // Codes of floor and excess: their whole range.
 const DECIBEL_CODES = [1, 255];
-const SHADES = Array.from({length: THRESHOLD_CODE + 1}, (_, code) => {
-  const far = 1 - Math.max(0, (code - 48) / 80);
-  return `rgb(${[95, 109, 119].map((dark) => Math.round(dark + (238 - dark) * far)).join()})`;
-});
-
-const element = (id) => document.getElementById(id);
-const make = (name, text, className) => {
-  const made = document.createElement(name);
-  if (text !== undefined) made.textContent = text;
-  if (className) made.className = className;
-  return made;
-};
 const root = element('timeline'), minimap = element('minimap');
 const header = JSON.parse(element('header').textContent);
 const recordings = header.recordings.map(() => null);
@@ -54,15 +41,9 @@ function clock(seconds, step = 0.001) {
   return `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, '0')}:${rest}`;
 }
 
-function volts(value) {
-  const size = Math.abs(value);
-  if (size && (size < 1e-3 || size >= 1e5)) return `${value.toExponential(2)} V`;
-  return size < 0.1 ? `${(1e3 * value).toPrecision(3)} mV` : `${value.toPrecision(size >= 1000 ? 6 : 4)} V`;
-}
-
 function ratio(code) {
   if (code === 0) return 'not valid';
-  const octaves = (code - THRESHOLD_CODE) / 16;
+  const octaves = (code - THRESHOLD_CODE) / CODES_OF_OCTAVE;
   return `${code === 1 ? '\u2264 ' : ''}${(2 ** octaves).toPrecision(2)}`;
 }
 
@@ -126,7 +107,7 @@ function lanesOf(data, found) {
     name, height, channel: c, className: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(found),
   });
   const lanes = [{name: 'events', height: 16, paint: paintEvents}];
-  if (data.truth) lanes.push({name: 'label', height: 16, paint: intervals(data.truth, '#7fb2d6')});
+  if (data.truth) lanes.push({name: 'label', height: 16, paint: intervals(data.truth, LABEL)});
   names.forEach((name, v) => lanes.push({
     name: names.length > 1 ? `slip ${name}` : 'slip', height: 16, paint: intervals(data.variants[v].slip, ON),
   }));
@@ -134,7 +115,7 @@ function lanesOf(data, found) {
     lanes.push({name: 'after impact', height: 16, paint: intervals(variant.afterImpact, '#8d99a3')});
   }
   groups.forEach((group, g) => {
-    const decisions = intervals(variant.groups[g], '#e58a4e');
+    const decisions = intervals(variant.groups[g], GROUP_ON);
     lanes.push({
       name: group.name, height: 14, className: 'group',
       paint: (pen, lane) => {
@@ -188,40 +169,13 @@ const paintStrip = (found) => (pen, lane) => {
     context.fillRect(left, bottom - (bottom - top) * (code - low) / (high - low), right - left, 1);
   }
   for (const {row, rows, n, first, stop, signals: {level: levels}} of found) {
-    let start = first, color = null;
-    const fill = (i) => {
-      if (color === null || i === start) return;
-      const x = xOf(row + start * rows);
-      context.fillStyle = color;
-      context.fillRect(x, y, Math.max(xOf(row + i * rows) - x, 1), STRIP);
-    };
-    for (let i = first; i < stop; i++) {
+    const colorAt = (i) => {
       const code = levels[lane.channel * n + i];
-      const next = code === 0 ? hatching(context) : code > THRESHOLD_CODE ? ON : SHADES[code & ~7];
-      if (next !== color) {
-        fill(i);
-        [start, color] = [i, next];
-      }
-    }
-    fill(stop);
+      return code === 0 ? hatching(context) : shade((code - THRESHOLD_CODE) / CODES_OF_OCTAVE);
+    };
+    paintRuns(context, y, STRIP, first, stop, colorAt, (i) => xOf(row + i * rows));
   }
 };
-
-let hatch = null;
-function hatching(context) {
-  if (!hatch) {
-    const tile = make('canvas');
-    tile.width = tile.height = 4;
-    const pen = tile.getContext('2d');
-    pen.strokeStyle = '#999';
-    pen.beginPath();
-    pen.moveTo(0, 4);
-    pen.lineTo(4, 0);
-    pen.stroke();
-    hatch = context.createPattern(tile, 'repeat');
-  }
-  return hatch;
-}
 
 const paintUnderAll = (data) => (pen) => {
   const {context, xOf, top, bottom} = pen;

@@ -198,20 +198,3 @@ function lonely(plot, i, show, gaps) {
   }
   return found;
 }
-
-// Fill stretches of time, start and stop one after another; those that touch, in one go.
-function bars({context, left: least, right: most}, xOf, times, top, height, color) {
-  context.fillStyle = color;
-  let left = null, right = null;
-  for (let i = 0; i < times.length; i += 2) {
-    const a = xOf(times[i]), b = Math.max(xOf(times[i + 1]), a + 1);
-    if (b < least || a > most) continue;
-    if (left !== null && a <= right + 0.25) {
-      right = Math.max(right, b);
-      continue;
-    }
-    if (left !== null) context.fillRect(left, top, right - left, height);
-    [left, right] = [a, b];
-  }
-  if (left !== null) context.fillRect(left, top, right - left, height);
-}

@@ -1,0 +1,86 @@
+// What the pages of the package draw with: colours, words and stretches of time. The report and the
+// live page load it before their own scripts.
+
+const ON = '#d55e00', GROUP_ON = '#e58a4e', TRUTH = '#b9d7ec', LABEL = '#7fb2d6', INK = '#23292e';
+// Under a curve a strip of so many pixels shows how near its channel is to the threshold.
+const STRIP = 4;
+// Levels are shown from 1/32 to 32 times the threshold.
+const LEVEL_OCTAVES = 5;
+
+const element = (id) => document.getElementById(id);
+const make = (name, text, className) => {
+  const made = document.createElement(name);
+  if (text !== undefined) made.textContent = text;
+  if (className) made.className = className;
+  return made;
+};
+
+function volts(value) {
+  const size = Math.abs(value);
+  if (size && (size < 1e-3 || size >= 1e5)) return `${value.toExponential(2)} V`;
+  return size < 0.1 ? `${(1e3 * value).toPrecision(3)} mV` : `${value.toPrecision(size >= 1000 ? 6 : 4)} V`;
+}
+
+// The darker the nearer to the threshold. A few steps tell as much as many, and are painted in fewer
+// pieces.
+const SHADES = Array.from({length: 2 * LEVEL_OCTAVES + 1}, (_, i) => {
+  const near = i / (2 * LEVEL_OCTAVES);
+  return `rgb(${[95, 109, 119].map((dark) => Math.round(238 + (dark - 238) * near)).join()})`;
+});
+
+// The colour of a level that is so many octaves above the threshold.
+function shade(octaves) {
+  return octaves > 0 ? ON : SHADES[Math.max(0, 2 * LEVEL_OCTAVES + Math.floor(2 * octaves))];
+}
+
+let hatch = null;
+function hatching(context) {
+  if (!hatch) {
+    const tile = make('canvas');
+    tile.width = tile.height = 4;
+    const pen = tile.getContext('2d');
+    pen.strokeStyle = '#999';
+    pen.beginPath();
+    pen.moveTo(0, 4);
+    pen.lineTo(4, 0);
+    pen.stroke();
+    hatch = context.createPattern(tile, 'repeat');
+  }
+  return hatch;
+}
+
+// Fill stretches of time, start and stop one after another; those that touch, in one go.
+function bars({context, left: least, right: most}, xOf, times, top, height, color) {
+  context.fillStyle = color;
+  let left = null, right = null;
+  for (let i = 0; i < times.length; i += 2) {
+    const a = xOf(times[i]), b = Math.max(xOf(times[i + 1]), a + 1);
+    if (b < least || a > most) continue;
+    if (left !== null && a <= right + 0.25) {
+      right = Math.max(right, b);
+      continue;
+    }
+    if (left !== null) context.fillRect(left, top, right - left, height);
+    [left, right] = [a, b];
+  }
+  if (left !== null) context.fillRect(left, top, right - left, height);
+}
+
+// Paint values first to stop, one after another: those of the same colour in one go, where the colour
+// is null nothing. The value i reaches from xOf(i) to xOf(i + 1).
+function paintRuns(context, top, height, first, stop, colorAt, xOf) {
+  let start = first, color = null;
+  const fill = (i) => {
+    if (color === null || i === start) return;
+    const x = xOf(start);
+    context.fillStyle = color;
+    context.fillRect(x, top, Math.max(xOf(i) - x, 1), height);
+  };
+  for (let i = first; i < stop; i++) {
+    const next = colorAt(i);
+    if (next === color) continue;
+    fill(i);
+    [start, color] = [i, next];
+  }
+  fill(stop);
+}
