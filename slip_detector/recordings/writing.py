@@ -16,7 +16,6 @@
 
 import csv
 import os
-import sqlite3
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,17 +24,9 @@ import numpy as np
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import whole_file, write_errors_of
-from slip_detector.recordings.bag_storage import load_rosbags
-from slip_detector.recordings.mcap_chunks import write_checksums
-from slip_detector.recordings.message_encoder import JointStateEncoder
-from slip_detector.recordings.topics import BOOL, JOINT_STATE, standard_typestore
-
-#: Version of the metadata that ROS 2 Jazzy and later read.
-BAG_VERSION = 9
+from slip_detector.recordings.bag_writer import PLUGINS, BagWriter
 
 _NPZ_KEYS = ('volts', 'stamps_ns', 'slip', 'position_m')
-
-_PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
 
 
 def write_recording(
@@ -88,7 +79,7 @@ def write_recording(
         '.csv': lambda to: _write_csv(to, pieces, channel_names),
         **{
             ending: lambda to: _write_bag(to, pieces, channel_names, frame_id)
-            for ending in ('', *_PLUGINS)
+            for ending in ('', *PLUGINS)
         },
     }
     if path.suffix not in writers:
@@ -133,88 +124,13 @@ def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> 
 
 def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], frame_id: str) -> None:
     """Write the folder of a bag, or only the file with its messages."""
-    rosbag2 = load_rosbags()
-    plugin = rosbag2.StoragePlugin[_PLUGINS.get(path.suffix, 'MCAP')]
-    folder = path.with_suffix('')
+    bag = BagWriter(path.with_suffix(''), names, frame_id, path.suffix or '.mcap')
     try:
-        with rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin) as writer:
-            _write_messages(writer, pieces, names, frame_id)
-    except sqlite3.Error as error:  # where other files raise an OSError, as on a full disk
-        raise OSError(str(error)) from None
-    if plugin is rosbag2.StoragePlugin.MCAP:
-        write_checksums(folder / f'{folder.name}.mcap')
+        for piece in pieces:
+            bag.write(piece)
+    except BaseException:
+        bag.abort()
+        raise
+    bag.close()
     if path.suffix:
-        os.replace(folder / f'{folder.name}{path.suffix}', path)
-
-
-def _write_messages(
-    writer: Any, pieces: Iterable[Samples], names: Sequence[str], frame_id: str
-) -> None:
-    """Write the topics as the driver publishes them; messages are received at their stamps."""
-    store = standard_typestore()
-    samples, states = _qualities()
-    voltages = writer.add_connection(
-        '/voltages', JOINT_STATE, typestore=store, offered_qos_profiles=[samples]
-    )
-    rows = JointStateEncoder(store, frame_id, names)
-    platform = JointStateEncoder(store, frame_id, ['platform'])
-    bools = [
-        bytes(store.serialize_cdr(store.types[BOOL](data=state), BOOL)) for state in (False, True)
-    ]
-    truth_topic = position_topic = None
-    last: bool | None = None
-    for piece in pieces:
-        n = len(piece.volts)
-        stamps_ns = piece.stamps_ns.tolist()
-        truth = [None] * n if piece.truth is None else piece.truth.tolist()
-        positions: list[bytes | None] = [None] * n
-        if piece.truth is not None and truth_topic is None:
-            truth_topic = writer.add_connection(
-                '/slip_truth', BOOL, typestore=store, offered_qos_profiles=[states]
-            )
-        if piece.position_m is not None:
-            positions = [*platform.many(piece.position_m[:, np.newaxis], piece.stamps_ns)]
-            if position_topic is None:
-                position_topic = writer.add_connection(
-                    '/platform_position',
-                    JOINT_STATE,
-                    typestore=store,
-                    offered_qos_profiles=[samples],
-                )
-        for stamp_ns, row, slip, position in zip(
-            stamps_ns, rows.many(piece.volts, piece.stamps_ns), truth, positions, strict=True
-        ):
-            # A state holds for the messages that are received after it.
-            if slip is not None and slip != last:
-                last = slip
-                writer.write(truth_topic, stamp_ns, bools[slip])
-            if position is not None:
-                writer.write(position_topic, stamp_ns, position)
-            writer.write(voltages, stamp_ns, row)
-
-
-def _qualities() -> tuple[Any, Any]:
-    """Return the quality of service that the driver has for samples and for states.
-
-    ``ros2 bag play`` offers it again, so that a late subscriber gets the last state.
-    """
-    from rosbags import interfaces
-
-    for_ever = interfaces.QosTime(9223372036, 854775807)
-    sample = interfaces.Qos(
-        history=interfaces.QosHistory.KEEP_LAST,
-        depth=100,
-        reliability=interfaces.QosReliability.BEST_EFFORT,
-        durability=interfaces.QosDurability.VOLATILE,
-        deadline=for_ever,
-        lifespan=for_ever,
-        liveliness=interfaces.QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=for_ever,
-        avoid_ros_namespace_conventions=False,
-    )
-    state = sample._replace(
-        depth=1,
-        reliability=interfaces.QosReliability.RELIABLE,
-        durability=interfaces.QosDurability.TRANSIENT_LOCAL,
-    )
-    return sample, state
+        os.replace(bag.path, path)

@@ -1,0 +1,213 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Writes rows into a bag, piece by piece, as the driver publishes them."""
+
+import contextlib
+import sqlite3
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_detector.chain.samples import Samples
+from slip_detector.recordings.bag_storage import load_rosbags
+from slip_detector.recordings.mcap_chunks import write_checksums
+from slip_detector.recordings.message_encoder import JointStateEncoder
+from slip_detector.recordings.topics import BOOL, JOINT_STATE, standard_typestore
+
+#: Version of the metadata that ROS 2 Jazzy and later read.
+BAG_VERSION = 9
+
+#: What rosbags calls the storage of each ending.
+PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
+
+
+class BagWriter:
+    """A bag that is written piece by piece.
+
+    The rows are on ``voltages``, the truth on ``slip_truth`` and the position on
+    ``platform_position``. Messages are received at their stamps.
+
+    Parameters
+    ----------
+    folder
+        The folder of the new bag.
+    channel_names
+        A name for each channel.
+    frame_id
+        Frame of the messages.
+    ending
+        .mcap or .db3.
+
+    Raises
+    ------
+    ValueError
+        When rosbags is not installed.
+    OSError
+        When the folder cannot be made.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from slip_detector.recordings import open_recording
+    >>> volts, slip = np.full((100, 2), 4.3), np.arange(100) >= 50
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial'
+    ...     bag = BagWriter(path, ['a', 'b'])
+    ...     bag.write(Samples(volts, np.arange(100) * 10_000_000, slip))
+    ...     bag.flush()  # from here on it can be read, whatever becomes of this process
+    ...     bag.close()
+    ...     sum(int(piece.truth.sum()) for piece in open_recording(path).pieces())
+    50
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        channel_names: Sequence[str],
+        frame_id: str = 'fingertip',
+        ending: str = '.mcap',
+    ) -> None:
+        rosbag2 = load_rosbags()
+        self.path = folder / f'{folder.name}{ending}'
+        self._store = store = standard_typestore()
+        self._rows = JointStateEncoder(store, frame_id, channel_names)
+        self._platform = JointStateEncoder(store, frame_id, ['platform'])
+        self._bools = [
+            bytes(store.serialize_cdr(store.types[BOOL](data=state), BOOL))
+            for state in (False, True)
+        ]
+        self._samples_quality, self._states_quality = _qualities()
+        self._truth_topic = self._position_topic = None
+        self._last: bool | None = None
+        plugin = rosbag2.StoragePlugin[PLUGINS[ending]]
+        self._writer = rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin)
+        with _as_os_errors():
+            self._writer.open()
+            self._voltages = self._topic('/voltages', JOINT_STATE, self._samples_quality)
+
+    def _topic(self, name: str, msgtype: str, quality: Any) -> Any:
+        return self._writer.add_connection(
+            name, msgtype, typestore=self._store, offered_qos_profiles=[quality]
+        )
+
+    def write(self, piece: Samples) -> None:
+        """Write the next rows; all pieces have a truth, or none.
+
+        Raises
+        ------
+        OSError
+            When the file cannot be written.
+        """
+        n = len(piece.volts)
+        truth = [None] * n if piece.truth is None else piece.truth.tolist()
+        positions: list[bytes | None] = [None] * n
+        if piece.truth is not None and self._truth_topic is None:
+            self._truth_topic = self._topic('/slip_truth', BOOL, self._states_quality)
+        if piece.position_m is not None:
+            column = piece.position_m[:, np.newaxis]
+            positions = [*self._platform.many(column, piece.stamps_ns)]
+            if self._position_topic is None:
+                self._position_topic = self._topic(
+                    '/platform_position', JOINT_STATE, self._samples_quality
+                )
+        rows = self._rows.many(piece.volts, piece.stamps_ns)
+        with _as_os_errors():
+            for stamp_ns, row, slip, position in zip(
+                piece.stamps_ns.tolist(), rows, truth, positions, strict=True
+            ):
+                # A state holds for the messages that are received after it.
+                if slip is not None and slip != self._last:
+                    self._last = slip
+                    self._writer.write(self._truth_topic, stamp_ns, self._bools[slip])
+                if position is not None:
+                    self._writer.write(self._position_topic, stamp_ns, position)
+                self._writer.write(self._voltages, stamp_ns, row)
+
+    def flush(self) -> None:
+        """Hand all rows so far to the system, which keeps them when this process is killed.
+
+        This is for MCAP: the rows since the last time become a chunk.
+
+        Raises
+        ------
+        OSError
+            When the disk is full, for example.
+        """
+        storage = self._writer.storage
+        if storage.chunk.msgs:
+            storage.close_chunk()
+        storage.bio.flush()
+
+    def close(self) -> None:
+        """Write the index and ``metadata.yaml``, and give each chunk of an MCAP its checksum.
+
+        Raises
+        ------
+        OSError
+            When they cannot be written. What was flushed is kept.
+        """
+        try:
+            with _as_os_errors():
+                self._writer.close()
+            if self.path.suffix == '.mcap':
+                write_checksums(self.path)
+        except OSError:
+            self.abort()
+            raise
+
+    def abort(self) -> None:
+        """Close the file as it is."""
+        # What the buffer has left is tried once more, and may fail once more.
+        with contextlib.suppress(OSError, sqlite3.Error):
+            self._writer.abort()
+
+
+@contextlib.contextmanager
+def _as_os_errors() -> Iterator[None]:
+    """Raise what a database says, as on a full disk, as the OSError that other files raise."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        raise OSError(str(error)) from None
+
+
+def _qualities() -> tuple[Any, Any]:
+    """Return the quality of service that the driver has for samples and for states.
+
+    ``ros2 bag play`` offers it again, so that a late subscriber gets the last state.
+    """
+    from rosbags import interfaces
+
+    for_ever = interfaces.QosTime(9223372036, 854775807)
+    sample = interfaces.Qos(
+        history=interfaces.QosHistory.KEEP_LAST,
+        depth=100,
+        reliability=interfaces.QosReliability.BEST_EFFORT,
+        durability=interfaces.QosDurability.VOLATILE,
+        deadline=for_ever,
+        lifespan=for_ever,
+        liveliness=interfaces.QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=for_ever,
+        avoid_ros_namespace_conventions=False,
+    )
+    state = sample._replace(
+        depth=1,
+        reliability=interfaces.QosReliability.RELIABLE,
+        durability=interfaces.QosDurability.TRANSIENT_LOCAL,
+    )
+    return sample, state
