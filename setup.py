@@ -23,7 +23,10 @@ NAME = 'slip_detector'
 
 def ros_wheels(distribution: str) -> list[str]:
     """List the wheels that stand in for a ROS 2 installation on a bare machine."""
-    packages = ('rclpy', 'rmw-fastrtps-cpp', 'std-msgs', 'sensor-msgs', 'diagnostic-msgs')
+    packages = (
+        *('rclpy', 'rmw-fastrtps-cpp', 'std-msgs', 'sensor-msgs', 'diagnostic-msgs'),
+        'visualization-msgs',
+    )
     return [f'ros-{distribution}-{package}' for package in packages]
 
 
@@ -31,7 +34,10 @@ setup(
     name=NAME,
     version='0.6.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={f'{NAME}.report': ['templates/*', 'templates/uplot/*']},
+    package_data={
+        f'{NAME}.report': ['templates/*', 'templates/uplot/*'],
+        f'{NAME}.view': ['page/*'],
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -48,6 +54,7 @@ setup(
         'pyyaml',
         'matplotlib',
         'pyserial>=3.5',
+        'tornado>=6.1',
         'tqdm',
     ],
     extras_require={

@@ -43,6 +43,7 @@ ROSDEP_KEYS = {
     'numpy': 'python3-numpy',
     'scipy': 'python3-scipy',
     'serial': 'python3-serial',
+    'tornado': 'python3-tornado',
     'tqdm': 'python3-tqdm',
     'yaml': 'python3-yaml',
 }
@@ -88,8 +89,10 @@ def test_what_is_installed_is_the_package_without_tests_and_benchmarks(tmp_path)
     command = [sys.executable, 'setup.py', '--quiet', 'build_py', '--build-lib', str(tmp_path)]
     subprocess.run(command, cwd=ROOT, check=True)
     built = {path.relative_to(tmp_path) for path in tmp_path.rglob('*') if path.is_file()}
-    templates = (ROOT / 'slip_detector' / 'report' / 'templates').rglob('*.*')
-    assert built == {path.relative_to(ROOT) for path in (*SOURCES, *templates)}
+    package = ROOT / 'slip_detector'
+    templates = (package / 'report' / 'templates').rglob('*.*')
+    page = (package / 'view' / 'page').rglob('*.*')
+    assert built == {path.relative_to(ROOT) for path in (*SOURCES, *templates, *page)}
 
 
 def test_package_xml_and_setup_py_agree():

@@ -36,6 +36,7 @@ ROOMS = (
     'grasp',
     'report',
     'commands',
+    'view',
     'nodes',
 )
 

@@ -1,0 +1,124 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Who may open the live page: rules that need no network to be tried."""
+
+import hmac
+import ipaddress
+import secrets
+import socket
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+
+@dataclass(frozen=True)
+class Access:
+    """Who may do what.
+
+    Another page in the same browser must not reach the robot. So a request must be addressed to
+    this machine by a name that no other site can have (*Host*), and a page that talks to the
+    server must come from it (*Origin*). Beyond loopback who asks needs the token too.
+
+    Parameters
+    ----------
+    host
+        The address to which the server is bound.
+    token
+        What the address of the page must have as ``?token=``; empty: nothing is needed.
+    read_only
+        Whether no page may change anything.
+    names
+        Names of this machine.
+
+    Examples
+    --------
+    >>> access = Access('127.0.0.1')
+    >>> access.refusal('localhost:8080', None), access.refusal('evil.example:8080', None)
+    ('', 'Host is evil.example:8080, allowed: an address or a name of this machine')
+    >>> access.refusal('localhost:8080', 'http://evil.example')
+    'Origin is http://evil.example, allowed: http://localhost:8080'
+    """
+
+    host: str = '127.0.0.1'
+    token: str = ''
+    read_only: bool = False
+    names: frozenset[str] = field(
+        default_factory=lambda: frozenset({socket.gethostname(), f'{socket.gethostname()}.local'})
+    )
+
+    def refusal(self, host: str, origin: str | None) -> str:
+        """Return why a request is refused by its headers; empty where it is not.
+
+        Parameters
+        ----------
+        host, origin
+            The headers; a program that is no browser sends no *Origin*.
+        """
+        name = host_name(host)
+        known = {'localhost', self.host.lower(), *(each.lower() for each in self.names)}
+        # A site has a name; to a bare address only those get who were told it.
+        if name is None or (name not in known and not is_address(name)):
+            return f'Host is {host[:100]}, allowed: an address or a name of this machine'
+        if is_loopback(self.host) and is_address(name) and not is_loopback(name):
+            return f'Host is {host[:100]}, allowed: an address or a name of this machine'
+        if origin is not None and origin.lower() != f'http://{host.lower()}':
+            return f'Origin is {origin[:100]}, allowed: http://{host}'
+        return ''
+
+    def knows(self, token: str) -> bool:
+        """Return whether a token is the right one, in a time that does not depend on it."""
+        return not self.token or hmac.compare_digest(token.encode(), self.token.encode())
+
+
+def new_token() -> str:
+    """Return a token that nobody guesses."""
+    return secrets.token_urlsafe(16)
+
+
+def host_name(host: str) -> str | None:
+    """Return the name in a *Host* header, without its port; None where it is no such header.
+
+    Examples
+    --------
+    >>> host_name('[::1]:8080'), host_name('Robot.local'), host_name('a b')
+    ('::1', 'robot.local', None)
+    """
+    if not host.isascii() or any(c in host for c in '/?#@\\') or not host.isprintable():
+        return None
+    try:
+        parts = urlsplit(f'//{host}')
+        _ = parts.port  # It raises where that is no number.
+    except ValueError:
+        return None
+    return None if ' ' in host else parts.hostname
+
+
+def is_address(name: str) -> bool:
+    """Return whether a name is an address in numbers."""
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def is_loopback(name: str) -> bool:
+    """Return whether only this machine can reach an address.
+
+    Examples
+    --------
+    >>> [is_loopback(name) for name in ('127.0.0.1', '::1', 'localhost', '0.0.0.0')]
+    [True, True, True, False]
+    """
+    return name == 'localhost' or (is_address(name) and ipaddress.ip_address(name).is_loopback)

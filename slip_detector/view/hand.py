@@ -1,0 +1,121 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the live page knows of the fingers, wherever it comes from."""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.track import Track
+
+#: A detector that has not been heard for so many of its heartbeats has died or hangs.
+SILENT_BEATS = 3.0
+
+
+class Diagnosis(NamedTuple):
+    """One line of a detector's diagnostics: 0 is all well, 1 a warning, 2 an error."""
+
+    level: int
+    name: str
+    message: str
+
+
+@dataclass
+class Finger:
+    """One detector: its parameters, its present state, and its last minute.
+
+    Times are those of :func:`time.monotonic`.
+
+    Examples
+    --------
+    >>> finger = Finger('/index/slip_detector', DetectorConfig())
+    >>> finger.label, finger.config.threshold, finger.slip
+    ('index', 0.5, False)
+    """
+
+    #: Full name of the detector's node.
+    name: str
+    config: DetectorConfig
+    #: How often the detector was started, as far as this process knows.
+    starts: int = 1
+    slip: bool = False
+    valid: bool = False
+    #: When slip came ON last; None: not yet.
+    onset_s: float | None = None
+    #: When the last sample came, and when the detector was last heard.
+    sample_s: float = float('-inf')
+    heard_s: float = field(default_factory=time.monotonic)
+    frame_id: str = ''
+    diagnostics: tuple[Diagnosis, ...] = ()
+    #: What happened to the detector, in words: it was started again, with other channels.
+    notice: str = ''
+
+    def __post_init__(self) -> None:
+        self.groups: NDArray[np.bool_] = np.zeros(len(self.config.groups), np.bool_)
+        self.track = Track(self.config)
+
+    @property
+    def label(self) -> str:
+        """What tells the finger from others: its namespace, or the node's name where it has none.
+
+        Several detectors of one namespace have the node's name behind it.
+        """
+        namespace, _, node = self.name.strip('/').rpartition('/')
+        return '/'.join(filter(None, (namespace, '' if node == 'slip_detector' else node))) or node
+
+    def silent_words(self) -> str:
+        """Return what is wrong where the detector has not been heard; empty where it has."""
+        silent_s = time.monotonic() - self.heard_s
+        if silent_s < max(1.0, SILENT_BEATS / self.config.heartbeat_hz):
+            return ''
+        return f'the detector has not been heard for {silent_s:.0f} s: was it killed, or stopped?'
+
+
+class Hand(ABC):
+    """The fingers that there are, and what can be asked of their detectors.
+
+    Attributes
+    ----------
+    fingers : dict
+        Each :class:`Finger` by its name.
+    gone : dict
+        Labels of fingers that are no more, by name, until they come again.
+    """
+
+    def __init__(self) -> None:
+        self.fingers: dict[str, Finger] = {}
+        self.gone: dict[str, str] = {}
+
+    @abstractmethod
+    def watch(self, names: Collection[str]) -> None:
+        """Receive what comes of these fingers, and nothing of any other."""
+
+    @abstractmethod
+    def poll(self) -> None:
+        """Take what has come since the last call, without waiting."""
+
+    @abstractmethod
+    async def set_parameters(self, name: str, values: Mapping[str, Any]) -> str:
+        """Set parameters of a finger's detector, all or none; return why not, or ''."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of everything."""

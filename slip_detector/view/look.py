@@ -1,0 +1,179 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What one page looks at, and the frames that show it."""
+
+import math
+import time
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+
+from slip_detector.view.frames import packed
+from slip_detector.view.hand import Finger, Hand
+
+#: Seconds that a page may show at once, and pixels over which.
+WINDOW_S, PIXELS = (0.5, 60.0), (10, 4000)
+
+#: Channels of which a page may draw traces at once.
+MOST_CHANNELS = 64
+
+
+class Look:
+    """The fingers, the channels and the stretch of time that a page looks at.
+
+    The frames of a look follow each other: each has the columns of the traces that were completed
+    since the one before, the first one those of the whole window.
+
+    Parameters
+    ----------
+    message
+        What the page said, ``{"type": "look", ...}``; nothing of it is trusted.
+
+    Attributes
+    ----------
+    fingers : tuple of str
+        The fingers that are shown.
+    finger : str
+        The one of which there are traces, or ''.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be looked at so.
+
+    Examples
+    --------
+    >>> look = Look({'fingers': ['/slip_detector'], 'finger': '/slip_detector', 'channels': [1]})
+    >>> look.names
+    {'/slip_detector'}
+    """
+
+    def __init__(self, message: Mapping[str, Any]) -> None:
+        self.fingers = tuple(dict.fromkeys(_texts('fingers', message.get('fingers', []))))
+        self.finger = str(message.get('finger') or '')
+        channels = message.get('channels', [])
+        if not isinstance(channels, list) or not all(type(c) is int and c > 0 for c in channels):
+            raise ValueError(f'channels is {channels!r}, allowed: a list of numbers from 1')
+        if len(channels) > MOST_CHANNELS:
+            raise ValueError(f'channels has {len(channels)}, allowed: at most {MOST_CHANNELS}')
+        self._channels = np.array(sorted(set(channels)), np.intp) - 1
+        window_s = _number('window_s', message.get('window_s', 10.0), *WINDOW_S)
+        self._columns = int(_number('pixels', message.get('pixels', 900), *PIXELS))
+        self._width_ns = round(window_s * 1e9 / self._columns)
+        # Of each finger how many of its levels were shown; of the traces which column is next, and
+        # of which beginning of the track.
+        self._shown: dict[str, int] = {}
+        self._next: dict[str, int] = {}
+        self._beginning: tuple[int, int] | None = None
+
+    @property
+    def names(self) -> set[str]:
+        """Names of all fingers that are looked at."""
+        return {*self.fingers, *filter(None, [self.finger])}
+
+    def frame(self, hand: Hand, number: int, more: Collection[Any] = ()) -> bytes:
+        """Return the next frame."""
+        arrays: dict[str, Any] = {}
+        now_s = time.monotonic()
+        shown = [hand.fingers[name] for name in self.fingers if name in hand.fingers]
+        header: dict[str, Any] = {
+            'frame': number,
+            'fingers': [self._state(i, finger, now_s, arrays) for i, finger in enumerate(shown)],
+        }
+        if self.finger in hand.fingers:
+            header['traces'] = self._traces(hand.fingers[self.finger], arrays)
+        return packed(header, arrays)
+
+    def _state(
+        self, i: int, finger: Finger, now_s: float, arrays: dict[str, Any]
+    ) -> dict[str, Any]:
+        """Describe a finger now: of each channel the highest level since the last frame."""
+        levels, config = finger.track.levels, finger.config
+        since = min(self._shown.get(finger.name, 0), levels.appended)
+        since = since if levels.appended - since < len(levels) else levels.appended - 1
+        self._shown[finger.name] = levels.appended
+        new = max(since, 0)
+        if new == levels.appended:  # Nothing is new: as it was last.
+            new = max(0, levels.appended - 1)
+        level, on = levels.field('level', new), levels.field('on', new)
+        if len(level):
+            shown = np.fmax.reduce(level, axis=0) / config.threshold
+            # Whether a channel is valid is what holds now.
+            shown = np.where(np.isnan(level[-1]), np.nan, shown)
+            arrays[f'level/{i}'], arrays[f'on/{i}'] = shown, on.any(axis=0)
+        else:
+            arrays[f'level/{i}'] = np.full(config.channels, np.nan)
+            arrays[f'on/{i}'] = np.zeros(config.channels, np.bool_)
+        arrays[f'groups/{i}'] = finger.groups
+        return {
+            'name': finger.name,
+            'slip': finger.slip,
+            'valid': finger.valid,
+            'onset_age_s': None if finger.onset_s is None else round(now_s - finger.onset_s, 3),
+            'sample_age_s': _age_s(now_s, finger.sample_s),
+            'silent': finger.silent_words(),
+        }
+
+    def _traces(self, finger: Finger, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Add the columns of volts, levels, slip and truth that were completed meanwhile."""
+        track, channels = finger.track, self._channels
+        channels = channels[channels < finger.config.channels]
+        beginning = finger.starts, track.beginnings
+        if beginning != self._beginning:
+            self._next, self._beginning = {}, beginning
+        header: dict[str, Any] = {
+            'name': finger.name,
+            'beginning': list(beginning),
+            'width_ns': self._width_ns,
+            'channels': (channels + 1).tolist(),
+        }
+        only = np.zeros(1, np.intp)
+        for stream, rows, fields in (
+            ('samples', track.samples, {'volts': channels, 'truth': only}),
+            ('levels', track.levels, {'level': channels, 'slip': only}),
+        ):
+            stamps_ns = rows.stamps_ns()
+            if not len(stamps_ns):
+                header[stream] = {'first': 0, 'count': 0, 'last_ns': 0}
+                continue
+            stop = int(stamps_ns[-1]) // self._width_ns
+            oldest = max(int(stamps_ns[0]) // self._width_ns, stop - self._columns)
+            first = min(max(self._next.get(stream, oldest), oldest), stop)
+            self._next[stream] = stop
+            header[stream] = {'first': first, 'count': stop - first, 'last_ns': int(stamps_ns[-1])}
+            for field, columns in fields.items():
+                low, high = rows.columns(field, first, stop - first, self._width_ns, columns)
+                if columns is only:
+                    arrays[field] = high[0] > 0.0
+                else:
+                    arrays[f'{field}/low'], arrays[f'{field}/high'] = low, high
+        return header
+
+
+def _age_s(now_s: float, at_s: float) -> float | None:
+    return None if math.isinf(at_s) else round(now_s - at_s, 3)
+
+
+def _texts(name: str, values: object) -> list[str]:
+    if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
+        raise ValueError(f'{name} is no list of names')
+    return values
+
+
+def _number(name: str, value: object, low: float, high: float) -> float:
+    if not isinstance(value, int | float) or not low <= value <= high:
+        raise ValueError(f'{name} is {str(value)[:40]}, allowed: {low:g} to {high:g}')
+    return value

@@ -1,0 +1,362 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The server of the live page: its files, and one connection for each page that is open."""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any, NamedTuple
+
+from tornado import web, websocket
+from tornado.httpserver import HTTPServer
+from tornado.netutil import bind_sockets
+
+from slip_detector.view.access import Access
+from slip_detector.view.hand import Finger, Hand
+from slip_detector.view.look import Look
+from slip_detector.view.pages import page_files
+
+#: Shortest time between two frames.
+FRAME_S = 1 / 30
+
+#: Period at which the server looks around while nobody watches.
+IDLE_S = 0.2
+
+#: A page that does not answer for so long is gone.
+PING_S = 10.0
+
+#: Longest message of a page.
+MOST_BYTES = 1 << 20
+
+HEADERS = {
+    'Content-Security-Policy': "default-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'; object-src 'none'",
+    'X-Content-Type-Options': 'nosniff',
+    'X-Frame-Options': 'DENY',
+    'Referrer-Policy': 'no-referrer',
+    'Cross-Origin-Opener-Policy': 'same-origin',
+    'Cross-Origin-Resource-Policy': 'same-origin',
+    'Cache-Control': 'no-cache',
+}
+
+NO_TOKEN = 'this address lacks its token: open the one that slip_view has printed'
+
+READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from a page'
+
+#: Answers a request of a page with what it asked for; a ValueError says why not.
+Answer = Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any]]]
+
+
+class Request(NamedTuple):
+    """A kind of request: who answers it, and whether it changes anything."""
+
+    answer: Answer
+    changes: bool
+
+
+class Server:
+    """Serves the live page and keeps all open pages up to date.
+
+    Parameters
+    ----------
+    hand
+        The fingers.
+    access
+        Who may do what.
+
+    Attributes
+    ----------
+    recorded : set of str
+        Fingers that are watched though no page may look at them.
+    each_tick : list of callable
+        Called after each poll of the hand, at most 30 times a second.
+    """
+
+    def __init__(self, hand: Hand, access: Access) -> None:
+        self.hand, self.access = hand, access
+        self.recorded: set[str] = set()
+        self.each_tick: list[Callable[[], None]] = []
+        self.pages: set[LivePage] = set()
+        self.requests: dict[str, Request] = {}
+        self._told: dict[str, str] = {}
+        self._http: HTTPServer | None = None
+
+    def on_request(self, kind: str, answer: Answer, *, changes: bool = False) -> None:
+        """Let a function answer the requests of one type."""
+        self.requests[kind] = Request(answer, changes)
+
+    def tell(self, kind: str, content: Mapping[str, Any]) -> None:
+        """Tell all pages what now holds, and those that are opened later.
+
+        Nothing is sent where it is what was told last. A page that is slow gets the latest only.
+        """
+        text = json.dumps({'type': kind, **content}, allow_nan=False)
+        if self._told.get(kind) != text:
+            self._told[kind] = text
+            for page in self.pages:
+                page.news[kind] = text
+
+    def listen(self, port: int) -> int:
+        """Listen at the port, 0 for any that is free, and return it.
+
+        Raises
+        ------
+        OSError
+            When it cannot be had.
+        """
+        application = web.Application(
+            [
+                ('/live', LivePage, {'server': self}),
+                ('/.*', File, {'server': self, 'files': page_files()}),
+            ],
+            websocket_ping_interval=PING_S,
+            websocket_max_message_size=MOST_BYTES,
+            log_function=lambda handler: None,
+        )
+        # What a page sends that is no request is answered so; it is not news for a robot's log.
+        for name in ('tornado.access', 'tornado.general'):
+            logging.getLogger(name).setLevel(logging.ERROR)
+        sockets = bind_sockets(port, self.access.host)
+        self._http = HTTPServer(application, max_body_size=MOST_BYTES)
+        self._http.add_sockets(sockets)
+        return int(sockets[0].getsockname()[1])
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Poll the hand and send frames until the event; then close all pages."""
+        try:
+            while not stop.is_set():
+                begin_s = time.monotonic()
+                self.tick()
+                period_s = FRAME_S if self.pages or self.recorded else IDLE_S
+                left_s = max(0.001, begin_s + period_s - time.monotonic())
+                try:
+                    await asyncio.wait_for(stop.wait(), left_s)
+                except asyncio.TimeoutError:
+                    continue
+        finally:
+            await self.close()
+
+    def tick(self) -> None:
+        """Take what has come, and send each page what is new to it."""
+        looked_at = {name for page in self.pages if page.look for name in page.look.names}
+        self.hand.watch(looked_at | self.recorded)
+        self.hand.poll()
+        for call in self.each_tick:
+            call()
+        self.tell('hand', self._description())
+        self.tell('diagnostics', self._diagnostics())
+        for page in list(self.pages):
+            page.send_news()
+
+    async def close(self) -> None:
+        """Stop listening, and close the connections."""
+        if self._http is not None:
+            self._http.stop()
+            for page in list(self.pages):
+                page.close(1001, 'slip_view was stopped')
+            await self._http.close_all_connections()
+            self._http = None
+
+    async def answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        """Answer a request of a page."""
+        kind = message.get('type')
+        request = self.requests.get(kind) if isinstance(kind, str) else None
+        answer: dict[str, Any] = {'type': 'answer', 'id': message.get('id'), 'refusal': ''}
+        try:
+            if request is None:
+                known = ', '.join(sorted(self.requests))
+                raise ValueError(f'{str(kind)[:40]} is no request, allowed: {known}')
+            if request.changes and self.access.read_only:
+                raise ValueError(READ_ONLY)
+            answer.update(await request.answer(message))
+        except ValueError as error:
+            answer['refusal'] = str(error)
+        return answer
+
+    def told(self) -> dict[str, str]:
+        """Return what a page has to know that is opened now."""
+        return dict(self._told)
+
+    def _description(self) -> dict[str, Any]:
+        fingers = sorted(self.hand.fingers.values(), key=lambda finger: finger.name)
+        return {
+            'fingers': [_described(finger) for finger in fingers],
+            'gone': self.hand.gone,
+            'read_only': self.access.read_only,
+        }
+
+    def _diagnostics(self) -> dict[str, Any]:
+        return {
+            'fingers': {
+                finger.name: [list(each) for each in finger.diagnostics]
+                for finger in self.hand.fingers.values()
+            }
+        }
+
+
+def _described(finger: Finger) -> dict[str, Any]:
+    config = finger.config
+    return {
+        'name': finger.name,
+        'label': finger.label,
+        'starts': finger.starts,
+        'notice': finger.notice,
+        'channels': list(config.names),
+        'disabled': list(config.disabled_channels),
+        'groups': {name: list(members) for name, members in config.groups.items()},
+        'vote': config.vote,
+        'decision': config.decision,
+        'threshold': config.threshold,
+        'sample_rate_hz': config.sample_rate_hz,
+        'passband_hz': list(config.passband_hz),
+        'stopbands_hz': [list(pair) for pair in config.stopbands_hz],
+        'mains_hz': config.mains_hz,
+    }
+
+
+class _Guarded(web.RequestHandler):
+    """Refuses requests that do not come from the page itself, or lack the token."""
+
+    server: Server
+
+    def set_default_headers(self) -> None:
+        for name, value in HEADERS.items():
+            self.set_header(name, value)
+        self.clear_header('Server')
+
+    def refusal(self, *, token: bool) -> str:
+        """Return why the request is refused, or ''."""
+        access = self.server.access
+        refusal = access.refusal(self.request.host, self.request.headers.get('Origin'))
+        if not refusal and token and not access.knows(self.get_query_argument('token', '')):
+            refusal = NO_TOKEN
+        return refusal
+
+    def refuse(self, why: str) -> None:
+        """Answer with the reason."""
+        self.set_status(403)
+        self.set_header('Content-Type', 'text/plain; charset=utf-8')
+        self.finish(f'{why}\n')
+
+
+class File(_Guarded):
+    """A file of the page; those behind it hold nothing of the robot and need no token."""
+
+    def initialize(self, server: Server, files: Mapping[str, Any]) -> None:
+        """Take what tornado passes on."""
+        self.server, self.files = server, files
+
+    def get(self) -> None:
+        """Send the file."""
+        path = self.request.path
+        why = self.refusal(token=path == '/')
+        if why:
+            self.refuse(why)
+            return
+        file = self.files.get('/page/index.html' if path == '/' else path)
+        if file is None:
+            raise web.HTTPError(404)
+        self.set_header('Content-Type', file.media_type)
+        self.finish(file.content)
+
+    head = get
+
+
+class LivePage(_Guarded, websocket.WebSocketHandler):
+    """One open page."""
+
+    def initialize(self, server: Server) -> None:
+        """Take what tornado passes on."""
+        self.server = server
+        self.look: Look | None = None
+        self.news: dict[str, str] = {}
+        self._frames = self._drawn = 0
+        self._sent_s = float('-inf')
+        self._sending: asyncio.Future[None] | None = None
+        self._answers: set[asyncio.Task[None]] = set()
+
+    async def get(self, *args: Any, **kwargs: Any) -> None:
+        """Open the connection, or refuse it."""
+        why = self.refusal(token=True)
+        if why:
+            self.refuse(why)
+            return
+        await super().get(*args, **kwargs)
+
+    def check_origin(self, origin: str) -> bool:
+        """Tell tornado that the origin has been checked."""
+        return True
+
+    def open(self, *args: str, **kwargs: str) -> None:
+        """Begin with all that holds."""
+        self.set_nodelay(True)
+        self.news = self.server.told()
+        self.server.pages.add(self)
+
+    def on_close(self) -> None:
+        """Forget the page."""
+        self.server.pages.discard(self)
+
+    def on_message(self, message: str | bytes) -> None:
+        """Take what the page says."""
+        try:
+            content = json.loads(message)
+        except ValueError:
+            content = None
+        if not isinstance(content, dict):
+            self.close(1003, 'no JSON object')
+        elif content.get('type') == 'drawn':
+            self._drawn = self._frames
+        elif content.get('type') == 'look':
+            self._take_look(content)
+        else:
+            task = asyncio.get_running_loop().create_task(self._answer(content))
+            self._answers.add(task)
+            task.add_done_callback(self._answers.discard)
+
+    def _take_look(self, content: Mapping[str, Any]) -> None:
+        try:
+            self.look = Look(content) if content.get('fingers') or content.get('finger') else None
+        except ValueError as error:
+            self.news['refused'] = json.dumps({'type': 'refused', 'why': str(error)})
+
+    async def _answer(self, content: Mapping[str, Any]) -> None:
+        answer = await self.server.answer(content)
+        if self.ws_connection is not None:
+            self.write_message(json.dumps(answer, allow_nan=False))
+
+    def send_news(self) -> None:
+        """Send what is new, unless the page is still at what it was sent before."""
+        if self._sending is not None and not self._sending.done():
+            return
+        for text in self.news.values():
+            self._send(text)
+        self.news = {}
+        now_s = time.monotonic()
+        waits = self._drawn < self._frames or now_s - self._sent_s < 0.9 * FRAME_S
+        if self.look is not None and not waits:
+            self._frames += 1
+            self._sent_s = now_s
+            self._send(self.look.frame(self.server.hand, self._frames))
+
+    def _send(self, content: str | bytes) -> None:
+        if self.ws_connection is not None:
+            self._sending = asyncio.ensure_future(
+                self.write_message(content, binary=isinstance(content, bytes))
+            )
+            # A page that closes meanwhile is no error.
+            self._sending.add_done_callback(lambda sent: sent.cancelled() or sent.exception())

@@ -1,0 +1,214 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Fingers without ROS: scenes through the chain that a detector runs, as a hand for the page."""
+
+import asyncio
+import contextlib
+import queue
+import threading
+import time
+
+import numpy as np
+
+from slip_detector.chain.live_chain import LiveChain
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources import open_source
+from slip_detector.view.access import Access
+from slip_detector.view.hand import Diagnosis, Finger, Hand
+from slip_detector.view.server import Server
+
+
+class SimulatedFinger:
+    """A scene, or rows that are given, and a chain; what comes of them goes to a finger.
+
+    The test says how much time passes: ``play(seconds)``.
+    """
+
+    def __init__(self, finger, rows=None, truth=None, scene='plate_400um', seed=0):
+        self.finger = finger
+        self.chain = LiveChain(finger.config, self._swap)
+        self.at_ns = 1_000_000_000_000
+        if rows is None:
+            source = open_source(DriverConfig(source='scene', scene=scene, seed=seed))
+            samples = source.read(round(source.duration_s * source.sample_rate_hz))
+            rows, truth = samples.volts, samples.truth
+        self.rows = np.asarray(rows, float)
+        self.truth = np.zeros(len(self.rows), bool) if truth is None else np.asarray(truth, bool)
+        self.played = 0
+        #: Changes rows before they reach finger and chain: a dead channel, for example.
+        self.disturb = lambda rows: rows
+
+    def play(self, seconds):
+        """Let time pass; what was played to its end begins again."""
+        config = self.finger.config
+        n = round(seconds * config.sample_rate_hz)
+        which = np.arange(self.played, self.played + n) % len(self.rows)
+        self.played += n
+        self.send(self.rows[which], self.truth[which])
+
+    def send(self, rows, truth):
+        """Send rows through the chain, as the detector does."""
+        finger, n = self.finger, len(rows)
+        if not n:
+            return
+        rows = np.asarray(self.disturb(rows.copy()), float)
+        period_ns = round(1e9 / finger.config.sample_rate_hz)
+        stamps_ns = self.at_ns + period_ns * np.arange(1, n + 1)
+        self.at_ns += n * period_ns
+        result = self.chain.update(rows, level=True)
+        level = np.where(result.valid, result.level, np.nan)
+        finger.track.take_samples(stamps_ns, rows, truth)
+        finger.track.take_levels(stamps_ns, level, result.channels, result.slip)
+        if np.any(np.diff(result.slip.astype(int), prepend=int(finger.slip)) > 0):
+            finger.onset_s = time.monotonic()
+        finger.slip = bool(result.slip[-1])
+        finger.groups = result.groups[-1].copy()
+        finger.valid = bool(result.can_vote[-1].any())
+        finger.sample_s = finger.heard_s = time.monotonic()
+
+    def change(self, config):
+        self.finger.config = config
+        if self.chain.change(config):
+            self.chain.swap()
+        self.finger.groups = np.zeros(len(config.groups), bool)
+
+    def _swap(self):
+        self.chain.swap()
+
+
+class SimulatedHand(Hand):
+    """Simulated fingers, in real time while a page watches, or as the test says.
+
+    Parameters
+    ----------
+    labels
+        Their namespaces.
+    real_time
+        Whether each poll plays what has passed since the last one.
+    config
+        Of all detectors.
+    """
+
+    def __init__(self, labels=('index',), config=None, real_time=True, **of_each):
+        super().__init__()
+        self.watched = set()
+        self.simulated = {}
+        self.real_time = real_time
+        self._polled_s = time.monotonic()
+        for i, label in enumerate(labels):
+            self.add(label, config or DetectorConfig(), seed=i, **of_each)
+
+    def add(self, label, config, **simulation):
+        """Let a finger come; returns its simulation."""
+        name = f'/{label}/slip_detector'
+        self.gone.pop(name, None)
+        finger = self.fingers[name] = Finger(name, config)
+        finger.diagnostics = (Diagnosis(0, 'input', 'simulated samples'),)
+        self.simulated[name] = SimulatedFinger(finger, **simulation)
+        return self.simulated[name]
+
+    def remove(self, label):
+        """Let a finger go."""
+        name = f'/{label}/slip_detector'
+        self.gone[name] = self.fingers.pop(name).label
+        del self.simulated[name]
+
+    def watch(self, names):
+        self.watched = set(names)
+
+    def poll(self):
+        now_s = time.monotonic()
+        passed_s, self._polled_s = min(now_s - self._polled_s, 1.0), now_s
+        for name, simulated in self.simulated.items():
+            simulated.finger.heard_s = now_s
+            if self.real_time and name in self.watched:
+                simulated.play(passed_s)
+
+    async def set_parameters(self, name, values):
+        simulated = self.simulated[name]
+        try:
+            present = simulated.finger.config.to_parameters()
+            config = DetectorConfig.from_parameters({**present, **values})
+        except ValueError as error:
+            return str(error)
+        simulated.change(config)
+        return ''
+
+    def close(self):
+        self.simulated.clear()
+
+
+class ServedHand:
+    """A server for a hand, in the thread of the test's event loop.
+
+    ``async with ServedHand(hand) as served:`` then ``served.url`` is its address.
+    """
+
+    def __init__(self, hand, access=None, prepare=lambda server: None):
+        self.hand = hand
+        self.server = Server(hand, access or Access())
+        prepare(self.server)
+        self._stop = asyncio.Event()
+
+    async def __aenter__(self):
+        port = self.server.listen(0)
+        token = self.server.access.token
+        self.url = f'http://127.0.0.1:{port}/' + (f'?token={token}' if token else '')
+        self._running = asyncio.create_task(self.server.run(self._stop))
+        return self
+
+    async def __aexit__(self, *_):
+        self._stop.set()
+        await self._running
+
+
+@contextlib.contextmanager
+def served_beside(hand, **how):
+    """Serve a hand in a thread of its own, for a browser; gives what is served.
+
+    ``call(function)`` runs a function in that thread, as the hand is only touched there.
+    """
+    begun = queue.Queue()
+
+    async def serve():
+        end = asyncio.Event()
+        try:
+            async with ServedHand(hand, **how) as served:
+                begun.put((served, asyncio.get_running_loop(), end))
+                await end.wait()
+        except Exception as error:
+            begun.put(error)
+            raise
+
+    thread = threading.Thread(target=asyncio.run, args=(serve(),))
+    thread.start()
+    first = begun.get()
+    if isinstance(first, Exception):
+        raise first
+    served, loop, end = first
+
+    def call(function, *arguments):
+        async def called():
+            return function(*arguments)
+
+        return asyncio.run_coroutine_threadsafe(called(), loop).result()
+
+    served.call = call
+    try:
+        yield served
+    finally:
+        loop.call_soon_threadsafe(end.set)
+        thread.join()
