@@ -363,3 +363,23 @@ class DetectorConfig(ChainConfig):
     autostart: bool = parameter(
         True, 'Whether the node configures and activates itself; else a lifecycle manager does.'
     )
+    taxel_positions_m: tuple[float, ...] = parameter(
+        (),
+        "Where the channels are drawn: x, y, z of each in the frame of the samples, ch1's first; "
+        'empty: in a grid.',
+        unit='m',
+        low=-10.0,
+        high=10.0,
+        allows='three numbers a channel, -10 to 10',
+        heading='Fingertip',
+    )
+
+    def __post_init__(self) -> None:
+        """Check the chain, and that each channel has a position or none has."""
+        super().__post_init__()
+        numbers = len(self.taxel_positions_m)
+        if numbers not in (0, 3 * self.channels):
+            raise ValueError(
+                f'parameter taxel_positions_m has {numbers} numbers, allowed: '
+                f'{3 * self.channels}, three for each channel, or none'
+            )

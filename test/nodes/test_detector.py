@@ -14,6 +14,7 @@
 
 """The detector node as a process of its own, fed over DDS."""
 
+import dataclasses
 import signal
 
 import numpy as np
@@ -325,5 +326,7 @@ def test_signals_end_the_node_cleanly(bench, rows, number):
         detected.send_all(rows[:50], begin, PERIOD_NS)
 
 
-def test_the_shipped_file_holds_the_defaults():
-    assert DetectorConfig.from_yaml(ROOT / 'config' / 'slip_detector.yaml') == DetectorConfig()
+def test_the_shipped_file_holds_the_defaults_and_where_the_taxels_are():
+    shipped = DetectorConfig.from_yaml(ROOT / 'config' / 'slip_detector.yaml')
+    assert dataclasses.replace(shipped, taxel_positions_m=()) == DetectorConfig()
+    assert len(shipped.taxel_positions_m) == 3 * shipped.channels

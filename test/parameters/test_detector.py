@@ -299,3 +299,33 @@ def test_a_time_is_rounded_to_samples_and_at_least_one(seconds, samples):
     assert ChainConfig(sample_rate_hz=100.0, stopbands_hz=(), passband_hz=(7, 45)).samples(
         seconds
     ) == pytest.approx(samples, abs=0)
+
+
+@pytest.mark.parametrize(
+    ('channels', 'value', 'shown', 'allowed_text'),
+    [
+        (16, (0.0,) * 47, '47 numbers', '48, three for each channel, or none'),
+        (1, (0.0,) * 48, '48 numbers', '3, three for each channel, or none'),
+        (1, (0.0, 0.0, 10.5), '10.5 m', 'three numbers a channel, -10 to 10'),
+        (1, (0.0, NAN, 0.0), 'not a number', 'a number'),
+        (1, (0.0, 'left', 0.0), "'left'", 'a number'),
+        (1, 0.001, '0.001', 'a list'),
+    ],
+)
+def test_each_channel_has_three_numbers_for_its_place_or_none_has(
+    channels, value, shown, allowed_text
+):
+    message = message_of(DetectorConfig, channels=channels, taxel_positions_m=value)
+    before, _, after = message.partition(', allowed: ')
+    assert before.startswith('parameter taxel_positions_m ')
+    assert shown in before
+    assert allowed_text in after
+
+
+def test_places_survive_the_way_through_a_file(tmp_path):
+    config = DetectorConfig(channels=2, taxel_positions_m=(-1e-3, 0, 2.5e-4, 1e-3, 0, 0))
+    path = tmp_path / 'finger.yaml'
+    path.write_text(config.to_yaml())
+    assert DetectorConfig.from_yaml(path) == config
+    # What runs recordings needs no places, and reads the same file.
+    assert ChainConfig.from_yaml(path).channels == 2
