@@ -29,6 +29,7 @@ from slip_detector.view.access import Access
 from slip_detector.view.hand import Finger, Hand
 from slip_detector.view.look import Look
 from slip_detector.view.pages import page_files
+from slip_detector.view.taxels import drawn_positions
 
 #: Shortest time between two frames.
 FRAME_S = 1 / 30
@@ -216,6 +217,7 @@ def _described(finger: Finger) -> dict[str, Any]:
         'starts': finger.starts,
         'notice': finger.notice,
         'channels': list(config.names),
+        'positions_m': drawn_positions(config).tolist(),
         'disabled': list(config.disabled_channels),
         'groups': {name: list(members) for name, members in config.groups.items()},
         'vote': config.vote,

@@ -14,6 +14,8 @@
 
 """Where the channels of a finger are drawn: one answer for the page and for RViz."""
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
@@ -45,9 +47,15 @@ def drawn_positions(config: DetectorConfig) -> NDArray[np.float64]:
     >>> drawn_positions(DetectorConfig(channels=4))[:, :2].tolist()
     [[-0.00125, 0.00125], [0.00125, 0.00125], [-0.00125, -0.00125], [0.00125, -0.00125]]
     """
-    if not config.taxel_positions_m:
-        return _grid(config.channels)
-    return _apart(np.reshape(config.taxel_positions_m, (config.channels, 3)))
+    return _drawn(config.channels, config.taxel_positions_m).copy()
+
+
+# It is asked for with each frame, and changes once in a while.
+@functools.lru_cache(maxsize=32)
+def _drawn(channels: int, taxel_positions_m: tuple[float, ...]) -> NDArray[np.float64]:
+    if not taxel_positions_m:
+        return _grid(channels)
+    return _apart(np.reshape(taxel_positions_m, (channels, 3)))
 
 
 def least_distance_m(positions: NDArray[np.float64]) -> float:

@@ -22,6 +22,7 @@ from tornado.httpclient import AsyncHTTPClient, HTTPClientError
 from tornado.websocket import websocket_connect
 
 from slip_detector.view.frames import unpacked
+from slip_detector.view.taxels import drawn_positions
 from support.simulated_hand import ServedHand, SimulatedHand
 
 DEADLINE_S = 60.0
@@ -98,6 +99,17 @@ def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
                 count = header['traces']['samples']['count']
                 assert arrays['volts/low'].shape == arrays['volts/high'].shape == (2, count)
             await page.say('drawn', frame=number)
+
+    served(test)
+
+
+def test_a_page_is_told_where_each_channel_is_drawn():
+    async def test(it):
+        page = await Page.open(it.url)
+        it.opened.append(page)
+        (finger,) = (await page.until_told('hand'))['fingers']
+        (config,) = (finger.config for finger in it.hand.fingers.values())
+        assert finger['positions_m'] == drawn_positions(config).tolist()
 
     served(test)
 

@@ -86,6 +86,11 @@ def test_a_single_channel_is_drawn_in_the_middle():
         assert least_distance_m(drawn_positions(config)) == GRID_PITCH_M
 
 
+def test_the_caller_may_change_its_positions():
+    drawn_positions(DetectorConfig())[:] = 0
+    assert len(np.unique(drawn_positions(DetectorConfig()), axis=0)) == 16
+
+
 @pytest.mark.parametrize('name', ['slip_detector', 'onset', 'sure', 'grasp'])
 def test_the_configurations_of_the_papers_fingertip_have_its_positions(name):
     config = DetectorConfig.from_yaml(CONFIG / f'{name}.yaml')
