@@ -31,6 +31,7 @@ import rclpy
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameterTypes, SetParameters, SetParametersAtomically
+from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle, ParameterNotDeclaredException
 from rclpy.guard_condition import GuardCondition
@@ -258,6 +259,27 @@ def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
             callback(*taken if with_info else taken[:1])
 
     return receive
+
+
+def send_request(client: Client, request: Any) -> int:
+    """Ask a service without waiting; return the number of the request.
+
+    Relies on ``send_request`` of the handle.
+    """
+    with client.handle:
+        number: int = client.handle.send_request(request)
+    return number
+
+
+def take_answer(client: Client) -> tuple[int, Any] | None:
+    """Return the number of a request that has been answered, and the answer; None: there is none.
+
+    rclpy's executors gather all entities of a node for that. Relies on ``take_response`` of the
+    handle, which returns the header, with the ``request_id``, and the answer, or None twice.
+    """
+    with client.handle:
+        header, answer = client.handle.take_response(client.srv_type.Response)
+    return None if header is None else (header.request_id.sequence_number, answer)
 
 
 def subscriber_counter(publisher: Publisher) -> Callable[[], int]:

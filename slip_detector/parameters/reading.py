@@ -31,7 +31,7 @@ OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 SECTIONS: dict[str, type[Any]] = {}
 
 
-def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
+def read_parameter_file(path: str | Path, node: str, running: str = '') -> dict[str, Any]:
     """Read the parameters that a ROS parameter file has for a node.
 
     They come from the section for all nodes (``/**``), from that for the node in any namespace
@@ -44,6 +44,8 @@ def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
         The YAML file.
     node
         Name of the node, without namespace.
+    running
+        Full name of a node that runs: what the file has for that very one.
 
     Returns
     -------
@@ -64,13 +66,15 @@ def read_parameter_file(path: str | Path, node: str) -> dict[str, Any]:
     >>> read_parameter_file(file, 'slip_detector')['groups.TP']
     [14, 16, 11, 9]
     """
+    if not running:
+        our_sections(path)
     left_out = names_for_others(path, node)
     merged: dict[str, Any] = {}
     of_namespaces: list[str] = []
-    for section, parameters in our_sections(path):
-        if node_of(section) == node and '*' not in section:
+    for section, parameters in sections_of(read_yaml(path), str(path)):
+        if not running and node_of(section) == node and '*' not in section:
             of_namespaces.append(section)
-        if node_of(section) in (node, '**'):
+        if matches(section, running) if running else node_of(section) in (node, '**'):
             merged.update(_flattened(parameters, f'{path}: section {section}'))
     if len(of_namespaces) > 1:
         raise ValueError(

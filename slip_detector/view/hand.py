@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.parameter_panel import ParameterPanel
 from slip_detector.view.track import Track
 
 #: A detector that has not been heard for so many of its heartbeats has died or hangs.
@@ -98,11 +99,16 @@ class Hand(ABC):
         Each :class:`Finger` by its name.
     gone : dict
         Labels of fingers that are no more, by name, until they come again.
+    panels : dict
+        The :class:`ParameterPanel` of each detector by its name, also of one that is gone: what
+        had been changed can be set again when it comes back. Whoever reads parameters, or hears
+        that they have changed, enters it there.
     """
 
     def __init__(self) -> None:
         self.fingers: dict[str, Finger] = {}
         self.gone: dict[str, str] = {}
+        self.panels: dict[str, ParameterPanel] = {}
 
     @abstractmethod
     def watch(self, names: Collection[str]) -> None:
@@ -111,6 +117,34 @@ class Hand(ABC):
     @abstractmethod
     def poll(self) -> None:
         """Take what has come since the last call, without waiting."""
+
+    def panel(self, name: str) -> ParameterPanel:
+        """Return the panel of a detector, a new one where there was none."""
+        return self.panels.setdefault(name, ParameterPanel())
+
+    async def change(self, name: str, values: Mapping[str, Any], by: str) -> None:
+        """Set parameters of a finger's detector, all or none.
+
+        Parameters
+        ----------
+        name
+            The detector.
+        values
+            By name; None deletes the parameter, as a group that is no more.
+        by
+            Who asks: a page.
+
+        Raises
+        ------
+        ValueError
+            When they are refused, in the words of the detector.
+        """
+        panel = self.panel(name)
+        panel.expect(values, by)
+        refusal = await self.set_parameters(name, values)
+        if refusal:
+            panel.expect(values, '')
+            raise ValueError(refusal)
 
     @abstractmethod
     async def set_parameters(self, name: str, values: Mapping[str, Any]) -> str:

@@ -27,7 +27,9 @@ rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 from builtin_interfaces.msg import Time  # noqa: E402
 from lifecycle_msgs.msg import State, Transition  # noqa: E402
 from lifecycle_msgs.srv import ChangeState  # noqa: E402
+from rcl_interfaces.srv import GetParameters  # noqa: E402
 from rclpy.clock import Clock, ClockType  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.lifecycle import LifecycleNode  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
@@ -44,7 +46,9 @@ from slip_detector.nodes.rclpy_internals import (  # noqa: E402
     ignore_impossible_times,
     publisher_counter,
     receiver,
+    send_request,
     subscriber_counter,
+    take_answer,
     until_due_ns,
 )
 
@@ -133,6 +137,26 @@ def test_messages_are_waited_for_and_go_to_the_callback(context, node, with_info
         # Fast DDS numbers what a publisher sends.
         first = taken[0][1]['publication_sequence_number']
         assert [info['publication_sequence_number'] - first for _, info in taken] == [0, 1, 2]
+
+
+def test_a_service_is_asked_and_answers_without_an_executor_of_the_client(context, node):
+    executor = SingleThreadedExecutor(context=context)
+    server = Node('of_answers', context=context)
+    server.declare_parameter('gain', 2)
+    executor.add_node(server)
+    client = node.create_client(GetParameters, 'of_answers/get_parameters')
+    assert take_answer(client) is None
+    asked, answered = [], None
+    while answered is None:
+        # An answer may be lost before the service knows the client.
+        if client.service_is_ready():
+            asked.append(send_request(client, GetParameters.Request(names=['gain'])))
+        executor.spin_once(0.1)
+        answered = take_answer(client)
+    assert answered[0] in asked
+    assert answered[1].values[0].integer_value == 2
+    executor.shutdown()
+    server.destroy_node()
 
 
 def test_subscribers_are_counted_as_rclpy_counts_them(node):

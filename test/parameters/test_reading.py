@@ -71,6 +71,28 @@ def test_sections_of_other_nodes_are_ignored_and_common_ones_count(write):
     assert read_parameter_file(path, 'grasp_controller') == {}
 
 
+def test_what_a_file_has_for_a_node_that_runs_is_what_ros_would_give_it(write):
+    path = write(
+        """
+        /**/slip_detector:
+          ros__parameters: {threshold: 0.3, gain: 5.0}
+        /thumb/slip_detector:
+          ros__parameters: {threshold: 0.4}
+        /index/slip_detector:
+          ros__parameters: {threshold: 0.6}
+        /**:
+          ros__parameters: {seed: 3, heartbeat_hz: 20.0}
+        """
+    )
+    read = [
+        read_parameter_file(path, 'slip_detector', running=f'/{finger}/slip_detector')
+        for finger in ('thumb', 'index', 'little')
+    ]
+    assert [values['threshold'] for values in read] == [0.4, 0.6, 0.3]
+    assert all(values['gain'] == 5.0 and values['heartbeat_hz'] == 20.0 for values in read)
+    assert not any('seed' in values for values in read)
+
+
 def test_a_file_without_a_section_for_the_node_gives_the_defaults(write):
     path = write('slip_driver:\n  ros__parameters:\n    seed: 3\n')
     assert ChainConfig.from_yaml(path) == ChainConfig()

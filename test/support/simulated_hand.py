@@ -28,6 +28,7 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
 from slip_detector.view.access import Access
 from slip_detector.view.hand import Diagnosis, Finger, Hand
+from slip_detector.view.parameter_panel import Reading
 from slip_detector.view.server import Server
 
 
@@ -118,6 +119,7 @@ class SimulatedHand(Hand):
         finger = self.fingers[name] = Finger(name, config)
         finger.diagnostics = (Diagnosis(0, 'input', 'simulated samples'),)
         self.simulated[name] = SimulatedFinger(finger, **simulation)
+        self.panel(name).read(Reading(config.to_parameters(), frozenset(['autostart']), {}))
         return self.simulated[name]
 
     def remove(self, label):
@@ -140,11 +142,16 @@ class SimulatedHand(Hand):
     async def set_parameters(self, name, values):
         simulated = self.simulated[name]
         try:
-            present = simulated.finger.config.to_parameters()
-            config = DetectorConfig.from_parameters({**present, **values})
+            present = {**simulated.finger.config.to_parameters(), **values}
+            present = {name: value for name, value in present.items() if value is not None}
+            config = DetectorConfig.from_parameters(present)
         except ValueError as error:
             return str(error)
+        if config.autostart != simulated.finger.config.autostart:
+            return 'Trying to set a read-only parameter: autostart.'
         simulated.change(config)
+        now = config.to_parameters()
+        self.panel(name).take({name: now.get(name) for name in values})
         return ''
 
     def close(self):

@@ -1,0 +1,299 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The parameters of a detector that runs, as pages show and change them.
+
+A page sends texts, as somebody typed them, or numbers, as a plot was dragged. Whether they are
+allowed is for the detector to say, whose words are shown.
+"""
+
+import dataclasses
+import re
+from collections import deque
+from collections.abc import Collection, Mapping
+from typing import Any, NamedTuple, get_args
+
+from slip_detector.parameters.conversion import shortened
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.fields import allowed, default_of, under_headings
+
+#: The heading of what is no parameter of this package.
+OF_ROS = 'Of every node'
+
+#: How many changes can be undone.
+MOST_CHANGES = 1000
+
+#: How many changes a page lists.
+LATELY = 8
+
+#: A change by somebody who has no page: another program, or the detector itself as it starts.
+OUTSIDE, RESTART = 'outside', 'restart'
+
+_FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
+
+
+class Reading(NamedTuple):
+    """What a detector answers when it is asked for its parameters.
+
+    Attributes
+    ----------
+    values : dict
+        Values in the form that ROS uses, by name.
+    read_only : frozenset of str
+        Names of those that hold from the start to the end of the node.
+    meanings : dict
+        Descriptions, by name.
+    """
+
+    values: dict[str, Any]
+    read_only: frozenset[str]
+    meanings: dict[str, str]
+
+
+class Change(NamedTuple):
+    """A set of parameters that changed at once.
+
+    Attributes
+    ----------
+    before, after : dict
+        Values by name; None: there was, or is, no such parameter.
+    by : str
+        The page, or ``OUTSIDE``, or ``RESTART``.
+    """
+
+    before: dict[str, Any]
+    after: dict[str, Any]
+    by: str
+
+
+class ParameterPanel:
+    """Parameters of one detector, what they were before, and what its file has.
+
+    Parameters
+    ----------
+    file_values
+        What the parameter file has; None: there is none, and what was read first takes its place.
+
+    Attributes
+    ----------
+    values : dict
+        The present values; empty before they were read.
+    file_values : dict or None
+        As above.
+    history : deque of Change
+        What can be undone, the last one last.
+    changes : deque of Change
+        What has changed lately, undone or not, the last one last.
+    count : int
+        How many changes there were at all.
+    version : int
+        Grows with whatever a page shows of it.
+
+    Examples
+    --------
+    >>> panel = ParameterPanel()
+    >>> _ = panel.read(Reading({'threshold': 0.5, 'gain': 1.0}, frozenset(), {}))
+    >>> panel.expect({'threshold': 0.25}, 'page 1')
+    >>> panel.take({'threshold': 0.25}).by
+    'page 1'
+    >>> panel.to_undo(), panel.as_in_file()
+    ({'threshold': 0.5}, {'threshold': 0.5})
+    """
+
+    def __init__(self, file_values: Mapping[str, Any] | None = None) -> None:
+        self.values: dict[str, Any] = {}
+        self.history: deque[Change] = deque(maxlen=MOST_CHANGES)
+        self.changes: deque[Change] = deque(maxlen=LATELY)
+        self.count = self.version = 0
+        self._expected: dict[frozenset[str], str] = {}
+        self.file_values = None if file_values is None else dict(file_values)
+        self._read_only: frozenset[str] = frozenset()
+        self._meanings: dict[str, str] = {}
+
+    def read(self, reading: Reading) -> Change | None:
+        """Take what the detector answered; return what had changed if it was read before.
+
+        A detector that started again begins with the values of its file: what had been changed
+        can be undone from there, so that it is not lost.
+        """
+        known = bool(self.values)
+        self.version += 1
+        self._read_only, self._meanings = reading.read_only, reading.meanings
+        if known:
+            gone = dict.fromkeys(self.values.keys() - reading.values.keys())
+            return self._take({**gone, **reading.values}, RESTART)
+        self.values = dict(reading.values)
+        if self.file_values is None:
+            self.file_values = dict(reading.values)
+        return None
+
+    def expect(self, values: Collection[str], by: str) -> None:
+        """Note who asked for a change of these parameters; ``''``: it was refused."""
+        names = frozenset(values)
+        self._expected.pop(names, None)
+        if by:
+            self._expected[names] = by
+
+    def take(self, values: Mapping[str, Any]) -> Change | None:
+        """Take values that the detector now has; return the change, None if there is none.
+
+        Parameters
+        ----------
+        values
+            By name; None: the parameter was deleted.
+        """
+        return self._take(values, self._expected.pop(frozenset(values), OUTSIDE))
+
+    def _take(self, values: Mapping[str, Any], by: str) -> Change | None:
+        after = {name: value for name, value in values.items() if self.values.get(name) != value}
+        if not after:
+            return None
+        change = Change({name: self.values.get(name) for name in after}, after, by)
+        self.changes.append(change)
+        self.count += 1
+        self.version += 1
+        merged = {**self.values, **after}
+        self.values = {name: value for name, value in merged.items() if value is not None}
+        kept = Change(self._settable(change.before), self._settable(after), by)
+        if by != RESTART and self.history and self.history[-1].before == kept.after:
+            self.history.pop()
+        elif kept.after:
+            self.history.append(kept)
+        return change
+
+    @property
+    def config(self) -> DetectorConfig:
+        """The present values as a configuration."""
+        ours = {n: v for n, v in self.values.items() if n.partition('.')[0] in _FIELDS}
+        return DetectorConfig.from_parameters(ours)
+
+    def to_undo(self) -> dict[str, Any]:
+        """Return the values that undo the last change; empty where there is none."""
+        return dict(self.history[-1].before) if self.history else {}
+
+    def as_in_file(self) -> dict[str, Any]:
+        """Return the values that make everything as in the file; empty where it is."""
+        wanted = self.file_values or {}
+        groups = [name for name in self.values if name.startswith('groups.')]
+        values = {**dict.fromkeys(groups), **wanted}
+        return self._settable(
+            {name: value for name, value in values.items() if self.values.get(name) != value}
+        )
+
+    def _settable(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in values.items() if name not in self._read_only}
+
+    def shown(self) -> list[dict[str, Any]]:
+        """Return what a page shows: headings, and below each the parameters in their order."""
+        headings = [
+            {
+                'heading': heading,
+                'parameters': [
+                    self._row(name)
+                    for field in fields
+                    for name in self.values
+                    if name == field.name or name.startswith(f'{field.name}.')
+                ],
+            }
+            for heading, fields in under_headings(DetectorConfig).items()
+        ]
+        others = [name for name in self.values if name.partition('.')[0] not in _FIELDS]
+        if others:
+            headings.append({'heading': OF_ROS, 'parameters': [self._row(n) for n in others]})
+        return [part for part in headings if part['parameters']]
+
+    def _row(self, name: str) -> dict[str, Any]:
+        field = _FIELDS.get(name.partition('.')[0])
+        value, in_file = self.values[name], (self.file_values or {}).get(name)
+        unit = field.metadata['unit'] if field else ''
+        choices = field.metadata['choices'] if field else ()
+        return {
+            'name': name,
+            'value': value,
+            'text': text_of(value),
+            'in_file': None if in_file is None else text_of(in_file),
+            'unit': unit,
+            'meaning': field.metadata['meaning'] if field else self._meanings.get(name, ''),
+            'allowed': allowed(field).removesuffix(f' {unit}') if field else '',
+            'choices': ['true', 'false'] if isinstance(value, bool) else list(choices),
+            'read_only': name in self._read_only,
+        }
+
+
+def words_of(change: Change) -> str:
+    """Return a change in words, without who made it.
+
+    Examples
+    --------
+    >>> words_of(Change({'gain': 1.0, 'groups.a': None}, {'gain': 9.5, 'groups.a': [1]}, ''))
+    'gain from 1 to 9.5, groups.a from nothing to 1'
+    """
+
+    def shown(value: Any) -> str:
+        return 'nothing' if value is None else text_of(value) or 'empty'
+
+    return ', '.join(
+        f'{name} from {shortened(shown(change.before[name]))} to {shortened(shown(value))}'
+        for name, value in change.after.items()
+    )
+
+
+def text_of(value: Any) -> str:
+    """Return a value as one types it: a list without brackets.
+
+    Examples
+    --------
+    >>> text_of([7.0, 50.0]), text_of(True), text_of(0.1)
+    ('7, 50', 'true', '0.1')
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value).removesuffix('.0')
+    if isinstance(value, (list, tuple)):
+        return ', '.join(map(text_of, value))
+    return str(value)
+
+
+def typed(name: str, text: str) -> Any:
+    """Return what somebody typed for a parameter as a value; the detector says if it is allowed.
+
+    Examples
+    --------
+    >>> typed('stopbands_hz', '[0.5, 7], [50, 180]'), typed('vote', ' 2'), typed('vote', 'all')
+    ([0.5, 7, 50, 180], 2, 'all')
+    >>> typed('threshold', 'low')
+    'low'
+    """
+    text = text.strip()
+    field = _FIELDS.get(name.partition('.')[0])
+    default = default_of(field) if field else None
+    if field and isinstance(default, (tuple, dict)):
+        items = re.sub(r'[\[\]()]', ' ', text).split(',') if text.strip('[] ') else []
+        is_text = isinstance(default, tuple) and str in get_args(field.type)
+        return [item.strip() if is_text else _scalar(item.strip()) for item in items]
+    if isinstance(default, str) and name != 'vote':
+        return text
+    return _scalar(text)
+
+
+def _scalar(text: str) -> Any:
+    if text in ('true', 'false'):
+        return text == 'true'
+    if re.fullmatch('[-+]?[0-9]+', text):
+        return int(text)
+    try:
+        return float(text) if re.fullmatch('[-+.0-9eE]+', text) else text
+    except ValueError:
+        return text

@@ -1,0 +1,134 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Saves what detectors run with as a parameter file that the launch files take."""
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.reading import (
+    OF_RCLPY,
+    matches,
+    node_of,
+    nodes_that_know,
+    sections_of,
+)
+from slip_detector.parameters.writing import write_file
+from slip_detector.parameters.yaml_files import read_yaml
+
+#: What a page may call a file. With several parameter files, the launch files make namespaces of
+#: their names.
+FILE_NAME = re.compile('(?!.*__)[A-Za-z][A-Za-z0-9_]{0,63}')
+
+
+def parameter_file(
+    configs: Mapping[str, DetectorConfig], given: str | Path | None = None
+) -> dict[str, Any]:
+    """Return the content of a parameter file with what detectors run with.
+
+    Parameters
+    ----------
+    configs
+        What they run with, by their full names. That of one alone is for a detector in any
+        namespace; of several, each is for the detector of that name.
+    given
+        The file they were started with, if any: sections of other nodes are taken over.
+
+    Raises
+    ------
+    ValueError
+        When that file cannot be read; names it.
+
+    Examples
+    --------
+    >>> document = parameter_file({'/thumb/slip_detector': DetectorConfig(threshold=0.25)})
+    >>> list(document), document['/**/slip_detector']['ros__parameters']['threshold']
+    (['/**/slip_detector'], 0.25)
+    """
+    document: dict[str, Any] = {}
+    # What rclpy reads itself, as use_sim_time, the file keeps for the detectors.
+    of_rclpy: dict[str, dict[str, Any]] = {name: {} for name in configs}
+    for section, parameters in sections_of(read_yaml(given) if given else {}, str(given)):
+        for name, kept in of_rclpy.items():
+            if matches(section, name):
+                kept.update({key: parameters[key] for key in OF_RCLPY if key in parameters})
+        if node_of(section) in {node_of(name) for name in configs}:
+            continue
+        if node_of(section) == '**':
+            parameters = {  # noqa: PLW2901
+                key: value
+                for key, value in parameters.items()
+                if nodes_that_know(key) != [DetectorConfig.NODE]
+            }
+        if parameters:
+            document[section] = {'ros__parameters': parameters}
+    # After all others: of two sections for a node, the later one holds.
+    for name, config in configs.items():
+        section = name if len(configs) > 1 else f'/**/{node_of(name)}'
+        document[section] = {'ros__parameters': {**of_rclpy[name], **_nested(config)}}
+    return document
+
+
+def _nested(config: DetectorConfig) -> dict[str, Any]:
+    values = {**config.to_parameters(), 'groups': {n: [*m] for n, m in config.groups.items()}}
+    return {name: value for name, value in values.items() if '.' not in name}
+
+
+def save(
+    folder: Path,
+    name: str,
+    document: Mapping[str, Any],
+    comments: Iterable[str],
+    *,
+    replace: bool = False,
+) -> Path:
+    """Write a parameter file into a folder, under a name that somebody typed.
+
+    Parameters
+    ----------
+    folder, name
+        Where, and the name of the file without ``.yaml``.
+    document, comments
+        What it holds, and what stands above that.
+    replace
+        Whether a file of that name may be replaced.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    ValueError
+        When the name is not allowed or taken, or the file cannot be written.
+
+    Examples
+    --------
+    >>> save(Path('recordings'), '../thumb', {}, [])
+    Traceback (most recent call last):
+    ValueError: name is '../thumb', allowed: a letter, then letters, digits and single _
+    """
+    if not FILE_NAME.fullmatch(name):
+        raise ValueError(f'name is {name!r}, allowed: a letter, then letters, digits and single _')
+    path = folder / f'{name}.yaml'
+    if path.is_symlink():
+        raise ValueError(f'{path}: is a link to another file, allowed: a name of its own')
+    if path.exists() and not replace:
+        raise ValueError(f'{path}: is there already, allowed: another name, or to replace it')
+    write_file(path, document, comments)
+    return path

@@ -1,0 +1,194 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The parameters of a real detector: read, set, saved, and a detector that is gone."""
+
+import asyncio
+import contextlib
+import dataclasses
+import signal
+
+import pytest
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.qos import qos_profile_parameter_events
+
+from slip_detector.nodes import view_parameters
+from slip_detector.nodes.view_parameters import ParameterClient, changes_in
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.parameter_panel import Reading, typed
+from slip_detector.view.saving import parameter_file, save
+
+
+@pytest.fixture
+def client_of(bench):
+    """Return what makes a client of a detector; all are destroyed at the end."""
+    made = []
+
+    def make(of_node='/slip_detector'):
+        made.append(ParameterClient(bench.node, of_node))
+        return made[-1]
+
+    yield make
+    for client in made:
+        client.destroy()
+
+
+def read(client) -> Reading:
+    """Read as soon as the detector answers: it may take its time to start."""
+
+    async def until_there():
+        while True:
+            with contextlib.suppress(ValueError):
+                return await client.read()
+
+    return asyncio.run(asyncio.wait_for(until_there(), 90.0))
+
+
+def config_of(reading) -> DetectorConfig:
+    ours = {n: v for n, v in reading.values.items() if n.partition('.')[0] in ALL_NAMES}
+    return DetectorConfig.from_parameters(ours)
+
+
+ALL_NAMES = {field.name for field in dataclasses.fields(DetectorConfig)}
+
+
+def test_every_parameter_of_a_detector_is_read_and_what_holds_from_the_start_is_told(
+    bench, client_of
+):
+    bench.start('slip_detector', parameters={'threshold': 0.25})
+    reading = read(client_of())
+    wanted = {**DetectorConfig().to_parameters(), 'threshold': 0.25}
+    assert {name: reading.values[name] for name in wanted} == wanted
+    assert reading.values['use_sim_time'] is False
+    assert 'autostart' in reading.read_only
+    assert 'threshold' not in reading.read_only
+    assert reading.meanings['threshold'].startswith('Level above which a channel is ON')
+
+
+def test_a_set_is_taken_or_refused_whole_in_the_words_of_the_detector_and_events_tell_it(
+    bench, client_of
+):
+    bench.start('slip_detector')
+    client = client_of()
+    read(client)
+    events = bench.listen(ParameterEvent, '/parameter_events', qos_profile_parameter_events)
+    bench.wait_for(
+        lambda: bench.node.count_publishers('/parameter_events') > 1, 'the topic of events'
+    )
+
+    def set_all(**values):
+        return asyncio.run(client.set({n.replace('__', '.'): v for n, v in values.items()}))
+
+    assert set_all(threshold=typed('threshold', 'low'), gain=2.0) == (
+        "parameter threshold is 'low', allowed: a number"
+    )
+    assert set_all(threshold=-1, gain=2.0) == (
+        'parameter threshold is -1, allowed: 1e-30 to 1e+30'
+    )
+    assert set_all(threshhold=0.5).endswith('did you mean threshold?')
+    assert 'read-only' in set_all(autostart=False, gain=2.0)
+    assert 'cannot be deleted' in set_all(gain=None)
+    assert set_all(threshold=10**30) == ''
+    assert 'cannot be sent' in set_all(input_field='\ud800')
+    assert 'cannot be sent' in set_all(input_field={})
+    bands = typed('stopbands_hz', '0.5, 7.25')
+    assert set_all(threshold=1, stopbands_hz=bands, channel_names=[], noise_floor=[0.5]) == ''
+    old = {f'groups__{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
+    assert set_all(channels=2, noise_floor=[1, 0.5], groups__front=[2, 1], **old) == ''
+    values = read(client).values
+    assert values['threshold'] == 1.0
+    assert values['gain'] == 100.0
+    assert values['stopbands_hz'] == [0.5, 7.25]
+    assert {name for name in values if name.startswith('groups.')} == {'groups.front'}
+
+    def told():
+        heard = {}
+        for event in events:
+            if event.node == '/slip_detector':
+                heard.update(changes_in(event))
+        return heard
+
+    bench.wait_for(lambda: 'groups.front' in told(), 'the event')
+    assert told()['threshold'] == 1.0
+    assert told()['noise_floor'] == [1.0, 0.5]
+    assert told()['groups.TP'] is None
+
+
+def test_a_detector_that_stands_still_or_is_gone_is_told_within_the_deadline(
+    bench, client_of, monkeypatch
+):
+    process = bench.start('slip_detector')
+    client = client_of()
+    read(client)
+    assert asyncio.run(client.set({'threshold': 0.25})) == ''
+    monkeypatch.setattr(view_parameters, 'ANSWER_S', 1.0)
+    process.signal(signal.SIGSTOP)
+    assert asyncio.run(client.set({'threshold': 0.75})) == (
+        'it is not known whether this was set: /slip_detector has not answered for 1 s'
+    )
+    process.signal(signal.SIGCONT)
+    # What was asked for has been done; the answer to it is not taken for that to the next.
+    assert 'is -1' in asyncio.run(client.set({'threshold': -1}))
+    assert read(client).values['threshold'] == 0.75
+    monkeypatch.undo()
+    process.signal(signal.SIGSTOP)
+
+    async def killed_meanwhile():
+        asked = asyncio.create_task(client.set({'threshold': 0.5}))
+        await asyncio.sleep(0)  # It has been sent: the service was there.
+        process.signal(signal.SIGTERM)
+        process.signal(signal.SIGCONT)
+        return await asked
+
+    assert asyncio.run(killed_meanwhile()) in (
+        '',  # It was answered before it ended.
+        'it is not known whether this was set: /slip_detector ended before it answered',
+    )
+    assert process.wait() == 0
+    monkeypatch.setattr(view_parameters, 'ANSWER_S', 1.0)
+    words = asyncio.run(client_of().set({'threshold': 0.5}))
+    assert words == 'nothing was changed: /slip_detector cannot be reached for 1 s'
+
+
+def test_what_is_saved_starts_a_detector_that_is_equal(bench, client_of, tmp_path):
+    given = tmp_path / 'given.yaml'
+    given.write_text(
+        '/**/slip_driver: {ros__parameters: {source: udp, channels: 3}}\n'
+        '/**: {ros__parameters: {heartbeat_hz: 5.0, groups: {left: [1], right: [2, 3]}}}\n'
+        '/**/slip_detector: {ros__parameters: {channels: 3, threshold: 0.2}}\n',
+        encoding='utf-8',
+    )
+    bench.start('slip_detector', '--params-file', str(given), '-r', '__ns:=/thumb')
+    client = client_of('/thumb/slip_detector')
+    read(client)
+    changes = {
+        'decision': 'evidence',
+        'noise_floor': [0.001, 1e-9, 12345.678],
+        'stopbands_hz': [],
+        'vote': 1,
+        'channel_names': ['a', 'b', 'c'],
+        'groups.left': None,
+        'groups.right': None,
+        'groups.on': [3, 1, 2],
+        'threshold': 0.1 + 0.2,
+    }
+    assert asyncio.run(client.set(changes)) == ''
+    before = config_of(read(client))
+    document = parameter_file({'/thumb/slip_detector': before}, given)
+    path = save(tmp_path, 'thumb', document, ['Saved.'])
+    bench.start('slip_detector', '--params-file', str(path), '-r', '__ns:=/index')
+    after = read(client_of('/index/slip_detector'))
+    assert config_of(after) == before
+    assert before.groups == {'on': (3, 1, 2)}
+    assert before.heartbeat_hz == 5.0

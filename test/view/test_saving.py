@@ -1,0 +1,123 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is saved as a parameter file, and where it may be."""
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.reading import read_parameter_file
+from slip_detector.view.saving import FILE_NAME, parameter_file, save
+from support.config_cases import message_of
+from support.random_chains import configs
+
+GIVEN = """
+/**/slip_driver: {ros__parameters: {source: udp, channels: 2}}
+/thumb/slip_detector: {ros__parameters: {use_sim_time: true, threshold: 0.7}}
+hand: {slip_tune: {ros__parameters: {trade: true}}}
+/**: {ros__parameters: {channels: 2, threshold: 0.8, groups: {left: [1], right: [2]}}}
+"""
+
+
+def detector(**values):
+    return DetectorConfig(channels=2, **values)
+
+
+def written(tmp_path, configs, given_file=None):
+    path = tmp_path / 'saved.yaml'
+    document = parameter_file(configs, given_file)
+    return save(tmp_path, 'saved', document, [], replace=path.exists())
+
+
+def read(path, node):
+    return DetectorConfig.from_parameters(
+        read_parameter_file(path, 'slip_detector', running=node), str(path)
+    )
+
+
+@given(chain=configs())
+def test_what_was_saved_is_read_as_it_was(tmp_path_factory, chain):
+    config = DetectorConfig(**vars(chain), heartbeat_hz=7.0)
+    path = written(tmp_path_factory.mktemp('saved'), {'/a/slip_detector': config})
+    assert DetectorConfig.from_yaml(path) == config
+    assert read(path, '/any/where/slip_detector') == config
+
+
+def test_of_several_detectors_each_gets_its_own(tmp_path):
+    configs = {
+        '/thumb/slip_detector': detector(threshold=0.2),
+        '/index/slip_detector': detector(threshold=0.3, groups={'on': (2, 1)}),
+        '/left': detector(threshold=0.4),
+    }
+    path = written(tmp_path, configs)
+    assert {name: read(path, name) for name in configs} == configs
+
+
+def test_what_the_file_has_for_others_stays_and_what_it_had_for_the_detector_does_not(tmp_path):
+    given_file = tmp_path / 'given.yaml'
+    given_file.write_text(GIVEN, encoding='utf-8')
+    config = detector(threshold=0.5)
+    path = written(tmp_path, {'/thumb/slip_detector': config}, given_file)
+    assert read(path, '/thumb/slip_detector') == config
+    assert DetectorConfig.from_yaml(path) == config
+    assert DriverConfig.from_yaml(path) == DriverConfig(source='udp', channels=2)
+    document = yaml.safe_load(path.read_text(encoding='utf-8'))
+    assert document['/**/slip_detector']['ros__parameters']['use_sim_time'] is True
+    assert document['hand/slip_tune']['ros__parameters'] == {'trade': True}
+    assert document['/**']['ros__parameters'] == {'channels': 2}
+
+
+def test_comments_stand_above(tmp_path):
+    path = save(tmp_path, 'thumb', parameter_file({'/slip_detector': detector()}), ['Saved.'])
+    assert path == tmp_path / 'thumb.yaml'
+    assert path.read_text(encoding='utf-8').startswith('# Saved.\n/**/slip_detector:')
+
+
+@given(name=st.text() | st.sampled_from(['..', '../a', '/tmp/a', 'a/b', 'a.b', '', 'a\0', 'a\n']))
+def test_no_name_leads_out_of_the_folder(tmp_path_factory, name):
+    outer = tmp_path_factory.mktemp('outer')
+    folder = outer / 'inner'
+    folder.mkdir()
+    if FILE_NAME.fullmatch(name):
+        path = save(folder, name, {}, [])
+        assert list(folder.iterdir()) == [path]
+    else:
+        assert 'allowed: a letter' in message_of(save, folder, name, {}, [])
+        assert list(folder.iterdir()) == []
+    assert list(outer.iterdir()) == [folder]
+
+
+def test_a_link_is_not_followed_and_a_file_is_replaced_only_where_that_is_wanted(tmp_path):
+    folder = tmp_path / 'recordings'
+    folder.mkdir()
+    other = tmp_path / 'other.yaml'
+    other.write_text('kept', encoding='utf-8')
+    (folder / 'linked.yaml').symlink_to(other)
+    (folder / 'taken.yaml').write_text('kept', encoding='utf-8')
+    for replace in (False, True):
+        assert 'link' in message_of(save, folder, 'linked', {}, [], replace=replace)
+    assert other.read_text(encoding='utf-8') == 'kept'
+    assert 'is there already' in message_of(save, folder, 'taken', {}, [])
+    assert (folder / 'taken.yaml').read_text(encoding='utf-8') == 'kept'
+    save(folder, 'taken', {'a': 1}, [], replace=True)
+    assert (folder / 'taken.yaml').read_text(encoding='utf-8') == '{a: 1}\n'
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r'none/a\.yaml: cannot be written'):
+        save(tmp_path / 'none', 'a', {}, [])
