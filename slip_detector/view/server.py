@@ -224,6 +224,7 @@ def _described(finger: Finger) -> dict[str, Any]:
         'decision': config.decision,
         'threshold': config.threshold,
         'sample_rate_hz': config.sample_rate_hz,
+        'input_timeout_s': config.input_timeout_s,
         'passband_hz': list(config.passband_hz),
         'stopbands_hz': [list(pair) for pair in config.stopbands_hz],
         'mains_hz': config.mains_hz,

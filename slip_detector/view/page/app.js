@@ -1,31 +1,68 @@
 // The live page: puts its parts together. Texts from the robot go into textContent, never into HTML.
 
+import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
-
-const element = (id) => document.getElementById(id);
+import {News} from './news.js';
+import {tabs} from './tabs.js';
 
 const connection = new Connection((words) => {
   element('connection').textContent = words || 'connected';
+  element('connection').classList.toggle('lost', Boolean(words));
+});
+const news = new News(element('news'));
+const cards = new Map();
+let chosen = null;
+
+function choose(name) {
+  chosen = name;
+  for (const [each, card] of cards) card.mark(each === name);
+  connection.look({finger: name ?? ''});
+}
+
+connection.on('hand', ({fingers, gone}) => {
+  const names = fingers.map(({name}) => name);
+  for (const [name, card] of cards) {
+    if (names.includes(name)) continue;
+    news.tell(card.finger.label, 'detector gone');
+    card.close();
+    cards.delete(name);
+  }
+  fingers.forEach((finger, i) => {
+    const card = cards.get(finger.name) ?? new FingerCard({
+      onChoose: () => choose(finger.name),
+      onChannel: () => choose(finger.name),
+    });
+    cards.set(finger.name, card);
+    card.describe(finger);
+    const place = element('fingers').children[i];
+    if (place !== card.root) element('fingers').insertBefore(card.root, place ?? null);
+  });
+  element('no-finger').hidden = fingers.length > 0;
+  element('panels').hidden = !fingers.length;
+  document.querySelector('main').classList.toggle('single', fingers.length === 1);
+  connection.look({fingers: names});
+  if (!names.includes(chosen)) choose(names[0] ?? null);
 });
 
-connection.on('hand', ({fingers}) => {
-  element('fingers').replaceChildren(...fingers.map(({name, label}) => {
-    const card = document.createElement('article'), title = document.createElement('h2'), state = document.createElement('p');
-    card.dataset.finger = name;
-    title.textContent = label;
-    card.append(title, state);
-    return card;
-  }));
-  connection.look({fingers: fingers.map(({name}) => name)});
+connection.on('diagnostics', ({fingers}) => {
+  for (const [name, lines] of Object.entries(fingers)) cards.get(name)?.tellDiagnostics(lines);
 });
 
 connection.onFrame(({header, arrays}) => {
-  header.fingers.forEach(({name, slip, valid}, i) => {
-    const state = document.querySelector(`[data-finger=${CSS.escape(name)}] p`);
-    if (!state) return;
-    const highest = Math.max(...arrays[`level/${i}`].filter((level) => !Number.isNaN(level)));
-    state.textContent = `${slip ? 'slip' : 'no slip'}, ${valid ? 'valid' : 'not valid'}, ${highest.toFixed(3)} of the threshold`;
+  header.fingers.forEach((state, i) => {
+    const card = cards.get(state.name);
+    if (!card || arrays[`level/${i}`].length !== card.finger.channels.length) return;
+    card.show(state, {level: arrays[`level/${i}`], on: arrays[`on/${i}`], groups: arrays[`groups/${i}`]});
+    news.tell(card.finger.label, card.words);
   });
+});
+
+tabs(document.querySelector('#signals [role=tablist]'));
+tabs(document.querySelector('#tools [role=tablist]'));
+
+element('keys-button').addEventListener('click', ({target}) => {
+  element('keys').hidden = !element('keys').hidden;
+  target.ariaExpanded = String(!element('keys').hidden);
 });
 
 connection.open();
