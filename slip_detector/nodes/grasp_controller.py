@@ -28,7 +28,8 @@ from slip_detector.grasp.law import GraspLaw
 from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.rclpy_internals import ROS_ERROR
-from slip_detector.parameters.conversion import shown
+from slip_detector.nodes.senders import publishing_nodes
+from slip_detector.parameters.conversion import listed, shown
 from slip_detector.parameters.grasp import JOINT_STATE, GraspConfig
 
 #: How many changes are kept while this node is busy, so that it misses none.
@@ -37,6 +38,9 @@ DEPTH = 100
 #: So many command periods at most count as passed between two commands. A stall of this node is
 #: longer: neither the gripper nor the detector knows of it.
 PERIODS_COUNTED = 3
+
+#: Period of looking for another publisher of the commands.
+OTHERS_S = 1.0
 
 #: Within ``deadline_s`` this node looks so often for what it has heard, but at most each
 #: ``SHORTEST_LOOK_S``.
@@ -85,6 +89,8 @@ class GraspController(Node):
         look_s = max(config.deadline_s / LOOKS, SHORTEST_LOOK_S)
         self._looks_allowed = math.ceil(config.deadline_s / look_s)
         self.create_timer(look_s, self._look_for_silence, clock=steady)
+        self._commanders: list[str] = []
+        self.create_timer(OTHERS_S, self._look_for_others, clock=steady)
         self.get_logger().info(
             f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
         )
@@ -125,6 +131,16 @@ class GraspController(Node):
         if silent != self._silent:
             self._silent = silent
             self._command_grip()
+
+    def _look_for_others(self) -> None:
+        """Warn when another node commands the same gripper."""
+        topic = self._command.topic_name
+        names = publishing_nodes(self, topic)
+        if len(names) > 1 and names != self._commanders:
+            self.get_logger().error(
+                f'{topic} is published by {listed(names)}: only one of them may'
+            )
+        self._commanders = names
 
     def _time_s(self) -> float:
         """Return the time for which this node has run, without its stalls."""

@@ -127,5 +127,13 @@ class SenderWatch(Senders):
         """
         if not self.several:
             return []
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        return sorted(f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in found)
+        return publishing_nodes(self._node, self._topic)
+
+
+def publishing_nodes(node: Node, topic: str) -> list[str]:
+    """Return the full names of the nodes that have a publisher of a topic.
+
+    One that was killed is among them for some twenty seconds.
+    """
+    found = node.get_publishers_info_by_topic(topic)
+    return sorted(f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in found)

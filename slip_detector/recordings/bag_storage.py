@@ -26,7 +26,7 @@ from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.recordings.compression import decompressed, decompressor
 from slip_detector.recordings.damaged_database import DamagedDatabase
 from slip_detector.recordings.damaged_mcap import DamagedMcap
-from slip_detector.recordings.mcap_chunks import check_sizes, without_checksum
+from slip_detector.recordings.mcap_chunks import survey
 from slip_detector.recordings.reading_limit import ReadingLimit
 from slip_detector.recordings.topics import Message, Topic
 
@@ -111,9 +111,8 @@ class BagStorage:
         self._rosbag2 = load_rosbags()
         self.lost: list[str] = []
         path.stat()
-        for file in _files(path):
-            if file.suffix == '.mcap':
-                check_sizes(file, limit)
+        surveys = {file: survey(file, limit) for file in _files(path) if file.suffix == '.mcap'}
+        self.doubts = [f'{file.name} {line}' for file, line in surveys.items() if line]
         metadata = _metadata(path)
         self._compression = str(metadata.get('compression_mode')).lower()
         try:
@@ -131,11 +130,6 @@ class BagStorage:
                 topics = [topic for reader in readers for topic in reader.topics]
                 self.lost = [f'{reader.name} {reader.lost}' for reader in readers if reader.lost]
         self.counts = dict(counts)
-        self.doubts = [
-            f'{file.name} {line}'
-            for file in _files(path)
-            if file.suffix == '.mcap' and (line := without_checksum(file))
-        ]
         by_name = {topic.name: topic for topic in topics}
         self.topics = [by_name[name] for name in sorted(by_name)]
 
@@ -251,7 +245,7 @@ def _readable(file: Path, folder: Path, limit: ReadingLimit) -> Path:
             raise ValueError(f'{file.name} stands for more than {MOST_RATIO} times its size')
         file = unpacked
         if file.suffix == '.mcap':
-            check_sizes(file, limit)
+            survey(file, limit)
     if file.suffix == '.db3':
         with open(file, 'rb') as database:
             database.seek(_PAGE_SIZE_AT)

@@ -92,11 +92,12 @@ class DamagedMcap:
         with open(self._path, 'rb') as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise ValueError(f'{self.name}: is broken or not mcap')
+            end = len(MAGIC)
             while True:
-                begin = file.tell()
-                head = file.read(RECORD.size)
+                begin, head = end, file.read(RECORD.size)
                 kind, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
-                whole = file.tell() + length <= size
+                end += RECORD.size + length
+                whole = end <= size
                 if kind in (_DATA_END, _FOOTER) and whole:
                     return
                 if kind == CHUNK:

@@ -63,7 +63,8 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
 
 def _recordings_in(folder: Path) -> list[Path]:
     try:
-        files = sorted(filter(is_recording, folder.iterdir()))
+        # Bags of ROS 1 are refused when they are opened, with a word on how to convert them.
+        files = sorted(filter(is_recording, folder.iterdir())) or sorted(folder.glob('*.bag'))
     except OSError as error:
         raise ValueError(f'{folder}: cannot be read ({error.strerror})') from None
     if not files:

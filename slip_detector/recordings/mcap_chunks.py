@@ -52,8 +52,8 @@ class Chunk(NamedTuple):
     checksum: int
 
 
-def records_of(path: Path) -> Iterator[tuple[int, int, int]]:
-    """Yield kind, first byte and length of the records of an MCAP file, without reading them.
+def _records(path: Path) -> Iterator[tuple[int, int, int, bytes]]:
+    """Yield kind, first byte, length and the first bytes of the records of an MCAP file.
 
     The last one may be cut; its length is what is left of it.
     """
@@ -62,47 +62,57 @@ def records_of(path: Path) -> Iterator[tuple[int, int, int]]:
         begin = len(MAGIC)
         while begin + RECORD.size <= size:
             file.seek(begin)
-            kind, length = RECORD.unpack(file.read(RECORD.size))
+            first = file.read(RECORD.size + _HEAD.size)
+            kind, length = RECORD.unpack_from(first)
             begin += RECORD.size
-            yield kind, begin, min(length, size - begin)
+            yield kind, begin, min(length, size - begin), first[RECORD.size :]
             begin += length
+
+
+def _chunk(begin: int, length: int, first: bytes) -> Chunk | None:
+    """Return a chunk of which the first bytes are given; None where its head is not whole."""
+    if length < _HEAD.size:
+        return None
+    _, _, size, checksum = _HEAD.unpack(first)
+    return Chunk(begin, length, size, checksum)
 
 
 def chunks_of(path: Path) -> Iterator[Chunk]:
     """Yield the chunks of an MCAP file whose heads are whole; their content is not read."""
-    with open(path, 'rb') as file:
-        for kind, begin, length in records_of(path):
-            if kind == CHUNK and length >= _HEAD.size:
-                file.seek(begin)
-                _, _, size, checksum = _HEAD.unpack(file.read(_HEAD.size))
-                yield Chunk(begin, length, size, checksum)
+    for kind, begin, length, first in _records(path):
+        if kind == CHUNK and (chunk := _chunk(begin, length, first)):
+            yield chunk
 
 
-def check_sizes(path: Path, limit: ReadingLimit) -> None:
+def survey(path: Path, limit: ReadingLimit) -> str:
     """Check that no record and no content of a chunk is larger than may be held.
+
+    Returns
+    -------
+    str
+        One line on messages and chunks without checksum; empty where each has one.
 
     Raises
     ------
     ValueError
-        When one is; names its place.
+        When a record or a content is too large; names its place.
     """
-    for kind, begin, length in records_of(path):
+    n_chunks = none = 0
+    messages = False
+    for kind, begin, length, first in _records(path):
         if kind in READ_WHOLE:
             limit.check(length, f'the record at byte {begin}')
-    for chunk in chunks_of(path):
-        limit.check(chunk.size, f'the chunk at byte {chunk.begin}')
-
-
-def without_checksum(path: Path) -> str:
-    """Return one line on messages and chunks without checksum; empty where each has one."""
-    checksums = [chunk.checksum for chunk in chunks_of(path)]
-    none = checksums.count(0)
-    if any(kind == MESSAGE for kind, _, _ in records_of(path)):
+        messages = messages or kind == MESSAGE
+        if kind == CHUNK and (chunk := _chunk(begin, length, first)):
+            limit.check(chunk.size, f'the chunk at byte {begin}')
+            n_chunks += 1
+            none += not chunk.checksum
+    if messages:
         where = ' of messages outside of chunks'
     elif not none:
         return ''
     else:
-        where = '' if none == len(checksums) else f' in {none} of {len(checksums)} chunks'
+        where = '' if none == n_chunks else f' in {none} of {n_chunks} chunks'
     return f'has no checksums{where}, so that damage may go unseen'
 
 

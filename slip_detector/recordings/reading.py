@@ -80,10 +80,13 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     try:
         labels_file = find_labels(config.recording_labels, path)
         labels = None if labels_file is None else read_labels(labels_file)
-        if path.suffix == '.npz':
-            return NpzRecording(path, config, labels)
         if path.suffix == '.csv':
             return CsvRecording(path, config, labels)
+        # The others are not read from front to back; a device, as /dev/zero, may have no end.
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise ValueError(f'{path}: is no file, allowed: a file or the folder of a bag')
+        if path.suffix == '.npz':
+            return NpzRecording(path, config, labels)
         if path.suffix in BAG_ENDINGS or path.is_dir():
             # rosbags is needed only for bags.
             from slip_detector.recordings.bag_recording import BagRecording

@@ -18,6 +18,7 @@ import io
 import sqlite3
 import struct
 import zipfile
+from pathlib import Path
 
 import numpy as np
 from hypothesis import strategies as st
@@ -26,11 +27,14 @@ from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.recordings.compression import zstd
 from support.bags import rows
-from support.fuzzing import fuzz
+from support.fuzzing import fuzz, put
 from support.little_memory import little_memory
 from support.mutations import mutated_bytes
 
 ENDINGS = ('.npz', '.csv', '.mcap', '.db3')
+
+#: In the folder of a bag this file has the bytes of a case.
+METADATA = '/metadata.yaml'
 
 #: What reading may hold at a time, and what a process may take for it.
 CONFIG = RecordingConfig(recording_limit_mb=8.0)
@@ -47,6 +51,8 @@ def sound(folder):
         # A path that was written as a bag may be a folder with the file in it.
         file = next(path.glob(f'*{ending}')) if path.is_dir() else path
         found[ending] = file.read_bytes()
+    write_recording(folder / 'some', [rows(60)], 380.0, names)
+    found[METADATA] = (folder / f'some{METADATA}').read_bytes()
     return found
 
 
@@ -92,6 +98,22 @@ def with_a_chunk(mcap, content, size):
     return mcap[:at] + record + mcap[at:]
 
 
+def record(kind, *parts):
+    """Return a record of an MCAP; texts get their lengths."""
+    content = b''.join(
+        struct.pack('<I', len(part)) + part.encode() if isinstance(part, str) else part
+        for part in parts
+    )
+    return struct.pack('<BQ', kind, len(content)) + content
+
+
+def of_type(mcap, definition):
+    """Return an MCAP of one message, which has a type of this definition."""
+    schema = record(3, struct.pack('<H', 1), 'a/msg/A', 'ros2msg', definition)
+    channel = record(4, struct.pack('<HH', 1, 1), '/voltages', 'cdr', bytes(4))
+    return mcap[:8] + schema + channel + record(5, struct.pack('<HIQQ', 1, 0, 0, 0), bytes(1000))
+
+
 def text_in_a_database(database, folder):
     """Return a db3 with text where the message should be."""
     path = folder / 'text.db3'
@@ -121,6 +143,17 @@ def corpus(found, folder):
     yield '.mcap', found['.mcap'][:8] + struct.pack('<BQ', 5, 2**63)
     yield '.mcap', found['.mcap'][:8] + struct.pack('<BQ', 6, 5) + bytes(5)
     yield '.mcap', without_checksums(found['.mcap']).replace(b'sensor_msgs/', b'\rensor_msgs/')
+    yield '.mcap', of_type(found['.mcap'], ''.join(f'float64 f{k}\n' for k in range(100_000)))
+    yield '.mcap', of_type(found['.mcap'], 'string[100000] a')
+    yield (
+        '.mcap',
+        of_type(
+            found['.mcap'], f'std_msgs/Empty[1000000000] a\n{"=" * 80}\nMSG: std_msgs/Empty\n'
+        ),
+    )
+    yield METADATA, b'[' * 200_000
+    yield METADATA, b'- ' * 200_000
+    yield METADATA, b'a: &a [*a]'
     yield '.csv', b'time_s,a,b\n0,1,2\n1e999999999999999999,1,2\n'
     yield '.csv', b'"time_s\r",a\n0,1\n1,1\n'
     yield '.csv', b'time_s,a,b\n0,1,2\n1e-99999999999999999999,1,2\n'
@@ -130,6 +163,7 @@ def corpus(found, folder):
     yield '.csv', b'time_s,a,b\n1e' + b'9' * 20_000 + b',1,2\n'
     yield '.db3', text_in_a_database(found['.db3'], folder)
     for ending, data in found.items():
+        yield ending, Path('/dev/zero')
         yield ending, data
         yield ending, b''
         yield ending, data[: len(data) // 2]
@@ -138,21 +172,27 @@ def corpus(found, folder):
 
 def test_any_bytes_are_read_or_refused_in_one_line_and_never_take_much_memory(tmp_path):
     found = sound(tmp_path)
-    paths = {ending: tmp_path / f'some{ending}' for ending in ENDINGS}
+    paths = {ending: Path(f'{tmp_path}/some{ending}') for ending in found}
 
     def check(case):
         ending, data = case
-        paths[ending].write_bytes(data)
+        put(data, paths[ending])
+        path = paths[ending].parent if ending == METADATA else paths[ending]
         with little_memory(MOST_BYTES):
-            for piece in open_recording(paths[ending], CONFIG).pieces():
+            for piece in open_recording(path, CONFIG).pieces():
                 assert piece.volts.shape[0] == len(piece.stamps_ns)
                 assert (np.diff(piece.stamps_ns) > 0).all()
 
     originals = {ending: [data] for ending, data in found.items()}
     originals['.mcap'].append(without_checksums(found['.mcap']))
-    cases = st.sampled_from(ENDINGS).flatmap(
+    cases = st.sampled_from(list(found)).flatmap(
         lambda ending: st.tuples(st.just(ending), mutated_bytes(originals[ending], most=6))
     )
     fuzz(
-        'recordings', cases, check, corpus=list(corpus(found, tmp_path)), few=40, refusal='some[.]'
+        'recordings',
+        cases,
+        check,
+        corpus=list(corpus(found, tmp_path)),
+        few=40,
+        refusal='some[.:]',
     )

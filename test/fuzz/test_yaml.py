@@ -14,6 +14,8 @@
 
 """Parameter files, labels and scenes, as somebody's editor left them."""
 
+from pathlib import Path
+
 import pytest
 
 from slip_detector.parameters import DetectorConfig, DriverConfig, GraspConfig, TuneConfig
@@ -21,7 +23,7 @@ from slip_detector.parameters.reading import our_sections
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.recordings.labels import read_labels
-from support.fuzzing import fuzz
+from support.fuzzing import fuzz, put
 from support.mutations import mutated_text
 
 FILES = sorted((shared_folder() / 'config').glob('*.yaml'))
@@ -62,6 +64,7 @@ CORPUS = [
     '2026-13-45: 1',
     '',
     '\0',
+    Path('/dev/zero'),
 ]
 
 
@@ -72,7 +75,7 @@ def test_any_text_of_a_file_is_read_or_refused_in_one_line_that_names_the_file(t
 
     def check(text):
         # As bytes that are no text too.
-        file.write_bytes(text.encode('utf-8', 'surrogatepass'))
+        put(text if isinstance(text, Path) else text.encode('utf-8', 'surrogatepass'), file)
         refused = []
         for reader in readers:
             try:

@@ -206,6 +206,14 @@ def test_no_command_moves_faster_than_it_may_after_a_stall(bench):
     assert max(found) < QUICK['grip_n']
 
 
+def test_two_controllers_of_one_gripper_both_say_so(bench):
+    first = bench.start('grasp_controller', parameters=QUICK)
+    second = bench.start('grasp_controller', '-r', '__ns:=/other', '-r', 'grip_force:=/grip_force')
+    said = '/grip_force is published by /grasp_controller, /other/grasp_controller: only one'
+    for process in (first, second):
+        bench.wait_for(lambda process=process: said in process.log(), 'the error')
+
+
 def test_a_detector_that_promises_less_than_is_asked_for_is_named(bench):
     forces = bench.listen(JointState, 'grip_force', state_qos())
     offered = bench.node.create_publisher(

@@ -14,6 +14,9 @@
 
 """Recordings of a command line, by their folders."""
 
+import pytest
+
+from slip_detector.recordings import open_recording
 from slip_detector.recordings.folders import recording_sets
 
 
@@ -30,3 +33,10 @@ def test_files_of_one_folder_are_one_set_and_folders_are_sorted(tmp_path):
     assert recording_sets([str(x)]) == {'x': [x / 'a.csv', x / 'b.npz']}
     # Two folders of one name are told apart.
     assert list(recording_sets([str(x), str(y), str(zx)])) == [str(x), 'y', str(zx)]
+
+
+def test_a_folder_with_nothing_but_bags_of_ros_1_is_refused_with_how_to_convert_them(tmp_path):
+    (tmp_path / 'trial.bag').touch()
+    ((bag,),) = recording_sets([str(tmp_path)]).values()
+    with pytest.raises(ValueError, match=r'trial[.]bag: is a bag of ROS 1, .* rosbags-convert'):
+        open_recording(bag)

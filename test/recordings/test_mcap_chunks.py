@@ -23,7 +23,8 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 
 from slip_detector.recordings import open_recording, write_recording
-from slip_detector.recordings.mcap_chunks import chunks_of, without_checksum, write_checksums
+from slip_detector.recordings.mcap_chunks import chunks_of, survey, write_checksums
+from slip_detector.recordings.reading_limit import ReadingLimit
 from support.bags import NAMES, gathered, rows
 from support.damaged_bags import read_of
 
@@ -53,7 +54,7 @@ def test_a_recording_is_written_with_the_checksum_of_each_chunk(path):
     for begin, length, size, checksum in chunks:
         assert size == length - 40
         assert checksum == zlib.crc32(content[begin + 40 : begin + length])
-    assert without_checksum(path) == ''
+    assert survey(path, ReadingLimit(path, 1.0)) == ''
     assert read_of(path)[1] == ''
     before = path.read_bytes()
     write_checksums(path)
@@ -116,4 +117,4 @@ def test_some_chunks_without_a_checksum_are_counted(tmp_path):
     path = tmp_path / 'a.mcap'
     path.write_bytes(b'\x89MCAP0\r\n' + chunk(0) + chunk(7) + chunk(0) + chunk(8)[:-13])
     assert [one.checksum for one in chunks_of(path)] == [0, 7, 0]
-    assert without_checksum(path).startswith('has no checksums in 2 of 3 chunks,')
+    assert survey(path, ReadingLimit(path, 1.0)).startswith('has no checksums in 2 of 3 chunks,')

@@ -40,6 +40,15 @@ MOST_CHARACTERS = 2000
 COUNTS: dict[str, Counter] = {}
 
 
+def put(content, path):
+    """Make a path a file of these bytes, or a link to another path."""
+    path.unlink(missing_ok=True)
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        path.symlink_to(content)
+
+
 def fuzz(subject, strategy, check, *, corpus, few, refusal=''):
     """Try the corpus of a subject, then inputs that a strategy draws.
 
