@@ -47,7 +47,7 @@ def drawn_positions(config: DetectorConfig) -> NDArray[np.float64]:
     >>> drawn_positions(DetectorConfig(channels=4))[:, :2].tolist()
     [[-0.00125, 0.00125], [0.00125, 0.00125], [-0.00125, -0.00125], [0.00125, -0.00125]]
     """
-    return _drawn(config.channels, config.taxel_positions_m).copy()
+    return np.array(_drawn(config.channels, config.taxel_positions_m))
 
 
 # It is asked for with each frame, and changes once in a while.
@@ -102,4 +102,5 @@ def _apart(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     # Clockwise from the left: the x, y and z of a taxel stand as they are read.
     angle = np.pi - 2 * np.pi * number / sharing
     circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
-    return positions + radius[:, np.newaxis] * circle
+    apart: NDArray[np.float64] = positions + radius[:, np.newaxis] * circle
+    return apart
