@@ -17,40 +17,32 @@
 import functools
 import threading
 import time
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, LiveChain
 from slip_detector.chain.memory import check_memory
 from slip_detector.chain.stamps import Arrival, StampGrid
+from slip_detector.nodes.channel_names import ChannelNames
 from slip_detector.nodes.decorators import exclusive, explained
 from slip_detector.nodes.diagnostics import Diagnostics
+from slip_detector.nodes.event_log import EventLog
 from slip_detector.nodes.health import Health
 from slip_detector.nodes.inputs import Input
-from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs, check_topics
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, answer_impossible_transitions
 from slip_detector.nodes.senders import SenderWatch
+from slip_detector.nodes.silence import LOOKS, SilenceWatch
 from slip_detector.nodes.timers import Timers
 from slip_detector.parameters.detector import DetectorConfig
 
-#: The input is checked this often within ``input_timeout_s``, and counts as lost when this share
-#: of it has passed since the last check that found a sample. That is between 0.8 and 0.9 of the
-#: timeout after the last sample.
-LOOKS, GIVEN_UP_AFTER = 10, 0.75
-
 #: Period at which the topic of another type of input is tried.
 LISTEN_S = 0.02
-
-#: Shortest time between two messages of the same kind on the log.
-LOG_PERIOD_NS = 1_000_000_000
 
 #: Several publishers of a topic count as such for at least so long after they were heard in turns.
 SEVERAL_S = 1.0
@@ -80,12 +72,10 @@ class Detector(LifecycleNode):
         self.config = declare(self, DetectorConfig, FIXED, cli_args)
         self._check(self.config)
         follow_changes(self, lambda: self.config, self._check, self._take)
-        self._logged_ns: dict[str, int] = {}
         self._lock = threading.RLock()
         self._outputs: Outputs | None = None
         self._input: Input | None = None
-        self._subscription: Any = None
-        self._of_others: Any = None
+        self._senders: SenderWatch | None = None
         self._running_timers = Timers(self)
         answer_impossible_transitions(self)
         self._failed = ''
@@ -103,6 +93,7 @@ class Detector(LifecycleNode):
         config = self.config
         self._chain = LiveChain(config, self._on_built)
         self._health = Health(config)
+        self._events = EventLog(self._health.totals, self.get_logger().warning)
         self._outputs = Outputs(self, config)
         disabled = len(config.disabled_channels)
         self.get_logger().info(
@@ -131,7 +122,7 @@ class Detector(LifecycleNode):
         """Publish that slip is not valid, then stop publishing."""
         self._running_timers.stop_all()
         self._deafen()
-        self.destroy_subscription(self._of_others)
+        self._detectors.destroy()
         self._diagnostics.destroy()
         self._topics.withdraw()
         return TransitionCallbackReturn.SUCCESS
@@ -168,58 +159,42 @@ class Detector(LifecycleNode):
         A process can have a topic with one type only, and has it until the thread that waits for
         samples has let go of the subscription before.
         """
-        if self._subscription is not None or not self._running_timers:
+        if self._senders is not None or not self._running_timers:
             return
         source = Input(self._running)
         source.replayed = self._replayed
+        window_s = max(SEVERAL_S, self._running.input_timeout_s)
+        call = functools.partial(self._on_voltages, source)
         try:
-            self._subscription = self.create_subscription(
-                source.message_class,
-                'voltages',
-                functools.partial(self._on_voltages, source),
-                sensor_qos(),
-                # Each sample would wake who waits for events, and there are none: such a quality
-                # of service goes with any publisher's.
-                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-                raw=True,
-            )
+            self._senders = SenderWatch(self, source.message_class, 'voltages', call, window_s)
         except ROS_ERROR:
             kind = self._running.input_type
-            self._log('listen', f'this process has voltages with a type other than {kind}')
+            self._events.note('listen', f'this process has voltages with a type other than {kind}')
             self._start_timer('listen')
             return
         self._input = source
-        window_s = max(SEVERAL_S, self._running.input_timeout_s)
-        self._senders = SenderWatch(self, self._subscription, window_s)
         self._running_timers.stop('listen')
 
     def _listen_to_others(self) -> None:
         """Notice another detector that publishes on the same topics, by its heartbeat."""
-        self._of_others = self.create_subscription(
-            Bool,
-            'slip_valid',
-            lambda raw, info: self._on_slip_valid(info),
-            sensor_qos(),
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-            raw=True,
-        )
         window_s = max(SEVERAL_S, 3 / self._running.heartbeat_hz)
-        self._detectors = SenderWatch(self, self._of_others, window_s)
+        self._detectors = SenderWatch(
+            self, Bool, 'slip_valid', lambda raw, info: self._on_slip_valid(info), window_s
+        )
 
     def _deafen(self) -> None:
         """Ignore further samples, even those that the other thread has already received."""
-        if self._subscription is not None:
-            self.destroy_subscription(self._subscription)
-        self._subscription = self._input = None
+        if self._senders is not None:
+            self._senders.destroy()
+        self._senders = self._input = None
 
     def _forget_input(self) -> None:
         """Forget names, frame and stamps of earlier samples."""
         config = self.config
         self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
-        self._names: list[str] | None = list(config.channel_names) or None
+        self._names = ChannelNames(config.channels, config.channel_names)
         self._frame_id = ''
         self._last_row: NDArray[np.float64] | None = None
-        self._heard = False
         self._heard_s = float('-inf')
 
     def _time_is_replayed(self) -> bool:
@@ -245,8 +220,7 @@ class Detector(LifecycleNode):
             self._input.replayed = self._replayed
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timeout_clock = self.get_clock() if self._replayed else self._steady
-        # Time of the last check that found input, by the clock of the timeout.
-        self._looked_ns, self._given_up = self._timeout_clock.now().nanoseconds, False
+        self._silence = SilenceWatch(self._timeout_clock.now().nanoseconds)
 
     def _start_timer(self, name: str) -> None:
         config = self._running
@@ -264,16 +238,10 @@ class Detector(LifecycleNode):
         if not self._running_timers:
             return
         now_ns = self._timeout_clock.now().nanoseconds
-        if self._heard or now_ns < self._looked_ns:  # heard, or the clock was set back
-            self._heard, self._looked_ns, self._given_up = False, now_ns, False
-            return
-        silent_s = (now_ns - self._looked_ns) * 1e-9
-        if silent_s < GIVEN_UP_AFTER * self._running.input_timeout_s or self._given_up:
-            return
-        self._given_up = True
+        lost = self._silence.is_lost(now_ns, self._running.input_timeout_s)
         # The input may have been changed, and be silent since.
-        if self._last_row is not None or self._topics.valid:
-            self._log('silent', 'no input any more')
+        if lost and (self._last_row is not None or self._topics.valid):
+            self._events.note('silent', 'no input any more')
             self._topics.withdraw()
 
     @exclusive
@@ -284,7 +252,7 @@ class Detector(LifecycleNode):
         now_s = time.monotonic()
         health, topics = self._health, self._topics
         health.totals['onsets'] = topics.onsets
-        health.senders = [] if self._subscription is None else self._senders.names()
+        health.senders = [] if self._senders is None else self._senders.names()
         health.detectors = self._detectors.names()
         for topic, names in (('voltages', health.senders), ('slip', health.detectors)):
             if names:
@@ -372,17 +340,19 @@ class Detector(LifecycleNode):
 
     def _on_voltages(self, source: Input, raw: bytes, info: dict[str, int | None]) -> None:
         with self._lock:
-            if source is self._input:
-                self._decide_on(source, raw, info)
+            if source is self._input and self._senders is not None:
+                self._decide_on(source, self._senders, raw, info)
 
-    def _decide_on(self, source: Input, raw: bytes, info: dict[str, int | None]) -> None:
+    def _decide_on(
+        self, source: Input, senders: SenderWatch, raw: bytes, info: dict[str, int | None]
+    ) -> None:
         """Check the samples of a message, run them through the chain, publish what changed."""
         began_s = time.perf_counter()
         config = self._chain.config
-        if not self._senders.accepts_message(info):
+        if not senders.accepts_message(info):
             self._health.totals['senders'] += 1
-            if self._senders.several:
-                self._heard = True
+            if senders.several:
+                self._silence.heard = True
                 self._topics.withdraw()
             return
         try:
@@ -399,7 +369,8 @@ class Detector(LifecycleNode):
                 'channels', f'a message has {channels} channels, allowed: {config.channels}'
             )
             return
-        if source.has_names and names != self._names and not self._take_names(names):
+        if source.has_names and (refusal := self._names.refusal(names)):
+            self._drop('names', refusal)
             return
         if at_ns is None:
             # Replayed samples without times of their own follow each other without gaps.
@@ -411,7 +382,7 @@ class Detector(LifecycleNode):
                 return
             if arrival.missing or arrival.reset:
                 rows = self._mend(rows, arrival)
-        self._heard = True
+        self._silence.heard = True
         topics = self._topics
         unsettled = self._chain.unsettled_rows
         listened = topics.envelope_subscribers() > 0
@@ -434,39 +405,18 @@ class Detector(LifecycleNode):
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
-    def _take_names(self, names: list[str]) -> bool:
-        """Take the names of the first sample as those of all, and refuse any others."""
-        channels = self._chain.config.channels
-        if self._names is None and len(names) in (0, channels):
-            self._names = list(names)
-            return True
-        wanted = f'{channels} names' if self._names is None else _short(self._names)
-        self._drop('names', f'the channels of a message are {_short(names)}, allowed: {wanted}')
-        return False
-
     def _mend(self, rows: NDArray[np.float64], arrival: Arrival) -> NDArray[np.float64]:
         """Bridge a short gap with the last row; restart the chain after a long one."""
         if arrival.missing and self._last_row is not None:
             missing = arrival.missing
-            self._log('bridged', f'{missing} samples missing, bridged with the last one', missing)
+            self._events.note(
+                'bridged', f'{missing} samples missing, bridged with the last one', missing
+            )
             return arrival.bridge(self._last_row, rows)
-        self._log('reset', 'the input had a gap or its clock was set, the chain restarts')
+        self._events.note('reset', 'the input had a gap or its clock was set, the chain restarts')
         self._chain.restart()
         self._health.restart()
         return rows
 
     def _drop(self, kind: str, what: str) -> None:
-        self._log(kind, f'{what}: dropped')
-
-    def _log(self, kind: str, what: str, count: int = 1) -> None:
-        """Count an event, and log it at most once a second for each kind."""
-        self._health.totals[kind] += count
-        now_ns = time.monotonic_ns()
-        if now_ns - self._logged_ns.get(kind, -LOG_PERIOD_NS) >= LOG_PERIOD_NS:
-            self._logged_ns[kind] = now_ns
-            self.get_logger().warning(f'{what} ({self._health.totals[kind]} so far)')
-
-
-def _short(names: list[str]) -> str:
-    text = ', '.join(names[:4])
-    return f'{text}, ... ({len(names)})' if len(names) > 4 else text or 'without names'
+        self._events.note(kind, f'{what}: dropped')

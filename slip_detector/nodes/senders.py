@@ -15,10 +15,12 @@
 """Whether one publisher sends on a topic, or several at the same time."""
 
 import time
+from collections.abc import Callable
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 
+from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.rclpy_internals import publisher_counter
 
 #: A publisher whose numbers go on after so many is the same one: the others were lost.
@@ -101,20 +103,46 @@ class Senders:
 
 
 class SenderWatch(Senders):
-    """Tells of a subscription whether several publishers send to it.
+    """A subscription that tells whether several publishers send to it.
 
     Parameters
     ----------
-    node, subscription
-        The node, and its subscription, which takes messages with the middleware's information.
+    node
+        The node that subscribes.
+    message_class, topic
+        What it subscribes to, as samples are sent.
+    call
+        Called with each serialised message and what the middleware says of it; it asks
+        :meth:`accepts_message`.
     window_s
         As of :class:`Senders`.
     """
 
-    def __init__(self, node: Node, subscription: Subscription, window_s: float) -> None:
+    def __init__(
+        self,
+        node: Node,
+        message_class: type,
+        topic: str,
+        call: Callable[[bytes, dict[str, int | None]], None],
+        window_s: float,
+    ) -> None:
         super().__init__(window_s)
-        self._node, self._topic = node, subscription.topic_name
-        self._publishers = publisher_counter(subscription)
+        self._node = node
+        self._subscription = node.create_subscription(
+            message_class,
+            topic,
+            call,
+            sensor_qos(),
+            # Each sample would wake who waits for events, and there are none: such a quality of
+            # service goes with any publisher's.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
+        )
+        self._publishers = publisher_counter(self._subscription)
+
+    def destroy(self) -> None:
+        """End the subscription."""
+        self._node.destroy_subscription(self._subscription)
 
     def accepts_message(self, info: dict[str, int | None]) -> bool:
         """Take note of a message; return whether it is of the only publisher that sends."""
@@ -127,7 +155,7 @@ class SenderWatch(Senders):
         """
         if not self.several:
             return []
-        return publishing_nodes(self._node, self._topic)
+        return publishing_nodes(self._node, self._subscription.topic_name)
 
 
 def publishing_nodes(node: Node, topic: str) -> list[str]:

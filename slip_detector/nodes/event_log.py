@@ -1,0 +1,55 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Events that are counted, and logged now and then."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+
+#: Shortest time between two messages of the same kind on the log.
+LOG_PERIOD_NS = 1_000_000_000
+
+
+class EventLog:
+    """Counts events by their kind, and logs each kind at most once a second.
+
+    Parameters
+    ----------
+    totals
+        How often each kind has happened; counted up here.
+    log
+        Called with a line for the log.
+
+    Examples
+    --------
+    >>> log = EventLog(Counter(), print)
+    >>> for stamp in (3, 2):
+    ...     log.note('backwards', f'stamp {stamp} is before 4')
+    stamp 3 is before 4 (1 so far)
+    >>> log.note('bridged', 'samples missing', count=5)
+    samples missing (5 so far)
+    """
+
+    def __init__(self, totals: Counter[str], log: Callable[[str], object]) -> None:
+        self._totals, self._log = totals, log
+        self._logged_ns: dict[str, int] = {}
+
+    def note(self, kind: str, what: str, count: int = 1) -> None:
+        """Count an event, or ``count`` of them, and log it unless its kind was logged just now."""
+        self._totals[kind] += count
+        now_ns = time.monotonic_ns()
+        if now_ns - self._logged_ns.get(kind, -LOG_PERIOD_NS) >= LOG_PERIOD_NS:
+            self._logged_ns[kind] = now_ns
+            self._log(f'{what} ({self._totals[kind]} so far)')
