@@ -1,0 +1,215 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The taxels of fingers as markers, for RViz and other 3-D views."""
+
+import math
+import time
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from slip_detector.parameters.conversion import listed
+from slip_detector.view.hand import Finger
+from slip_detector.view.taxels import drawn_positions, least_distance_m
+
+#: Markers are in this frame where the samples name none.
+NO_FRAME = 'fingertip'
+
+#: A view drops markers that are not repeated for so long: slip_view is gone.
+LIFETIME_S = 2
+
+#: A channel's bar grows over so many factors of ten of its level, up to the threshold, and then
+#: by half as much again.
+DECADES, ABOVE = 2.0, 0.5
+
+#: In distances of the two closest channels: the width of a bar, of one that is ON, and the height
+#: of a bar at no level and at the threshold.
+WIDTH, ON_WIDTH = 0.6, 0.95
+FLAT, TALL = 0.15, 1.15
+
+#: The state of a finger is written so high, in the same unit.
+TEXT = 1.2
+
+#: Number of channels that are named as not valid.
+MOST_NAMED = 4
+
+#: Red, green and blue: of a level the first at rest, the second at the threshold. They are those
+#: of the report and of the page, and differ in lightness too.
+QUIET, NEAR = (0.925, 0.937, 0.945), (0.435, 0.490, 0.529)
+ON, NOT_VALID, DISABLED = (0.835, 0.369, 0.0), (0.612, 0.176, 0.471), (0.6, 0.6, 0.6)
+
+DISABLED_OPACITY = 0.4
+
+
+def finger_markers(finger: Finger) -> list[Marker]:
+    """Return the markers of one finger as it is now: a bar for each channel, and its state.
+
+    A bar stands on the taxel's place: the higher the level, the higher the bar; one that is ON is
+    wider. A channel that is not valid is a cube, a disabled one a flat and half transparent disc.
+    The text has the number 0, a channel its own.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters.detector import DetectorConfig
+    >>> finger = Finger('/index/slip_detector', DetectorConfig(channels=2))
+    >>> [(marker.ns, marker.id) for marker in finger_markers(finger)]
+    [('index', 0), ('index', 1), ('index', 2)]
+    """
+    config, positions = finger.config, drawn_positions(finger.config)
+    unit_m = least_distance_m(positions)
+    level, on = _latest(finger)
+    markers = [_text(finger, positions, unit_m, level)]
+    disabled = set(config.disabled_channels)
+    for i, (position, share) in enumerate(zip(positions, _shares(level), strict=True)):
+        marker = _marker(finger, i + 1, position)
+        if i + 1 in disabled:
+            _shape(marker, Marker.CYLINDER, WIDTH * unit_m, FLAT * unit_m)
+            marker.color = _color(DISABLED, DISABLED_OPACITY)
+        elif math.isnan(share):
+            _shape(marker, Marker.CUBE, WIDTH * unit_m, WIDTH * unit_m)
+            marker.color = _color(NOT_VALID)
+        else:
+            height_m = (FLAT + (TALL - FLAT) * share) * unit_m
+            _shape(marker, Marker.CYLINDER, (ON_WIDTH if on[i] else WIDTH) * unit_m, height_m)
+            marker.color = _color(ON if on[i] else _between(QUIET, NEAR, min(share, 1.0)))
+        markers.append(marker)
+    return markers
+
+
+class MarkersShown:
+    """Turns fingers into messages, and deletes what is there no more.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters.detector import DetectorConfig
+    >>> shown = MarkersShown()
+    >>> finger = Finger('/index/slip_detector', DetectorConfig(channels=1))
+    >>> [each.action for each in shown.message([finger]).markers]
+    [0, 0]
+    >>> [each.action == Marker.DELETE for each in shown.message([]).markers]
+    [True, True]
+    """
+
+    def __init__(self) -> None:
+        self._frames: dict[tuple[str, int], str] = {}
+
+    def message(self, fingers: Iterable[Finger]) -> MarkerArray:
+        """Return the markers of all fingers, and deletions of those that are not among them."""
+        markers = [marker for finger in fingers for marker in finger_markers(finger)]
+        frames = {(marker.ns, marker.id): marker.header.frame_id for marker in markers}
+        for (namespace, number), frame in self._frames.items():
+            if (namespace, number) not in frames:
+                gone = Marker(ns=namespace, id=number, action=Marker.DELETE)
+                gone.header.frame_id = frame
+                markers.append(gone)
+        self._frames = frames
+        return MarkerArray(markers=markers)
+
+
+def _latest(finger: Finger) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the level of each channel over the threshold, and which are ON.
+
+    The level is NaN where it is not valid, and everywhere where no samples come.
+    """
+    levels = finger.track.levels
+    if not len(levels) or _stale_s(finger):
+        channels = finger.config.channels
+        return np.full(channels, np.nan), np.zeros(channels, np.bool_)
+    last = levels.appended - 1
+    level = levels.field('level', last)[-1].astype(np.float64)
+    return level / finger.config.threshold, levels.field('on', last)[-1]
+
+
+def _stale_s(finger: Finger) -> float:
+    """Return for how long no samples have come; 0 where they come."""
+    silent_s = time.monotonic() - finger.sample_s
+    return silent_s if silent_s > finger.config.input_timeout_s else 0.0
+
+
+def _shares(level: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how much of their height bars have: 0 at rest, 1 at the threshold."""
+    with np.errstate(divide='ignore'):
+        return np.clip(1.0 + np.log10(level) / DECADES, 0.0, 1.0 + ABOVE)
+
+
+def _state_words(finger: Finger, level: NDArray[np.float64]) -> str:
+    """Return what there is to say of a finger, most important first."""
+    config = finger.config
+    stale_s = _stale_s(finger)
+    if finger.silent_words():
+        return 'detector not heard'
+    if stale_s:
+        return 'no samples' + ('' if math.isinf(stale_s) else f' for {stale_s:.0f} s')
+    words = 'no slip'
+    if not finger.valid:
+        words = 'slip not known'
+    elif finger.slip:
+        groups = [name for name, on in zip(config.groups, finger.groups, strict=False) if on]
+        words = f'SLIP {listed(groups, MOST_NAMED)}'
+    disabled = set(config.disabled_channels)
+    names = [
+        name
+        for i, name in enumerate(config.names)
+        if i + 1 not in disabled and math.isnan(level[i])
+    ]
+    return f'{words}\nnot valid: {listed(names, MOST_NAMED)}' if names else words
+
+
+def _marker(finger: Finger, number: int, position: NDArray[np.float64]) -> Marker:
+    """Return a marker at a place, for the latest transform of its frame."""
+    marker = Marker(ns=finger.label, id=number, action=Marker.ADD, frame_locked=True)
+    marker.header.frame_id = finger.frame_id or NO_FRAME
+    marker.pose.orientation.w = 1.0
+    place = marker.pose.position
+    place.x, place.y, place.z = position.tolist()
+    marker.lifetime.sec = LIFETIME_S
+    return marker
+
+
+def _text(
+    finger: Finger, positions: NDArray[np.float64], unit_m: float, level: NDArray[np.float64]
+) -> Marker:
+    """Return the state of a finger as a text beyond its uppermost channels."""
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    place = np.array([(low[0] + high[0]) / 2, high[1] + 2 * TEXT * unit_m, high[2]])
+    marker = _marker(finger, 0, place)
+    marker.type = Marker.TEXT_VIEW_FACING
+    marker.text = f'{finger.label}: {_state_words(finger, level)}'
+    marker.scale.z = TEXT * unit_m
+    marker.color = _color(ON if finger.slip else QUIET)
+    return marker
+
+
+def _shape(marker: Marker, kind: int, width_m: float, height_m: float) -> None:
+    """Let a marker be a solid that stands on its place."""
+    marker.type = kind
+    marker.scale.x = marker.scale.y = width_m
+    marker.scale.z = height_m
+    marker.pose.position.z += height_m / 2
+
+
+def _between(
+    low: tuple[float, float, float], high: tuple[float, float, float], share: float
+) -> tuple[float, float, float]:
+    red, green, blue = (a + share * (b - a) for a, b in zip(low, high, strict=True))
+    return red, green, blue
+
+
+def _color(rgb: tuple[float, float, float], opacity: float = 1.0) -> ColorRGBA:
+    red, green, blue = rgb
+    return ColorRGBA(r=red, g=green, b=blue, a=opacity)

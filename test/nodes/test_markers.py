@@ -1,0 +1,195 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The taxels of fingers as markers."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from visualization_msgs.msg import Marker
+
+from slip_detector.nodes.markers import LIFETIME_S, NO_FRAME, MarkersShown, finger_markers
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.hand import Finger
+from slip_detector.view.taxels import drawn_positions, least_distance_m
+from support.simulated_hand import SimulatedFinger
+
+FOUR = DetectorConfig(channels=4, groups={'left': (1, 2), 'right': (3, 4)}, vote=1)
+
+
+def finger_with(levels, config=FOUR, *, on=None, slip=False, groups=(False, False)):
+    """Return a finger whose channels have levels, in thresholds; those above one are ON."""
+    finger = Finger('/index/slip_detector', config)
+    levels = np.asarray(levels, np.float64)
+    on = levels > 1 if on is None else on
+    finger.track.take_levels(
+        np.array([10**9]), levels[np.newaxis] * config.threshold, on[np.newaxis], np.array([slip])
+    )
+    finger.slip, finger.valid = slip, not np.isnan(levels).all()
+    finger.groups = np.array(groups)
+    finger.sample_s = finger.heard_s
+    return finger
+
+
+def bars(finger):
+    """Return the markers of the channels, without the text before them."""
+    text, *markers = finger_markers(finger)
+    assert text.type == Marker.TEXT_VIEW_FACING
+    return markers
+
+
+def text_of(finger):
+    return finger_markers(finger)[0].text
+
+
+def rgb(marker):
+    return marker.color.r, marker.color.g, marker.color.b
+
+
+def test_each_channel_stands_at_its_place_in_the_frame_of_the_samples():
+    config = DetectorConfig(channels=3, taxel_positions_m=(0, 0, 0, 4e-3, 0, 1e-3, 0, 5e-3, 0))
+    finger = finger_with([0.1, 0.2, 0.3], config)
+    finger.frame_id = 'index_tip'
+    for channel, (marker, place) in enumerate(
+        zip(bars(finger), drawn_positions(config), strict=True), start=1
+    ):
+        assert (marker.ns, marker.id, marker.action) == ('index', channel, Marker.ADD)
+        assert marker.header.frame_id == 'index_tip'
+        assert (marker.pose.position.x, marker.pose.position.y) == (place[0], place[1])
+        bottom = marker.pose.position.z - marker.scale.z / 2
+        assert bottom == pytest.approx(place[2])
+        # No stamp: at the place where the frame is now, wherever the finger moves.
+        assert marker.header.stamp.sec == marker.header.stamp.nanosec == 0
+        assert marker.frame_locked
+        assert marker.lifetime.sec == LIFETIME_S
+        assert marker.pose.orientation.w == 1.0
+
+
+def test_samples_without_a_frame_are_drawn_in_that_of_the_package():
+    assert {marker.header.frame_id for marker in finger_markers(finger_with([0] * 4))} == {
+        NO_FRAME
+    }
+
+
+@given(st.lists(st.floats(0, 1e6), min_size=4, max_size=4))
+def test_a_higher_level_is_a_higher_bar_and_none_reaches_its_neighbour(levels):
+    markers = bars(finger_with(levels))
+    unit_m = least_distance_m(drawn_positions(FOUR))
+    order = np.argsort(levels)
+    heights = np.array([marker.scale.z for marker in markers])[order]
+    assert (np.diff(heights) >= 0).all()
+    assert 0 < heights.min() <= heights.max() < 2 * unit_m
+    for marker in markers:
+        assert marker.type == Marker.CYLINDER
+        assert 0 < marker.scale.x == marker.scale.y < unit_m
+        assert marker.color.a == 1.0
+
+
+def test_a_channel_that_is_on_is_wider_and_has_a_colour_of_its_own():
+    quiet, near, on, far = bars(finger_with([0.0, 1.0, 1.01, 40.0]))
+    assert quiet.scale.x == near.scale.x < on.scale.x == far.scale.x
+    assert rgb(quiet) != rgb(near) != rgb(on) == rgb(far)
+    assert quiet.scale.z < near.scale.z < far.scale.z
+
+
+def test_a_channel_that_is_not_valid_and_one_that_is_disabled_have_shapes_of_their_own():
+    config = DetectorConfig(channels=4, disabled_channels=(4,), groups={'all': (1, 2, 3)})
+    finger = finger_with([0.5, np.nan, 0.5, np.nan], config, groups=(False,))
+    good, bad, _, disabled = bars(finger)
+    assert (good.type, bad.type) == (Marker.CYLINDER, Marker.CUBE)
+    assert (disabled.type, disabled.scale.z < good.scale.z) == (Marker.CYLINDER, True)
+    assert disabled.color.a < 1.0
+    assert len({rgb(marker) for marker in (good, bad, disabled)}) == 3
+    # Only what should work and does not is named.
+    assert text_of(finger) == 'index: no slip\nnot valid: ch2'
+
+
+def test_the_text_says_slip_and_which_groups():
+    finger = finger_with([2, 0, 0, 0], slip=True, groups=(True, False))
+    assert text_of(finger) == 'index: SLIP left'
+    assert text_of(finger_with([0, 0, 0, 0])) == 'index: no slip'
+    assert rgb(finger_markers(finger)[0]) == rgb(bars(finger)[0])
+
+
+def test_a_finger_that_cannot_tell_slip_says_so():
+    finger = finger_with([np.nan] * 4)
+    assert text_of(finger) == 'index: slip not known\nnot valid: ch1, ch2, ch3, ch4'
+
+
+def test_of_many_channels_that_are_not_valid_a_few_are_named():
+    finger = finger_with([np.nan] * 16, DetectorConfig(), groups=(False,) * 4)
+    assert text_of(finger).endswith('not valid: ch1, ch2, ch3, ch4 and 12 more')
+
+
+def test_without_samples_no_channel_looks_as_if_it_were_measured():
+    finger = finger_with([3, 0, 0, 0], slip=True)
+    finger.sample_s -= FOUR.input_timeout_s + 3
+    assert {marker.type for marker in bars(finger)} == {Marker.CUBE}
+    assert text_of(finger) == 'index: no samples for 4 s'
+    never = Finger('/index/slip_detector', FOUR)
+    assert {marker.type for marker in bars(never)} == {Marker.CUBE}
+    assert text_of(never) == 'index: no samples'
+
+
+def test_a_detector_that_is_not_heard_any_more_is_told():
+    finger = finger_with([0, 0, 0, 0])
+    finger.heard_s -= 60
+    assert text_of(finger) == 'index: detector not heard'
+
+
+def test_the_names_of_a_finger_can_be_anything():
+    finger = finger_with([0] * 4)
+    finger.name = '/left/thumb/sure/slip_detector'
+    assert {marker.ns for marker in finger_markers(finger)} == {'left/thumb/sure'}
+
+
+def test_what_goes_is_deleted_once_in_its_frame():
+    shown = MarkersShown()
+    four = finger_with([0] * 4)
+    four.frame_id = 'tip'
+    assert {marker.action for marker in shown.message([four]).markers} == {Marker.ADD}
+    two = Finger('/index/slip_detector', DetectorConfig(channels=2))
+    markers = shown.message([two]).markers
+    gone = [marker for marker in markers if marker.action == Marker.DELETE]
+    assert [(m.ns, m.id, m.header.frame_id) for m in gone] == [
+        ('index', 3, 'tip'),
+        ('index', 4, 'tip'),
+    ]
+    assert len(markers) - len(gone) == 3
+    assert {marker.action for marker in shown.message([]).markers} == {Marker.DELETE}
+    assert shown.message([]).markers == []
+
+
+def test_fingers_do_not_share_markers():
+    index, thumb = finger_with([0] * 4), finger_with([2] * 4)
+    thumb.name = '/thumb/slip_detector'
+    markers = MarkersShown().message([index, thumb]).markers
+    assert len({(marker.ns, marker.id) for marker in markers}) == len(markers) == 10
+
+
+def test_a_simulated_slip_is_seen_in_the_markers():
+    finger = Finger('/index/slip_detector', DetectorConfig())
+    simulated = SimulatedFinger(finger)
+    seen = set()
+    while 'no slip' not in seen or not any(words.startswith('SLIP') for words in seen):
+        simulated.play(0.05)
+        text, *markers = finger_markers(finger)
+        seen.add(text.text.removeprefix('index: ').split('\n')[0])
+        on = finger.track.levels.field('on')[-1]
+        widths = np.array([marker.scale.x for marker in markers])
+        assert np.array_equal(widths > widths.min(), on) or on.all()
