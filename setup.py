@@ -98,6 +98,7 @@ setup(
             f'slip_driver = {NAME}.nodes.run:driver',
             f'slip_detector = {NAME}.nodes.run:detector',
             f'grasp_controller = {NAME}.nodes.run:grasp_controller',
+            f'slip_view = {NAME}.nodes.view:main',
             f'slip_demo = {NAME}.nodes.demo:main',
             f'slip_grasp = {NAME}.nodes.grasp_demo:main',
             f'slip_evaluate = {NAME}.commands.command_line:evaluate',

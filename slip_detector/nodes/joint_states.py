@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from slip_detector.nodes.messages import time_message
+from slip_detector.nodes.messages import stamp_ns, time_message
 
 #: The first bytes of a message that was serialised with the least significant byte first.
 LITTLE_ENDIAN = b'\x00\x01'
@@ -189,6 +189,80 @@ class JointStateWriter:
         if effort is not None:
             self._raw[self._effort] = effort.tobytes()
         return bytes(self._raw)
+
+
+class JointStates(NamedTuple):
+    """Many messages that have as many positions as efforts, oldest first.
+
+    Attributes
+    ----------
+    stamps_ns : ndarray of int, shape (n,)
+    position, effort : ndarray, shape (n, joints)
+    """
+
+    stamps_ns: NDArray[np.int64]
+    position: NDArray[np.float64]
+    effort: NDArray[np.float64]
+
+
+def read_joint_states(raws: Sequence[bytes], joints: int) -> JointStates:
+    """Read many serialised messages at once; those of another number of joints are left out.
+
+    Examples
+    --------
+    >>> writer = JointStateWriter('thumb', ['a', 'b'], efforts=True)
+    >>> raws = [writer.written(5 * k, np.array([k, 2.0]), np.ones(2)) for k in range(2)]
+    >>> read = read_joint_states(raws, 2)
+    >>> read.stamps_ns.tolist(), read.position.tolist(), read.effort[0].tolist()
+    ([0, 5], [[0.0, 2.0], [1.0, 2.0]], [1.0, 1.0])
+    """
+    alike = _read_alike(raws, joints)
+    if alike is not None:
+        return alike
+    messages = []
+    for raw in raws:
+        with contextlib.suppress(RuntimeError):  # It is no such message.
+            message = deserialize_message(raw, JointState)
+            if len(message.position) == len(message.effort) == joints:
+                messages.append(message)
+    return JointStates(
+        np.array([stamp_ns(message.header.stamp) for message in messages], np.int64),
+        np.reshape([message.position for message in messages], (-1, joints)).astype(float),
+        np.reshape([message.effort for message in messages], (-1, joints)).astype(float),
+    )
+
+
+def _read_alike(raws: Sequence[bytes], joints: int) -> JointStates | None:
+    """Read messages that differ in stamp and numbers only; None where they differ in more."""
+    size = len(raws[0])
+    if not all(len(raw) == size and raw.startswith(LITTLE_ENDIAN) for raw in raws):
+        return None
+    try:
+        fixed, begin, n = places_in(raws[0])
+    except ValueError:
+        return None
+    end = begin + DOUBLES.itemsize * n
+    # No velocities, and as many efforts.
+    counts = LENGTH.pack(0) + LENGTH.pack(n)
+    effort_begin = end + len(counts)
+    if n != joints or size < effort_begin + DOUBLES.itemsize * n:
+        return None
+    table = np.frombuffer(b''.join(raws), np.uint8).reshape(len(raws), size)
+    fixed += range(end, effort_begin)
+    if raws[0][end:effort_begin] != counts or (table[:, fixed] != table[0, fixed]).any():
+        return None
+
+    def numbers(first: int, kind: str, count: int) -> NDArray[Any]:
+        kept = table[:, first : first + count * np.dtype(kind).itemsize]
+        return np.ascontiguousarray(kept).view(kind)
+
+    seconds = numbers(ENCAPSULATION_BYTES, '<i4', 1)[:, 0].astype(np.int64)
+    rest = numbers(ENCAPSULATION_BYTES + 4, '<u4', 1)[:, 0].astype(np.int64)
+    return JointStates(
+        seconds * 1_000_000_000 + rest,
+        numbers(begin, DOUBLES.str, n),
+        numbers(effort_begin, DOUBLES.str, n),
+    )
 
 
 def places_in(raw: bytes) -> tuple[list[int], int, int]:

@@ -66,8 +66,13 @@ def sensor_qos() -> QoSProfile:
     )
 
 
-def event_qos() -> QoSProfile:
+def event_qos(depth: int = 10) -> QoSProfile:
     """Return the profile of events: all are delivered, none is kept for late subscribers.
+
+    Parameters
+    ----------
+    depth
+        Queue length.
 
     Examples
     --------
@@ -76,7 +81,7 @@ def event_qos() -> QoSProfile:
     """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=10,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.VOLATILE,
     )

@@ -221,12 +221,16 @@ class Outputs:
         self._valid = valid
 
     def show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
-        """Publish the levels that are compared with the threshold, of the last row."""
+        """Publish the levels that are compared with the threshold, of the last row.
+
+        A channel that is not valid has none: NaN stands for it.
+        """
         if self._writer is None or frame_id != self._frame_id:
             self._frame_id = frame_id
             self._writer = JointStateWriter(frame_id, self._config.names, efforts=True)
         effort = result.channels[-1].astype(np.float64)
-        self._envelope.publish(self._writer.written(at_ns, result.level[-1], effort))
+        level = np.where(result.valid[-1], result.level[-1], np.nan)
+        self._envelope.publish(self._writer.written(at_ns, level, effort))
 
     def beat(self) -> None:
         """Repeat ``slip`` and ``slip_valid``."""

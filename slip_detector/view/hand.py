@@ -82,6 +82,31 @@ class Finger:
         namespace, _, node = self.name.strip('/').rpartition('/')
         return '/'.join(filter(None, (namespace, '' if node == 'slip_detector' else node))) or node
 
+    def take_config(self, config: DetectorConfig) -> None:
+        """Go on with other parameters of the detector; what fits to them is kept.
+
+        Other channels, or another rate, begin a new track.
+        """
+        before, self.config = self.config, config
+        if (config.channels, config.sample_rate_hz) != (before.channels, before.sample_rate_hz):
+            beginnings = self.track.beginnings
+            self.track = Track(config)
+            self.track.beginnings = beginnings + 1
+        if list(config.groups) != list(before.groups):
+            self.groups = np.zeros(len(config.groups), np.bool_)
+
+    def started_again(self, config: DetectorConfig) -> None:
+        """Note that the detector was started again, with these parameters."""
+        channels, before = config.channels, self.config.channels
+        self.starts += 1
+        self.notice = f'the detector was started again at {time.strftime("%H:%M:%S")}'
+        if channels != before:
+            self.notice += f', with {channels} channels instead of {before}'
+        self.take_config(config)
+        self.slip = self.valid = False
+        self.groups[:] = False
+        self.onset_s = None
+
     def silent_words(self) -> str:
         """Return what is wrong where the detector has not been heard; empty where it has."""
         silent_s = time.monotonic() - self.heard_s

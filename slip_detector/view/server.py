@@ -81,15 +81,15 @@ class Server:
 
     Attributes
     ----------
-    recorded : set of str
-        Fingers that are watched though no page may look at them.
+    wanted : dict
+        For each purpose the fingers that are watched for it, though no page may look at them.
     each_tick : list of callable
         Called after each poll of the hand, at most 30 times a second.
     """
 
     def __init__(self, hand: Hand, access: Access) -> None:
         self.hand, self.access = hand, access
-        self.recorded: set[str] = set()
+        self.wanted: dict[str, set[str]] = {}
         self.each_tick: list[Callable[[], None]] = []
         self.pages: set[LivePage] = set()
         self.requests: dict[str, Request] = {}
@@ -142,7 +142,7 @@ class Server:
             while not stop.is_set():
                 begin_s = time.monotonic()
                 self.tick()
-                period_s = FRAME_S if self.pages or self.recorded else IDLE_S
+                period_s = FRAME_S if self.pages or any(self.wanted.values()) else IDLE_S
                 left_s = max(0.001, begin_s + period_s - time.monotonic())
                 try:
                     await asyncio.wait_for(stop.wait(), left_s)
@@ -154,7 +154,7 @@ class Server:
     def tick(self) -> None:
         """Take what has come, and send each page what is new to it."""
         looked_at = {name for page in self.pages if page.look for name in page.look.names}
-        self.hand.watch(looked_at | self.recorded)
+        self.hand.watch(looked_at.union(*self.wanted.values()))
         self.hand.poll()
         for call in self.each_tick:
             call()

@@ -36,6 +36,7 @@ EXECUTABLES = [
     'slip_evaluate',
     'slip_grasp',
     'slip_tune',
+    'slip_view',
 ]
 
 
@@ -89,7 +90,7 @@ def test_what_reports_are_made_of_is_installed(tmp_path):
 
 
 @pytest.mark.parametrize(
-    'name', ['slip_compile', 'slip_demo', 'slip_evaluate', 'slip_grasp', 'slip_tune']
+    'name', ['slip_compile', 'slip_demo', 'slip_evaluate', 'slip_grasp', 'slip_tune', 'slip_view']
 )
 def test_the_command_lines_run(name):
     done = run(name, '--help')

@@ -1,0 +1,250 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``slip_view``: a live page of all fingers, for any browser."""
+
+import argparse
+import asyncio
+import gc
+import os
+import signal
+import socket
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from slip_detector.commands.command_line import Parser, whole_number
+
+if TYPE_CHECKING:
+    from slip_detector.nodes.demonstration import NodeProcesses
+
+#: Where the page is unless told otherwise.
+HOST, PORT = '127.0.0.1', 8765
+
+#: Where recordings and saved parameters go unless told otherwise.
+FOLDER = Path('slip_recordings')
+
+#: The namespace of the nodes that play a scene.
+SCENE_NAMESPACE = 'scene'
+
+#: How often it is checked whether the nodes that play a scene run.
+CHECK_S = 1.0
+
+
+def run() -> int:
+    """Serve the page until a signal arrives.
+
+    Slow imports come after the signal handlers are set, because otherwise a signal during start-up
+    would end in a traceback.
+
+    Returns
+    -------
+    int
+        Exit code: 0, 1 after an error, or 2 after a wrong argument, which is reported as one line
+        on stderr.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: os._exit(0))
+    # What is made until the page is served stays: the garbage collector need not look at it.
+    gc.disable()
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+    from rclpy.utilities import remove_ros_args
+
+    from slip_detector.nodes.demonstration import NodeProcesses
+    from slip_detector.nodes.rclpy_internals import ROS_ERROR, shut_down
+
+    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
+    code = 0
+    takedowns: list[Callable[[], object]] = []
+    try:
+        _check(arguments)
+        if arguments.scene:
+            # Processes on one machine need no network.
+            os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        # The page uses the middleware until it has said good-bye, also after a signal.
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        with NodeProcesses(SCENE_NAMESPACE, lambda: None) as nodes:
+            if arguments.scene:
+                _play(nodes, arguments)
+            asyncio.run(_serve(arguments, nodes, takedowns))
+    except (ValueError, RuntimeError, OSError, ROS_ERROR) as error:
+        print(f'slip_view: {" ".join(str(error).split())}', file=sys.stderr)
+        code = 1
+    finally:
+        # A second signal (ros2 launch sends two) must not interrupt the clean-up.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        shut_down(takedowns, code)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog='slip_view', description=__doc__)
+    parser.add_argument(
+        '--host',
+        default=HOST,
+        help='address to listen at; %(default)s, which only this machine reaches, unless given: '
+        '0.0.0.0 is all of this machine, and then the address of the page has a token',
+    )
+    parser.add_argument(
+        '--port',
+        type=whole_number(0, 65535),
+        default=PORT,
+        help='port to listen at; 0: any that is free (%(default)s)',
+    )
+    parser.add_argument(
+        '--token', default='', help='the token; a new one at each start unless given'
+    )
+    parser.add_argument(
+        '--read-only', action='store_true', help='let no page change, record or save anything'
+    )
+    parser.add_argument(
+        '--folder',
+        type=Path,
+        default=FOLDER,
+        help='folder for recordings and saved parameters (%(default)s)',
+    )
+    parser.add_argument(
+        '--config',
+        default='',
+        help='the parameter file that the detectors were started with, for "as in the file"; '
+        'several, with commas between: of each the namespace of its name',
+    )
+    parser.add_argument('--scene', help='play this scene in a loop, its name or path')
+    parser.add_argument(
+        '--fingers', default='index', help='names of the fingers that play it (%(default)s)'
+    )
+    return parser
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Raise a ValueError for what cannot be done, before anything is started."""
+    from slip_detector.scenes.scene_files import find_scene
+
+    arguments.configs = [Path(name.strip()) for name in arguments.config.split(',') if name]
+    for path in arguments.configs:
+        if not path.is_file():
+            raise ValueError(f'--config is {str(path)!r}, allowed: the path of a parameter file')
+    if arguments.scene:
+        find_scene(arguments.scene)
+        if len(arguments.configs) > 1:
+            raise ValueError('--scene is played with one detector a finger, allowed: one --config')
+
+
+def _play(nodes: 'NodeProcesses', arguments: argparse.Namespace) -> None:
+    """Start a detector and a driver for each finger."""
+    from slip_detector.parameters.shared_folder import shared_folder
+
+    if not arguments.configs:
+        arguments.configs = [shared_folder() / 'config' / 'slip_detector.yaml']
+    fingers = ('--', '--fingers', arguments.fingers)
+    files = ('--params-file', str(arguments.configs[0]))
+    nodes.start('slip_detector', *files, *fingers)
+    given = {
+        'source': 'scene',
+        'scene': arguments.scene,
+        'loop': 'true',
+        # No detector misses anything while it starts.
+        'wait_for_subscribers': '1',
+    }
+    words = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
+    nodes.start('slip_driver', *files, *words, *fingers)
+
+
+async def _serve(
+    arguments: argparse.Namespace,
+    nodes: 'NodeProcesses',
+    takedowns: list[Callable[[], object]],
+) -> None:
+    """Serve the page until a signal arrives, or a node that plays the scene ends."""
+    from rclpy.node import Node
+
+    from slip_detector.nodes.view_fingers import RosHand
+    from slip_detector.view.access import Access, is_loopback, new_token
+    from slip_detector.view.parameter_requests import ParameterRequests
+    from slip_detector.view.server import Server
+
+    stop = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    token = arguments.token or ('' if is_loopback(arguments.host) else new_token())
+    # Nobody spins the node: a service of its own would keep those waiting who ask.
+    node = Node('slip_view', start_parameter_services=False)
+    takedowns.append(node.destroy_node)
+    hand = RosHand(node)
+    server = Server(hand, Access(arguments.host, token, arguments.read_only))
+    ParameterRequests(server, arguments.folder, arguments.configs)
+    try:
+        port = server.listen(arguments.port)
+    except OSError as error:
+        raise ValueError(
+            f'--host {arguments.host} --port {arguments.port} cannot be had ({error.strerror}), '
+            'allowed: an address of this machine and a port that is free'
+        ) from None
+    gc.freeze()
+    gc.enable()
+    print(f'slip_view: {_address(arguments.host, port, token)}', flush=True)
+    checking = asyncio.create_task(_check_nodes(nodes, stop))
+    try:
+        await server.run(stop)
+    finally:
+        hand.close()
+    await checking
+
+
+async def _check_nodes(nodes: 'NodeProcesses', stop: asyncio.Event) -> None:
+    """Stop when a node that plays the scene has ended, and raise a RuntimeError then."""
+    while not stop.is_set():
+        try:
+            nodes.check()
+        except RuntimeError:
+            stop.set()
+            raise
+        try:
+            await asyncio.wait_for(stop.wait(), CHECK_S)
+        except asyncio.TimeoutError:
+            continue
+
+
+def _address(host: str, port: int, token: str) -> str:
+    """Return the address of the page, as another machine reaches it where it can."""
+    if host in ('0.0.0.0', '::', ''):
+        host = _own_address()
+    name = f'[{host}]' if ':' in host else host
+    return f'http://{name}:{port}/' + (f'?token={token}' if token else '')
+
+
+def _own_address() -> str:
+    """Return the address from which this machine reaches others; its name where it has none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            # Nothing is sent: a datagram's socket only chooses the way.
+            probe.connect(('10.255.255.255', 9))
+            return str(probe.getsockname()[0])
+        except OSError:
+            return socket.gethostname()
+
+
+def main() -> None:
+    """Entry point of ``slip_view``."""
+    code = run()
+    from slip_detector.nodes.rclpy_internals import leave
+
+    leave(code)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,267 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The detectors that run, as fingers of the live page: found by what they publish."""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Collection, Mapping
+from typing import Any, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.node import Node, NodeNameNonExistentError
+
+from slip_detector.nodes.finger_topics import FingerTopics, Topics
+from slip_detector.nodes.messages import event_qos
+from slip_detector.nodes.polled_topics import PolledTopics
+from slip_detector.nodes.view_parameters import ParameterClient, changes_in
+from slip_detector.view.hand import Diagnosis, Finger, Hand
+
+#: How often detectors are looked for.
+LOOK_S = 1.0
+
+#: What was said on ``/diagnostics`` holds for so long: it is said once a second.
+DIAGNOSIS_S = 3.5
+
+BOOL, JOINT_STATE = 'std_msgs/msg/Bool', 'sensor_msgs/msg/JointState'
+
+#: The middleware's word for a node that it does not know yet.
+UNKNOWN = '_NODE_NAME_UNKNOWN_'
+
+
+class Reading(NamedTuple):
+    """Parameters that are being read, and whether that is because a detector was started."""
+
+    task: asyncio.Task[None]
+    started: bool
+
+
+class RosHand(Hand):
+    """The fingers of all detectors that can be reached.
+
+    A node that publishes a topic ``slip_valid`` and has the parameters of a detector is one.
+    Nothing is subscribed to for a finger that is not watched.
+
+    Parameters
+    ----------
+    node
+        It is not spun: what it is sent is taken by :meth:`poll`.
+    """
+
+    def __init__(self, node: Node) -> None:
+        super().__init__()
+        self._node = node
+        self._clients: dict[str, ParameterClient] = {}
+        # The publishers of each detector: a new one is a detector that was started again.
+        self._publishers: dict[str, set[bytes]] = {}
+        self._readings: dict[str, Reading] = {}
+        self._watched: dict[str, FingerTopics] = {}
+        self._shared = PolledTopics(node)
+        self._said: dict[tuple[str, str], tuple[float, Diagnosis]] = {}
+        self._looked_s = float('-inf')
+
+    def watch(self, names: Collection[str]) -> None:
+        """Receive what comes of these fingers, and nothing of any other."""
+        wanted = {name for name in names if name in self.fingers}
+        for name in set(self._watched) - wanted:
+            self._watched.pop(name).close()
+        for name in wanted - set(self._watched):
+            topics = self._topics_of(name)
+            self._watched[name] = FingerTopics(self._node, self.fingers[name], topics)
+            # Its parameters may have been changed while nobody watched.
+            self._read(name)
+        if self._watched and not self._shared:
+            self._shared.add(
+                DiagnosticArray, '/diagnostics', event_qos(depth=1000), self._on_diagnostics
+            )
+            self._shared.add(
+                ParameterEvent, '/parameter_events', event_qos(depth=1000), self._on_event
+            )
+        elif self._shared and not self._watched:
+            self._shared.close()
+
+    def poll(self) -> None:
+        """Take what has come; once a second, look who is there."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s >= LOOK_S:
+            self._looked_s = now_s
+            self._look_around()
+            self._forget_diagnostics(now_s)
+        self._shared.poll()
+        for topics in self._watched.values():
+            topics.poll()
+
+    async def set_parameters(self, name: str, values: Mapping[str, Any]) -> str:
+        """Set parameters of a finger's detector, all or none; return why not, or ''."""
+        return await self._client(name).set(values)
+
+    def close(self) -> None:
+        """Let go of everything."""
+        self.watch(())
+        for reading in self._readings.values():
+            reading.task.cancel()
+        for client in self._clients.values():
+            client.destroy()
+        self._clients.clear()
+
+    # Who is there.
+
+    def _look_around(self) -> None:
+        """Notice detectors that have come, were started again, or have gone."""
+        found: dict[str, set[bytes]] = {}
+        for topic, types in self._node.get_topic_names_and_types():
+            if types == [BOOL] and topic.rpartition('/')[2] == 'slip_valid':
+                for each in self._node.get_publishers_info_by_topic(topic):
+                    if each.node_name != UNKNOWN:
+                        name = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+                        found.setdefault(name, set()).add(bytes(each.endpoint_gid))
+        for name in set(self._publishers) - set(found):
+            self._forget(name)
+        for name, publishers in found.items():
+            if publishers - self._publishers.get(name, set()):
+                self._read(name, started=True)
+            self._publishers[name] = publishers
+        for name, topics in self._watched.items():
+            names = self._topics_of(name)
+            if names != topics.names:
+                topics.subscribe(names)
+
+    def _forget(self, name: str) -> None:
+        del self._publishers[name]
+        if name in self._readings:
+            self._readings.pop(name).task.cancel()
+        if name in self._watched:
+            self._watched.pop(name).close()
+        if name in self._clients:
+            self._clients.pop(name).destroy()
+        if name in self.fingers:
+            self.gone[name] = self.fingers.pop(name).label
+
+    def _topics_of(self, name: str) -> Topics:
+        """Return the topics of a detector as they are in the graph, where they may be remapped."""
+        namespace, _, node = name.rpartition('/')
+        config = self.fingers[name].config
+        subscribed = []
+        with contextlib.suppress(NodeNameNonExistentError):  # It has just ended.
+            subscribed = self._node.get_subscriber_names_and_types_by_node(node, namespace or '/')
+        inputs = [
+            topic
+            for topic, types in subscribed
+            if _long(config.input_type) in types
+            and topic not in (f'{namespace}/slip_valid', '/clock', '/parameter_events')
+        ]
+        voltages = inputs[0] if inputs else ''
+        return Topics(
+            namespace, voltages, f'{voltages.rpartition("/")[0]}/slip_truth', f'{name}/envelope'
+        )
+
+    # Their parameters.
+
+    def _client(self, name: str) -> ParameterClient:
+        if name not in self._publishers:
+            raise ValueError(f'{name} is gone')
+        if name not in self._clients:
+            self._clients[name] = ParameterClient(self._node, name)
+        return self._clients[name]
+
+    def _read(self, name: str, *, started: bool = False) -> None:
+        """Read the parameters of a detector; a reading that is under way begins again."""
+        before = self._readings.pop(name, None)
+        if before is not None:
+            before.task.cancel()
+            started |= before.started
+        task = asyncio.get_running_loop().create_task(self._take_parameters(name, started))
+        self._readings[name] = Reading(task, started)
+
+    async def _take_parameters(self, name: str, started: bool) -> None:
+        try:
+            reading = await self._client(name).read()
+        except ValueError:
+            # It hangs, or is about to end or to begin: it is asked again.
+            await asyncio.sleep(LOOK_S)
+            del self._readings[name]
+            if name in self._publishers:
+                self._read(name, started=started)
+            return
+        del self._readings[name]
+        panel = self.panel(name)
+        if started or not panel.values:
+            panel.read(reading)
+        else:
+            gone = dict.fromkeys(panel.values.keys() - reading.values.keys())
+            panel.take({**gone, **reading.values})
+        self._take_config(name, started)
+
+    def _take_config(self, name: str, started: bool) -> None:
+        try:
+            config = self.panel(name).config
+        except ValueError:
+            # It publishes slip_valid, but is no detector.
+            del self.panels[name]
+            return
+        finger = self.fingers.get(name)
+        if finger is None:
+            self.gone.pop(name, None)
+            self.fingers[name] = Finger(name, config)
+        elif started:
+            finger.started_again(config)
+        elif finger.config != config:
+            finger.take_config(config)
+
+    def _on_event(self, event: ParameterEvent) -> None:
+        name = event.node
+        if name in self._readings:
+            self._read(name)
+        elif name in self.fingers:
+            self.panel(name).take(changes_in(event))
+            self._take_config(name, started=False)
+
+    # What they say of themselves.
+
+    def _on_diagnostics(self, array: DiagnosticArray) -> None:
+        """Take what detectors say of themselves, and other nodes of their namespaces."""
+        now_s = time.monotonic()
+        for status in array.status:
+            node, _, part = status.name.partition(': ')
+            name = f'/{node.lstrip("/")}'
+            own = name in self.fingers
+            for finger in self._watched:
+                namespace = self._watched[finger].names.voltages.rpartition('/')[0]
+                beside = not own and name.rpartition('/')[0] == namespace
+                if name == finger or beside:
+                    label = part if name == finger else f'{name.rpartition("/")[2]}: {part}'
+                    diagnosis = Diagnosis(status.level[0], label, status.message)
+                    self._said[finger, label] = now_s, diagnosis
+        self._tell_diagnostics()
+
+    def _forget_diagnostics(self, now_s: float) -> None:
+        old = [key for key, (at_s, _) in self._said.items() if now_s - at_s > DIAGNOSIS_S]
+        for key in old:
+            del self._said[key]
+        if old:
+            self._tell_diagnostics()
+
+    def _tell_diagnostics(self) -> None:
+        for name, finger in self.fingers.items():
+            finger.diagnostics = tuple(
+                diagnosis for (of, _), (_, diagnosis) in self._said.items() if of == name
+            )
+
+
+def _long(message_type: str) -> str:
+    """Return the name of a message type as the graph has it."""
+    package, _, name = message_type.partition('/')
+    return f'{package}/msg/{name.removeprefix("msg/")}'
