@@ -16,16 +16,20 @@
 
 import math
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from slip_detector.view.frames import packed
 from slip_detector.view.hand import Finger, Hand
+from slip_detector.view.track import Track
 
 #: Seconds that a page may show at once, and pixels over which.
-WINDOW_S, PIXELS = (0.5, 60.0), (10, 4000)
+WINDOW_S, PIXELS = (0.02, 60.0), (10, 4000)
+
+#: Stamps that fit 64 bits.
+STAMPS_NS = (-(2.0**62), 2.0**62)
 
 #: Channels of which a page may draw traces at once.
 MOST_CHANNELS = 64
@@ -73,6 +77,11 @@ class Look:
         window_s = _number('window_s', message.get('window_s', 10.0), *WINDOW_S)
         self._columns = int(_number('pixels', message.get('pixels', 900), *PIXELS))
         self._width_ns = round(window_s * 1e9 / self._columns)
+        until_ns = message.get('until_ns')
+        #: The stamp at which the traces end; None: they go on.
+        self.until_ns = (
+            None if until_ns is None else int(_number('until_ns', until_ns, *STAMPS_NS))
+        )
         # Of each finger how many of its levels were shown; of the traces which column is next, and
         # of which beginning of the track.
         self._shown: dict[str, int] = {}
@@ -84,8 +93,18 @@ class Look:
         """Names of all fingers that are looked at."""
         return {*self.fingers, *filter(None, [self.finger])}
 
-    def frame(self, hand: Hand, number: int, more: Collection[Any] = ()) -> bytes:
-        """Return the next frame."""
+    def frame(self, hand: Hand, number: int, held: Track | None = None) -> bytes:
+        """Return the next frame.
+
+        Parameters
+        ----------
+        hand
+            The fingers.
+        number
+            The number of the frame.
+        held
+            What the traces are drawn from instead of the finger's own track.
+        """
         arrays: dict[str, Any] = {}
         now_s = time.monotonic()
         shown = [hand.fingers[name] for name in self.fingers if name in hand.fingers]
@@ -94,7 +113,8 @@ class Look:
             'fingers': [self._state(i, finger, now_s, arrays) for i, finger in enumerate(shown)],
         }
         if self.finger in hand.fingers:
-            header['traces'] = self._traces(hand.fingers[self.finger], arrays)
+            finger = hand.fingers[self.finger]
+            header['traces'] = self._traces(finger, held or finger.track, arrays)
         return packed(header, arrays)
 
     def _state(
@@ -127,10 +147,9 @@ class Look:
             'silent': finger.silent_words(),
         }
 
-    def _traces(self, finger: Finger, arrays: dict[str, Any]) -> dict[str, Any]:
+    def _traces(self, finger: Finger, track: Track, arrays: dict[str, Any]) -> dict[str, Any]:
         """Add the columns of volts, levels, slip and truth that were completed meanwhile."""
-        track, channels = finger.track, self._channels
-        channels = channels[channels < finger.config.channels]
+        channels = self._channels[self._channels < track.channels]
         beginning = finger.starts, track.beginnings
         if beginning != self._beginning:
             self._next, self._beginning = {}, beginning
@@ -138,6 +157,7 @@ class Look:
             'name': finger.name,
             'beginning': list(beginning),
             'width_ns': self._width_ns,
+            'until_ns': self.until_ns,
             'channels': (channels + 1).tolist(),
         }
         only = np.zeros(1, np.intp)
@@ -150,6 +170,8 @@ class Look:
                 header[stream] = {'first': 0, 'count': 0, 'last_ns': 0}
                 continue
             stop = int(stamps_ns[-1]) // self._width_ns
+            if self.until_ns is not None:
+                stop = min(stop, self.until_ns // self._width_ns + 1)
             oldest = max(int(stamps_ns[0]) // self._width_ns, stop - self._columns)
             first = min(max(self._next.get(stream, oldest), oldest), stop)
             self._next[stream] = stop

@@ -15,6 +15,7 @@
 """The server of the live page: its files, and one connection for each page that is open."""
 
 import asyncio
+import copy
 import json
 import logging
 import time
@@ -30,6 +31,7 @@ from slip_detector.view.hand import Finger, Hand
 from slip_detector.view.look import Look
 from slip_detector.view.pages import page_files
 from slip_detector.view.taxels import drawn_positions
+from slip_detector.view.track import Track
 
 #: Shortest time between two frames.
 FRAME_S = 1 / 30
@@ -286,6 +288,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         """Take what tornado passes on."""
         self.server = server
         self.look: Look | None = None
+        # The finger and its last minute as it was when the page began to look at the past.
+        self._held: tuple[Finger, Track] | None = None
         self.news: dict[str, str] = {}
         self._frames = self._drawn = 0
         self._sent_s = float('-inf')
@@ -334,8 +338,17 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
     def _take_look(self, content: Mapping[str, Any]) -> None:
         try:
             self.look = Look(content) if content.get('fingers') or content.get('finger') else None
+            self._hold()
         except ValueError as error:
             self.news['refused'] = json.dumps({'type': 'refused', 'why': str(error)})
+
+    def _hold(self) -> None:
+        """Keep what a page looks at that stands still: it may look for longer than a minute."""
+        finger = self.server.hand.fingers.get(self.look.finger) if self.look else None
+        if finger is None or self.look is None or self.look.until_ns is None:
+            self._held = None
+        elif self._held is None or self._held[0] is not finger:
+            self._held = finger, copy.deepcopy(finger.track)
 
     async def _answer(self, content: Mapping[str, Any]) -> None:
         answer = await self.server.answer(content)
@@ -354,7 +367,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         if self.look is not None and not waits:
             self._frames += 1
             self._sent_s = now_s
-            self._send(self.look.frame(self.server.hand, self._frames))
+            held = self._held[1] if self._held else None
+            self._send(self.look.frame(self.server.hand, self._frames, held))
 
     def _send(self, content: str | bytes) -> None:
         if self.ws_connection is not None:

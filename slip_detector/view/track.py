@@ -167,6 +167,8 @@ class Track:
 
     Attributes
     ----------
+    channels : int
+        Their number.
     samples : Rows
         ``volts`` of each channel, and ``truth``.
     levels : Rows
@@ -183,7 +185,7 @@ class Track:
     """
 
     def __init__(self, config: ChainConfig) -> None:
-        channels = config.channels
+        self.channels = channels = config.channels
         # Volts take 8 bytes, a level 4 and ON 1, and there is room for twice the rows.
         kept = min(config.samples(KEPT_S), MOST_BYTES // (2 * 13 * channels + 64))
         self.samples = Rows(kept, {'volts': (np.float64, channels), 'truth': (np.bool_, 1)})

@@ -16,7 +16,8 @@ const TICKS_S = [
 class Timeline {
   // root: an empty element.
   // tickText(seconds, step): a time as text beside ticks that are a step apart.
-  // onLook(from, to): the user wants to see another stretch.
+  // onLook(from, to, how): the user wants to see another stretch; how: 'zoom', 'move', 'choose', or
+  // 'whole', which is from -Infinity to Infinity.
   // onPoint(seconds, lane): the pointer is there. onClick(seconds, lane, reach): so is a click;
   // reach: how many seconds away from it something may be that is meant.
   constructor(root, {tickText, onLook, onPoint, onClick}) {
@@ -25,19 +26,22 @@ class Timeline {
     this.names = document.createElement('div');
     this.names.className = 'lane-names';
     root.append(this.names);
-    root.addEventListener('dblclick', () => onLook(-Infinity, Infinity));
+    root.addEventListener('dblclick', () => onLook(-Infinity, Infinity, 'whole'));
   }
 
-  // What is drawn from top to bottom: {name, note, className, height, curve, below, paint}.
-  // curve: whether the lane has one; below: how many pixels it leaves free under it. paint(pen, lane): draws the rest with pen.context, under the
-  // curve; pen.xOf(seconds) and pen.right are pixels, as are lane.top and lane.height.
+  // What is drawn from top to bottom: {name, note, className, height, curve, colors, below, paint}.
+  // curve: whether the lane has one, or how many; colors: of each, where it is not the usual one;
+  // below: how many pixels the lane leaves free under it. paint(pen, lane): draws the rest with
+  // pen.context, under the curve; pen.xOf(seconds) and pen.right are pixels, as are lane.top and
+  // lane.height.
   setLanes(lanes) {
     let top = AXIS_HEIGHT;
     for (const lane of lanes) {
       lane.top = top;
       top += lane.height + (lane.curve ? 0 : 2);
     }
-    const alike = (lane, i) => lane.height === this.lanes[i].height && lane.curve === this.lanes[i].curve;
+    const alike = (lane, i) => ['height', 'curve', 'colors'].every(
+      (part) => String(lane[part]) === String(this.lanes[i][part]));
     if (lanes.length !== this.lanes.length || !lanes.every(alike)) {
       this.plot?.destroy();
       this.plot = null;
@@ -50,6 +54,8 @@ class Timeline {
       name.style.top = `${lane.top}px`;
       name.style.height = `${lane.height}px`;
       name.textContent = lane.name;
+      // One curve has its colour beside its name.
+      if (lane.colors?.length === 1) name.style.boxShadow = `inset 4px 0 ${lane.colors[0]}`;
       if (lane.note && lane.height >= 26) {
         const note = document.createElement('small');
         note.textContent = lane.note;
@@ -59,7 +65,12 @@ class Timeline {
     }));
   }
 
-  // Draw a stretch of time. x: times, rising. curves: one for each lane that has one, in order:
+  // The lane of each curve, from top to bottom, and which of the lane's curves it is.
+  curveLanes() {
+    return this.lanes.flatMap((lane) => Array.from({length: Number(lane.curve ?? 0)}, (_, i) => ({lane, i})));
+  }
+
+  // Draw a stretch of time. x: times, rising. curves: those of the lanes that have any, in order:
   // {rows, low, high, range}: samples that are joined by a line, or the lowest and the highest from
   // a time to the next, null where there are none; range: what the lane shows from bottom to top.
   // steps: whether lowest and highest are drawn as steps; lines serve where a step is hardly wider
@@ -70,13 +81,13 @@ class Timeline {
     const width = this.root.clientWidth;
     this.plot ??= new uPlot(this.options(width), data, this.root);
     if (this.plot.width !== width) this.plot.setSize({width, height: this.height});
-    const withCurve = this.lanes.filter((lane) => lane.curve);
+    const lanes = this.curveLanes();
     this.plot.batch(() => {
       this.plot.setData(data, false);
       this.plot.setScale('x', {min: from, max: to});
       curves.forEach(({range: [low, high]}, i) => {
         // The scale of the whole height, of which the lane is a part.
-        const lane = withCurve[i], top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
+        const {lane} = lanes[i], top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
         const unit = (high - low) / (bottom - top);
         this.plot.setScale(`lane-${i}`, {
           min: low - unit * (this.height - bottom), max: high + unit * (top - AXIS_HEIGHT),
@@ -89,13 +100,14 @@ class Timeline {
     const stepped = uPlot.paths.stepped({align: 1, alignGaps: 1}), linear = uPlot.paths.linear({alignGaps: 1});
     const paths = (...stretch) => (this.steps ? stepped : linear)(...stretch);
     const series = [{}], scales = {x: {time: false, auto: false}}, bands = [];
-    this.lanes.filter((lane) => lane.curve).forEach((_, i) => {
-      const curve = {scale: `lane-${i}`, auto: false, stroke: CURVE, width: 1, points: {show: false}};
+    this.curveLanes().forEach(({lane, i: k}, i) => {
+      const stroke = lane.colors?.[k] ?? CURVE;
+      const curve = {scale: `lane-${i}`, auto: false, stroke, width: 1, points: {show: false}};
       scales[curve.scale] = {auto: false, range: [0, 1]};
-      bands.push({series: [series.length, series.length + 1], fill: CURVE_RANGE});
+      bands.push({series: [series.length, series.length + 1], fill: lane.colors ? `${stroke}70` : CURVE_RANGE});
       series.push({...curve, paths}, {...curve, paths},
         // A sample is a dot where there is room for it, or no other beside it.
-        {...curve, pxAlign: 0, points: {size: 4, space: 9, fill: CURVE, filter: lonely}});
+        {...curve, pxAlign: 0, points: {size: 4, space: 9, fill: stroke, filter: lonely}});
     });
     const bind = (act) => () => act;
     return {
@@ -121,7 +133,7 @@ class Timeline {
         setSelect: [(plot) => {
           const {left, width: chosen} = plot.select;
           plot.setSelect({left: 0, top: 0, width: 0, height: 0}, false);
-          if (chosen > 3) this.onLook(plot.posToVal(left, 'x'), plot.posToVal(left + chosen, 'x'));
+          if (chosen > 3) this.onLook(plot.posToVal(left, 'x'), plot.posToVal(left + chosen, 'x'), 'choose');
         }],
       },
     };
@@ -156,10 +168,10 @@ class Timeline {
       const unit = event.deltaMode === 1 ? 30 : 1, [from, to] = view();
       if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) {
         const shift = (to - from) * event.deltaX * unit / 1000;
-        this.onLook(from + shift, to + shift);
+        this.onLook(from + shift, to + shift, 'move');
       } else {
         const [at] = under(event), factor = Math.exp(event.deltaY * unit * 0.002);
-        this.onLook(at - (at - from) * factor, at + (to - at) * factor);
+        this.onLook(at - (at - from) * factor, at + (to - at) * factor, 'zoom');
       }
     }, {passive: false});
     let grip = null;
@@ -173,7 +185,7 @@ class Timeline {
       if (!grip) return;
       grip.moved ||= Math.abs(event.clientX - grip.x) > 3;
       const [from, to] = grip.view, shift = (grip.x - event.clientX) * (to - from) / plot.over.clientWidth;
-      if (grip.moved) this.onLook(from + shift, to + shift);
+      if (grip.moved) this.onLook(from + shift, to + shift, 'move');
       plot.over.classList.toggle('moving', grip.moved);
     });
     const release = (event) => {

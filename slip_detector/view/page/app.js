@@ -4,6 +4,7 @@ import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
 import {News} from './news.js';
 import {tabs} from './tabs.js';
+import {Traces} from './traces.js';
 
 const connection = new Connection((words) => {
   element('connection').textContent = words || 'connected';
@@ -11,15 +12,23 @@ const connection = new Connection((words) => {
 });
 const news = new News(element('news'));
 const cards = new Map();
+const traces = new Traces(element('traces'), {onLook: (changes) => connection.look(changes), onSet: set});
 let chosen = null;
+
+// Set parameters of the chosen finger, all or none.
+async function set(values) {
+  const {refusal} = await connection.request('set', {finger: chosen, values});
+  return refusal;
+}
 
 function choose(name) {
   chosen = name;
   for (const [each, card] of cards) card.mark(each === name);
   connection.look({finger: name ?? ''});
+  if (name) traces.show(cards.get(name).finger);
 }
 
-connection.on('hand', ({fingers, gone}) => {
+connection.on('hand', ({fingers, read_only: readOnly}) => {
   const names = fingers.map(({name}) => name);
   for (const [name, card] of cards) {
     if (names.includes(name)) continue;
@@ -30,7 +39,10 @@ connection.on('hand', ({fingers, gone}) => {
   fingers.forEach((finger, i) => {
     const card = cards.get(finger.name) ?? new FingerCard({
       onChoose: () => choose(finger.name),
-      onChannel: () => choose(finger.name),
+      onChannel: (channel) => {
+        choose(finger.name);
+        traces.toggle(channel);
+      },
     });
     cards.set(finger.name, card);
     card.describe(finger);
@@ -41,7 +53,9 @@ connection.on('hand', ({fingers, gone}) => {
   element('panels').hidden = !fingers.length;
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.look({fingers: names});
+  traces.allowChanges(!readOnly);
   if (!names.includes(chosen)) choose(names[0] ?? null);
+  else traces.show(cards.get(chosen).finger);
 });
 
 connection.on('diagnostics', ({fingers}) => {
@@ -55,6 +69,8 @@ connection.onFrame(({header, arrays}) => {
     card.show(state, {level: arrays[`level/${i}`], on: arrays[`on/${i}`], groups: arrays[`groups/${i}`]});
     news.tell(card.finger.label, card.words);
   });
+  if (header.traces) traces.take(header.traces, arrays);
+  traces.draw();
 });
 
 tabs(document.querySelector('#signals [role=tablist]'));

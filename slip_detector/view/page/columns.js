@@ -1,0 +1,104 @@
+// What traces are drawn from: columns of pixels, each with the lowest and the highest value in it.
+// They are numbered: column k has the stamps from k * width until before (k + 1) * width. What a
+// column has stays as it is while the page scrolls.
+
+// Values further apart than so many periods of the samples are not joined by a line.
+const JOINED_PERIODS = 3;
+
+export class Columns {
+  // kept: how many columns are kept at least. begun_s: the stamp at which times are 0; null: the
+  // whole minute before the first column, so that ticks are those of a clock.
+  constructor({width_ns: width, channels}, kept, period_s, begun_s) {
+    this.width_s = width / 1e9;
+    this.kept = kept;
+    this.most = Math.max(1, Math.ceil(JOINED_PERIODS * period_s / this.width_s));
+    this.channels = channels;
+    this.base = null;
+    this.last_s = null;
+    this.begun_s = begun_s;
+    this.x = [];
+    const curves = () => channels.map(() => []);
+    this.curves = {low: curves(), high: curves(), level: curves()};
+    this.bits = {slip: [], truth: []};
+    // Of each curve the last column with a value, counted from base.
+    this.before = new Map();
+    this.stop = {samples: 0, levels: 0};
+  }
+
+  // Take a frame's traces and their arrays.
+  take({samples, levels}, arrays) {
+    for (const [name, stream] of Object.entries({samples, levels})) {
+      if (!stream.count) continue;
+      if (this.base === null) {
+        this.base = Math.min(...[samples, levels].filter(({count}) => count).map(({first}) => first));
+        this.begun_s ??= 60 * Math.floor(this.base * this.width_s / 60);
+      }
+      this.stop[name] = stream.first + stream.count;
+    }
+    if (this.base === null) return;
+    this.last_s = Math.max(samples.last_ns, levels.last_ns) / 1e9 - this.begun_s;
+    for (let k = this.base + this.x.length; k <= Math.max(this.stop.samples, this.stop.levels); k++) {
+      this.x.push(k * this.width_s - this.begun_s);
+    }
+    const fill = (to, stream, values, c = 0) => {
+      for (let i = 0, at = stream.first - this.base; i < stream.count; i++, at++) {
+        if (at >= 0) this.put(to, at, values[c * stream.count + i]);
+      }
+    };
+    if (samples.count) {
+      this.channels.forEach((_, c) => {
+        fill(this.curves.low[c], samples, arrays['volts/low'], c);
+        fill(this.curves.high[c], samples, arrays['volts/high'], c);
+      });
+      fill(this.bits.truth, samples, arrays.truth);
+    }
+    if (levels.count) {
+      this.channels.forEach((_, c) => fill(this.curves.level[c], levels, arrays['level/high'], c));
+      fill(this.bits.slip, levels, arrays.slip);
+    }
+    if (this.x.length > 1.3 * this.kept) this.forget(this.x.length - this.kept);
+  }
+
+  // Between values that are near each other nothing is undefined, which a line crosses; else null,
+  // which it does not.
+  put(values, at, value) {
+    if (Number.isNaN(value)) {
+      values[at] = undefined;
+      return;
+    }
+    const before = this.before.get(values);
+    if (before !== undefined && at - before > this.most) values.fill(null, before + 1, at);
+    values[at] = value;
+    this.before.set(values, at);
+  }
+
+  forget(count) {
+    this.base += count;
+    this.x.splice(0, count);
+    for (const values of [...Object.values(this.curves).flat(), ...Object.values(this.bits)]) {
+      values.splice(0, count);
+      const before = this.before.get(values);
+      if (before !== undefined) this.before.set(values, before - count);
+    }
+  }
+
+  // The first and the one after the last column from a time to another.
+  within(from, to) {
+    const at = (seconds) => Math.floor((seconds + this.begun_s) / this.width_s) - this.base;
+    const inside = (index) => Math.max(0, Math.min(index, this.x.length));
+    return [inside(at(from)), inside(at(to) + 2)];
+  }
+
+  // The lowest and the highest number in columns first to stop; null where there is none.
+  static range(curves, first, stop) {
+    let least = Infinity, most = -Infinity;
+    for (const values of curves) {
+      for (let i = first; i < stop; i++) {
+        const value = values[i];
+        if (value < least) least = value;
+        if (value > most) most = value;
+      }
+    }
+    return least <= most ? [least, most] : null;
+  }
+}

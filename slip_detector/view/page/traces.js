@@ -1,0 +1,420 @@
+// Volts and levels of the chosen channels over the last seconds, which scroll, or stand still to be
+// looked at. Times are seconds since a whole minute before the first column.
+
+import {Columns} from './columns.js';
+import {Slider, rounded} from './slider.js';
+
+const WINDOW_S = {least: 0.5, most: 60, first: 10}, LEAST_STRETCH_S = 0.02;
+// Lines are told apart by lightness, too.
+const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
+// The newest column is drawn so much after its time, so that there is always one to be drawn.
+const DELAY_S = 0.08;
+const SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 190};
+
+export class Traces {
+  // panel: an empty element. onLook(changes): what is to be asked of the server. onSet(values):
+  // parameters are to be set; resolves with a refusal, or ''.
+  constructor(panel, {onLook, onSet}) {
+    this.onLook = onLook;
+    this.onSet = onSet;
+    this.view = {live: true, window_s: WINDOW_S.first};
+    this.offset = null;
+    this.ranges = new Map();
+    this.pointed = null;
+    this.truth = false;
+    this.build(panel);
+  }
+
+  build(panel) {
+    const bar = make('div', undefined, 'trace-bar');
+    const button = (words, label, act) => {
+      const made = make('button', words);
+      if (label) made.ariaLabel = made.title = label;
+      made.addEventListener('click', act);
+      bar.append(made);
+      return made;
+    };
+    this.pauseButton = button('Pause', '', () => this.pauseOrGoOn());
+    button('+', 'Shorter stretch of time', () => this.zoom(0.5));
+    button('\u2212', 'Longer stretch of time', () => this.zoom(2));
+    this.span = make('span', '', 'span');
+    this.span.id = 'trace-span';
+    bar.append(this.span);
+    this.chooser = make('div', undefined, 'chooser');
+    this.frame = make('div', undefined, 'trace-frame');
+    this.root = make('div');
+    this.root.id = 'timeline';
+    this.root.tabIndex = 0;
+    this.root.role = 'group';
+    this.root.ariaLabel = 'Traces of the chosen channels over time; keys: plus, minus, arrows, Home';
+    this.line = new Slider({
+      name: 'Threshold', vertical: true, words: (value) => `threshold ${rounded(value)}${this.unit}`,
+      valueOf: (y) => rounded(this.levelAt(y)), step: (value, steps) => rounded(value * 1.05 ** steps),
+      onMove: () => this.draw(),
+      onSet: (threshold) => this.onSet({threshold}),
+    });
+    this.frame.append(this.root, this.line.root);
+    this.readout = make('p', '\u00a0', 'readout');
+    panel.append(bar, this.chooser, this.frame, this.readout);
+    this.timeline = new Timeline(this.root, {
+      tickText: (seconds, step) => this.tickText(seconds, step),
+      onLook: (from, to, how) => this.look(from, to, how),
+      onPoint: (seconds, lane) => this.point(seconds, lane),
+      onClick: () => {},
+    });
+    this.root.addEventListener('pointerleave', () => this.point(null));
+    this.root.addEventListener('keydown', (event) => this.onKey(event));
+    new ResizeObserver(() => this.layOut()).observe(this.root);
+  }
+
+  // Show another finger, or the same with other parameters.
+  show(finger) {
+    const other = finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length;
+    const regrouped = JSON.stringify([finger.groups, finger.disabled, finger.channels])
+      !== JSON.stringify([this.finger?.groups, this.finger?.disabled, this.finger?.channels]);
+    this.finger = finger;
+    this.unit = finger.decision === 'evidence' ? ' dB s' : '';
+    if (other) {
+      this.channels = [...(Object.values(finger.groups)[0] ?? [1])].slice(0, 4).sort((a, b) => a - b);
+      this.view = {live: true, window_s: this.view.window_s ?? WINDOW_S.first};
+      this.columns = null;
+      this.truth = false;
+    }
+    if (other || regrouped) this.fillChooser();
+    this.layOut();
+  }
+
+  // Readiness to change parameters: none with --read-only.
+  allowChanges(allowed) {
+    this.line.root.ariaDisabled = String(!allowed);
+  }
+
+  // ---- which channels
+
+  fillChooser() {
+    const {groups, channels, disabled} = this.finger, grouped = new Set(Object.values(groups).flat());
+    const left = channels.map((_, c) => c + 1).filter((c) => !grouped.has(c) && !disabled.includes(c));
+    const sets = [...Object.entries(groups), ...(left.length ? [['no group', left]] : [])];
+    this.chooser.role = 'group';
+    this.chooser.ariaLabel = 'Channels with traces';
+    this.chooser.replaceChildren(...sets.map(([name, members]) => {
+      const set = make('span', undefined, 'channel-set'), whole = make('button', name, 'whole-set');
+      whole.title = `The traces of ${name} and of no other`;
+      whole.addEventListener('click', () => this.choose(members.slice(0, 64)));
+      set.append(whole, ...members.map((c) => {
+        const one = make('button', String(c));
+        one.dataset.channel = c;
+        one.ariaLabel = `Traces of ${channels[c - 1]}`;
+        one.title = channels[c - 1];
+        one.addEventListener('click', () => this.toggle(c));
+        return one;
+      }));
+      return set;
+    }));
+    this.markChosen();
+  }
+
+  toggle(channel) {
+    const chosen = this.channels.includes(channel);
+    if (chosen && this.channels.length === 1) return;
+    this.choose(chosen ? this.channels.filter((c) => c !== channel) : [...this.channels, channel]);
+  }
+
+  choose(channels) {
+    this.channels = [...channels].sort((a, b) => a - b);
+    this.markChosen();
+    this.layOut();
+  }
+
+  markChosen() {
+    for (const one of this.chooser.querySelectorAll('[data-channel]')) {
+      one.ariaPressed = String(this.channels.includes(Number(one.dataset.channel)));
+    }
+  }
+
+  // ---- which stretch of time
+
+  pauseOrGoOn() {
+    if (this.view.live) this.pause();
+    else this.goOn();
+  }
+
+  pause() {
+    if (!this.columns?.last_s) return;
+    const [from, to] = this.stretch();
+    this.view = {live: false, from, to, window_s: to - from};
+    this.held_s = this.columns.last_s;
+    this.ask();
+  }
+
+  goOn(window_s = this.view.window_s) {
+    this.view = {live: true, window_s: Math.min(Math.max(window_s, WINDOW_S.least), WINDOW_S.most)};
+    this.offset = null;
+    this.ask();
+  }
+
+  zoom(factor) {
+    const [from, to] = this.stretch(), middle = (from + to) / 2, half = factor * (to - from) / 2;
+    this.look(middle - half, middle + half, 'zoom');
+  }
+
+  look(from, to, how) {
+    if (how === 'whole') {
+      this.goOn(WINDOW_S.first);
+      return;
+    }
+    if (this.view.live && how === 'zoom') {
+      this.goOn(to - from);
+      return;
+    }
+    if (this.view.live) this.pause();
+    if (this.view.live) return;
+    const span = Math.min(Math.max(to - from, LEAST_STRETCH_S), WINDOW_S.most), middle = (from + to) / 2;
+    // Nothing lies after the pause began, nor longer ago than is kept.
+    const end = Math.min(Math.max(middle + span / 2, this.held_s - WINDOW_S.most + span), this.held_s + 0.05 * span);
+    this.view = {live: false, from: end - span, to: end, window_s: span};
+    this.ask();
+  }
+
+  onKey(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target !== this.root) return;
+    const [from, to] = this.stretch(), tenth = (to - from) / 10, move = (by) => this.look(from + by, to + by, 'move');
+    const act = {
+      '+': () => this.zoom(0.5), '=': () => this.zoom(0.5), '-': () => this.zoom(2), Home: () => this.look(0, 0, 'whole'),
+      ArrowLeft: () => move(-tenth), ArrowRight: () => move(tenth), PageUp: () => move(-9 * tenth), PageDown: () => move(9 * tenth),
+    }[event.key];
+    if (!act) return;
+    event.preventDefault();
+    act();
+  }
+
+  // From when to when is drawn.
+  stretch() {
+    if (!this.view.live) return [this.view.from, this.view.to];
+    const {columns} = this, {window_s} = this.view;
+    if (columns?.last_s == null) return [0, window_s];
+    const now_s = performance.now() / 1000, newest = columns.last_s - DELAY_S;
+    // Frames come unevenly; the axis goes on evenly, and follows slowly where clocks differ.
+    if (this.offset === null || Math.abs(newest - now_s - this.offset) > 0.5) this.offset = newest - now_s;
+    // Whole columns, so that each is drawn the same way wherever it is.
+    const to = Math.floor((now_s + this.offset) / columns.width_s) * columns.width_s;
+    return [to - window_s, to];
+  }
+
+  // ---- what the server is asked, and what comes
+
+  ask() {
+    if (!this.finger) return;
+    const pixels = Math.max(10, Math.min(4000, this.root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN));
+    const {live, window_s, to} = this.view;
+    this.onLook({
+      channels: this.channels, window_s, pixels,
+      until_ns: live || !this.columns ? null : Math.round((to + this.columns.begun_s) * 1e9),
+    });
+    this.pauseButton.textContent = live ? 'Pause' : 'Go on';
+    this.span.textContent = `${rounded(window_s)} s${live ? '' : ', paused'}`;
+    this.draw();
+  }
+
+  take(traces, arrays) {
+    if (traces.name !== this.finger?.name) return;
+    const key = JSON.stringify([traces.name, traces.beginning, traces.width_ns, traces.channels, traces.until_ns ?? null]);
+    if (key !== this.key) {
+      const same = traces.name === this.shown?.name && String(traces.beginning) === String(this.shown.beginning);
+      const kept = Math.ceil(this.view.window_s * 1e9 / traces.width_ns) + 4;
+      this.columns = new Columns(traces, kept, 1 / this.finger.sample_rate_hz, same ? this.columns?.begun_s : null);
+      [this.key, this.shown] = [key, traces];
+    }
+    const before = this.columns.last_s;
+    this.columns.take(traces, arrays);
+    if (this.view.live && this.offset !== null && this.columns.last_s !== before) {
+      this.offset += 0.04 * (this.columns.last_s - DELAY_S - performance.now() / 1000 - this.offset);
+    }
+    this.truth ||= Boolean(traces.samples.count && arrays.truth.includes(1));
+  }
+
+  // ---- drawing
+
+  layOut() {
+    if (!this.finger || !this.root.clientWidth) return;
+    const {channels} = this, n = channels.length, top = this.root.getBoundingClientRect().top + window.scrollY;
+    const free = Math.max(window.innerHeight - top - 60, 300);
+    const levels = Math.max(LEVEL_HEIGHT.least, Math.min(LEVEL_HEIGHT.most, Math.round(free * 0.35)));
+    const height = Math.max(18, Math.min(60, Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n)));
+    const band = (bits, color) => (pen, lane) => this.paintBits(pen, lane, bits, color);
+    this.volts = channels.map((c, i) => ({
+      name: this.finger.channels[c - 1], className: 'channel', height, curve: 1, colors: [COLORS[i % COLORS.length]],
+      below: STRIP + 3, channel: i, paint: (pen, lane) => this.paintStrip(pen, lane),
+    }));
+    this.levels = {
+      name: 'level', note: this.finger.decision === 'evidence' ? 'evidence, dB s' : 'of each channel', height: levels, curve: n,
+      colors: channels.map((_, i) => COLORS[i % COLORS.length]), below: 2, paint: (pen, lane) => this.paintDecades(pen, lane),
+    };
+    this.timeline.setLanes([
+      {name: 'slip', height: SLIP_HEIGHT, paint: band('slip', ON)},
+      ...(this.truth ? [{name: 'truth', height: SLIP_HEIGHT, paint: band('truth', LABEL)}] : []),
+      ...this.volts, this.levels,
+    ]);
+    this.laidOut = this.truth;
+    this.root.style.height = `${this.timeline.height}px`;
+    this.ask();
+  }
+
+  // Draw what holds now. A panel that is hidden is not drawn.
+  draw() {
+    const {columns} = this;
+    if (!this.root.clientWidth || !columns?.x.length || String(columns.channels) !== String(this.channels)) return;
+    if (this.laidOut !== this.truth) this.layOut();
+    const [from, to] = this.stretch(), [first, stop] = columns.within(from, to);
+    const {low, high, level} = columns.curves;
+    const curves = this.volts.map((_, i) => ({
+      rows: [], low: low[i], high: high[i], range: this.steady(`volts ${this.channels[i]}`, Columns.range([low[i], high[i]], first, stop)),
+    }));
+    this.scale = this.levelScale(first, stop);
+    const [least] = this.scale, logarithm = (value) => (value == null ? value : Math.max(least, Math.log10(value)));
+    for (const values of level) curves.push({rows: values.map(logarithm), low: [], high: [], range: this.scale});
+    this.timeline.draw({from, to, x: columns.x, curves, steps: false, paint: (pen) => this.paintTruth(pen)});
+    this.placeLine();
+    this.readOut(from, to);
+    Object.assign(this.root.dataset, {fromS: from, toS: to});
+  }
+
+  // A range that grows at once but shrinks only when the curve fills less than half of it: one that
+  // followed each value would make the curve jump.
+  steady(name, range) {
+    if (!range) return this.ranges.get(name) ?? [0, 1];
+    let [least, most] = range;
+    if (most === least) [least, most] = [least - 1e-6 - Math.abs(least) * 1e-6, most + 1e-6 + Math.abs(most) * 1e-6];
+    const before = this.ranges.get(name), size = most - least;
+    const fits = before && least >= before[0] && most <= before[1] && size > 0.45 * (before[1] - before[0]);
+    if (!fits) this.ranges.set(name, [least - 0.1 * size, most + 0.1 * size]);
+    return this.ranges.get(name);
+  }
+
+  // From which to which power of ten levels are shown: all of them, but at most five powers, and the
+  // threshold.
+  levelScale(first, stop) {
+    const found = Columns.range(this.columns.curves.level, first, stop) ?? [this.finger.threshold, this.finger.threshold];
+    const threshold = this.line.held ? this.line.moved : this.finger.threshold;
+    const most = Math.log10(Math.max(found[1], threshold)), least = Math.log10(Math.max(Math.min(found[0], threshold), 10 ** (most - 5)));
+    const before = this.ranges.get('level');
+    const whole = [Math.floor(2 * (least - 0.1)) / 2, Math.ceil(2 * (most + 0.1)) / 2];
+    // As long as it is dragged, the scale under the line may grow, but does not shrink.
+    const keep = before && least >= before[0] && most <= before[1] && (this.line.held || whole[1] - whole[0] > 0.6 * (before[1] - before[0]));
+    if (!keep) this.ranges.set('level', whole);
+    return this.ranges.get('level');
+  }
+
+  // Pixels of the lane of levels, from its top to its bottom.
+  levelPixels() {
+    return [this.levels.top + 1, this.levels.top + this.levels.height - this.levels.below];
+  }
+
+  levelAt(y) {
+    const [top, bottom] = this.levelPixels(), [least, most] = this.scale;
+    return 10 ** Math.max(least, Math.min(most, least + (bottom - y) / (bottom - top) * (most - least)));
+  }
+
+  levelY(value) {
+    const [top, bottom] = this.levelPixels(), [least, most] = this.scale;
+    return bottom - (Math.log10(value) - least) / (most - least) * (bottom - top);
+  }
+
+  placeLine() {
+    const [least, most] = this.scale;
+    this.line.place(this.levelY(this.line.show(this.finger.threshold, 10 ** least, 10 ** most)));
+  }
+
+  paintBits({context, left, right, xOf}, lane, name, color) {
+    const bits = this.columns.bits[name], {x, width_s} = this.columns;
+    const colorAt = (i) => (bits[i] ? color : null);
+    paintRuns(context, lane.top, lane.height - 1, 0, bits.length, colorAt, (i) => Math.min(Math.max(xOf(x[i] ?? x.at(-1) + width_s), left), right));
+  }
+
+  paintTruth(pen) {
+    const {context, left, right, top, bottom} = pen;
+    context.fillStyle = '#fff';
+    context.fillRect(left, top, right - left, bottom - top);
+    this.paintBits(pen, {top, height: bottom - top + 1}, 'truth', '#e8f2f9');
+  }
+
+  // Under a channel's volts: how near its level is to the threshold.
+  paintStrip({context, xOf}, lane) {
+    const {x, curves, stop, base} = this.columns, level = curves.level[lane.channel], volts = curves.low[lane.channel];
+    const {threshold} = this.finger, last = Math.min(stop.levels - base, level.length), most = this.columns.most;
+    let without = 0, color = null;
+    const colorAt = (i) => {
+      // Between two levels that are near each other it is as it was.
+      if (level[i] == null) return ++without <= most ? color : volts[i] == null ? null : hatching(context);
+      without = 0;
+      color = shade(Math.log2(level[i] / threshold));
+      return color;
+    };
+    paintRuns(context, lane.top + lane.height - STRIP - 1, STRIP, 0, last, colorAt, (i) => xOf(x[i] ?? x.at(-1)));
+  }
+
+  paintDecades({context, left, right}, lane) {
+    const [least, most] = this.scale;
+    context.fillStyle = '#f7f8f9';
+    context.fillRect(left, lane.top, right - left, lane.height);
+    context.font = '11px system-ui, \'DejaVu Sans\', sans-serif';
+    context.textBaseline = 'bottom';
+    context.textAlign = 'left';
+    for (let power = Math.ceil(least); power <= most; power++) {
+      const y = this.levelY(10 ** power);
+      context.fillStyle = '#d5dade';
+      context.fillRect(left, y, right - left, 1);
+      if (y < lane.top + 12) continue;
+      context.fillStyle = '#4a525a';
+      context.fillText(power < -3 || power > 3 ? `1e${power}` : String(10 ** power), left + 3, y);
+    }
+  }
+
+  // ---- words
+
+  tickText(seconds, step) {
+    const total = seconds + (this.columns?.begun_s ?? 0), digits = step >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step) - 1e-9));
+    // A clock of the day where the stamps are such; simulated time begins at zero.
+    if (total < 1e9) return `${total.toFixed(digits)} s`;
+    const tenths = Number(total.toFixed(digits)), date = new Date(1000 * Math.floor(tenths + 1e-6));
+    const rest = digits ? (tenths - Math.floor(tenths)).toFixed(digits).slice(1) : '';
+    return date.toTimeString().slice(0, 8) + rest;
+  }
+
+  point(seconds, lane) {
+    const [from, to] = this.stretch();
+    this.pointed = seconds === null || seconds === undefined ? null : {share: (seconds - from) / (to - from), lane};
+    if (!this.view.live) this.readOut(from, to);
+  }
+
+  readOut(from, to) {
+    const words = this.pointed ? this.pointedWords(from + this.pointed.share * (to - from)) : [];
+    this.readout.textContent = words.join(' \u00b7 ') || '\u00a0';
+  }
+
+  pointedWords(seconds) {
+    const {columns} = this, at = Math.floor((seconds + columns.begun_s) / columns.width_s) - columns.base;
+    const words = [this.tickText(seconds, 0.001)], {lane} = this.pointed;
+    // Where a column has no sample, the one before it.
+    const back = (values) => {
+      for (let i = at; i >= Math.max(0, at - columns.most); i--) if (values[i] != null) return values[i];
+      return null;
+    };
+    const {low, high, level} = columns.curves;
+    const levelWords = (i) => {
+      const value = back(level[i]);
+      return value === null ? 'not valid' : `level ${rounded(value)}${this.unit}, ${rounded(value / this.finger.threshold)} of the threshold`;
+    };
+    if (lane?.channel !== undefined) {
+      const [least, most] = [back(low[lane.channel]), back(high[lane.channel])];
+      words.push(lane.name, least === null ? 'no sample' : most > least ? `${volts(least)} to ${volts(most)}` : volts(least));
+      words.push(levelWords(lane.channel));
+    } else if (lane === this.levels) {
+      const found = this.channels.map((c, i) => [back(level[i]), i]).filter(([value]) => value !== null).sort(([a], [b]) => b - a);
+      for (const [, i] of found.slice(0, 4)) words.push(`${this.finger.channels[this.channels[i] - 1]} ${levelWords(i)}`);
+    } else if (lane) {
+      words.push(`${lane.name} ${columns.bits[lane.name]?.[at] ? 'ON' : 'OFF'}`);
+    }
+    return words;
+  }
+}
