@@ -84,7 +84,12 @@ class ParameterRequests:
             'differs': sorted(panel.as_in_file()),
             'undo': words_of(_inverse(panel.history[-1])) if panel.history else '',
             'changes': [
-                {'number': panel.count - i, 'by': change.by, 'words': words_of(change)}
+                {
+                    'number': panel.count - i,
+                    'by': change.by,
+                    'names': list(change.after),
+                    'words': words_of(change),
+                }
                 for i, change in enumerate(reversed(panel.changes))
             ],
         }
@@ -152,21 +157,23 @@ class ParameterRequests:
         return await self._change(message, values) if values else {}
 
     async def _save(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Save what detectors run with, and return where."""
+        """Save what detectors run with; return where, or what is in the way there."""
         names = message.get('fingers')
         if not isinstance(names, list) or not names:
             raise ValueError(f'fingers is {shown(names)}, allowed: a list of those that are shown')
         configs = {name: self._panel(name).config for name in names}
         given = self._file_of(names[0])
         comments = [f'Saved by slip_view: what {" and ".join(configs)} ran with.']
-        path = await asyncio.to_thread(
-            save,
-            self._folder,
-            str(message.get('name')),
-            parameter_file(configs, given),
-            comments,
-            replace=message.get('replace') is True,
-        )
+        document = parameter_file(configs, given)
+        name, replace = message.get('name'), message.get('replace') is True
+        if not isinstance(name, str):
+            raise ValueError(f'name is {shown(name)}, allowed: a name for the file')
+        try:
+            path = await asyncio.to_thread(
+                save, self._folder, name, document, comments, replace=replace
+            )
+        except FileExistsError as error:
+            return {'taken': str(error)}
         return {'path': str(path.resolve())}
 
 

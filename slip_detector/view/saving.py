@@ -115,7 +115,9 @@ def save(
     Raises
     ------
     ValueError
-        When the name is not allowed or taken, or the file cannot be written.
+        When the name is not allowed, or the file cannot be written.
+    FileExistsError
+        When there is a file of that name, and it may not be replaced.
 
     Examples
     --------
@@ -129,6 +131,6 @@ def save(
     if path.is_symlink():
         raise ValueError(f'{path}: is a link to another file, allowed: a name of its own')
     if path.exists() and not replace:
-        raise ValueError(f'{path}: is there already, allowed: another name, or to replace it')
+        raise FileExistsError(f'{path}: is there already')
     write_file(path, document, comments)
     return path

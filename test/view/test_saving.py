@@ -112,7 +112,8 @@ def test_a_link_is_not_followed_and_a_file_is_replaced_only_where_that_is_wanted
     for replace in (False, True):
         assert 'link' in message_of(save, folder, 'linked', {}, [], replace=replace)
     assert other.read_text(encoding='utf-8') == 'kept'
-    assert 'is there already' in message_of(save, folder, 'taken', {}, [])
+    with pytest.raises(FileExistsError, match=r'taken\.yaml: is there already'):
+        save(folder, 'taken', {}, [])
     assert (folder / 'taken.yaml').read_text(encoding='utf-8') == 'kept'
     save(folder, 'taken', {'a': 1}, [], replace=True)
     assert (folder / 'taken.yaml').read_text(encoding='utf-8') == '{a: 1}\n'

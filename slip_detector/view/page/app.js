@@ -3,6 +3,7 @@
 import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
 import {News} from './news.js';
+import {Parameters} from './parameters.js';
 import {tabs} from './tabs.js';
 import {Traces} from './traces.js';
 
@@ -11,21 +12,19 @@ const connection = new Connection((words) => {
   element('connection').classList.toggle('lost', Boolean(words));
 });
 const news = new News(element('news'));
+const parameters = new Parameters(connection, element('parameters'));
+let chosen = null;
+// Set parameters of the chosen finger, all or none; resolves with why not.
+const set = (values) => parameters.set(chosen, values);
 const cards = new Map();
 const traces = new Traces(element('traces'), {onLook: (changes) => connection.look(changes), onSet: set});
-let chosen = null;
-
-// Set parameters of the chosen finger, all or none.
-async function set(values) {
-  const {refusal} = await connection.request('set', {finger: chosen, values});
-  return refusal;
-}
 
 function choose(name) {
   chosen = name;
   for (const [each, card] of cards) card.mark(each === name);
   connection.look({finger: name ?? ''});
   if (name) traces.show(cards.get(name).finger);
+  parameters.choose(name);
 }
 
 connection.on('hand', ({fingers, read_only: readOnly}) => {

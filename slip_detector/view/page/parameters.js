@@ -1,0 +1,278 @@
+// The parameters of the chosen detector: shown, changed as a set, undone, as in the file, saved.
+// What is allowed the detector says; its words are shown as they are.
+
+import {ParameterRow} from './parameter_row.js';
+
+// Who asks, so that a page knows its own changes from those of others.
+const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
+
+// Headings that are open at first: what one changes most.
+const OPEN = new Set(['Filters', 'Threshold and vote']);
+
+export class Parameters {
+  // root: an empty element.
+  constructor(connection, root) {
+    this.connection = connection;
+    this.finger = null;
+    this.told = {folder: '', fingers: {}};
+    this.labels = {};
+    this.locked = false;
+    // By finger: what was typed and not set yet, by name (null: to be deleted), and the number of the
+    // last change that was told.
+    this.edits = new Map();
+    this.heard = new Map();
+    this.rows = new Map();
+    this.build(root);
+    connection.on('parameters', (message) => this.take(message));
+    connection.on('hand', ({fingers, read_only: readOnly}) => {
+      this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
+      this.locked = readOnly;
+      this.show();
+    });
+  }
+
+  // Show the parameters of this finger; what was typed for another one stays.
+  choose(finger) {
+    if (finger === this.finger) return;
+    this.finger = finger;
+    this.refuse('');
+    this.rows.clear();
+    this.sections.replaceChildren();
+    this.changes.replaceChildren();
+    this.saved.textContent = '';
+    this.fileName.value = (this.labels[finger] ?? '').replace(/\W+|__+/g, '_');
+    this.show();
+  }
+
+  // Set parameters of a finger, all or none: values by name, texts as they were typed or numbers.
+  // Resolves with why not, '' when they are set.
+  async set(finger, values) {
+    return this.ask('set', {finger, values});
+  }
+
+  async ask(type, content) {
+    this.refuse('');
+    const {refusal} = await this.connection.request(type, {page: PAGE, ...content});
+    if (refusal) this.refuse(refusal);
+    return refusal;
+  }
+
+  refuse(words) {
+    this.refusal.textContent = words && `Refused: ${words}`;
+    this.refusal.hidden = !words;
+    for (const [name, row] of this.rows) row.markRefused(new RegExp(`(^|[ .])${name.replace('.', '\\.')}\\b`).test(words));
+  }
+
+  build(root) {
+    const button = (text, act) => {
+      const made = make('button', text);
+      made.type = 'button';
+      made.addEventListener('click', act);
+      return made;
+    };
+    this.state = make('p', 'No detector is chosen.', 'hint');
+    this.refusal = make('p', '', 'refusal');
+    this.refusal.role = 'alert';
+    this.setAll = make('button', 'Set');
+    this.setAll.setAttribute('form', 'parameter-values');
+    this.discard = button('Discard', () => this.forget());
+    this.undo = button('Undo', () => this.ask('undo', {finger: this.finger}));
+    this.asInFile = button('As in the file', () => this.ask('as_in_file', {finger: this.finger}));
+    const buttons = make('div', undefined, 'buttons');
+    buttons.append(this.setAll, this.discard, this.undo, this.asInFile);
+    this.undoes = make('p', '', 'hint');
+    this.changes = make('ul', undefined, 'changes');
+    this.changes.role = 'log';
+    this.changes.ariaLabel = 'Changes';
+    this.sections = make('form', undefined, 'sections');
+    this.sections.id = 'parameter-values';
+    this.sections.ariaLabel = 'Values';
+    this.sections.addEventListener('submit', (event) => {
+      event.preventDefault();
+      this.submit();
+    });
+    root.append(this.state, buttons, this.undoes, this.refusal, this.changes, this.sections, this.buildSaving());
+  }
+
+  buildSaving() {
+    const form = make('form', undefined, 'saving'), title = make('h3', 'Save as a parameter file');
+    const labelled = (words, field) => {
+      const label = make('label', `${words} `);
+      label.append(field);
+      return label;
+    };
+    this.fileName = make('input');
+    this.fileName.required = true;
+    this.fileName.spellcheck = false;
+    this.scope = make('select');
+    this.scope.append(new Option('this detector, for any finger', 'one'), new Option('all detectors, each by its name', 'all'));
+    this.save = make('button', 'Save');
+    this.replace = make('button', 'Replace the file');
+    this.replace.type = 'button';
+    this.replace.hidden = true;
+    this.saved = make('p', '', 'saved');
+    this.saved.role = 'status';
+    this.fileName.addEventListener('input', () => (this.replace.hidden = true));
+    form.addEventListener('submit', (event) => {
+      event.preventDefault();
+      this.write(false);
+    });
+    this.replace.addEventListener('click', () => this.write(true));
+    this.whereTo = make('p', '', 'hint');
+    form.append(title, labelled('File', this.fileName), labelled('What', this.scope), this.save, this.replace, this.whereTo, this.saved);
+    return form;
+  }
+
+  take(message) {
+    this.told = message;
+    this.show();
+  }
+
+  show() {
+    const panel = this.told.fingers[this.finger], label = this.labels[this.finger] ?? this.finger;
+    const usable = Boolean(panel) && !panel.gone && !this.locked;
+    const edits = this.edits.get(this.finger) ?? new Map();
+    this.state.textContent = this.stateWords(panel, label);
+    if (panel) {
+      this.showRows(panel, edits, usable);
+      this.showChanges(panel, edits);
+    }
+    const n = edits.size;
+    this.setAll.textContent = n ? `Set ${n} ${n === 1 ? 'value' : 'values'}` : 'Set';
+    this.setAll.disabled = !usable || !n;
+    this.discard.disabled = !n;
+    this.undo.disabled = !usable || !panel.undo;
+    this.undoes.textContent = panel?.undo ? `Undo takes back: ${panel.undo}.` : '';
+    const differs = panel?.differs ?? [];
+    this.asInFile.disabled = !usable || !differs.length;
+    this.asInFile.textContent = panel?.file ? 'As in the file' : 'As at first';
+    this.asInFile.title = differs.length ? `Differs: ${differs.join(', ')}` : 'Nothing differs';
+    this.save.disabled = this.replace.disabled = !panel || this.locked;
+    this.whereTo.textContent = this.told.folder && `It is written to ${this.told.folder}`;
+  }
+
+  stateWords(panel, label) {
+    if (!panel) return this.finger ? `Waiting for the parameters of ${label}.` : 'No detector is chosen.';
+    const words = [`Of ${label}. Values hold when they are set, all that were changed at once or none.`];
+    if (panel.file) words.push(`Its file is ${panel.file}.`);
+    if (panel.file_error) words.push(`It cannot be read: ${panel.file_error}.`);
+    if (panel.gone) words.push('The detector is gone: these are the values that it had.');
+    if (this.locked) words.push('Nothing can be changed from here: slip_view was started with --read-only.');
+    return words.join(' ');
+  }
+
+  showRows(panel, edits, usable) {
+    const seen = new Set();
+    for (const {heading, parameters} of panel.headings) {
+      const section = this.sectionOf(heading);
+      for (const parameter of parameters) {
+        seen.add(parameter.name);
+        if (edits.get(parameter.name) === parameter.text) edits.delete(parameter.name);
+        const row = this.rowOf(parameter, section);
+        row.show(parameter, edits.get(parameter.name), usable);
+      }
+    }
+    // A group that is to be added has a row though there is no such parameter yet.
+    for (const [name, text] of edits) {
+      if (seen.has(name) || text === null) continue;
+      seen.add(name);
+      this.rowOf({name}, this.sectionOf('Threshold and vote')).showNew(text, usable);
+    }
+    for (const [name, row] of this.rows) {
+      if (seen.has(name)) continue;
+      row.root.remove();
+      this.rows.delete(name);
+      edits.delete(name);
+    }
+    for (const add of this.sections.querySelectorAll('.add-group :is(input, button)')) add.disabled = !usable;
+  }
+
+  sectionOf(heading) {
+    const found = [...this.sections.children].find((section) => section.dataset.heading === heading);
+    if (found) return found;
+    const section = make('details'), rows = make('div', undefined, 'rows');
+    section.dataset.heading = heading;
+    section.open = OPEN.has(heading);
+    section.append(make('summary', heading), rows);
+    if (heading === 'Threshold and vote') section.append(this.buildAddGroup());
+    this.sections.append(section);
+    return section;
+  }
+
+  buildAddGroup() {
+    const place = make('p', undefined, 'add-group'), name = make('input'), add = make('button', 'Add');
+    const label = make('label', 'New group ');
+    name.placeholder = 'name';
+    label.append(name);
+    add.type = 'button';
+    add.addEventListener('click', () => {
+      if (!name.value.trim()) return;
+      this.edit(`groups.${name.value.trim()}`, '');
+      name.value = '';
+    });
+    place.append(label, add);
+    return place;
+  }
+
+  rowOf(parameter, section) {
+    const {name} = parameter;
+    if (!this.rows.has(name)) {
+      const row = new ParameterRow(parameter, (text) => this.edit(name, text));
+      this.rows.set(name, row);
+      section.querySelector('.rows').append(row.root);
+    }
+    return this.rows.get(name);
+  }
+
+  // text: undefined: as the detector has it.
+  edit(name, text) {
+    const edits = this.edits.get(this.finger) ?? new Map();
+    this.edits.set(this.finger, edits);
+    if (text === undefined) edits.delete(name);
+    else edits.set(name, text);
+    this.show();
+  }
+
+  showChanges(panel, edits) {
+    const last = this.heard.get(this.finger) ?? panel.changes[0]?.number ?? 0;
+    this.heard.set(this.finger, panel.changes[0]?.number ?? 0);
+    const fresh = panel.changes.filter(({number}) => number > last);
+    for (const {by, words, names} of fresh.reverse()) {
+      const own = by === `page ${PAGE}`;
+      const lead = own ? 'Set' : {
+        outside: 'Changed by another program', restart: 'The detector was started again, with',
+      }[by] ?? 'Changed on another page';
+      this.changes.append(make('li', `${lead}: ${words}.`));
+      if (this.changes.children.length > 5) this.changes.firstChild.remove();
+      // What this page has set is no longer to be set; what another one has set is told beside it.
+      for (const name of names) {
+        if (!own && edits.has(name)) this.rows.get(name)?.tellMeanwhile(lead);
+      }
+    }
+  }
+
+  async submit() {
+    const edits = this.edits.get(this.finger);
+    if (!edits?.size || this.setAll.disabled) return;
+    const sent = new Map(edits);
+    const refusal = await this.set(this.finger, Object.fromEntries(sent));
+    if (refusal) return;
+    for (const [name, text] of sent) if (edits.get(name) === text) edits.delete(name);
+    this.show();
+  }
+
+  forget() {
+    this.edits.delete(this.finger);
+    this.refuse('');
+    this.show();
+  }
+
+  async write(replace) {
+    const all = Object.keys(this.told.fingers).filter((name) => !this.told.fingers[name].gone);
+    const fingers = this.scope.value === 'all' ? all : [this.finger];
+    const {refusal, path, taken} = await this.connection.request('save', {fingers, name: this.fileName.value, replace});
+    this.replace.hidden = !taken;
+    this.saved.textContent = refusal || taken
+      ? `Not saved: ${refusal || taken}` : `Saved. ros2 launch slip_detector slip_detector.launch.py config:=${path}`;
+  }
+}
