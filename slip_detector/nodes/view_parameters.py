@@ -71,12 +71,13 @@ class ParameterClient:
         self._clients = {
             name: node.create_client(kind, f'{of_node}/{name}') for name, kind in SERVICES.items()
         }
-        self._knows_us = False
+        self._destroyed = False
         # One question after the other, so that an answer that nobody waits for can be dropped.
         self._asking = asyncio.Lock()
 
     def destroy(self) -> None:
-        """Let go of the services."""
+        """Let go of the services; whoever waits for an answer is told."""
+        self._destroyed = True
         for client in self._clients.values():
             self._node.destroy_client(client)
 
@@ -117,10 +118,9 @@ class ParameterClient:
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
             return f'this cannot be sent to the detector: {error}'
         try:
-            if not self._knows_us:
-                # An empty set changes nothing, so it may be sent again.
-                await self._ask('set_parameters_atomically')
-                self._knows_us = True
+            # An empty set changes nothing, so it may be sent again until it is answered. Then the
+            # node knows who asks, and no answer is lost.
+            await self._ask('set_parameters_atomically')
         except ValueError as error:
             return f'nothing was changed: {error}'
         try:
@@ -140,8 +140,8 @@ class ParameterClient:
         async with self._asking:
             begun_s = asked_s = time.monotonic()
             while time.monotonic() < begun_s + ANSWER_S:
-                if not client.service_is_ready():
-                    if numbers:
+                if self._destroyed or not client.service_is_ready():
+                    if self._destroyed or numbers:
                         raise ValueError(f'{self._of_node} ended before it answered')
                 elif not numbers or (not once and time.monotonic() > asked_s + ASK_AGAIN_S):
                     numbers.add(send_request(client, kind.Request(**request)))

@@ -166,9 +166,13 @@ class Hand(ABC):
         """
         panel = self.panel(name)
         panel.expect(values, by)
-        refusal = await self.set_parameters(name, values)
+        refusal = 'it could not be asked'
+        try:
+            refusal = await self.set_parameters(name, values)
+        finally:
+            if refusal:
+                panel.expect(values, '')
         if refusal:
-            panel.expect(values, '')
             raise ValueError(refusal)
 
     @abstractmethod

@@ -153,7 +153,11 @@ class ParameterPanel:
         values
             By name; None: the parameter was deleted.
         """
-        return self._take(values, self._expected.pop(frozenset(values), OUTSIDE))
+        # They come as an event of this change, or with all others as they are read.
+        given = frozenset(values)
+        changed = {name for name in given if self.values.get(name) != values[name]}
+        asked = next((n for n in self._expected if n == given or changed <= n < given), given)
+        return self._take(values, self._expected.pop(asked, OUTSIDE))
 
     def _take(self, values: Mapping[str, Any], by: str) -> Change | None:
         after = {name: value for name, value in values.items() if self.values.get(name) != value}
