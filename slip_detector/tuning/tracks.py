@@ -17,7 +17,7 @@
 import hashlib
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows, rows_in_g
 from slip_detector.evaluation.matching import OnIntervals, RowInterval
 
 Floats = NDArray[np.float64]
+
+T = TypeVar('T')
 
 #: Where one recording is cut in two, this much between the parts is in neither of them.
 MARGIN_S = 1.0
@@ -247,18 +249,26 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
     if len(with_slip) == 1:
         training, held = _cut_in_two(with_slip[0], share)
     else:
-        training, held = _every_so_many(with_slip, share)
-    quiet, quiet_held = _every_so_many([track for track in tracks if not track.slips], share)
+        training, held = every_so_many(with_slip, share)
+    quiet, quiet_held = every_so_many([track for track in tracks if not track.slips], share)
     return training + quiet, held + quiet_held
 
 
-def _every_so_many(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
-    """Hold out a share, spread over the recordings; of two or more at least one, and not all."""
-    n = len(tracks)
+def every_so_many(items: Sequence[T], share: float) -> tuple[list[T], list[T]]:
+    """Divide items into some to tune on and some to hold out, which are spread over all.
+
+    Of two or more at least one is held out, and not all.
+
+    Examples
+    --------
+    >>> every_so_many(['a', 'b', 'c', 'd'], share=1 / 3)
+    (['a', 'b', 'c'], ['d'])
+    """
+    n = len(items)
     many = min(max(round(share * n), 1), n - 1) if n > 1 else 0
     places = {round((k + 1) * n / many) - 1 for k in range(many)}
-    held = [track for i, track in enumerate(tracks) if i in places]
-    return [track for i, track in enumerate(tracks) if i not in places], held
+    held = [item for i, item in enumerate(items) if i in places]
+    return [item for i, item in enumerate(items) if i not in places], held
 
 
 def _cut_in_two(track: Track, share: float) -> tuple[list[Track], list[Track]]:

@@ -87,12 +87,15 @@ class Server:
         For each purpose the fingers that are watched for it, though no page may look at them.
     each_tick : list of callable
         Called after each poll of the hand, at most 30 times a second.
+    at_end : list of callable
+        Awaited before the pages are closed.
     """
 
     def __init__(self, hand: Hand, access: Access) -> None:
         self.hand, self.access = hand, access
         self.wanted: dict[str, set[str]] = {}
         self.each_tick: list[Callable[[], None]] = []
+        self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
         self.requests: dict[str, Request] = {}
         self._told: dict[str, str] = {}
@@ -167,6 +170,8 @@ class Server:
 
     async def close(self) -> None:
         """Stop listening, and close the connections."""
+        for end in self.at_end:
+            await end()
         if self._http is not None:
             self._http.stop()
             for page in list(self.pages):

@@ -1,0 +1,182 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The recordings that were made on the live page: a folder for each finger."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from slip_detector.parameters.files import write_errors_of
+from slip_detector.recordings import open_recording
+from slip_detector.recordings.bag_storage import METADATA
+from slip_detector.recordings.labels import labels_name
+from slip_detector.tuning.tracks import every_so_many
+
+#: What is recorded. A recording is called by its kind and a number.
+KINDS = ('rest', 'slip', 'taps')
+_NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
+
+#: Share of the recordings of each kind that the search does not see.
+HELD_OUT = 1 / 3
+
+
+class Recorded(NamedTuple):
+    """A recording that was made on the live page.
+
+    Attributes
+    ----------
+    name : str
+    duration_s : float
+    slips : int
+    note : str
+        What is wrong with it, in words; empty where nothing is.
+    """
+
+    name: str
+    duration_s: float
+    slips: int
+    note: str = ''
+
+    @property
+    def kind(self) -> str:
+        """What was recorded: one of :data:`KINDS`."""
+        return self.name.partition('_')[0]
+
+    @property
+    def usable(self) -> bool:
+        """Whether a search can use it: one of slips has some."""
+        return self.duration_s > 0.0 and (self.kind != 'slip' or self.slips > 0)
+
+
+class RecordedFolder:
+    """The recordings of one finger, in a folder that has nothing else in it than they need.
+
+    Parameters
+    ----------
+    folder
+        The folder; it need not exist.
+
+    Attributes
+    ----------
+    recordings : dict
+        Each :class:`Recorded` by its name, those of a kind in the order in which they were made.
+
+    Examples
+    --------
+    >>> RecordedFolder(Path('recordings/index')).path_of('../../etc')
+    Traceback (most recent call last):
+    ValueError: there is no recording '../../etc', allowed: those of the list
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.recordings: dict[str, Recorded] = {}
+
+    def look(self) -> None:
+        """Look what is in the folder; recordings that are known are not read again."""
+        names = [*filter(self._is_bag, self._names())]
+        new = {name: self._read(name) for name in names if name not in self.recordings}
+        for recorded in new.values():
+            self.put(recorded)
+        for name in [*self.recordings]:
+            if not self._is_bag(name):
+                del self.recordings[name]
+
+    def new_path(self, kind: str) -> Path:
+        """Return a path that no recording has."""
+        numbers = [_order(name)[1] for name in self._names() if name.startswith(f'{kind}_')]
+        return self.folder / f'{kind}_{max(numbers, default=0) + 1}'
+
+    def put(self, recorded: Recorded) -> None:
+        """Take a recording that was made just now, which need not be read."""
+        every = {**self.recordings, recorded.name: recorded}
+        self.recordings = {name: every[name] for name in sorted(every, key=_order)}
+
+    def path_of(self, name: object) -> Path:
+        """Return the folder of a recording, by the name that a page has sent.
+
+        Raises
+        ------
+        ValueError
+            When no recording has this name.
+        """
+        if not isinstance(name, str) or name not in self.recordings:
+            raise ValueError(
+                f'there is no recording {str(name)[:40]!r}, allowed: those of the list'
+            )
+        return self.folder / name
+
+    def delete(self, name: object) -> None:
+        """Delete a recording with its labels, and nothing that does not belong to it.
+
+        Raises
+        ------
+        ValueError
+            When no recording has this name, or it cannot be deleted.
+        """
+        path = self.path_of(name)
+        with write_errors_of(path):
+            labels = path.parent / labels_name(path)
+            for file in (path / METADATA, path / f'{path.name}.mcap', labels):
+                file.unlink(missing_ok=True)
+            path.rmdir()
+        del self.recordings[path.name]
+
+    def of_kind(self, kind: str) -> list[str]:
+        """Return the names of the recordings of a kind that a search can use, the oldest first."""
+        return [n for n, one in self.recordings.items() if one.kind == kind and one.usable]
+
+    def held_out(self) -> list[str]:
+        """Return the names of the recordings that a search is judged by and does not see.
+
+        Of each kind it is each third one, and of two the second.
+        """
+        by_kind = [every_so_many(self.of_kind(kind), HELD_OUT)[1] for kind in KINDS]
+        return [name for held_out in by_kind for name in held_out]
+
+    def _names(self) -> list[str]:
+        try:
+            return [path.name for path in self.folder.iterdir() if _NAME.fullmatch(path.name)]
+        except OSError:  # Nothing has been recorded yet.
+            return []
+
+    def _is_bag(self, name: str) -> bool:
+        path = self.folder / name
+        return not path.is_symlink() and (path / f'{name}.mcap').is_file()
+
+    def _read(self, name: str) -> Recorded:
+        """Read how long a recording is, and how many slips it has."""
+        rows = slips = 0
+        slipping = False
+        begin_ns = end_ns = 0
+        try:
+            recording = open_recording(self.folder / name)
+            for piece in recording.rows():
+                begin_ns = begin_ns if rows else int(piece.stamps_ns[0])
+                end_ns = int(piece.stamps_ns[-1])
+                rows += len(piece.stamps_ns)
+                for slip in [] if piece.truth is None else piece.truth.tolist():
+                    slips += slip and not slipping
+                    slipping = slip
+        except ValueError as error:
+            return Recorded(name, 0.0, 0, str(error))
+        note = f'was not ended: {recording.counts.lost}' if recording.counts.lost else ''
+        return Recorded(name, (end_ns - begin_ns) * 1e-9, slips, note)
+
+
+def _order(name: str) -> tuple[int, int]:
+    kind, _, number = name.partition('_')
+    return KINDS.index(kind), int(number)

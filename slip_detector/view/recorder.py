@@ -1,0 +1,132 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Writes what comes from a finger into a bag, row by row as it comes."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from slip_detector.chain.samples import Samples
+from slip_detector.parameters.files import write_errors_of
+from slip_detector.recordings.bag_writer import BagWriter
+from slip_detector.view.hand import Finger
+
+
+class Recorder:
+    """A recording that grows with the track of a finger.
+
+    All that came until a call of :meth:`take` is in the file after it, with the label that is held
+    then: so a recording is whole up to there, whatever becomes of this process.
+
+    Parameters
+    ----------
+    path
+        The folder of the new bag.
+    finger
+        Whose samples are recorded.
+    since
+        Number of the first row that is recorded, of all that the track ever had.
+
+    Attributes
+    ----------
+    slips : int
+        How many slips are in it.
+    rows : int
+        How many rows are in it.
+    lost_rows : int
+        How many rows the track no longer had when they were to be written.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be written; names it.
+    """
+
+    def __init__(self, path: Path, finger: Finger, since: int) -> None:
+        self.path, self.finger = path, finger
+        self._beginnings = finger.track.beginnings
+        self._taken = since
+        self._slipping = False
+        self._first_ns = self._last_ns = 0
+        self.slips = self.rows = self.lost_rows = 0
+        with write_errors_of(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                self._bag = BagWriter(path, finger.config.names, finger.frame_id or 'fingertip')
+            except OSError:
+                shutil.rmtree(path, ignore_errors=True)  # It is empty.
+                raise
+
+    @property
+    def duration_s(self) -> float:
+        """How long it is so far."""
+        return (self._last_ns - self._first_ns) * 1e-9
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the stamps were set back, so that nothing that comes belongs to it."""
+        return self.finger.track.beginnings != self._beginnings
+
+    def take(self) -> None:
+        """Write the rows that have come, with the present label.
+
+        Raises
+        ------
+        ValueError
+            When the disk is full, for example; what was written before is kept.
+        """
+        if self.interrupted:
+            return
+        rows = self.finger.track.samples
+        stamps_ns = rows.stamps_ns(since=self._taken)
+        self.lost_rows += rows.appended - self._taken - len(stamps_ns)
+        if not len(stamps_ns):
+            return
+        slip = np.full(len(stamps_ns), self._slipping)
+        with write_errors_of(self.path):
+            try:
+                volts = rows.field('volts', since=self._taken).astype(np.float64)
+                self._bag.write(Samples(volts, stamps_ns, slip))
+                self._bag.flush()
+            except OSError:
+                self._bag.abort()
+                raise
+        self._taken = rows.appended
+        self._first_ns = self._first_ns if self.rows else int(stamps_ns[0])
+        self._last_ns = int(stamps_ns[-1])
+        self.rows += len(stamps_ns)
+
+    def label(self, slipping: bool) -> None:
+        """Say whether there is slip in what comes from now on."""
+        self.take()
+        self.slips += slipping and not self._slipping
+        self._slipping = slipping
+
+    def close(self) -> None:
+        """End the recording; one without a row is removed.
+
+        Raises
+        ------
+        ValueError
+            When it cannot be written to its end; what was written before is kept.
+        """
+        if not self.rows:
+            self._bag.abort()
+            shutil.rmtree(self.path, ignore_errors=True)
+            return
+        with write_errors_of(self.path):
+            self._bag.close()

@@ -1,0 +1,330 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Records rest, slips and taps of the fingers, as somebody in front of the page says."""
+
+import contextlib
+import re
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from slip_detector.view.hand import Finger, Hand
+from slip_detector.view.recorded_folder import KINDS, Recorded, RecordedFolder
+from slip_detector.view.recorder import Recorder
+
+#: Rest in the recording of a slip: before the label, from what came before the key was pressed,
+#: and after it. With less a chain has not settled before the slip, which then is not scored.
+BEFORE_S, AFTER_S = 2.0, 1.0
+
+#: With less rest before a slip than this a line says so.
+LEAST_BEFORE_S = 1.0
+
+#: A page that holds a slip says so all the time; when it has not for so long, it is gone.
+HELD_S = 1.0
+
+#: Without a sample for so long a line says so, and a slip does not wait for its rest any more.
+SILENT_S = 2.0
+
+#: A recording that nobody ends, ends by itself.
+MOST_S = 600.0
+
+#: What a finger is called becomes a folder: what ROS allows in names, and nothing else.
+_LABEL = re.compile('[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*')
+
+
+class Teaching:
+    """What is recorded, for which finger, and since when.
+
+    One recording is made at a time. What pages send is not trusted: fingers and recordings have to
+    be among those that are known, and no path is made of anything else.
+
+    Parameters
+    ----------
+    hand
+        The fingers.
+    folder
+        Where the recordings are: in it, each finger has a folder of its label.
+
+    Attributes
+    ----------
+    words : str
+        The last thing that happened, for the page.
+    """
+
+    def __init__(self, hand: Hand, folder: Path) -> None:
+        self._hand, self.folder = hand, folder
+        self._folders: dict[str, RecordedFolder] = {}
+        self._recorder: Recorder | None = None
+        self._kind = self._name = ''
+        self._slipping = False
+        self._held_at_s = 0.0
+        self._ends_ns: int | None = None
+        self._ends_at_s = 0.0
+        # Of each finger the row at which its last slip ended: no rest before the next is older.
+        self._slip_ended: dict[str, tuple[Finger, int]] = {}
+        self.words = ''
+
+    @property
+    def finger(self) -> str:
+        """Name of the finger that is recorded, or ''."""
+        return self._name if self._recorder else ''
+
+    def folder_of(self, name: object) -> RecordedFolder:
+        """Return the recordings of a finger, by the name that a page has sent.
+
+        Raises
+        ------
+        ValueError
+            When there is no such finger.
+        """
+        finger = self._finger(name)
+        if finger.name not in self._folders:
+            if not _LABEL.fullmatch(finger.label):
+                raise ValueError(
+                    f'{finger.label!r} is no name in ROS, allowed: letters, digits, _'
+                )
+            self._folders[finger.name] = RecordedFolder(self.folder / finger.label)
+        return self._folders[finger.name]
+
+    def start(self, name: object, kind: object) -> None:
+        """Begin to record a finger at rest, or being tapped, until :meth:`stop`.
+
+        Raises
+        ------
+        ValueError
+            When something is recorded already, or it cannot be.
+        """
+        if kind not in KINDS or kind == 'slip':
+            raise ValueError(f'{str(kind)[:40]} is not recorded so, allowed: rest, taps')
+        self._end_what_ends(name)
+        finger = self._finger(name)
+        self._begin(finger, str(kind), finger.track.samples.appended)
+        self.words = f'recording {self._path_name()}'
+
+    def stop(self) -> None:
+        """End what is recorded.
+
+        Raises
+        ------
+        ValueError
+            When it cannot be written to its end.
+        """
+        if self._recorder is not None:
+            self._hand.poll()
+            self._guarded(self._recorder.take)
+            self._end()
+
+    def press(self, name: object) -> None:
+        """Begin a slip: what comes from now on is slip, until :meth:`release`.
+
+        Its recording begins with the rest before it.
+
+        Raises
+        ------
+        ValueError
+            When something else is recorded, or it cannot be.
+        """
+        if self._slipping and name == self._name:
+            self.hold()
+            return
+        self._end_what_ends(name)
+        finger = self._finger(name)
+        self._hand.poll()
+        rows, rate = finger.track.samples, finger.config.sample_rate_hz
+        since = rows.appended - round(BEFORE_S * rate)
+        ended = self._slip_ended.get(finger.name)
+        if ended is not None and ended[0] is finger:
+            since = max(since, ended[1])
+        since = max(since, rows.appended - len(rows))
+        before_s = (rows.appended - since) / rate
+        self._begin(finger, 'slip', since)
+        assert self._recorder is not None
+        recorder = self._recorder
+        self._guarded(lambda: recorder.label(True))
+        self._slipping = True
+        self.hold()
+        self.words = f'recording {self._path_name()}: slip until the key is let go'
+        if before_s < LEAST_BEFORE_S:
+            self.words += (
+                f'. There are only {before_s:.1f} s of rest before it: wait for '
+                f'{BEFORE_S:g} s between two slips'
+            )
+
+    def hold(self) -> None:
+        """Say that the key is still held."""
+        self._held_at_s = time.monotonic()
+
+    def release(self) -> None:
+        """End the slip; its recording goes on for some rest."""
+        if self._slipping and self._recorder is not None:
+            self._hand.poll()
+            self._let_go()
+
+    def tick(self) -> None:
+        """Write what has come, and end what is to end; called after each poll.
+
+        What goes wrong is in ``words``.
+        """
+        if self._recorder is not None:
+            with contextlib.suppress(ValueError):
+                self._tick(self._recorder)
+
+    def _tick(self, recorder: Recorder) -> None:
+        now_s = time.monotonic()
+        finger, rows = recorder.finger, recorder.finger.track.samples
+        if recorder.interrupted or self._hand.fingers.get(self._name) is not finger:
+            self._end()
+            self.words += '. The detector is gone, or was started again'
+            return
+        self._guarded(recorder.take)
+        if self._slipping and now_s - self._held_at_s > HELD_S:
+            self._let_go()
+            self.words = f'{recorder.path.name}: the page that held the slip is gone: it was ended'
+        elif self._ends_ns is not None:
+            came = len(rows) and int(rows.stamps_ns()[-1]) >= self._ends_ns
+            if came or now_s > self._ends_at_s:
+                self._end()
+        elif recorder.duration_s > MOST_S:
+            self._end()
+            self.words += f'. It was ended after {MOST_S / 60:.0f} minutes'
+
+    def close(self) -> None:
+        """End what is recorded; called when the server ends."""
+        with contextlib.suppress(ValueError):
+            self.stop()
+
+    def recording(self) -> dict[str, Any] | None:
+        """Return what is recorded now, for the page; None where nothing is."""
+        recorder = self._recorder
+        if recorder is None:
+            return None
+        silent = time.monotonic() - recorder.finger.sample_s > SILENT_S
+        return {
+            'finger': self._name,
+            'kind': self._kind,
+            'name': recorder.path.name,
+            'seconds': round(recorder.duration_s, 1),
+            'slipping': self._slipping,
+            'ending': self._ends_ns is not None,
+            'silent': 'no samples come: nothing is recorded until they do' if silent else '',
+        }
+
+    def described(self) -> Mapping[str, Any]:
+        """Return folder and recordings of each finger that was asked for, for the page."""
+        writing = self._recorder.path if self._recorder else None
+        return {
+            name: {
+                'folder': str(folder.folder),
+                'recordings': [
+                    {
+                        'name': one.name,
+                        'kind': one.kind,
+                        'duration_s': round(one.duration_s, 1),
+                        'slips': one.slips,
+                        'note': one.note,
+                        'held_out': one.name in held_out,
+                    }
+                    for one in folder.recordings.values()
+                    if folder.folder / one.name != writing
+                ],
+            }
+            for name, folder in self._folders.items()
+            for held_out in [set(folder.held_out())]
+        }
+
+    def delete(self, name: object, recording: object) -> None:
+        """Delete a recording of a finger.
+
+        Raises
+        ------
+        ValueError
+            When there is no such one, or it is being written.
+        """
+        folder = self.folder_of(name)
+        if self._recorder is not None and folder.folder / str(recording) == self._recorder.path:
+            raise ValueError(f'{recording}: is being recorded, allowed: once it has ended')
+        folder.delete(recording)
+        self.words = f'{recording} is deleted'
+
+    def _finger(self, name: object) -> Finger:
+        finger = self._hand.fingers.get(name) if isinstance(name, str) else None
+        if finger is None:
+            raise ValueError(f'there is no finger {str(name)[:40]!r}')
+        return finger
+
+    def _path_name(self) -> str:
+        return self._recorder.path.name if self._recorder else ''
+
+    def _begin(self, finger: Finger, kind: str, since: int) -> None:
+        folder = self.folder_of(finger.name)
+        self._recorder = Recorder(folder.new_path(kind), finger, since)
+        self._kind, self._name, self._ends_ns = kind, finger.name, None
+
+    def _end_what_ends(self, name: object) -> None:
+        """End a slip that only waits for its rest; refuse where anything else is recorded."""
+        if self._recorder is None:
+            return
+        if self._ends_ns is None or name != self._name:
+            label = self._recorder.finger.label
+            raise ValueError(f'{self._path_name()} of {label} is being recorded: end it first')
+        self.stop()
+
+    def _let_go(self) -> None:
+        recorder = self._recorder
+        assert recorder is not None
+        self._slipping = False
+        self._guarded(lambda: recorder.label(False))
+        rows = recorder.finger.track.samples
+        self._slip_ended[self._name] = recorder.finger, rows.appended
+        last_ns = int(rows.stamps_ns()[-1]) if len(rows) else 0
+        self._ends_ns = last_ns + round(AFTER_S * 1e9)
+        self._ends_at_s = time.monotonic() + AFTER_S + SILENT_S
+        self.words = f'recording {self._path_name()}: the rest after the slip'
+
+    def _guarded(self, write: Callable[[], None]) -> None:
+        """Write; where that fails, end the recording and say what is kept."""
+        try:
+            write()
+        except ValueError as error:
+            self._put(f'was cut off: {error}')
+            raise ValueError(self.words) from None
+
+    def _end(self) -> None:
+        recorder = self._recorder
+        assert recorder is not None
+        try:
+            recorder.close()
+        except ValueError as error:
+            self._put(f'was cut off: {error}')
+            raise ValueError(self.words) from None
+        lost = recorder.lost_rows
+        self._put(f'{lost} rows are missing: this computer was too slow' if lost else '')
+
+    def _put(self, note: str) -> None:
+        """Put what was recorded on the list, and record no more."""
+        recorder = self._recorder
+        assert recorder is not None
+        self._recorder, self._slipping, self._ends_ns = None, False, None
+        name = recorder.path.name
+        if not recorder.rows:
+            self.words = f'{name}: no sample came, so there is no recording'
+            return
+        recorded = Recorded(name, recorder.duration_s, recorder.slips, note)
+        self._folders[self._name].put(recorded)
+        self.words = f'{name} has {recorded.duration_s:.1f} s'
+        if note:
+            self.words += f', which are kept; it {note}'

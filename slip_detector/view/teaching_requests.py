@@ -1,0 +1,131 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What pages ask when they teach: record, delete, tune, apply."""
+
+import asyncio
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from slip_detector.view.server import Server
+from slip_detector.view.teaching import Teaching
+from slip_detector.view.tune_run import TuneRun
+
+
+class TeachingRequests:
+    """Answers the pages' requests about recordings and tuning, and tells them how that goes.
+
+    Parameters
+    ----------
+    server
+        Whose pages, and whose hand.
+    folder
+        Where the recordings are.
+    """
+
+    def __init__(self, server: Server, folder: Path) -> None:
+        self._server = server
+        self._teaching = Teaching(server.hand, folder.resolve())
+        self._run: TuneRun | None = None
+        self._tuned = ''
+        self._task: asyncio.Task[None] | None = None
+        server.each_tick.append(self._tick)
+        server.at_end.append(self.close)
+        server.on_request('recordings', self._recordings)
+        for kind, answer in (
+            ('teach', self._teach),
+            ('delete_recording', self._delete),
+            ('tune', self._tune),
+            ('stop_tuning', self._stop_tuning),
+            ('apply_tuning', self._apply),
+        ):
+            server.on_request(kind, answer, changes=True)
+
+    async def close(self) -> None:
+        """End what is recorded, and what tunes."""
+        self._teaching.close()
+        if self._run is not None and self._task is not None:
+            self._run.kill()
+            self._task.cancel()
+            await asyncio.wait([self._task])
+
+    def _tick(self) -> None:
+        self._teaching.tick()
+        self._server.recorded = {self._teaching.finger} - {''}
+        self._tell()
+
+    def _tell(self) -> None:
+        self._server.tell('recording', {'recording': self._teaching.recording()})
+        self._server.tell(
+            'teaching',
+            {
+                'fingers': self._teaching.described(),
+                'words': self._teaching.words,
+                'tuning': self._run and {'finger': self._tuned, **self._run.described()},
+            },
+        )
+
+    async def _recordings(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        """Look what a finger has."""
+        folder = self._teaching.folder_of(message.get('finger'))
+        await asyncio.to_thread(folder.look)
+        return {}
+
+    async def _teach(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        teaching, finger, what = self._teaching, message.get('finger'), message.get('do')
+        if what == 'press':
+            teaching.press(finger)
+        elif what == 'hold':
+            teaching.hold()
+        elif what == 'release':
+            teaching.release()
+        elif what == 'stop':
+            teaching.stop()
+        else:
+            teaching.start(finger, what)
+        return {}
+
+    async def _delete(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        if self._run is not None and self._run.running:
+            raise ValueError('recordings are being tuned on, allowed: to delete one afterwards')
+        self._teaching.delete(message.get('finger'), message.get('recording'))
+        return {}
+
+    async def _tune(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        if self._run is not None and self._run.running:
+            raise ValueError('tuning runs already, allowed: one at a time')
+        name = message.get('finger')
+        folder = self._teaching.folder_of(name)
+        await asyncio.to_thread(folder.look)
+        self._tuned = str(name)
+        self._run = TuneRun(folder, self._server.hand.fingers[self._tuned].config)
+        self._task = asyncio.create_task(self._run.run())
+        return {}
+
+    async def _stop_tuning(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        if self._run is not None:
+            self._run.stop()
+        return {}
+
+    async def _apply(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        """Set what was found, all of it or nothing."""
+        if self._run is None or not self._run.changes:
+            raise ValueError('there is nothing to apply: tune first')
+        await self._server.hand.change(
+            self._tuned, self._run.changes, f'page {message.get("page")}'
+        )
+        self._teaching.words = f'the detector runs with the {len(self._run.changes)} values found'
+        return {}

@@ -1,0 +1,332 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Tunes a detector on what was recorded on the live page: the commands, one after another."""
+
+import asyncio
+import contextlib
+import json
+import os
+import re
+import shutil
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.files import writable_folder
+from slip_detector.parameters.writing import write_file
+from slip_detector.report.text_table import number_text
+from slip_detector.report.tuning_table import FIGURES
+from slip_detector.tuning.noise import LEAST_S
+from slip_detector.view.recorded_folder import RecordedFolder
+
+#: How many chains are tried.
+TRIALS = 200
+
+#: A person presses a key so much later than a slip begins: an alarm in between is no false one.
+EARLY_S = 0.2
+
+#: Of these figures a larger one is better, of all others a smaller one.
+LARGER_IS_BETTER = ('recall', 'sooner_than_chance', 'precision', 'auc_all', 'auc_moving')
+
+#: Where a search for a sensor that nobody has seen begins: see docs/your_sensor.md.
+NEW_SENSOR: dict[str, Any] = {
+    'decision': 'evidence',
+    'threshold': 0.5,
+    'noise_floor': [1e-9],
+    'noise_floor_learnt': ChainConfig.noise_floor_learnt,
+    'passband_degree': 2,
+    'stopbands_hz': [],
+    'gain': 1.0,
+    'exponent': 1,
+    'vote': 2,
+}
+LOW_HZ, LOW_SHARE = 20.0, 0.2
+
+_TRIAL = re.compile(r'^(\d+) of (\d+) trials, (.*)')
+
+
+class Compared(NamedTuple):
+    """A figure of the detector as it runs and as it was tuned, on what was held out."""
+
+    title: str
+    before: str
+    after: str
+    #: 'better', 'worse' or ''.
+    change: str
+
+
+class TuneRun:
+    """One run of ``slip_tune`` on the recordings of a finger.
+
+    What is at rest teaches the noise, what was tapped the impacts, and then a search begins there;
+    each is a process of its own, with a low priority. Then the detector as it runs and as it was
+    tuned are evaluated on the recordings that were held out.
+
+    Parameters
+    ----------
+    recorded
+        The recordings.
+    config
+        What the detector runs with.
+
+    Attributes
+    ----------
+    lines : list of str
+        What the commands said of what they learnt, and of what did not work.
+    step : str
+        What is being done, '' before and after.
+    share : float
+        Which share of the search is done.
+    failed : str
+        Why the run failed, in one line; '' where it did not.
+    table : list of Compared
+        Empty until it has ended.
+    changes : dict
+        The parameters that differ from those that the detector ran with; empty where none do.
+
+    Raises
+    ------
+    ValueError
+        When there are too few recordings.
+    """
+
+    def __init__(
+        self,
+        recorded: RecordedFolder,
+        config: DetectorConfig,
+    ) -> None:
+        slips = recorded.of_kind('slip')
+        if len(slips) < 2:
+            raise ValueError(
+                f'there are {len(slips)} recordings of slips, allowed: two or more, to tune on '
+                'and to hold out'
+            )
+        self._recorded, self._config = recorded, config
+        self.held_out = recorded.held_out()
+        self._slips = [name for name in slips if name not in self.held_out]
+        self.folder = recorded.folder / 'tuning'
+        self._process: asyncio.subprocess.Process | None = None
+        self._stopped = self._compares = False
+        self.lines: list[str] = []
+        self.step = self.failed = ''
+        self.share = 0.0
+        self.table: list[Compared] = []
+        self.changes: dict[str, Any] = {}
+        self.running = False
+
+    async def run(self) -> None:
+        """Run to the end; what fails is in ``failed``."""
+        self.running = True
+        try:
+            await self._run()
+        except ValueError as error:
+            self.failed = str(error)
+        finally:
+            self.running, self.step = False, ''
+
+    async def _run(self) -> None:
+        writable_folder(self.folder)
+        given = self._write('running.yaml', self._config)
+        begin = self._write('begin.yaml', self._beginning())
+        begin = await self._learn(begin)
+        self.step = 'searching'
+        tuned = self.folder / 'tuned.yaml'
+        names = [*self._slips, *self._not_held_out('rest'), *self._not_held_out('taps')]
+        held_out = [f'--held-out={self._path(name)}' for name in self.held_out]
+        await self._command(
+            'slip_detector.commands.tune',
+            *map(self._path, names), *held_out, '--config', str(begin), '--out', str(tuned),
+            '--trials', str(TRIALS),
+        )  # fmt: skip
+        self._compares = True
+        self.step = 'comparing on what was held out'
+        before, after = [await self._figures(file) for file in (given, tuned)]
+        self.table = compared(before, after)
+        was, found = self._config.to_parameters(), DetectorConfig.from_yaml(tuned).to_parameters()
+        self.changes = {name: value for name, value in found.items() if was.get(name) != value}
+
+    def stop(self) -> None:
+        """Stop the search; what it found is judged and kept."""
+        if not self._stopped and not self._compares:
+            self._stopped = True
+            self._signal(signal.SIGINT)
+
+    def kill(self) -> None:
+        """End all at once."""
+        self._signal(signal.SIGKILL)
+
+    def described(self) -> dict[str, Any]:
+        """Return what the page shows."""
+        return {
+            'running': self.running,
+            'stopping': self._stopped and self.running and not self._compares,
+            'step': self.step,
+            'share': self.share,
+            'lines': self.lines,
+            'failed': self.failed,
+            'held_out': self.held_out,
+            'table': [list(row) for row in self.table],
+            'changes': len(self.changes),
+        }
+
+    def _beginning(self) -> DetectorConfig:
+        """Return where the learning begins: as it runs, or as for a new sensor."""
+        config = self._config
+        if config.decision == 'evidence':
+            return config
+        low_hz = min(LOW_HZ, LOW_SHARE * config.sample_rate_hz)
+        smallest = min(map(len, config.groups.values()))
+        new = {'passband_hz': [low_hz, 0.0], **NEW_SENSOR, 'vote': min(2, smallest)}
+        return DetectorConfig.from_parameters({**config.to_parameters(), **new})
+
+    async def _learn(self, begin: Path) -> Path:
+        """Learn noise and impacts where there is something to learn of; return the file."""
+        quiet, impacts = self.folder / 'quiet.yaml', self.folder / 'impacts.yaml'
+        rest = self._longest('rest')
+        if rest and self._recorded.recordings[rest].duration_s >= LEAST_S:
+            self.step = f'learning the noise of {rest}'
+            said = await self._command(
+                'slip_detector.commands.tune',
+                '--quiet', self._path(rest), '--config', str(begin), '--out', str(quiet),
+            )  # fmt: skip
+            self.lines += said[:-1]
+            begin = quiet
+        else:
+            self.lines.append(f'No noise is learnt: that needs {LEAST_S:g} s of rest')
+        taps = self._longest('taps')
+        if not taps:
+            self.lines.append('No impact is learnt: nothing was tapped')
+            return begin
+        self.step = f'learning the impacts of {taps}'
+        try:
+            said = await self._command(
+                'slip_detector.commands.tune', *map(self._path, self._slips),
+                '--taps', self._path(taps), '--config', str(begin), '--out', str(impacts),
+            )  # fmt: skip
+        except ValueError as error:  # Knocks may not be told from slips: the rest is learnt still.
+            self.lines.append(str(error))
+            return begin
+        self.lines += said[:-1]
+        return impacts
+
+    async def _figures(self, file: Path) -> Mapping[str, Any]:
+        said = await self._command(
+            'slip_detector.commands.evaluate',
+            *map(self._path, self.held_out), '--config', str(file), '--json',
+        )  # fmt: skip
+        figures: dict[str, Any] = json.loads('\n'.join(said))['all']
+        return figures
+
+    def _write(self, name: str, config: DetectorConfig) -> Path:
+        file = self.folder / name
+        document = yaml.safe_load(config.to_yaml())
+        document[f'/**/{EvaluationConfig.NODE}'] = {'ros__parameters': {'early_s': EARLY_S}}
+        write_file(file, document, ['Written by slip_view, to tune with.'])
+        return file
+
+    def _path(self, name: str) -> str:
+        return str(self._recorded.folder / name)
+
+    def _not_held_out(self, kind: str) -> list[str]:
+        return [name for name in self._recorded.of_kind(kind) if name not in self.held_out]
+
+    def _longest(self, kind: str) -> str:
+        recordings = self._recorded.recordings
+        names = self._not_held_out(kind)
+        return max(names, key=lambda name: recordings[name].duration_s, default='')
+
+    async def _command(self, module: str, *arguments: str) -> list[str]:
+        """Run a command to its end and return the lines that it printed.
+
+        Raises
+        ------
+        ValueError
+            When it fails, with the last line of what it said.
+        """
+        process = self._process = await asyncio.create_subprocess_exec(
+            *_with_low_priority(), sys.executable, '-m', module, *arguments,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+            start_new_session=True,
+        )  # fmt: skip
+        assert process.stdout is not None
+        assert process.stderr is not None
+        try:
+            printed, said = await asyncio.gather(
+                process.stdout.read(), self._progress(process.stderr)
+            )
+            code = await process.wait()
+        finally:
+            self.kill()
+            self._process = None
+        if code and self._stopped:
+            raise ValueError('stopped before anything was found')
+        if code:
+            last = said[-1] if said else f'{module} ended with the exit code {code}'
+            raise ValueError(last)
+        return printed.decode(errors='replace').splitlines()
+
+    async def _progress(self, stream: asyncio.StreamReader) -> list[str]:
+        """Follow what a command says on the way; return the last lines."""
+        said: list[str] = []
+        while line := (await stream.readline()).decode(errors='replace'):
+            said = [*said[-9:], line.strip()] if line.strip() else said
+            trial = _TRIAL.match(line)
+            if trial:
+                self.share = int(trial[1]) / int(trial[2])
+                self.step = f'searching: {trial[1]} of {trial[2]} chains tried, {trial[3]}'
+        return said
+
+    def _signal(self, number: int) -> None:
+        if self._process is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, number)
+
+
+def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Compared]:
+    """Return two sets of figures side by side.
+
+    Examples
+    --------
+    >>> figures = [{**dict.fromkeys(FIGURES), 'recall': recall} for recall in (0.8, 0.95)]
+    >>> [tuple(row) for row in compared(*figures) if row.title == 'recall']
+    [('recall', '0.800', '0.950', 'better')]
+    """
+    rows = []
+    for name, (title, form) in FIGURES.items():
+        was, now = before[name], after[name]
+        if name == 'auc_moving' and was is None and now is None:
+            continue
+        change = ''
+        if was is not None and now is not None and was != now and name != 'slips':
+            change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
+        rows.append(Compared(title, number_text(was, form), number_text(now, form), change))
+    return rows
+
+
+def _with_low_priority() -> Sequence[str]:
+    """Return what, before a command, lets it give way to detectors and die with this process."""
+    low = ['nice', '-n', '10'] if shutil.which('nice') else []
+    # Also where this process is killed, and can kill nobody any more.
+    dies = ['setpriv', '--pdeathsig', 'KILL'] if shutil.which('setpriv') else []
+    return [*low, *dies]

@@ -1,0 +1,296 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Rest, slips and taps are recorded as somebody in front of the page says."""
+
+import contextlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.parameters import DetectorConfig
+from slip_detector.recordings import open_recording
+from slip_detector.view import teaching as teaching_module
+from slip_detector.view.hand import Finger
+from slip_detector.view.teaching import AFTER_S, BEFORE_S, Teaching
+from support.full_disk import full_disk
+from support.simulated_hand import SimulatedHand
+
+FINGER = '/index/slip_detector'
+
+
+class Lesson:
+    """A simulated finger, somebody who teaches it, and the time that the test lets pass."""
+
+    def __init__(self, folder):
+        self.hand = SimulatedHand(real_time=False)
+        self.folder = folder
+        self.teaching = Teaching(self.hand, folder)
+
+    @property
+    def finger(self):
+        return self.hand.fingers[FINGER]
+
+    def play(self, seconds, label='index'):
+        """Let time pass as a server does, a tenth of a second at a time."""
+        for _ in range(round(10 * seconds)):
+            self.hand.simulated[f'/{label}/slip_detector'].play(0.1)
+            self.teaching.hold()
+            self.teaching.tick()
+
+    def slip(self, seconds=1.0, before=3.0, after=AFTER_S + 0.5):
+        self.play(before)
+        self.teaching.press(FINGER)
+        self.play(seconds)
+        self.teaching.release()
+        self.play(after)
+
+    def listed(self):
+        return {one['name']: one for one in self.teaching.described()[FINGER]['recordings']}
+
+    def read(self, name):
+        """Return stamps and truth of a recording."""
+        pieces = [*open_recording(self.folder / 'index' / name).rows()]
+        stamps_ns = np.concatenate([piece.stamps_ns for piece in pieces])
+        return stamps_ns, np.concatenate([piece.truth for piece in pieces])
+
+
+@pytest.fixture
+def lesson(tmp_path):
+    taught = Lesson(tmp_path)
+    yield taught
+    taught.teaching.close()
+
+
+def seconds(stamps_ns):
+    return (stamps_ns[-1] - stamps_ns[0]) * 1e-9
+
+
+def test_rest_is_recorded_from_the_button_until_it_is_pressed_again(lesson):
+    lesson.play(1.0)
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(6.0)
+    lesson.teaching.stop()
+    lesson.play(1.0)
+    stamps_ns, truth = lesson.read('rest_1')
+    assert seconds(stamps_ns) == pytest.approx(6.0, abs=0.01)
+    assert not truth.any()
+    assert lesson.listed()['rest_1']['duration_s'] == 6.0
+
+
+def test_the_recording_of_a_slip_has_rest_before_and_after_it(lesson):
+    lesson.slip(seconds=0.5)
+    stamps_ns, truth = lesson.read('slip_1')
+    since_s = (stamps_ns - stamps_ns[0]) * 1e-9
+    assert since_s[truth][0] == pytest.approx(BEFORE_S, abs=0.01)
+    assert since_s[truth][-1] == pytest.approx(BEFORE_S + 0.5, abs=0.01)
+    assert since_s[-1] >= BEFORE_S + 0.5 + AFTER_S - 0.01
+    assert lesson.listed()['slip_1']['slips'] == 1
+
+
+def test_each_slip_is_a_recording_and_none_has_rows_of_a_slip_as_rest(lesson):
+    for pause in (3.0, 0.3, 2.0, 0.5):
+        lesson.slip(before=pause, after=0.2)
+    lesson.play(2.0)
+    slips = np.concatenate(
+        [stamps[truth] for stamps, truth in (lesson.read(f'slip_{k}') for k in (1, 2, 3, 4))]
+    )
+    for name in lesson.listed():
+        stamps_ns, truth = lesson.read(name)
+        assert np.count_nonzero(np.diff(truth.astype(int), prepend=0) == 1) == 1
+        assert not np.isin(stamps_ns[~truth], slips).any()
+    assert len(lesson.listed()) == 4
+
+
+def test_little_rest_before_a_slip_is_said(lesson):
+    lesson.play(0.4)
+    lesson.teaching.press(FINGER)
+    assert '0.4 s of rest before' in lesson.teaching.words
+
+
+def test_what_is_recorded_is_what_came_to_the_bit(lesson):
+    lesson.teaching.start(FINGER, 'taps')
+    lesson.play(3.0)
+    lesson.teaching.stop()
+    pieces = [*open_recording(lesson.folder / 'index' / 'taps_1').rows()]
+    volts = np.concatenate([piece.volts for piece in pieces])
+    np.testing.assert_array_equal(volts, lesson.finger.track.samples.field('volts'))
+    names = open_recording(lesson.folder / 'index' / 'taps_1').channel_names
+    assert names == lesson.finger.config.names
+
+
+def test_a_slip_ends_when_the_page_that_holds_it_is_gone(lesson, monkeypatch):
+    lesson.play(2.0)
+    lesson.teaching.press(FINGER)
+    lesson.play(1.0)
+    monkeypatch.setattr(teaching_module, 'HELD_S', -1.0)
+    lesson.play(AFTER_S + 0.5)
+    monkeypatch.undo()
+    _, truth = lesson.read('slip_1')
+    assert truth.any()
+    assert not truth[-1]
+    assert lesson.listed()['slip_1']['slips'] == 1
+
+
+def test_only_one_thing_is_recorded_at_a_time(lesson):
+    lesson.teaching.start(FINGER, 'rest')
+    for again in (
+        lambda: lesson.teaching.start(FINGER, 'taps'),
+        lambda: lesson.teaching.press(FINGER),
+    ):
+        with pytest.raises(ValueError, match='rest_1 of index is being recorded'):
+            again()
+
+
+def test_a_recording_ends_where_the_detector_goes(lesson):
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(2.0)
+    lesson.hand.fingers.pop(FINGER)
+    lesson.teaching.tick()
+    assert 'rest_1 has 2.0 s' in lesson.teaching.words
+    assert 'gone' in lesson.teaching.words
+    assert seconds(lesson.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_clock_that_is_set_back_ends_the_recording(lesson):
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(2.0)
+    lesson.hand.simulated[FINGER].at_ns -= 10_000_000_000
+    lesson.play(1.0)
+    assert lesson.teaching.recording() is None
+    assert seconds(lesson.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
+
+
+def test_what_nobody_ends_ends_by_itself(lesson, monkeypatch):
+    monkeypatch.setattr(teaching_module, 'MOST_S', 1.0)
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(2.0)
+    assert lesson.teaching.recording() is None
+    assert 'ended after' in lesson.teaching.words
+
+
+def test_on_a_full_disk_what_was_recorded_is_kept_and_it_is_said(lesson):
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(2.0)
+    size = (lesson.folder / 'index/rest_1/rest_1.mcap').stat().st_size
+    with full_disk(size + 1000):
+        lesson.play(1.0)
+    assert lesson.teaching.recording() is None
+    assert 'rest_1 has 2.0 s, which are kept' in lesson.teaching.words
+    assert 'File too large' in lesson.teaching.words
+    assert seconds(lesson.read('rest_1')[0]) >= 1.99
+    # There is room again, and the next recording is as any other.
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(1.0)
+    lesson.teaching.stop()
+    assert [*lesson.listed()] == ['rest_1', 'rest_2']
+
+
+def test_a_folder_that_cannot_be_written_is_said(tmp_path):
+    (tmp_path / 'file').write_text('no folder')
+    lesson = Lesson(tmp_path / 'file')
+    with pytest.raises(ValueError, match='cannot be written'):
+        lesson.teaching.start(FINGER, 'rest')
+    assert lesson.teaching.recording() is None
+
+
+def test_another_server_finds_what_was_recorded_and_what_was_cut_off(lesson):
+    lesson.slip()
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(2.0)  # and then the process is killed
+    after = Lesson(lesson.folder)
+    folder = after.teaching.folder_of(FINGER)
+    folder.look()
+    assert {n: (one.slips, bool(one.note)) for n, one in folder.recordings.items()} == {
+        'rest_1': (0, True),
+        'slip_1': (1, False),
+    }
+    assert folder.recordings['rest_1'].duration_s == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_recording_is_deleted_and_nothing_else_is(lesson):
+    lesson.slip()
+    lesson.slip()
+    beside = lesson.folder / 'index' / 'mine.txt'
+    beside.write_text('mine')
+    lesson.teaching.delete(FINGER, 'slip_1')
+    assert [*lesson.listed()] == ['slip_2']
+    assert {path.name for path in (lesson.folder / 'index').iterdir()} == {'slip_2', 'mine.txt'}
+
+
+def test_a_recording_that_is_being_written_is_not_deleted(lesson):
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(1.0)
+    lesson.teaching.folder_of(FINGER).look()
+    with pytest.raises(ValueError, match='is being recorded'):
+        lesson.teaching.delete(FINGER, 'rest_1')
+
+
+HOSTILE = st.one_of(
+    st.text(max_size=30),
+    st.sampled_from(
+        ['..', '../victim', '/etc', 'rest_1/../../victim', 'rest_1', 'rest_0', 'slip_1', 'tuning']
+    ),
+    st.integers(),
+    st.none(),
+    st.lists(st.text(), max_size=2),
+)
+
+
+@given(
+    finger=st.one_of(st.just(FINGER), HOSTILE),
+    do=st.sampled_from(['start', 'press', 'delete', 'folder']),
+    what=st.one_of(st.sampled_from(['rest', 'taps']), HOSTILE),
+)
+def test_nothing_that_a_page_sends_leaves_the_folder(tmp_path_factory, finger, do, what):
+    around = tmp_path_factory.mktemp('around')
+    (around / 'victim').mkdir()
+    (around / 'victim' / 'victim.mcap').write_text('as it was')
+    teaching, known = taught_without_a_chain(around / 'recordings', FINGER)
+    acts = {
+        'start': lambda: teaching.start(finger, what),
+        'press': lambda: teaching.press(finger),
+        'delete': lambda: teaching.delete(finger, what),
+        'folder': lambda: teaching.folder_of(finger).path_of(what),
+    }
+    with contextlib.suppress(ValueError):
+        acts[do]()
+    known.track.take_samples(np.arange(9), np.zeros((9, 16)), np.zeros(9))
+    teaching.close()
+    assert {path.name for path in around.iterdir()} <= {'victim', 'recordings'}
+    assert (around / 'victim' / 'victim.mcap').read_text() == 'as it was'
+    inside = [path.relative_to(around) for path in (around / 'recordings').rglob('*')]
+    assert all(path.parts[:2] == ('recordings', 'index') for path in inside)
+
+
+@given(label=st.text(max_size=20))
+def test_a_finger_whose_name_is_no_name_of_ros_has_no_folder(label):
+    teaching, finger = taught_without_a_chain(Path('recordings'), f'/{label}/slip_detector')
+    try:
+        folder = teaching.folder_of(finger.name).folder
+    except ValueError:
+        return
+    assert folder.parts[0] == 'recordings'
+    assert not {'..', '/'} & set(folder.parts)
+
+
+def taught_without_a_chain(folder, name):
+    """A hand with one finger that only has a track, and who teaches it."""
+    hand = SimulatedHand(labels=())
+    finger = hand.fingers[name] = Finger(name, DetectorConfig())
+    return Teaching(hand, folder), finger
