@@ -1,0 +1,82 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Scenes to teach a finger with: a hand that trembles beside a mains cable."""
+
+import numpy as np
+
+from slip_detector.chain.samples import Samples
+from slip_detector.parameters.reading import read_yaml
+from slip_detector.recordings import write_recording
+from slip_detector.scenes import Scene, find_scene
+
+RATE_HZ = 380.0
+
+HAND = {
+    'tremor': {
+        'low_hz': 2.0,
+        'high_hz': 20.0,
+        'force_rms_n': 0.01,
+        'motion_rms_m': 5.0e-6,
+    },
+    'hum': {'frequency_hz': 50.0, 'amplitude_v': 5.0e-3, 'harmonics': [0.0, 0.2]},
+}
+
+#: Steps of a scene before which nothing is held.
+BEGIN_S = 2.0
+
+
+def held(duration_s):
+    """An object that is held, after two seconds in which it is taken."""
+    steps = [{'duration_s': 1.0}, {'duration_s': 1.0, 'force_n': 0.4}, {'duration_s': duration_s}]
+    texture = {'spatial_period_m': 400.0e-6}
+    return {'steps': steps, 'friction': {'model': 'lugre'}, 'texture': texture, **HAND}
+
+
+def tapped(duration_s):
+    """The same, with a knock every two seconds."""
+    times_s = np.arange(BEGIN_S + 1.0, BEGIN_S + duration_s, 2.0).tolist()
+    return {
+        **held(duration_s),
+        'taps': {'times_s': times_s, 'peak_force_n': 0.5, 'duration_s': 0.01},
+    }
+
+
+def slipping(plate='plate_400um'):
+    """A plate that slides once, after two seconds at rest."""
+    return {**read_yaml(find_scene(plate)), **HAND}
+
+
+def samples(description, duration_s, seed):
+    """Rows of a scene, with the truth."""
+    return Scene(description, np.random.default_rng(seed)).read(round(duration_s * RATE_HZ))
+
+
+def write_lesson(folder, slips=6):
+    """Write recordings as a page makes them: rest, taps, and one slip in each of some."""
+    names = [f'ch{c}' for c in range(1, 17)]
+    scenes = {
+        'rest_1': (held(8.0), 10.0),
+        'rest_2': (held(8.0), 10.0),
+        'taps_1': (tapped(12.0), 14.0),
+        **{f'slip_{k + 1}': (slipping(), 9.6) for k in range(slips)},
+    }
+    for seed, (name, (description, duration_s)) in enumerate(scenes.items()):
+        rows = samples(description, duration_s, seed)
+        begin = round(BEGIN_S * RATE_HZ)
+        volts, truth = rows.volts[begin:], rows.truth[begin:] & name.startswith('slip')
+        stamps_ns = np.rint(1e9 / RATE_HZ * np.arange(len(volts))).astype(np.int64)
+        rows = Samples(volts, stamps_ns, truth)
+        write_recording(folder / name, [rows], RATE_HZ, names)

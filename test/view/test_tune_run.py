@@ -1,0 +1,147 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Tuning on what the page recorded: stopped, failing, and when its parent is killed."""
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from slip_detector.parameters import DetectorConfig
+from slip_detector.view import tune_run
+from slip_detector.view.recorded_folder import RecordedFolder
+from slip_detector.view.tune_run import TuneRun
+from support.lessons import write_lesson
+
+DEADLINE_S = 120.0
+
+
+@pytest.fixture(scope='module')
+def lesson(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('lesson')
+    write_lesson(folder)
+    return folder
+
+
+def looked_at(folder):
+    recorded = RecordedFolder(folder)
+    recorded.look()
+    return recorded
+
+
+async def finished(run, each=lambda: None):
+    """Run to the end, and call a function all the time."""
+    deadline_s = time.monotonic() + DEADLINE_S
+    task = asyncio.create_task(run.run())
+    while not task.done():
+        assert time.monotonic() < deadline_s
+        each()
+        await asyncio.sleep(0.02)
+
+
+def test_a_search_that_is_stopped_keeps_what_it_found_and_is_judged_by_what_was_held_out(
+    lesson, monkeypatch
+):
+    monkeypatch.setattr(tune_run, 'TRIALS', 120)
+    run = TuneRun(looked_at(lesson), DetectorConfig())
+    steps = []
+
+    def stop_when_something_is_found():
+        if run.step not in steps[-1:]:
+            steps.append(run.step)
+        if run.share:
+            run.stop()
+
+    asyncio.run(finished(run, stop_when_something_is_found))
+    assert not run.failed
+    assert 0.0 < run.share < 1.0
+    assert [step for step in steps if step and 'searching:' not in step] == [
+        'learning the noise of rest_1',
+        'learning the impacts of taps_1',
+        'searching',
+        'comparing on what was held out',
+    ]
+    assert 'mains of 50 Hz' in run.lines[0]
+    assert run.held_out == ['rest_2', 'slip_3', 'slip_6']
+    rows = {row.title: row for row in run.table}
+    assert rows['slips'].before == rows['slips'].after == '2'
+    assert rows['ON without slip [% of the rest]'].change == 'better'
+    found = DetectorConfig.from_yaml(run.folder / 'tuned.yaml').to_parameters()
+    assert run.changes['decision'] == 'evidence'
+    assert {**DetectorConfig().to_parameters(), **run.changes} == found
+
+
+def test_what_fails_says_why_in_one_line(lesson):
+    run = TuneRun(looked_at(lesson), DetectorConfig())
+    file = lesson / 'rest_1' / 'rest_1.mcap'
+    away = file.rename(lesson / 'away')
+    try:
+        asyncio.run(finished(run))
+    finally:
+        away.rename(file)
+    assert 'slip_tune: ' in run.failed
+    assert 'rest_1' in run.failed
+    assert '\n' not in run.failed
+    assert not run.changes
+    assert not run.table
+
+
+def test_there_have_to_be_two_slips(tmp_path):
+    write_lesson(tmp_path, slips=1)
+    with pytest.raises(ValueError, match='there are 1 recordings of slips, allowed: two or more'):
+        TuneRun(looked_at(tmp_path), DetectorConfig())
+
+
+def test_what_tunes_dies_with_the_one_who_started_it(lesson):
+    program = (
+        'import asyncio, sys\n'
+        'from pathlib import Path\n'
+        'from slip_detector.parameters import DetectorConfig\n'
+        'from slip_detector.view.tune_run import TuneRun\n'
+        'from view.test_tune_run import looked_at, finished\n'
+        'run = TuneRun(looked_at(Path(sys.argv[1])), DetectorConfig())\n'
+        'said = []\n'
+        'def say():\n'
+        '    if run._process and not said:\n'
+        '        said.append(print(run._process.pid, flush=True))\n'
+        'asyncio.run(finished(run, say))\n'
+    )
+    parent = subprocess.Popen(
+        [sys.executable, '-c', program, str(lesson)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {'PYTHONPATH': os.pathsep.join(sys.path)},
+    )
+    with parent:
+        child = Path('/proc') / parent.stdout.readline().strip()
+        assert child.exists()
+        parent.send_signal(signal.SIGKILL)
+    deadline_s = time.monotonic() + DEADLINE_S
+    while _runs(child) and time.monotonic() < deadline_s:
+        time.sleep(0.02)
+    assert not _runs(child)
+
+
+def _runs(process):
+    try:
+        return (process / 'stat').read_text().rsplit(')', 1)[1].split()[0] != 'Z'
+    except OSError:
+        return False
