@@ -176,6 +176,7 @@ async def _serve(
     from slip_detector.view.access import Access, is_loopback, new_token
     from slip_detector.view.parameter_requests import ParameterRequests
     from slip_detector.view.server import Server
+    from slip_detector.view.teaching_requests import TeachingRequests
 
     stop = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -187,6 +188,7 @@ async def _serve(
     hand = RosHand(node)
     server = Server(hand, Access(arguments.host, token, arguments.read_only))
     ParameterRequests(server, arguments.folder, arguments.configs)
+    TeachingRequests(server, arguments.folder)
     try:
         port = server.listen(arguments.port)
     except OSError as error:

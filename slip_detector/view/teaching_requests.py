@@ -64,7 +64,7 @@ class TeachingRequests:
 
     def _tick(self) -> None:
         self._teaching.tick()
-        self._server.recorded = {self._teaching.finger} - {''}
+        self._server.wanted['recording'] = {self._teaching.finger} - {''}
         self._tell()
 
     def _tell(self) -> None:
