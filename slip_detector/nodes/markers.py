@@ -20,11 +20,15 @@ from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from slip_detector.nodes.messages import event_qos
+from slip_detector.nodes.rclpy_internals import subscriber_counter
 from slip_detector.parameters.conversion import listed
 from slip_detector.view.hand import Finger
+from slip_detector.view.server import Server
 from slip_detector.view.taxels import drawn_positions, least_distance_m
 
 #: Markers are in this frame where the samples name none.
@@ -119,6 +123,37 @@ class MarkersShown:
                 markers.append(gone)
         self._frames = frames
         return MarkerArray(markers=markers)
+
+
+class MarkerTopic:
+    """Publishes the markers of all fingers on ``~/taxels``, while somebody subscribes.
+
+    Parameters
+    ----------
+    node
+        The node that publishes.
+    server
+        With each of its ticks, at most 30 a second, the markers are published; as long as they
+        are, it watches all fingers.
+    """
+
+    def __init__(self, node: Node, server: Server) -> None:
+        self._server = server
+        self._publisher = node.create_publisher(MarkerArray, '~/taxels', event_qos(depth=1))
+        self._subscribers = subscriber_counter(self._publisher)
+        self._shown = MarkersShown()
+        server.each_tick.append(self._publish)
+
+    def _publish(self) -> None:
+        fingers = self._server.hand.fingers
+        if not self._subscribers():
+            self._server.wanted.pop('markers', None)
+            self._shown = MarkersShown()
+            return
+        self._server.wanted['markers'] = set(fingers)
+        message = self._shown.message(fingers.values())
+        if message.markers:
+            self._publisher.publish(message)
 
 
 def _latest(finger: Finger) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

@@ -172,6 +172,7 @@ async def _serve(
     """Serve the page until a signal arrives, or a node that plays the scene ends."""
     from rclpy.node import Node
 
+    from slip_detector.nodes.markers import MarkerTopic
     from slip_detector.nodes.view_fingers import RosHand
     from slip_detector.view.access import Access, is_loopback, new_token
     from slip_detector.view.parameter_requests import ParameterRequests
@@ -189,6 +190,7 @@ async def _serve(
     server = Server(hand, Access(arguments.host, token, arguments.read_only))
     ParameterRequests(server, arguments.folder, arguments.configs)
     TeachingRequests(server, arguments.folder)
+    MarkerTopic(node, server)
     try:
         port = server.listen(arguments.port)
     except OSError as error:

@@ -21,13 +21,22 @@ from hypothesis import strategies as st
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
-from slip_detector.nodes.markers import LIFETIME_S, NO_FRAME, MarkersShown, finger_markers
+from slip_detector.nodes.markers import (
+    LIFETIME_S,
+    NO_FRAME,
+    MarkersShown,
+    MarkerTopic,
+    finger_markers,
+)
+from slip_detector.nodes.messages import event_qos
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.access import Access
 from slip_detector.view.hand import Finger
+from slip_detector.view.server import Server
 from slip_detector.view.taxels import drawn_positions, least_distance_m
-from support.simulated_hand import SimulatedFinger
+from support.simulated_hand import SimulatedFinger, SimulatedHand
 
 FOUR = DetectorConfig(channels=4, groups={'left': (1, 2), 'right': (3, 4)}, vote=1)
 
@@ -193,3 +202,36 @@ def test_a_simulated_slip_is_seen_in_the_markers():
         on = finger.track.levels.field('on')[-1]
         widths = np.array([marker.scale.x for marker in markers])
         assert np.array_equal(widths > widths.min(), on) or on.all()
+
+
+def test_all_fingers_are_watched_and_published_while_somebody_subscribes(bench):
+    hand = SimulatedHand(['index', 'thumb'])
+    server = Server(hand, Access())
+    MarkerTopic(bench.node, server)
+    server.tick()
+    assert not hand.watched, 'nobody subscribes'
+    heard = []
+    subscription = bench.node.create_subscription(
+        MarkerArray, 'bench/taxels', heard.append, event_qos()
+    )
+
+    def ticked(condition):
+        server.tick()
+        return condition()
+
+    bench.wait_for(lambda: ticked(lambda: heard), 'markers')
+    assert hand.watched == set(hand.fingers)
+    assert {marker.ns for marker in heard[-1].markers} == {'index', 'thumb'}
+
+    hand.remove('thumb')
+    ends = {Marker.ADD: 'index', Marker.DELETE: 'thumb'}
+    bench.wait_for(
+        lambda: ticked(lambda: ends in [{m.action: m.ns for m in a.markers} for a in heard]),
+        'deletions',
+    )
+    bench.wait_for(
+        lambda: ticked(lambda: {m.ns for m in heard[-1].markers} == {'index'}), 'one finger'
+    )
+
+    bench.node.destroy_subscription(subscription)
+    bench.wait_for(lambda: ticked(lambda: not hand.watched), 'nobody to be watched')
