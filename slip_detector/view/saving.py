@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.files import writable_folder
 from slip_detector.parameters.reading import (
     OF_RCLPY,
     matches,
@@ -101,7 +102,7 @@ def save(
     Parameters
     ----------
     folder, name
-        Where, and the name of the file without ``.yaml``.
+        Where, made where there is none, and the name of the file without ``.yaml``.
     document, comments
         What it holds, and what stands above that.
     replace
@@ -127,7 +128,7 @@ def save(
     """
     if not FILE_NAME.fullmatch(name):
         raise ValueError(f'name is {name!r}, allowed: a letter, then letters, digits and single _')
-    path = folder / f'{name}.yaml'
+    path = writable_folder(folder) / f'{name}.yaml'
     if path.is_symlink():
         raise ValueError(f'{path}: is a link to another file, allowed: a name of its own')
     if path.exists() and not replace:

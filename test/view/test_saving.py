@@ -119,6 +119,8 @@ def test_a_link_is_not_followed_and_a_file_is_replaced_only_where_that_is_wanted
     assert (folder / 'taken.yaml').read_text(encoding='utf-8') == '{a: 1}\n'
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r'none/a\.yaml: cannot be written'):
-        save(tmp_path / 'none', 'a', {}, [])
+def test_a_folder_that_is_not_there_is_made_and_one_that_cannot_be_is_named(tmp_path):
+    assert save(tmp_path / 'new', 'a', {}, []).is_file()
+    (tmp_path / 'file').touch()
+    with pytest.raises(ValueError, match='file: cannot be made'):
+        save(tmp_path / 'file', 'a', {}, [])
