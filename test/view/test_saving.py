@@ -24,6 +24,7 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.reading import read_parameter_file
 from slip_detector.view.saving import FILE_NAME, parameter_file, save
 from support.config_cases import message_of
+from support.full_disk import full_disk
 from support.random_chains import configs
 
 GIVEN = """
@@ -124,3 +125,13 @@ def test_a_folder_that_is_not_there_is_made_and_one_that_cannot_be_is_named(tmp_
     (tmp_path / 'file').touch()
     with pytest.raises(ValueError, match='file: cannot be made'):
         save(tmp_path / 'file', 'a', {}, [])
+
+
+def test_on_a_full_disk_the_file_stays_as_it_was(tmp_path):
+    document = parameter_file({'/slip_detector': detector()})
+    path = save(tmp_path, 'thumb', document, ['Saved.'])
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=r'thumb\.yaml: cannot be written'), full_disk(10):
+        save(tmp_path, 'thumb', document, ['Saved again.'], replace=True)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
