@@ -1,6 +1,7 @@
 # Needs Python 3.10 or newer with venv, and a package index; no ROS.
 #
 #   make demo               install into .venv, run driver and detector, show the figures
+#   make view               a live page of a simulated finger, until Ctrl-C: open the address that it prints
 #   make grasp              a grasp controller on simulated objects: a table over thirty of them
 #   make check              what a change is checked with: lint, types, all tests without nodes
 #   make benchmark          how fast and how exact it is: the quick form of each measurement
@@ -41,7 +42,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo grasp benchmark check test fuzz clean
+.PHONY: demo grasp view benchmark check test fuzz clean
 .DELETE_ON_ERROR:
 
 demo: out/demo.json
@@ -57,6 +58,10 @@ grasp: out/grasp.json
 out/grasp.json: $(VENV)/installed $(PACKAGE)
 	mkdir -p out
 	$(BIN)/slip_grasp --out out > out/grasp.txt
+
+# Ctrl-C ends it, which is no failure.
+view: $(VENV)/installed
+	@$(BIN)/slip_view --scene plate_400um --folder out/recordings
 
 benchmark: $(VENV)/installed
 	@for command in chain scenes extremes tune soak; do \

@@ -25,7 +25,10 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
-PASSED_ON = ('fingers', 'namespace', 'config', 'source', 'recording')
+PASSED_ON = (
+    *('fingers', 'namespace', 'config', 'source', 'recording'),
+    *('view', 'view_options'),
+)
 
 
 def generate_launch_description():
@@ -58,6 +61,17 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'
+            ),
+            DeclareLaunchArgument(
+                'view',
+                default_value='false',
+                choices=['true', 'false'],
+                description='Whether slip_view serves a live page of all fingers.',
+            ),
+            DeclareLaunchArgument(
+                'view_options',
+                default_value='',
+                description='Its options, as --host 0.0.0.0 or --read-only.',
             ),
             IncludeLaunchDescription(
                 PythonLaunchDescriptionSource(one_finger),

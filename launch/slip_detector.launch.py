@@ -20,10 +20,12 @@ With several parameter files there is a detector for each, in a namespace of the
 driver has the first one.
 """
 
+import shlex
 from pathlib import Path
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -76,7 +78,18 @@ def nodes(context):
         arguments=arguments,
         parameters=[configs[0], given],
     )
-    return [detector] if source == 'none' else [detector, driver]
+    view = Node(
+        package='slip_detector',
+        executable='slip_view',
+        namespace=namespace,
+        arguments=[
+            *('--config', ','.join(configs)),
+            *shlex.split(LaunchConfiguration('view_options').perform(context)),
+        ],
+        output='screen',  # It prints the address of the page.
+        condition=IfCondition(LaunchConfiguration('view')),
+    )
+    return [detector, view] if source == 'none' else [detector, driver, view]
 
 
 def generate_launch_description():
@@ -108,6 +121,17 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'
+            ),
+            DeclareLaunchArgument(
+                'view',
+                default_value='false',
+                choices=['true', 'false'],
+                description='Whether slip_view serves a live page of all fingers.',
+            ),
+            DeclareLaunchArgument(
+                'view_options',
+                default_value='',
+                description='Its options, as --host 0.0.0.0 or --read-only.',
             ),
             OpaqueFunction(function=nodes),
         ]

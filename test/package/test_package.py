@@ -154,7 +154,7 @@ def test_launch_files_offer_the_documented_arguments(path):
         for node in ast.walk(tree)
         if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'DeclareLaunchArgument'
     }
-    assert {'namespace', 'config', 'source'} <= declared.keys()
+    assert {'namespace', 'config', 'source', 'view', 'view_options'} <= declared.keys()
     # A name alone would also be that of a file in the folder in which somebody launches; empty
     # is none.
     default = declared['config']['default_value']
