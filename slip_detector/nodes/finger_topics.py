@@ -15,6 +15,7 @@
 """The topics of one finger that is looked at, and what comes from them."""
 
 import contextlib
+import functools
 import time
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -123,14 +124,8 @@ class FingerTopics:
         self._topics.close()
         self.names, self._config = names, self._finger.config
         config, topics, states = self._config, self._topics, state_qos(depth=STATES)
-        self._input = Input(config)
-        # A process has a topic with one type only: where another finger has it with another one,
-        # this finger is shown without.
         if names.voltages:
-            with contextlib.suppress(ROS_ERROR):
-                kind = self._input.message_class
-                topics.add(kind, names.voltages, sensor_qos(), self._on_voltages, raw=True)
-            topics.add(Bool, names.truth, states, self._on_truth)
+            self._subscribe_to_samples(names)
         topics.add(JointState, names.envelope, sensor_qos(), self._on_envelope, raw=True)
         slip = f'{names.namespace}/slip'
         topics.add(Bool, slip, states, self._on_slip)
@@ -139,6 +134,25 @@ class FingerTopics:
         if config.publish_groups:
             for g, name in enumerate(config.groups):
                 topics.add(Bool, f'{slip}/group/{name}', states, self._on_group(g))
+
+    def _subscribe_to_samples(self, names: Topics) -> None:
+        """Subscribe to the input; where that cannot be had, the finger is shown without."""
+        kind = self._config.input_type
+        try:
+            source = Input(self._config)
+        except ValueError:
+            self._finger.notice = f'no volts are shown: {kind} is not installed here'
+            return
+        take = functools.partial(self._on_voltages, source)
+        try:
+            self._topics.add(source.message_class, names.voltages, sensor_qos(), take, raw=True)
+        except ROS_ERROR:
+            # A process has a topic with one type only.
+            self._finger.notice = (
+                f'no volts are shown: {names.voltages} was of a type other than {kind}'
+            )
+            return
+        self._topics.add(Bool, names.truth, state_qos(depth=STATES), self._on_truth)
 
     def close(self) -> None:
         """End the subscriptions."""
@@ -157,10 +171,10 @@ class FingerTopics:
         if self._levels:
             self._keep_levels()
 
-    def _on_voltages(self, raw: bytes, info: dict[str, Any]) -> None:
+    def _on_voltages(self, source: Input, raw: bytes, info: dict[str, Any]) -> None:
         # One that does not fit is counted and told by the detector.
         with contextlib.suppress(ValueError):
-            sample = self._input.read(raw, info)
+            sample = source.read(raw, info)
             if sample.rows.shape[1] == self._config.channels:
                 self._samples.append((info['source_timestamp'], sample))
 

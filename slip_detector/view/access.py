@@ -66,15 +66,19 @@ class Access:
             The headers; a program that is no browser sends no *Origin*.
         """
         name = host_name(host)
-        known = {'localhost', self.host.lower(), *(each.lower() for each in self.names)}
-        # A site has a name; to a bare address only those get who were told it.
-        if name is None or (name not in known and not is_address(name)):
-            return f'Host is {host[:100]}, allowed: an address or a name of this machine'
-        if is_loopback(self.host) and is_address(name) and not is_loopback(name):
+        if name is None or not self._is_ours(name):
             return f'Host is {host[:100]}, allowed: an address or a name of this machine'
         if origin is not None and origin.lower() != f'http://{host.lower()}':
             return f'Origin is {origin[:100]}, allowed: http://{host}'
         return ''
+
+    def _is_ours(self, name: str) -> bool:
+        """Return whether no other site can have this name."""
+        if is_loopback(self.host):
+            return is_loopback(name)
+        # A site has a name: a bare address is of the machine that answers.
+        known = {'localhost', self.host, *self.names}
+        return is_address(name) or name in {each.lower() for each in known}
 
     def knows(self, token: str) -> bool:
         """Return whether a token is the right one, in a time that does not depend on it."""

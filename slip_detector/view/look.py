@@ -33,6 +33,7 @@ STAMPS_NS = (-(2.0**62), 2.0**62)
 
 #: Channels of which a page may draw traces at once.
 MOST_CHANNELS = 64
+HIGHEST_CHANNEL = 1_000_000
 
 
 class Look:
@@ -69,8 +70,10 @@ class Look:
         self.fingers = tuple(dict.fromkeys(_texts('fingers', message.get('fingers', []))))
         self.finger = str(message.get('finger') or '')
         channels = message.get('channels', [])
-        if not isinstance(channels, list) or not all(type(c) is int and c > 0 for c in channels):
-            raise ValueError(f'channels is {channels!r}, allowed: a list of numbers from 1')
+        if not isinstance(channels, list) or not all(
+            type(channel) is int and 0 < channel <= HIGHEST_CHANNEL for channel in channels
+        ):
+            raise ValueError(f'channels is no list of numbers from 1 to {HIGHEST_CHANNEL}')
         if len(channels) > MOST_CHANNELS:
             raise ValueError(f'channels has {len(channels)}, allowed: at most {MOST_CHANNELS}')
         self._channels = np.array(sorted(set(channels)), np.intp) - 1
@@ -122,13 +125,10 @@ class Look:
     ) -> dict[str, Any]:
         """Describe a finger now: of each channel the highest level since the last frame."""
         levels, config = finger.track.levels, finger.config
-        since = min(self._shown.get(finger.name, 0), levels.appended)
-        since = since if levels.appended - since < len(levels) else levels.appended - 1
+        # Where nothing is new, as it was last.
+        since = min(self._shown.get(finger.name, levels.appended), levels.appended - 1)
         self._shown[finger.name] = levels.appended
-        new = max(since, 0)
-        if new == levels.appended:  # Nothing is new: as it was last.
-            new = max(0, levels.appended - 1)
-        level, on = levels.field('level', new), levels.field('on', new)
+        level, on = levels.field('level', since), levels.field('on', since)
         if len(level):
             shown = np.fmax.reduce(level, axis=0) / config.threshold
             # Whether a channel is valid is what holds now.
@@ -138,13 +138,15 @@ class Look:
             arrays[f'level/{i}'] = np.full(config.channels, np.nan)
             arrays[f'on/{i}'] = np.zeros(config.channels, np.bool_)
         arrays[f'groups/{i}'] = finger.groups
+        silent = finger.silent_words()
         return {
             'name': finger.name,
-            'slip': finger.slip,
-            'valid': finger.valid,
+            # What a detector said that is no more means nothing.
+            'slip': finger.slip and not silent,
+            'valid': finger.valid and not silent,
             'onset_age_s': None if finger.onset_s is None else round(now_s - finger.onset_s, 3),
             'sample_age_s': _age_s(now_s, finger.sample_s),
-            'silent': finger.silent_words(),
+            'silent': silent,
         }
 
     def _traces(self, finger: Finger, track: Track, arrays: dict[str, Any]) -> dict[str, Any]:

@@ -42,6 +42,9 @@ IDLE_S = 0.2
 #: A page that does not answer for so long is gone.
 PING_S = 10.0
 
+#: Pages that may be open at once.
+MOST_PAGES = 20
+
 #: Longest message of a page.
 MOST_BYTES = 1 << 20
 
@@ -183,7 +186,8 @@ class Server:
         """Answer a request of a page."""
         kind = message.get('type')
         request = self.requests.get(kind) if isinstance(kind, str) else None
-        answer: dict[str, Any] = {'type': 'answer', 'id': message.get('id'), 'refusal': ''}
+        number = message.get('id')
+        answer = {'type': 'answer', 'id': number if type(number) is int else None, 'refusal': ''}
         try:
             if request is None:
                 known = ', '.join(sorted(self.requests))
@@ -193,6 +197,10 @@ class Server:
             answer.update(await request.answer(message))
         except ValueError as error:
             answer['refusal'] = str(error)
+        except Exception as error:
+            # The page must not wait for ever; the log has where it is.
+            logging.getLogger(__name__).exception('a request failed: %s', kind)
+            answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return answer
 
     def told(self) -> dict[str, str]:
@@ -304,6 +312,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
     async def get(self, *args: Any, **kwargs: Any) -> None:
         """Open the connection, or refuse it."""
         why = self.refusal(token=True)
+        if not why and len(self.server.pages) >= MOST_PAGES:
+            why = f'{MOST_PAGES} pages are open, allowed: at most so many'
         if why:
             self.refuse(why)
             return
@@ -327,7 +337,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         """Take what the page says."""
         try:
             content = json.loads(message)
-        except ValueError:
+        except (ValueError, RecursionError):
             content = None
         if not isinstance(content, dict):
             self.close(1003, 'no JSON object')

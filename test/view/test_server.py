@@ -18,116 +18,112 @@ import asyncio
 import json
 
 import pytest
-from tornado.httpclient import AsyncHTTPClient, HTTPClientError
-from tornado.websocket import websocket_connect
+from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 
-from slip_detector.view.frames import unpacked
+from slip_detector.view import server
+from slip_detector.view.access import Access
 from slip_detector.view.taxels import drawn_positions
+from support.live_client import LiveClient
 from support.simulated_hand import ServedHand, SimulatedHand
 
 DEADLINE_S = 60.0
 
 
 def served(test, hand=None, **how):
-    """Run a test with a server; it gets what is served."""
+    """Run a test with a server and one page; it gets what is served, and the page."""
 
     async def run():
         async with ServedHand(hand or SimulatedHand(), **how) as it:
-            it.opened = []
+            page = await LiveClient.open(it.url)
             try:
-                await asyncio.wait_for(test(it), DEADLINE_S)
+                await asyncio.wait_for(test(it, page), DEADLINE_S)
             finally:
-                for page in it.opened:
-                    page.socket.close()
+                page.close()
 
     asyncio.run(run())
 
 
-class Page:
-    """A connection as a page has it."""
-
-    def __init__(self, socket):
-        self.socket = socket
-        self.told = {}
-
-    @classmethod
-    async def open(cls, url):
-        address = url.replace('http', 'ws').replace('/?', '/live?')
-        return cls(await websocket_connect(address if '?' in address else f'{address}live'))
-
-    async def next_frame(self):
-        """Return the next frame; what else is told meanwhile is kept."""
-        while True:
-            message = await self.socket.read_message()
-            assert message is not None, 'closed'
-            if isinstance(message, bytes):
-                return unpacked(message)
-            content = json.loads(message)
-            self.told[content['type']] = content
-
-    async def until_told(self, kind):
-        while kind not in self.told:
-            content = json.loads(await self.socket.read_message())
-            self.told[content['type']] = content
-        return self.told[kind]
-
-    async def say(self, kind, **content):
-        await self.socket.write_message(json.dumps({'type': kind, **content}))
+async def ticks(it, n):
+    """Wait until the server has looked around n times."""
+    seen = []
+    it.server.each_tick.append(lambda: seen.append(None))
+    while len(seen) < n:
+        await asyncio.sleep(0.005)
 
 
-async def opened(it, **look):
-    page = await Page.open(it.url)
-    it.opened.append(page)
-    names = [finger['name'] for finger in (await page.until_told('hand'))['fingers']]
-    await page.say('look', **{'fingers': names, 'finger': names[0], 'channels': [1, 2], **look})
-    return page
+async def status_of(request):
+    """Return the status and the text of an answer."""
+    try:
+        answer = await AsyncHTTPClient().fetch(request)
+    except HTTPClientError as error:
+        answer = error.response
+    return answer.code, answer.body.decode()
+
+
+async def refused(url, **headers):
+    """Return the status with which a connection is refused."""
+    upgrade = {
+        'Upgrade': 'websocket',
+        'Connection': 'Upgrade',
+        'Sec-WebSocket-Version': '13',
+        'Sec-WebSocket-Key': 'AAAAAAAAAAAAAAAAAAAAAA==',
+    }
+    return (await status_of(HTTPRequest(url, headers={**upgrade, **headers})))[0]
 
 
 def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
-    async def test(it):
-        page = await opened(it)
+    async def test(it, page):
+        await page.look()
         slips = columns = number = 0
         while not (slips and columns > 20):
-            header, arrays = await page.next_frame()
+            header, arrays = await page.drawn_frame()
             assert header['frame'] == number + 1
             number = header['frame']
             slips += header['fingers'][0]['slip']
-            columns += header['traces']['samples']['count']
+            count = header['traces']['samples']['count']
+            columns += count
             assert arrays['level/0'].shape == arrays['on/0'].shape == (16,)
             assert arrays['groups/0'].shape == (4,)
             if columns:
-                count = header['traces']['samples']['count']
                 assert arrays['volts/low'].shape == arrays['volts/high'].shape == (2, count)
-            await page.say('drawn', frame=number)
 
     served(test)
 
 
 def test_a_page_is_told_where_each_channel_is_drawn():
-    async def test(it):
-        page = await Page.open(it.url)
-        it.opened.append(page)
-        (finger,) = (await page.until_told('hand'))['fingers']
+    async def test(it, page):
+        (finger,) = (await page.until('hand'))['fingers']
         (config,) = (finger.config for finger in it.hand.fingers.values())
         assert finger['positions_m'] == drawn_positions(config).tolist()
 
     served(test)
 
 
+def test_only_what_a_page_looks_at_is_watched():
+    async def test(it, page):
+        names = [f'/{label}/slip_detector' for label in ('index', 'thumb')]
+        await ticks(it, 2)
+        assert it.hand.watched == set()
+        await page.look(fingers=names[:1], finger='')
+        await page.drawn_frame()
+        assert it.hand.watched == set(names[:1])
+        it.server.wanted['a recording'] = {names[1]}
+        await page.say('look')  # Nothing: the page is hidden.
+        await ticks(it, 3)
+        assert it.hand.watched == {names[1]}
+        it.server.wanted.clear()
+        await ticks(it, 2)
+        assert it.hand.watched == set()
+
+    served(test, SimulatedHand(('index', 'thumb')))
+
+
 def test_the_next_frame_waits_until_the_one_before_was_drawn():
-    async def test(it):
-        page = await opened(it)
+    async def test(it, page):
+        await page.look()
         await page.next_frame()
         (of_server,) = it.server.pages
-        ticks = 0
-
-        def count():
-            nonlocal ticks
-            ticks += 1
-
-        it.server.each_tick.append(count)
-        while ticks < 10:
-            await asyncio.sleep(0.01)
+        await ticks(it, 10)
         assert of_server._frames == 1
         await page.say('drawn', frame=1)
         assert (await page.next_frame())[0]['frame'] == 2
@@ -135,16 +131,198 @@ def test_the_next_frame_waits_until_the_one_before_was_drawn():
     served(test)
 
 
-def test_the_page_and_its_files_are_served_and_nothing_else():
-    async def test(it):
-        client = AsyncHTTPClient()
-        page = await client.fetch(it.url)
-        assert b'slip_view' in page.body
-        assert "default-src 'self'" in page.headers['Content-Security-Policy']
-        for path in ('page/app.js', 'drawing/uplot/uPlot.iife.min.js'):
-            assert (await client.fetch(it.url + path)).code == 200
-        for path in ('page/../server.py', 'page/%2e%2e/server.py', 'page', 'etc/passwd'):
-            with pytest.raises(HTTPClientError, match='404'):
-                await client.fetch(it.url + path)
+def test_a_page_that_reads_nothing_holds_up_no_other_and_is_told_the_latest_only():
+    async def test(it, page):
+        await page.until('hand')
+        other = await LiveClient.open(it.url)
+        await other.until('hand')
+        # The stream of this page is full, and stays so.
+        asleep, _ = sorted(it.server.pages, key=lambda each: each is not first_of(it))
+        stuck = asyncio.get_running_loop().create_future()
+        asleep._sending = stuck
+        for k in range(50):
+            it.server.tell('teaching', {'count': k})
+            await other.until('teaching', lambda told, k=k: told['count'] == k)
+        assert json.loads(asleep.news['teaching'])['count'] == 49
+        assert len(asleep.news) <= 3
+        stuck.set_result(None)
+        assert (await page.until('teaching'))['count'] == 49
+        other.close()
+
+    def first_of(it):
+        return it.first
+
+    async def with_first(it, page):
+        await page.until('hand')
+        (it.first,) = it.server.pages
+        await test(it, page)
+
+    served(with_first)
+
+
+def test_what_was_told_is_told_to_a_page_that_is_opened_later_and_again_only_when_it_changes():
+    async def test(it, page):
+        it.server.tell('teaching', {'count': 1})
+        assert (await page.until('teaching'))['count'] == 1
+        page.told.clear()
+        it.server.tell('teaching', {'count': 1})
+        it.server.tell('parameters', {'fingers': {}})
+        await page.until('parameters')
+        assert 'teaching' not in page.told
+        late = await LiveClient.open(it.url)
+        assert (await late.until('teaching'))['count'] == 1
+        late.close()
 
     served(test)
+
+
+def test_fingers_that_come_and_go_are_told():
+    async def test(it, page):
+        await page.until('hand', lambda hand: len(hand['fingers']) == 1)
+        config = next(iter(it.hand.fingers.values())).config
+        it.hand.add('thumb', config)
+        hand = await page.until('hand', lambda hand: len(hand['fingers']) == 2)
+        assert [finger['label'] for finger in hand['fingers']] == ['index', 'thumb']
+        it.hand.remove('index')
+        hand = await page.until('hand', lambda hand: len(hand['fingers']) == 1)
+        assert hand['gone'] == {'/index/slip_detector': 'index'}
+
+    served(test)
+
+
+def test_requests_are_answered_and_refusals_are_in_words():
+    async def answer(message):
+        if message.get('value') != 7:
+            raise ValueError('value is no 7')
+        return {'value': 8}
+
+    async def fail(message):
+        raise KeyError('gone')
+
+    def prepare(of):
+        of.on_request('add', answer)
+        of.on_request('fail', fail)
+
+    async def test(it, page):
+        assert (await page.request('add', value=7))['value'] == 8
+        assert (await page.request('add'))['refusal'] == 'value is no 7'
+        refusal = (await page.request('subtract'))['refusal']
+        assert refusal == 'subtract is no request, allowed: add, fail'
+        assert 'slip_view has failed' in (await page.request('fail'))['refusal']
+
+    served(test, prepare=prepare)
+
+
+def test_with_read_only_nothing_is_changed_and_all_is_shown():
+    done = []
+
+    async def note(message):
+        done.append(message['type'])
+        return {}
+
+    def prepare(of):
+        of.on_request('change', note, changes=True)
+        of.on_request('show', note)
+
+    async def test(it, page):
+        assert (await page.until('hand'))['read_only']
+        assert (await page.request('change'))['refusal'] == server.READ_ONLY
+        assert (await page.request('show'))['refusal'] == ''
+        assert done == ['show']
+        await page.look()
+        await page.next_frame()
+
+    served(test, access=Access(read_only=True), prepare=prepare)
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['', 'words', '[]', '{', '[' * 100_000, '{"type": ["look"]}', '{"type": "look", "fingers": 3}',
+     '{"type": "look", "fingers": ["x"], "channels": [1e400]}', b'\xff'],
+)  # fmt: skip
+def test_whatever_a_page_says_the_others_are_served(text):
+    async def test(it, page):
+        await page.look()
+        other = await LiveClient.open(it.url)
+        await other._socket.write_message(text, binary=isinstance(text, bytes))
+        for _ in range(5):
+            await page.drawn_frame()
+        other.close()
+
+    served(test)
+
+
+def test_a_look_that_is_not_allowed_is_refused_in_words():
+    async def test(it, page):
+        await page.say('look', fingers=['/index/slip_detector'], window_s=1e9)
+        why = (await page.until('refused'))['why']
+        assert why == 'window_s is 1000000000.0, allowed: 0.02 to 60'
+
+    served(test)
+
+
+def test_the_page_and_its_files_are_served_and_nothing_else():
+    async def test(it, page):
+        index = await AsyncHTTPClient().fetch(it.url)
+        assert b'slip_view' in index.body
+        assert "default-src 'self'" in index.headers['Content-Security-Policy']
+        for path in ('page/app.js', 'drawing/uplot/uPlot.iife.min.js'):
+            assert (await status_of(it.url + path))[0] == 200
+        for path in ('page/../server.py', 'page/%2e%2e/server.py', 'page', 'etc/passwd'):
+            assert (await status_of(it.url + path))[0] == 404
+        # It cannot be changed either.
+        assert (await status_of(HTTPRequest(it.url, method='POST', body='')))[0] == 405
+
+    served(test)
+
+
+def test_no_other_site_reaches_the_page_or_its_connection():
+    async def test(it, page):
+        port = it.url.rpartition(':')[2].strip('/')
+        evil = {'Host': f'evil.example:{port}'}
+        code, said = await status_of(HTTPRequest(it.url, headers=evil))
+        assert code == 403
+        assert said == (
+            f'Host is evil.example:{port}, allowed: an address or a name of this machine\n'
+        )
+        assert await refused(f'{it.url}live', **evil) == 403
+        assert await refused(f'{it.url}live', Origin='http://evil.example') == 403
+        assert await refused(f'{it.url}live', Origin='null') == 403
+
+    served(test)
+
+
+def test_beyond_loopback_the_address_needs_its_token():
+    async def test(it, page):
+        await page.until('hand')  # With the token.
+        base, _, _ = it.url.partition('?')
+        for query in ('', '?token=', '?token=wrong', '?Token=right'):
+            code, said = await status_of(base + query)
+            assert (code, said.strip()) == (403, server.NO_TOKEN)
+            assert await refused(f'{base}live{query}') == 403
+        assert (await status_of(it.url))[0] == 200
+
+    served(test, access=Access('0.0.0.0', token='right'))
+
+
+def test_no_more_pages_than_the_server_can_serve(monkeypatch):
+    monkeypatch.setattr(server, 'MOST_PAGES', 1)
+
+    async def test(it, page):
+        await page.until('hand')
+        assert await refused(f'{it.url}live') == 403
+
+    served(test)
+
+
+def test_when_it_stops_the_pages_are_told_so():
+    async def run():
+        async with ServedHand(SimulatedHand()) as it:
+            page = await LiveClient.open(it.url)
+            await page.until('hand')
+        while (message := await page._socket.read_message()) is not None:
+            assert isinstance(message, str)
+        assert page._socket.close_reason == 'slip_view was stopped'
+        page.close()
+
+    asyncio.run(asyncio.wait_for(run(), DEADLINE_S))

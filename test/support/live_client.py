@@ -1,0 +1,93 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A client of the live page that is no browser: what it was told, and its frames."""
+
+import json
+
+from tornado.websocket import websocket_connect
+
+from slip_detector.view.frames import unpacked
+
+
+class LiveClient:
+    """A connection as a page has it.
+
+    Attributes
+    ----------
+    told : dict
+        Of each type the message that came last.
+    """
+
+    def __init__(self, socket):
+        self._socket = socket
+        self.told = {}
+        self._requests = 0
+
+    @classmethod
+    async def open(cls, url):
+        """Connect to the page of an address, as slip_view prints it."""
+        begin, _, token = url.partition('?')
+        address = begin.replace('http', 'ws') + 'live' + (f'?{token}' if token else '')
+        return cls(await websocket_connect(address))
+
+    def close(self):
+        self._socket.close()
+
+    async def say(self, kind, **content):
+        await self._socket.write_message(json.dumps({'type': kind, **content}))
+
+    async def next(self):
+        """Return the next frame, or None for a message, which is kept."""
+        message = await self._socket.read_message()
+        assert message is not None, f'closed: {self._socket.close_reason}'
+        if isinstance(message, bytes):
+            return unpacked(message)
+        content = json.loads(message)
+        self.told[content['type']] = content
+        return None
+
+    async def next_frame(self):
+        while (frame := await self.next()) is None:
+            pass
+        return frame
+
+    async def drawn_frame(self):
+        """Return the next frame, drawn: the one after it may come."""
+        header, arrays = await self.next_frame()
+        await self.say('drawn', frame=header['frame'])
+        return header, arrays
+
+    async def until(self, kind, holds=lambda content: True):
+        """Return what was told of this kind when it first holds; frames meanwhile are drawn."""
+        while kind not in self.told or not holds(self.told[kind]):
+            frame = await self.next()
+            if frame is not None:
+                await self.say('drawn', frame=frame[0]['frame'])
+        return self.told[kind]
+
+    async def look(self, **look):
+        """Look at all fingers, with traces of two channels of the first one."""
+        hand = await self.until('hand', lambda hand: hand['fingers'])
+        names = [finger['name'] for finger in hand['fingers']]
+        await self.say(
+            'look', **{'fingers': names, 'finger': names[0], 'channels': [1, 2], **look}
+        )
+        return names
+
+    async def request(self, kind, **content):
+        """Ask for something and return the answer."""
+        self._requests += 1
+        await self.say(kind, id=self._requests, **content)
+        return await self.until('answer', lambda answer: answer['id'] == self._requests)

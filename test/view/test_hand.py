@@ -1,0 +1,75 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is known of a finger: its name for people, its state over a restart, its silence."""
+
+import time
+
+import numpy as np
+import pytest
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view import hand
+from slip_detector.view.hand import Finger
+
+
+@pytest.mark.parametrize(
+    ('name', 'label'),
+    [
+        ('/index/slip_detector', 'index'),
+        ('/left/index/slip_detector', 'left/index'),
+        ('/slip_detector', 'slip_detector'),
+        ('/index/second', 'index/second'),
+        ('/second', 'second'),
+    ],
+)
+def test_a_finger_is_called_by_its_namespace(name, label):
+    assert Finger(name, DetectorConfig()).label == label
+
+
+def test_a_change_of_the_decision_keeps_the_track_and_other_channels_begin_a_new_one():
+    finger = Finger('/slip_detector', DetectorConfig())
+    finger.track.take_samples(np.array([1]), np.zeros((1, 16)), np.zeros(1))
+    track = finger.track
+    finger.take_config(DetectorConfig(threshold=0.7))
+    assert finger.track is track
+    finger.take_config(DetectorConfig(channels=8, groups={'a': range(1, 9)}))
+    assert len(finger.track.samples) == 0
+    assert finger.track.beginnings > track.beginnings
+    assert finger.groups.shape == (1,)
+
+
+def test_a_detector_that_is_started_again_says_so_and_with_which_channels():
+    finger = Finger('/slip_detector', DetectorConfig())
+    finger.slip = finger.valid = True
+    finger.started_again(DetectorConfig())
+    assert 'started again' in finger.notice
+    assert 'channels' not in finger.notice
+    assert not finger.slip
+    assert not finger.valid
+    finger.started_again(DetectorConfig(channels=8))
+    assert finger.notice.endswith('with 8 channels instead of 16')
+    assert finger.starts == 3
+
+
+def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(monkeypatch):
+    finger = Finger('/slip_detector', DetectorConfig(heartbeat_hz=1.0))
+    now_s = time.monotonic()
+    assert not finger.silent_words()
+    monkeypatch.setattr(hand.time, 'monotonic', lambda: now_s + 2.5)
+    assert not finger.silent_words()
+    monkeypatch.setattr(hand.time, 'monotonic', lambda: now_s + 4.0)
+    assert finger.silent_words() == (
+        'the detector has not been heard for 4 s: was it killed, or stopped?'
+    )
