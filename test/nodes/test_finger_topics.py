@@ -1,0 +1,195 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What comes from one finger: samples, levels, and the states beside them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
+
+from rclpy.node import Node  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Bool, Float32MultiArray, Header, MultiArrayDimension  # noqa: E402
+
+from slip_detector.nodes.finger_topics import FingerTopics, States, Topics  # noqa: E402
+from slip_detector.nodes.messages import (  # noqa: E402
+    event_qos,
+    sensor_qos,
+    state_qos,
+    time_message,
+)
+from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
+from slip_detector.view.hand import Finger  # noqa: E402
+
+TWO = DetectorConfig(channels=2, groups={'pair': (1, 2)}, passband_hz=(7, 50), stopbands_hz=[])
+NAMES = Topics('/f', '/f/voltages', '/f/slip_truth', '/f/slip_detector/envelope')
+AT_NS = 10**18
+
+
+@given(
+    changes=st.lists(st.tuples(st.integers(0, 100), st.booleans()), max_size=15),
+    rows=st.lists(st.integers(0, 100), max_size=20),
+    cuts=st.lists(st.integers(0, 100), max_size=4),
+)
+def test_each_row_has_the_state_that_was_published_last_before_it(changes, rows, cuts):
+    changes, rows = sorted(changes, key=lambda change: change[0]), sorted(rows)
+    states, found = States(), []
+    bounds = [*sorted(cuts), 101]
+    begin = 0
+    for end in bounds:
+        # Rows are taken first, states after them: some of the states are later than all rows.
+        for at_ns, state in changes:
+            if begin <= at_ns < end:
+                states.change(state, at_ns)
+        found += states.beside(at for at in rows if begin <= at < end).tolist()
+        begin = end
+    wanted = [next((s for t, s in reversed(changes) if t <= at), False) for at in rows]
+    assert found == wanted
+    assert states.now == (changes[-1][1] if changes else False)
+
+
+class Sensor:
+    """Publishes what a detector and its sensor do, and follows it as a page does."""
+
+    def __init__(self, bench, config=TWO):
+        self.bench = bench
+        make = bench.node.create_publisher
+        batches = config.input_type != 'sensor_msgs/msg/JointState'
+        kind = Float32MultiArray if batches else JointState
+        self.voltages = make(kind, NAMES.voltages, sensor_qos())
+        self.truth = make(Bool, NAMES.truth, state_qos())
+        self.envelope = make(JointState, NAMES.envelope, sensor_qos())
+        self.slip = make(Bool, '/f/slip', state_qos())
+        self.valid = make(Bool, '/f/slip_valid', state_qos())
+        self.group = make(Bool, '/f/slip/group/pair', state_qos())
+        self.onset = make(Header, '/f/slip_onset', event_qos())
+        self.finger = Finger('/f/slip_detector', config)
+        self.node = Node('page', context=bench.context)
+        self.topics = FingerTopics(self.node, self.finger, NAMES)
+        self.connect()
+
+    def connect(self):
+        every = (self.voltages, self.truth, self.envelope, self.slip, self.valid, self.onset)
+        self.bench.wait_for(lambda: all(p.get_subscription_count() for p in every), 'the page')
+
+    def until(self, holds, what):
+        def polled():
+            self.topics.poll()
+            return holds()
+
+        self.bench.wait_for(polled, what)
+
+    def message(self, k, position, effort=()):
+        message = JointState(position=position, effort=effort)
+        message.header.stamp = time_message(AT_NS + k)
+        message.header.frame_id = 'tip'
+        return message
+
+    def close(self):
+        self.topics.close()
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def sensor(bench):
+    sensor = Sensor(bench)
+    yield sensor
+    sensor.close()
+
+
+def test_samples_and_levels_come_with_slip_and_truth_beside_them(sensor):
+    track = sensor.finger.track
+    for k in range(4):
+        sensor.truth.publish(Bool(data=k >= 2))
+        sensor.voltages.publish(sensor.message(k, [4.0 + k, 5.0]))
+        sensor.slip.publish(Bool(data=k >= 3))
+        sensor.envelope.publish(sensor.message(k, [0.5 * k, float('nan')], [float(k > 0), 0.0]))
+        sensor.until(lambda k=k: len(track.samples) > k and len(track.levels) > k, f'row {k}')
+    assert track.samples.stamps_ns().tolist() == [AT_NS + k for k in range(4)]
+    assert track.samples.field('volts').tolist() == [[4.0 + k, 5.0] for k in range(4)]
+    assert track.samples.field('truth')[:, 0].tolist() == [False, False, True, True]
+    assert track.levels.stamps_ns().tolist() == [AT_NS + k for k in range(4)]
+    assert track.levels.field('level')[:, 0].tolist() == [0.0, 0.5, 1.0, 1.5]
+    assert np.isnan(track.levels.field('level')[:, 1]).all()
+    assert track.levels.field('on').tolist() == [[k > 0, False] for k in range(4)]
+    assert track.levels.field('slip')[:, 0].tolist() == [False, False, False, True]
+    assert sensor.finger.frame_id == 'tip'
+    assert sensor.finger.sample_s > 0.0
+
+
+def test_states_and_onsets_are_those_that_came_last(sensor):
+    finger = sensor.finger
+    sensor.slip.publish(Bool(data=True))
+    sensor.valid.publish(Bool(data=True))
+    sensor.group.publish(Bool(data=True))
+    assert finger.onset_s is None
+    sensor.onset.publish(Header(stamp=time_message(AT_NS), frame_id='tip'))
+    sensor.until(
+        lambda: finger.slip and finger.valid and finger.groups[0] and finger.onset_s, 'the states'
+    )
+
+
+def test_what_does_not_fit_is_left_to_the_detector(sensor):
+    sensor.voltages.publish(sensor.message(1, [4.0]))
+    sensor.envelope.publish(sensor.message(1, [4.0, 4.0, 4.0], [0.0, 0.0, 0.0]))
+    sensor.voltages.publish(sensor.message(2, [4.0, 4.1]))
+    sensor.envelope.publish(sensor.message(2, [1.0, 2.0], [0.0, 1.0]))
+    track = sensor.finger.track
+    sensor.until(lambda: len(track.samples), 'the good sample')
+    assert track.samples.stamps_ns().tolist() == [AT_NS + 2]
+    sensor.envelope.publish(sensor.message(3, [1.0, 2.0], [0.0, 1.0]))
+    sensor.until(lambda: len(track.levels), 'a good level')
+    assert track.levels.field('level')[-1].tolist() == [1.0, 2.0]
+
+
+def test_other_channels_are_subscribed_to_when_the_parameters_say_so(sensor):
+    config = DetectorConfig(channels=3)
+    sensor.finger.take_config(config)
+    sensor.topics.poll()
+    sensor.connect()
+    track = sensor.finger.track
+    sensor.voltages.publish(sensor.message(1, [4.0, 4.1, 4.2]))
+    sensor.until(lambda: len(track.samples), 'a sample of three channels')
+    assert track.samples.field('volts').tolist() == [[4.0, 4.1, 4.2]]
+
+
+def test_a_type_that_is_not_installed_here_is_said_and_the_decisions_are_shown(sensor):
+    sensor.finger.take_config(DetectorConfig(channels=2, input_type='of_others/msg/Skin'))
+    sensor.topics.poll()
+    wanted = 'no volts are shown: of_others/msg/Skin is not installed here'
+    assert sensor.finger.notice == wanted
+    sensor.valid.publish(Bool(data=True))
+    sensor.until(lambda: sensor.finger.valid, 'slip_valid')
+
+
+def test_a_batch_has_its_rows_a_period_apart(bench):
+    config = DetectorConfig(
+        channels=2, input_type='std_msgs/msg/Float32MultiArray', input_field='data'
+    )
+    sensor = Sensor(bench, config)
+    message = Float32MultiArray(data=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    message.layout.dim = [
+        MultiArrayDimension(label='sample', size=3, stride=6),
+        MultiArrayDimension(label='channel', size=2, stride=2),
+    ]
+    sensor.voltages.publish(message)
+    samples = sensor.finger.track.samples
+    sensor.until(lambda: len(samples), 'the batch')
+    assert samples.field('volts').tolist() == [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]
+    periods_ns = np.diff(samples.stamps_ns())
+    assert np.abs(periods_ns - 1e9 / config.sample_rate_hz).max() <= 1
+    sensor.close()
