@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameter_panel import ParameterPanel
+from slip_detector.view.spectrum import Spectrum, spectrum
 from slip_detector.view.track import Track
 
 #: A detector that has not been heard for so many of its heartbeats has died or hangs.
@@ -66,6 +67,8 @@ class Finger:
     heard_s: float = field(default_factory=time.monotonic)
     frame_id: str = ''
     diagnostics: tuple[Diagnosis, ...] = ()
+    #: Of all channels at rest, as it was held to compare with.
+    rest: Spectrum | None = None
     #: What happened to the detector, in words: it was started again, with other channels.
     notice: str = ''
 
@@ -106,6 +109,19 @@ class Finger:
         self.slip = self.valid = False
         self.groups[:] = False
         self.onset_s = None
+
+    def hold_rest(self) -> None:
+        """Hold the spectra of the last seconds as those of rest.
+
+        Raises
+        ------
+        ValueError
+            When too few samples have come.
+        """
+        rest = spectrum(self.track.samples.field('volts'), self.config.sample_rate_hz)
+        if rest is None:
+            raise ValueError(f'{self.label}: too few samples for a spectrum have come')
+        self.rest = rest
 
     def silent_words(self) -> str:
         """Return what is wrong where the detector has not been heard; empty where it has."""

@@ -23,10 +23,14 @@ import numpy as np
 
 from slip_detector.view.frames import packed
 from slip_detector.view.hand import Finger, Hand
+from slip_detector.view.spectrum import spectrum
 from slip_detector.view.track import Track
 
 #: Seconds that a page may show at once, and pixels over which.
 WINDOW_S, PIXELS = (0.02, 60.0), (10, 4000)
+
+#: Least time between two spectra.
+SPECTRUM_S = 0.2
 
 #: Stamps that fit 64 bits.
 STAMPS_NS = (-(2.0**62), 2.0**62)
@@ -80,6 +84,9 @@ class Look:
         window_s = _number('window_s', message.get('window_s', 10.0), *WINDOW_S)
         self._columns = int(_number('pixels', message.get('pixels', 900), *PIXELS))
         self._width_ns = round(window_s * 1e9 / self._columns)
+        channel = message.get('spectrum')
+        self._spectrum = None if channel is None else int(_number('spectrum', channel, 1, 1e6)) - 1
+        self._spectrum_s = -math.inf
         until_ns = message.get('until_ns')
         #: The stamp at which the traces end; None: they go on.
         self.until_ns = (
@@ -118,6 +125,9 @@ class Look:
         if self.finger in hand.fingers:
             finger = hand.fingers[self.finger]
             header['traces'] = self._traces(finger, held or finger.track, arrays)
+            if self._spectrum is not None and now_s - self._spectrum_s >= SPECTRUM_S:
+                self._spectrum_s = now_s
+                header['spectrum'] = self._add_spectrum(finger, self._spectrum, arrays)
         return packed(header, arrays)
 
     def _state(
@@ -184,6 +194,22 @@ class Look:
                     arrays[field] = high[0] > 0.0
                 else:
                     arrays[f'{field}/low'], arrays[f'{field}/high'] = low, high
+        return header
+
+    def _add_spectrum(
+        self, finger: Finger, channel: int, arrays: dict[str, Any]
+    ) -> dict[str, Any]:
+        """Add the spectrum of a channel, and what was held of it at rest."""
+        header: dict[str, Any] = {'name': finger.name, 'channel': channel + 1}
+        if channel >= finger.track.channels:
+            return header
+        volts = finger.track.samples.field('volts')[:, channel : channel + 1]
+        now = spectrum(volts, finger.config.sample_rate_hz)
+        if now is not None:
+            header['step_hz'], arrays['spectrum'] = now.step_hz, now.density_db[0]
+        rest = finger.rest
+        if rest is not None and channel < len(rest.density_db):
+            header['rest_step_hz'], arrays['rest'] = rest.step_hz, rest.density_db[channel]
         return header
 
 

@@ -101,6 +101,8 @@ class Server:
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
         self.requests: dict[str, Request] = {}
+        # What is held to compare with changes nothing on the robot.
+        self.on_request('hold_rest', self._hold_rest)
         self._told: dict[str, str] = {}
         self._http: HTTPServer | None = None
 
@@ -202,6 +204,13 @@ class Server:
             logging.getLogger(__name__).exception('a request failed: %s', kind)
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return answer
+
+    async def _hold_rest(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
+        finger = self.hand.fingers.get(str(message.get('finger')))
+        if finger is None:
+            raise ValueError('finger is not one that is shown')
+        finger.hold_rest()
+        return {}
 
     def told(self) -> dict[str, str]:
         """Return what a page has to know that is opened now."""

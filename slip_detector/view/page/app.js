@@ -4,6 +4,7 @@ import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
 import {News} from './news.js';
 import {Parameters} from './parameters.js';
+import {SpectrumPanel} from './spectrum.js';
 import {tabs} from './tabs.js';
 import {Traces} from './traces.js';
 
@@ -14,17 +15,31 @@ const connection = new Connection((words) => {
 const news = new News(element('news'));
 const parameters = new Parameters(connection, element('parameters'));
 let chosen = null;
-// Set parameters of the chosen finger, all or none; resolves with why not.
-const set = (values) => parameters.set(chosen, values);
 const cards = new Map();
-const traces = new Traces(element('traces'), {onLook: (changes) => connection.look(changes), onSet: set});
+// What is dragged in a drawing is set like what is typed; a refusal stands above, as the panel of
+// parameters may be hidden.
+const set = async (values) => refuse(await parameters.set(chosen, values));
+const onLook = (changes) => connection.look(changes);
+const traces = new Traces(element('traces'), {onLook, onSet: set});
+const spectrum = new SpectrumPanel(element('spectrum'), {onLook, onSet: set, onHold: async () => {
+  refuse((await connection.request('hold_rest', {finger: chosen})).refusal);
+}});
+
+function refuse(words) {
+  element('refusal').textContent = words;
+  element('refusal').hidden = !words;
+}
 
 function choose(name) {
   chosen = name;
   for (const [each, card] of cards) card.mark(each === name);
   connection.look({finger: name ?? ''});
-  if (name) traces.show(cards.get(name).finger);
+  if (name) showSignals();
   parameters.choose(name);
+}
+
+function showSignals() {
+  for (const part of [traces, spectrum]) part.show(cards.get(chosen).finger);
 }
 
 connection.on('hand', ({fingers, read_only: readOnly}) => {
@@ -52,9 +67,9 @@ connection.on('hand', ({fingers, read_only: readOnly}) => {
   element('panels').hidden = !fingers.length;
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.look({fingers: names});
-  traces.allowChanges(!readOnly);
+  for (const part of [traces, spectrum]) part.allowChanges(!readOnly);
   if (!names.includes(chosen)) choose(names[0] ?? null);
-  else traces.show(cards.get(chosen).finger);
+  else showSignals();
 });
 
 connection.on('diagnostics', ({fingers}) => {
@@ -70,9 +85,10 @@ connection.onFrame(({header, arrays}) => {
   });
   if (header.traces) traces.take(header.traces, arrays);
   traces.draw();
+  if (header.spectrum) spectrum.take(header.spectrum, arrays);
 });
 
-tabs(document.querySelector('#signals [role=tablist]'));
+tabs(document.querySelector('#signals [role=tablist]'), (panel) => spectrum.open(panel === 'spectrum'));
 tabs(document.querySelector('#tools [role=tablist]'));
 
 element('keys-button').addEventListener('click', ({target}) => {

@@ -1,0 +1,117 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a page looks at: columns of frames that follow each other, and stretches that are past."""
+
+import copy
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.view.frames import unpacked
+from slip_detector.view.look import Look
+from support.simulated_hand import SimulatedHand
+
+NAME = '/index/slip_detector'
+
+
+def hand_after(seconds):
+    hand = SimulatedHand(real_time=False)
+    hand.simulated[NAME].play(seconds)
+    return hand
+
+
+def look(**content):
+    return Look({'fingers': [NAME], 'finger': NAME, 'channels': [3, 1], **content})
+
+
+def columns(look, hand, held=None):
+    """Return the traces of the next frame: their header, and what they have."""
+    header, arrays = unpacked(look.frame(hand, 1, held))
+    return header['traces'], arrays
+
+
+@given(st.lists(st.floats(0.01, 0.4), min_size=1, max_size=4))
+def test_columns_are_the_same_however_frames_cut_them(cuts):
+    hand, first = hand_after(2.0), look(window_s=4.0, pixels=300)
+    parts, stops = [], []
+    for cut in [*cuts, 0.0]:
+        traces, arrays = columns(first, hand)
+        parts.append(arrays['volts/high'])
+        stops.append(traces['samples']['first'] + traces['samples']['count'])
+        hand.simulated[NAME].play(cut)
+    last_traces, last = columns(look(window_s=4.0, pixels=300), hand)
+    assert stops == sorted(stops)
+    together = np.concatenate(parts, axis=1)
+    whole = last['volts/high'][:, : together.shape[1]]
+    assert np.array_equal(together[:, : whole.shape[1]], whole, equal_nan=True)
+    assert last_traces['channels'] == [1, 3]
+
+
+def test_a_stretch_that_is_past_ends_where_it_was_asked_to_and_does_not_go_on():
+    hand = hand_after(3.0)
+    last_ns = hand.fingers[NAME].track.samples.stamps_ns()[-1]
+    until_ns = int(last_ns) - 1_000_000_000
+    past = look(window_s=0.5, pixels=500, until_ns=until_ns)
+    held = copy.deepcopy(hand.fingers[NAME].track)
+    traces, arrays = columns(past, hand, held)
+    width_ns = traces['width_ns']
+    samples = traces['samples']
+    assert (samples['first'] + samples['count']) * width_ns == pytest.approx(
+        until_ns, abs=2 * width_ns
+    )
+    assert samples['count'] == 500
+    assert np.isfinite(arrays['volts/low']).any()
+    hand.simulated[NAME].play(125.0)  # Nothing of it is kept any more, except what is held.
+    assert columns(past, hand, held)[0]['samples']['count'] == 0
+    again = look(window_s=0.5, pixels=500, until_ns=until_ns)
+    assert np.array_equal(
+        columns(again, hand, held)[1]['volts/low'], arrays['volts/low'], equal_nan=True
+    )
+    assert columns(look(window_s=0.5, until_ns=until_ns), hand)[0]['samples']['count'] == 0
+
+
+def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
+    hand = hand_after(6.0)
+    watching = look(spectrum=14)
+    header, arrays = unpacked(watching.frame(hand, 1))
+    assert header['spectrum']['channel'] == 14
+    assert header['spectrum']['step_hz'] == pytest.approx(0.5)
+    assert arrays['spectrum'].shape == (380,)
+    assert 'rest' not in arrays
+    assert 'spectrum' not in unpacked(watching.frame(hand, 2))[0]
+    hand.fingers[NAME].hold_rest()
+    rest = unpacked(look(spectrum=14).frame(hand, 1))[1]['rest']
+    assert np.array_equal(rest, arrays['spectrum'])
+    none = unpacked(look(spectrum=99).frame(hand, 1))
+    assert none[0]['spectrum'] == {'name': NAME, 'channel': 99}
+
+
+@pytest.mark.parametrize(
+    ('content', 'words'),
+    [
+        ({'channels': [0]}, 'channels is'),
+        ({'channels': list(range(1, 70))}, 'at most 64'),
+        ({'window_s': 0.001}, 'window_s is 0.001, allowed: 0.02 to 60'),
+        ({'pixels': 1e9}, 'pixels is'),
+        ({'spectrum': 'all'}, 'spectrum is all, allowed: 1 to'),
+        ({'until_ns': 1e30}, 'until_ns is 1e'),
+        ({'fingers': [3]}, 'fingers is no list of names'),
+    ],
+)
+def test_what_cannot_be_looked_at_is_refused(content, words):
+    with pytest.raises(ValueError, match=words):
+        look(**content)
