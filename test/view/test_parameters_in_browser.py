@@ -80,7 +80,7 @@ def field(page, name):
 
 
 def button(page, name):
-    return page.locator('#parameters').get_by_role('button', name=name)
+    return page.locator('#tools').get_by_role('button', name=name)
 
 
 def set_button(page):

@@ -6,6 +6,7 @@ import {News} from './news.js';
 import {Parameters} from './parameters.js';
 import {SpectrumPanel} from './spectrum.js';
 import {tabs} from './tabs.js';
+import {Teach} from './teach.js';
 import {Traces} from './traces.js';
 
 const connection = new Connection((words) => {
@@ -14,6 +15,7 @@ const connection = new Connection((words) => {
 });
 const news = new News(element('news'));
 const parameters = new Parameters(connection, element('parameters'));
+const teach = new Teach(connection, element('teach'), element('keys'));
 let chosen = null;
 const cards = new Map();
 // What is dragged in a drawing is set like what is typed; a refusal stands above, as the panel of
@@ -36,6 +38,7 @@ function choose(name) {
   connection.look({finger: name ?? ''});
   if (name) showSignals();
   parameters.choose(name);
+  teach.choose(name);
 }
 
 function showSignals() {

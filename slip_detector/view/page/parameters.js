@@ -4,7 +4,7 @@
 import {ParameterRow} from './parameter_row.js';
 
 // Who asks, so that a page knows its own changes from those of others.
-const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
+export const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
 
 // Headings that are open at first: what one changes most.
 const OPEN = new Set(['Filters', 'Threshold and vote']);
@@ -91,7 +91,9 @@ export class Parameters {
       event.preventDefault();
       this.submit();
     });
-    root.append(this.state, buttons, this.undoes, this.refusal, this.changes, this.sections, this.buildSaving());
+    root.append(this.state, buttons, this.undoes, this.refusal, this.changes, this.sections);
+    // Below the tab, for what was taught too.
+    root.after(this.buildSaving());
   }
 
   buildSaving() {

@@ -1,0 +1,256 @@
+// Teaching: rest, slips and taps are recorded, the detector is tuned on them, applied and saved. What
+// is recorded is on the server; this page only shows it, and may be closed at any time.
+
+import {PAGE} from './parameters.js';
+import {Tuning} from './tuning.js';
+
+// While a slip is held the server hears of it so often; else it takes the page for gone.
+const HOLD_MS = 200;
+
+// What to record: the word on the button, its key, what is wanted of it, and what to do meanwhile.
+const KINDS = [
+  ['rest', 'Rest', 'R', {recordings: 2, seconds: 60}, 'Hold the object as firmly as the hand will, with all motors on. Nothing slides. Half a minute, twice.'],
+  ['slip', 'Slip', 'Space', {recordings: 20}, 'Press, then pull the object through the fingers; let go of the key when it stands still. Two seconds of rest between two slips; slow and fast ones, in all directions.'],
+  ['taps', 'Taps', 'T', {recordings: 2, seconds: 60}, 'Knock on object, finger and table, every two seconds. Nothing slides. Half a minute, twice.'],
+];
+
+const count = (n, what) => `${n} ${what}${n === 1 ? '' : 's'}`;
+
+export class Teach {
+  // root: an empty element, hidden while another tab is chosen. keys: a list of keys that is shown.
+  constructor(connection, root, keys) {
+    this.connection = connection;
+    this.root = root;
+    this.finger = null;
+    this.labels = {};
+    this.locked = false;
+    this.told = {fingers: {}, words: '', tuning: null};
+    this.recording = null;
+    this.held = null;
+    this.build(keys);
+    connection.on('teaching', (message) => {
+      this.told = message;
+      this.show();
+    });
+    connection.on('recording', ({recording}) => {
+      this.recording = recording;
+      this.showRecording();
+    });
+    connection.on('hand', ({fingers, read_only: readOnly}) => {
+      this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
+      this.locked = readOnly;
+      this.show();
+    });
+  }
+
+  // Teach this finger.
+  choose(finger) {
+    if (finger === this.finger) return;
+    this.release();
+    this.finger = finger;
+    this.refuse('');
+    this.look();
+    this.show();
+  }
+
+  // Let the server look what recordings there are.
+  look() {
+    if (this.finger) this.connection.request('recordings', {finger: this.finger});
+  }
+
+  build(keys) {
+    this.buttons = {};
+    const row = make('div', undefined, 'teach-buttons');
+    for (const [kind, word, key, , advice] of KINDS) {
+      const button = this.buttons[kind] = make('button', undefined, 'teach-button');
+      button.type = 'button';
+      button.ariaPressed = 'false';
+      button.ariaKeyShortcuts = key;
+      button.append(make('span', word, 'word'), make('kbd', kind === 'slip' ? 'hold Space' : key), make('span', '', 'progress-words'));
+      const said = make('span', advice, 'unseen');
+      said.id = `advice-${kind}`;
+      button.setAttribute('aria-describedby', said.id);
+      button.title = advice;
+      row.append(button, said);
+      const shown = make('div');
+      shown.append(make('dt', kind === 'slip' ? 'Space, held' : key), make('dd', {rest: 'record rest; again: end it', slip: 'record a slip, as long as it is held', taps: 'record taps; again: end it'}[kind]));
+      keys.append(shown);
+    }
+    this.advice = make('ol', undefined, 'hint');
+    this.advice.append(...KINDS.map(([, word, , , advice]) => {
+      const item = make('li');
+      item.append(make('b', `${word}. `), advice);
+      return item;
+    }));
+    this.now = make('p', '', 'teach-now');
+    this.words = make('p', '', 'teach-words');
+    this.words.role = 'status';
+    this.refusal = make('p', '', 'refusal');
+    this.refusal.role = 'alert';
+    this.refusal.hidden = true;
+    this.where = make('p', '', 'hint');
+    this.list = make('table', undefined, 'recordings');
+    this.list.append(make('caption', 'Recordings'));
+    this.rows = make('tbody');
+    const head = make('tr');
+    head.append(...['Name', 'Length', 'Slips', 'For', ''].map((title) => {
+      const cell = make('th', title);
+      cell.scope = 'col';
+      if (!title) cell.ariaLabel = 'Delete';
+      return cell;
+    }));
+    const thead = make('thead');
+    thead.append(head);
+    this.list.append(thead, this.rows);
+    this.scroller = make('div', undefined, 'recordings-frame');
+    this.scroller.append(this.list);
+    this.scroller.tabIndex = 0;
+    this.scroller.role = 'region';
+    this.scroller.ariaLabel = 'Recordings';
+    const tuning = make('section', undefined, 'tuning');
+    this.tuning = new Tuning(tuning, (type, content = {}) => this.ask(type, content));
+    this.root.append(this.advice, row, this.now, this.words, this.refusal, this.scroller, this.where, tuning);
+    this.listen();
+  }
+
+  listen() {
+    for (const kind of ['rest', 'taps']) this.buttons[kind].addEventListener('click', () => this.toggle(kind));
+    const slip = this.buttons.slip;
+    slip.addEventListener('pointerdown', (event) => {
+      if (event.button) return;
+      slip.setPointerCapture(event.pointerId);
+      this.press();
+    });
+    for (const end of ['pointerup', 'pointercancel']) slip.addEventListener(end, () => this.release());
+    slip.addEventListener('contextmenu', (event) => event.preventDefault());
+    // After a click the space bar is for slips again, and does not click once more.
+    this.root.addEventListener('click', ({detail, target}) => {
+      if (detail && target.closest('button')) target.closest('button').blur();
+    });
+    document.addEventListener('keydown', (event) => this.onKey(event));
+    document.addEventListener('keyup', ({key}) => {
+      if (key === ' ') this.release();
+    });
+    // What is not seen any more is not held either.
+    window.addEventListener('blur', () => this.release());
+    document.addEventListener('visibilitychange', () => this.release());
+  }
+
+  onKey(event) {
+    if (this.root.hidden || event.ctrlKey || event.altKey || event.metaKey) return;
+    const {target} = event;
+    if (target.matches('input, select, textarea, [contenteditable]')) return;
+    if (event.key === ' ') {
+      // On another control the space bar does what it always does there.
+      if (target.matches('button, summary, a, [role=slider], [role=tab]') && target !== this.buttons.slip) return;
+      event.preventDefault();
+      if (!event.repeat) this.press();
+      return;
+    }
+    const kind = {r: 'rest', t: 'taps'}[event.key.toLowerCase()];
+    if (kind && !event.repeat) this.toggle(kind);
+  }
+
+  toggle(kind) {
+    if (this.buttons[kind].disabled) return;
+    this.teach(this.recording?.kind === kind ? 'stop' : kind);
+  }
+
+  press() {
+    if (this.held !== null || this.buttons.slip.disabled) return;
+    this.held = setInterval(() => this.connection.request('teach', {do: 'hold'}), HOLD_MS);
+    this.teach('press').then((refusal) => {
+      if (refusal) this.letGo();
+    });
+  }
+
+  release() {
+    if (this.held === null) return;
+    this.letGo();
+    this.teach('release');
+  }
+
+  letGo() {
+    clearInterval(this.held);
+    this.held = null;
+  }
+
+  teach(what) {
+    return this.ask('teach', {do: what});
+  }
+
+  async ask(type, content) {
+    this.refuse('');
+    const {refusal} = await this.connection.request(type, {finger: this.finger, page: PAGE, ...content});
+    if (refusal) this.refuse(refusal);
+    return refusal;
+  }
+
+  refuse(words) {
+    this.refusal.textContent = words && `Refused: ${words}`;
+    this.refusal.hidden = !words;
+  }
+
+  show() {
+    const {recordings = [], folder} = this.told.fingers[this.finger] ?? {};
+    // A server that was started again has not looked yet.
+    if (this.finger in this.labels && !(this.finger in this.told.fingers)) this.look();
+    this.words.textContent = this.told.words;
+    this.where.textContent = folder ? `In ${folder}. Each third recording of a kind is held out: the search does not see it, and is judged by it.` : '';
+    const shown = JSON.stringify([recordings, this.locked]);
+    if (shown !== this.shown) this.showList(recordings);
+    this.shown = shown;
+    for (const [kind, , , wanted] of KINDS) {
+      const some = recordings.filter((one) => one.kind === kind);
+      const seconds = some.reduce((sum, {duration_s: s}) => sum + s, 0);
+      const done = some.length >= wanted.recordings && seconds >= (wanted.seconds ?? 0);
+      const words = kind === 'slip' ? `${some.length} of ${wanted.recordings}` : `${some.length} of ${wanted.recordings}, ${Math.round(seconds)} s`;
+      this.buttons[kind].querySelector('.progress-words').textContent = `${words}${done ? ' ✓' : ''}`;
+    }
+    this.tuning.show(this.told.tuning, {
+      finger: this.finger, slips: recordings.filter(({slips}) => slips).length,
+      locked: this.locked || !(this.finger in this.labels),
+    });
+    this.showRecording();
+  }
+
+  showList(recordings) {
+    this.scroller.hidden = !recordings.length;
+    this.rows.replaceChildren(...recordings.map(({name, duration_s: seconds, slips, held_out: heldOut, note}) => {
+      const row = make('tr'), title = make('th', name), remove = make('button', 'Delete');
+      title.scope = 'row';
+      remove.type = 'button';
+      remove.ariaLabel = `Delete ${name}`;
+      remove.disabled = this.locked;
+      remove.addEventListener('click', () => {
+        if (confirm(`Delete ${name}, ${seconds.toFixed(1)} s? It cannot be brought back.`)) this.ask('delete_recording', {recording: name});
+      });
+      const last = make('td');
+      last.append(remove);
+      row.append(title, make('td', `${seconds.toFixed(1)} s`), make('td', String(slips)), make('td', heldOut ? 'held out' : 'tuning'), last);
+      if (note) {
+        const said = make('p', note, 'notice');
+        title.append(said);
+      }
+      return row;
+    }));
+  }
+
+  showRecording() {
+    const {recording} = this, mine = recording?.finger === this.finger;
+    const usable = this.finger in this.labels && !this.locked;
+    for (const [kind] of KINDS) {
+      const button = this.buttons[kind], runs = mine && recording.kind === kind && !recording.ending;
+      button.ariaPressed = String(Boolean(runs));
+      button.disabled = !usable || (recording !== null && !recording.ending && !(mine && recording.kind === kind));
+    }
+    this.now.classList.toggle('runs', recording !== null);
+    if (recording === null) {
+      this.now.textContent = this.locked ? 'Pages may only look: slip_view was started with --read-only.' : 'Nothing is recorded now.';
+      return;
+    }
+    const where = mine ? '' : ` of ${this.labels[recording.finger] ?? recording.finger}`;
+    const what = recording.slipping ? ', SLIP' : recording.ending ? ', the rest after it: hold still' : '';
+    this.now.textContent = `● ${recording.name}${where}: ${recording.seconds.toFixed(1)} s${what}${recording.silent && `. ${recording.silent}`}`;
+  }
+}
