@@ -57,6 +57,9 @@ def test_the_index_and_all_shared_files_are_there():
         'package.xml',
         'launch/hand.launch.py',
         'config/slip_detector.yaml',
+        'config/slip.rviz',
+        'config/slip.plotjuggler.xml',
+        'config/slip.foxglove.json',
         'examples/send_packets.c',
     ):
         assert (share / 'slip_detector' / name).is_file()

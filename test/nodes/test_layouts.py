@@ -1,0 +1,225 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The layouts for RViz, PlotJuggler and Foxglove show what the nodes publish."""
+
+import json
+import re
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from rclpy.qos import ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from support.harness import ROOT, Bench
+
+CONFIG = ROOT / 'config'
+
+MARKERS, DIAGNOSTICS = 'visualization_msgs/msg/MarkerArray', 'diagnostic_msgs/msg/DiagnosticArray'
+JOINT_STATE, BOOL = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Bool'
+CLASSES = {JOINT_STATE: JointState, BOOL: Bool}
+
+#: What a display of RViz subscribes to.
+DISPLAYS = {'rviz_default_plugins/MarkerArray': MARKERS}
+
+#: The topics of each layout, as the nodes publish them.
+OF_CHANNELS = {'/voltages': JOINT_STATE, '/slip_detector/envelope': JOINT_STATE}
+DECISIONS = ('/slip', '/slip_valid', '/slip_truth')
+GROUPS = tuple(f'/slip/group/{group}' for group in DetectorConfig().groups)
+OF_PLOTS = {**OF_CHANNELS, **dict.fromkeys((*DECISIONS, *GROUPS), BOOL)}
+
+
+@pytest.fixture(scope='module')
+def published():
+    """Return the publishers of each topic, and its type, with all nodes of a finger running."""
+    bench = Bench()
+    try:
+        bench.start('slip_detector')
+        bench.start('slip_driver', parameters={'source': 'scene'})
+        bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0')
+        found = {}
+
+        def all_there():
+            for topic, types in bench.node.get_topic_names_and_types():
+                infos = bench.node.get_publishers_info_by_topic(topic)
+                if infos:
+                    found[topic] = types, infos
+            return {*OF_PLOTS, '/slip_view/taxels', '/diagnostics'} <= set(found)
+
+        bench.wait_for(all_there, 'the topics of the layouts')
+        yield found
+    finally:
+        bench.close()
+
+
+def types_of(published, topics):
+    """Return the type of each topic that a layout names; it must be published."""
+    return {topic: published[topic][0][0] for topic in topics}
+
+
+def check_field(message_type, field):
+    fields = CLASSES[message_type].get_fields_and_field_types()
+    assert field in fields, f'{message_type} has no {field}'
+    return fields[field]
+
+
+# --- RViz ------------------------------------------------------------------------------------
+
+
+def rviz():
+    return yaml.safe_load((CONFIG / 'slip.rviz').read_text())['Visualization Manager']
+
+
+def test_rviz_subscribes_to_the_markers_as_they_are_published(published):
+    shown = {}
+    for display in rviz()['Displays']:
+        assert display['Enabled'] is display['Value'] is True
+        if 'Topic' in display:
+            topic = display['Topic']['Value']
+            shown[topic] = DISPLAYS[display['Class']]
+            asked = ReliabilityPolicy[display['Topic']['Reliability Policy'].upper()]
+            _, infos = published[topic]
+            assert {info.qos_profile.reliability for info in infos} == {asked}
+            assert display['Topic']['Durability Policy'] == 'Volatile'
+    assert shown == types_of(published, shown) == {'/slip_view/taxels': MARKERS}
+
+
+def test_rviz_looks_at_a_fingertip_in_the_frame_of_the_driver():
+    assert rviz()['Global Options']['Fixed Frame'] == DriverConfig().frame_id
+    view = rviz()['Views']['Current']
+    # What is nearer than this RViz leaves out; by default that is more than a fingertip.
+    assert view['Near Clip Distance'] < view['Distance'] / 5
+    grid = next(d for d in rviz()['Displays'] if d['Class'] == 'rviz_default_plugins/Grid')
+    extent_m = grid['Cell Size'] * grid['Plane Cell Count']
+    assert view['Distance'] / 3 < extent_m < 3 * view['Distance']
+
+
+# --- PlotJuggler -----------------------------------------------------------------------------
+
+
+def plotjuggler():
+    return ElementTree.parse(CONFIG / 'slip.plotjuggler.xml').getroot()
+
+
+def curve_topic(name):
+    """Return the topic of a curve, and what of its messages is plotted."""
+    joint_state = re.fullmatch(r'(.+)/(\w+)/(position|velocity|effort)', name)
+    if joint_state:
+        topic, channel, field = joint_state.groups()
+        assert channel in DetectorConfig().names
+        assert OF_PLOTS[topic] == JOINT_STATE
+        return topic, field
+    topic, _, field = name.rpartition('/')
+    return topic, field
+
+
+def test_plotjuggler_plots_what_is_published(published):
+    curves = [curve.get('name') for curve in plotjuggler().iter('curve')]
+    topics = set()
+    for topic, field in map(curve_topic, curves):
+        topics.add(topic)
+        check_field(OF_PLOTS[topic], field)
+    assert types_of(published, topics) == OF_PLOTS
+    for topic in OF_CHANNELS:
+        plotted = {name for name in curves if name.startswith(f'{topic}/')}
+        assert {f'{topic}/{name}/position' for name in DetectorConfig().names} <= plotted
+
+
+def test_plotjuggler_subscribes_to_what_it_plots():
+    root = plotjuggler()
+    (plugin,) = root.iter('plugin')
+    streamer = root.find('previouslyLoaded_Streamer').get('name')
+    # As the plugin names itself in plotjuggler-ros-plugins.
+    assert plugin.get('ID') == streamer == 'ROS2 Topic Subscriber'
+    assert plugin.find('selected_topics').get('value').split(';') == list(OF_PLOTS)
+
+
+def test_plotjuggler_has_a_plot_in_each_part_of_a_tab():
+    root = plotjuggler()
+    assert root.tag == 'root'
+    tabs = root.find('tabbed_widget')
+    assert int(tabs.find('currentTabIndex').get('index')) < len(tabs.findall('Tab'))
+    for splitter in root.iter('DockSplitter'):
+        sizes = [float(size) for size in splitter.get('sizes').split(';')]
+        assert int(splitter.get('count')) == len(splitter) == len(sizes)
+        assert sum(sizes) == pytest.approx(1.0)
+        assert splitter.get('orientation') in '|-'
+    for area in root.iter('DockArea'):
+        (plot,) = area
+        assert (plot.tag, plot.get('mode')) == ('plot', 'TimeSeries')
+        assert plot.get('style') in ('Lines', 'Steps')
+        assert {'left', 'right', 'bottom', 'top'} == set(plot.find('range').keys())
+        assert plot.findall('curve')
+
+
+# --- Foxglove --------------------------------------------------------------------------------
+
+
+def foxglove():
+    return json.loads((CONFIG / 'slip.foxglove.json').read_text())
+
+
+def panels_in(layout):
+    """Return the panels that a part of the layout shows."""
+    if isinstance(layout, str):
+        return [layout]
+    assert layout['direction'] in ('row', 'column')
+    assert 0 < layout['splitPercentage'] < 100
+    return [*panels_in(layout['first']), *panels_in(layout['second'])]
+
+
+def test_foxglove_shows_each_panel_that_it_has_once():
+    layout = foxglove()
+    panels = panels_in(layout['layout'])
+    assert sorted(panels) == sorted(layout['configById'])
+    kinds = {panel.partition('!')[0] for panel in panels}
+    assert kinds == {'3D', 'Plot', 'StateTransitions', 'DiagnosticSummary'}
+
+
+def test_foxglove_plots_what_is_published(published):
+    topics = set()
+    for panel in foxglove()['configById'].values():
+        for path in panel.get('paths', []):
+            assert path['enabled']
+            assert path['timestampMethod'] == 'receiveTime'
+            if path['value'] == str(DetectorConfig().threshold):
+                continue  # a line at this value
+            topic, field, index = re.fullmatch(
+                r'(/[\w/]+)\.(\w+)(?:\[(\d+)\])?', path['value']
+            ).groups()
+            topics.add(topic)
+            kind = check_field(OF_PLOTS[topic], field)
+            assert kind.startswith('sequence') == (index is not None)
+            if index is not None:
+                assert path['label'] == DetectorConfig().names[int(index)]
+            else:
+                assert path['label'] == topic.rpartition('/')[2]
+    assert types_of(published, topics) == OF_PLOTS
+
+
+def test_foxglove_shows_markers_and_diagnostics(published):
+    panels = foxglove()['configById']
+    shown = dict.fromkeys(panels['3D!taxels']['topics'], MARKERS)
+    shown[panels['DiagnosticSummary!diagnostics']['topicToRender']] = DIAGNOSTICS
+    assert types_of(published, shown) == shown
+    assert panels['3D!taxels']['followTf'] == DriverConfig().frame_id
+    camera = panels['3D!taxels']['cameraState']
+    assert camera['near'] < camera['distance'] / 5
