@@ -70,11 +70,14 @@ export class Tuning {
       if (title) cell.scope = 'col';
       return cell;
     }));
-    this.table.replaceChildren(make('caption', 'On what was held out'), head, ...rows.map(([title, before, after, change]) => {
+    const thead = make('thead'), tbody = make('tbody');
+    thead.append(head);
+    tbody.append(...rows.map(([title, before, after, change]) => {
       const row = make('tr', undefined, change), name = make('th', title);
       name.scope = 'row';
       row.append(name, make('td', before), make('td', after), make('td', change && `${change === 'better' ? '▲' : '▽'} ${change}`));
       return row;
     }));
+    this.table.replaceChildren(make('caption', 'On what was held out'), thead, tbody);
   }
 }
