@@ -216,7 +216,7 @@ def read_joint_states(raws: Sequence[bytes], joints: int) -> JointStates:
     >>> read.stamps_ns.tolist(), read.position.tolist(), read.effort[0].tolist()
     ([0, 5], [[0.0, 2.0], [1.0, 2.0]], [1.0, 1.0])
     """
-    alike = _read_alike(raws, joints)
+    alike = _read_alike(raws, joints) if raws else None
     if alike is not None:
         return alike
     messages = []

@@ -76,10 +76,15 @@ def run() -> int:
             os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         # The page uses the middleware until it has said good-bye, also after a signal.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        # From here on there is something to clean up.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.default_int_handler)
         with NodeProcesses(SCENE_NAMESPACE, lambda: None) as nodes:
             if arguments.scene:
                 _play(nodes, arguments)
             asyncio.run(_serve(arguments, nodes, takedowns))
+    except KeyboardInterrupt:
+        pass
     except (ValueError, RuntimeError, OSError, ROS_ERROR) as error:
         print(f'slip_view: {" ".join(str(error).split())}', file=sys.stderr)
         code = 1

@@ -38,6 +38,9 @@ DIAGNOSIS_S = 3.5
 
 BOOL, JOINT_STATE = 'std_msgs/msg/Bool', 'sensor_msgs/msg/JointState'
 
+#: Who publishes ``slip_valid`` and has these parameters is a detector.
+OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
+
 #: The middleware's word for a node that it does not know yet.
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
@@ -67,6 +70,8 @@ class RosHand(Hand):
         self._clients: dict[str, ParameterClient] = {}
         # The publishers of each detector: a new one is a detector that was started again.
         self._publishers: dict[str, set[bytes]] = {}
+        # Fingers that have gone: what changes with a restart is told when they come again.
+        self._past: dict[str, Finger] = {}
         self._readings: dict[str, Reading] = {}
         self._watched: dict[str, FingerTopics] = {}
         self._shared = PolledTopics(node)
@@ -148,7 +153,8 @@ class RosHand(Hand):
         if name in self._clients:
             self._clients.pop(name).destroy()
         if name in self.fingers:
-            self.gone[name] = self.fingers.pop(name).label
+            finger = self._past[name] = self.fingers.pop(name)
+            self.gone[name] = finger.label
 
     def _topics_of(self, name: str) -> Topics:
         """Return the topics of a detector as they are in the graph, where they may be remapped."""
@@ -192,42 +198,53 @@ class RosHand(Hand):
         except ValueError:
             # It hangs, or is about to end or to begin: it is asked again.
             await asyncio.sleep(LOOK_S)
-            del self._readings[name]
-            if name in self._publishers:
-                self._read(name, started=started)
+            self._read(name, started=started)
+            return
+        # Another detector may have taken the place of the one that was asked.
+        self._look_around()
+        under_way = self._readings.get(name)
+        if under_way is None or under_way.task is not asyncio.current_task():
             return
         del self._readings[name]
+        if not reading.values.keys() >= OF_A_DETECTOR:
+            return
         panel = self.panel(name)
         if started or not panel.values:
             panel.read(reading)
         else:
             gone = dict.fromkeys(panel.values.keys() - reading.values.keys())
             panel.take({**gone, **reading.values})
-        self._take_config(name, started)
+        with contextlib.suppress(ValueError):  # A detector of another version of this package.
+            self._take_config(name, started)
 
     def _take_config(self, name: str, started: bool) -> None:
-        try:
-            config = self.panel(name).config
-        except ValueError:
-            # It publishes slip_valid, but is no detector.
-            del self.panels[name]
-            return
-        finger = self.fingers.get(name)
-        if finger is None:
+        config = self.panel(name).config
+        if name not in self.fingers:
             self.gone.pop(name, None)
-            self.fingers[name] = Finger(name, config)
-        elif started:
+            before = self._past.pop(name, None)
+            self.fingers[name] = before or Finger(name, config)
+            started = before is not None
+        finger = self.fingers[name]
+        if started:
             finger.started_again(config)
         elif finger.config != config:
             finger.take_config(config)
 
     def _on_event(self, event: ParameterEvent) -> None:
         name = event.node
+        if name not in self.fingers:
+            return
+        panel = self.panel(name)
+        if any(each.name in panel.values for each in event.new_parameters):
+            return  # The detector is starting again: it is read when it publishes.
         if name in self._readings:
             self._read(name)
-        elif name in self.fingers:
-            self.panel(name).take(changes_in(event))
+            return
+        panel.take(changes_in(event))
+        try:
             self._take_config(name, started=False)
+        except ValueError:  # Some of several events were lost, or are still to come.
+            self._read(name)
 
     # What they say of themselves.
 

@@ -29,7 +29,12 @@ from sensor_msgs.msg import JointState
 
 from slip_detector.nodes import joint_states
 from slip_detector.nodes.inputs import Input
-from slip_detector.nodes.joint_states import JointStateReader, JointStateWriter, places_in
+from slip_detector.nodes.joint_states import (
+    JointStateReader,
+    JointStateWriter,
+    places_in,
+    read_joint_states,
+)
 from slip_detector.nodes.messages import stamp_ns, time_message
 from slip_detector.parameters.detector import DetectorConfig
 
@@ -219,3 +224,33 @@ def test_no_bytes_are_read_beyond_the_message(noise, message):
             assert max(fixed) < len(cut)
             assert begin > max(fixed)
             assert n >= 0
+
+
+@given(st.lists(messages(), max_size=6), st.integers(1, 5), st.booleans(), st.data())
+def test_many_at_once_are_read_as_one_by_one(sent, joints, alike, data):
+    if alike and sent:
+        # As the detector sends them: only stamp and numbers differ.
+        rows = st.lists(numbers, min_size=joints, max_size=joints)
+        first, n = sent[0], data.draw(st.integers(1, 5))
+        sent = []
+        for _ in range(n):
+            message = JointState(name=first.name, position=data.draw(rows), effort=data.draw(rows))
+            message.header.frame_id = first.header.frame_id
+            message.header.stamp = time_message(data.draw(st.integers(0, 10**18)))
+            sent.append(message)
+    raws = [serialize_message(message) for message in sent]
+    fit = [m for m in sent if len(m.position) == len(m.effort) == joints]
+    read = read_joint_states(raws, joints)
+    assert read.stamps_ns.tolist() == [stamp_ns(message.header.stamp) for message in fit]
+    for name in ('position', 'effort'):
+        wanted = np.reshape([getattr(message, name) for message in fit], (-1, joints))
+        np.testing.assert_array_equal(getattr(read, name), wanted)
+
+
+def test_what_is_no_message_is_left_out():
+    writer = JointStateWriter('tip', ['a'], efforts=True)
+    good = bytes(writer.written(5, np.array([1.0]), np.array([0.0])))
+    for bad in (b'', b'\0\1', good[:20]):
+        read = read_joint_states([bad, good], 1)
+        assert read.stamps_ns.tolist() == [5]
+        assert read_joint_states([bad], 1).position.shape == (0, 1)

@@ -1,0 +1,243 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Detectors that come, go, change and die, as fingers."""
+
+import asyncio
+import signal
+import time
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
+
+from rclpy.node import Node  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Bool  # noqa: E402
+
+from slip_detector.nodes.messages import sensor_qos, state_qos, time_message  # noqa: E402
+from slip_detector.nodes.view_fingers import RosHand  # noqa: E402
+from support.harness import DEADLINE_S  # noqa: E402
+
+INDEX, THUMB = '/index/slip_detector', '/thumb/slip_detector'
+
+#: What a page subscribes to.
+PAGE = ('/page_of_test', '/')
+
+
+class Watching:
+    """A hand, polled as the server does."""
+
+    def __init__(self, bench):
+        self.bench = bench
+        self.node = Node(PAGE[0].strip('/'), context=bench.context, start_parameter_services=False)
+        self.hand = RosHand(self.node)
+        self.watched = set()
+
+    async def until(self, holds, what):
+        deadline_s = time.monotonic() + DEADLINE_S
+        while not holds():
+            if time.monotonic() > deadline_s:
+                logs = '\n'.join(process.log() for process in self.bench.processes)
+                pytest.fail(f'waited in vain for {what}; the processes said:\n{logs}')
+            self.hand.watch(self.watched)
+            self.hand.poll()
+            await asyncio.sleep(0.01)
+
+    async def polls(self, n):
+        for _ in range(n):
+            self.hand.watch(self.watched)
+            self.hand.poll()
+            await asyncio.sleep(0.01)
+
+    def subscribed(self):
+        """Return the topics that the page's node subscribes to."""
+        found = self.bench.node.get_subscriber_names_and_types_by_node(*reversed_(PAGE))
+        return {topic for topic, _ in found}
+
+
+def reversed_(page):
+    return page[0].strip('/'), page[1]
+
+
+def watching(bench, test):
+    """Run a test with a hand."""
+
+    async def run():
+        it = Watching(bench)
+        try:
+            await test(it)
+        finally:
+            it.hand.close()
+            it.node.destroy_node()
+
+    asyncio.run(run())
+
+
+def start(bench, finger, *words, **parameters):
+    return bench.start('slip_detector', '-r', f'__ns:=/{finger}', *words, parameters=parameters)
+
+
+def send(bench, finger, channels, topic='voltages'):
+    """Return what sends a sample of a finger, a period after the one before."""
+    publisher = bench.node.create_publisher(JointState, f'/{finger}/{topic}', sensor_qos())
+    at_ns = time.time_ns()
+
+    def next_sample():
+        nonlocal at_ns
+        at_ns += round(1e9 / 380)
+        message = JointState(position=[4.3 + 1e-6 * (at_ns % 97)] * channels)
+        message.header.stamp = time_message(at_ns)
+        publisher.publish(message)
+
+    return next_sample
+
+
+def test_nothing_is_subscribed_to_but_of_fingers_that_are_watched(bench):
+    async def test(it):
+        start(bench, 'index')
+        start(bench, 'thumb')
+        await it.until(lambda: set(it.hand.fingers) == {INDEX, THUMB}, 'both fingers')
+        await it.polls(100)
+        assert it.subscribed() == set()
+        it.watched = {INDEX}
+        wanted = {
+            *(f'/index/{name}' for name in ('voltages', 'slip', 'slip_valid', 'slip_onset')),
+            *(f'/index/slip/group/{name}' for name in ('TP', 'TD', 'LR', 'LU')),
+            *('/index/slip_truth', '/index/slip_detector/envelope'),
+            *('/diagnostics', '/parameter_events'),
+        }
+        await it.until(lambda: it.subscribed() == wanted, 'the subscriptions')
+        it.watched = set()
+        await it.until(lambda: not it.subscribed(), 'their end')
+
+    watching(bench, test)
+
+
+def test_a_finger_says_what_its_detector_does_and_says(bench):
+    async def test(it):
+        start(bench, 'index', '-r', 'voltages:=/raw/skin', channels=2, threshold=0.25)
+        next_sample = send(bench, 'raw', 2, topic='skin')
+        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+        finger = it.hand.fingers[INDEX]
+        assert (finger.config.channels, finger.config.threshold) == (2, 0.25)
+        it.watched = {INDEX}
+
+        def heard(n=0):
+            next_sample()
+            return finger.valid and len(finger.track.levels) > 100 and len(finger.track.samples)
+
+        await it.until(heard, 'samples and levels')
+        await it.until(lambda: heard() and len(finger.diagnostics) == 3, 'the diagnostics')
+        assert {each.name for each in finger.diagnostics} == {'input', 'channels', 'decisions'}
+        assert not finger.silent_words()
+        # Silent: slip_valid falls, and the detector says why.
+        await it.until(lambda: not finger.valid, 'slip_valid to fall')
+        await it.until(
+            lambda: any('is the sensor plugged in' in each.message for each in finger.diagnostics),
+            'the words',
+        )
+        assert not finger.silent_words()
+
+    watching(bench, test)
+
+
+def test_parameters_that_are_changed_by_anybody_are_those_of_the_finger(bench):
+    async def test(it):
+        start(bench, 'index')
+        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+        assert await it.hand.set_parameters(INDEX, {'threshold': 0.75}) == ''
+        refusal = await it.hand.set_parameters(INDEX, {'threshold': -1.0, 'gain': 5.0})
+        assert refusal == 'parameter threshold is -1, allowed: 1e-30 to 1e+30'
+        # Nobody watched: it is read when somebody does.
+        it.watched = {INDEX}
+        await it.until(lambda: it.hand.fingers[INDEX].config.threshold == 0.75, 'the change')
+        await it.hand.set_parameters(INDEX, {'channels': 4, 'groups.TP': None, 'groups.TD': None,
+                                             'groups.LR': None, 'groups.LU': None})  # fmt: skip
+        await it.until(lambda: it.hand.fingers[INDEX].config.channels == 4, 'the channels')
+        assert list(it.hand.fingers[INDEX].config.groups) == ['all']
+
+    watching(bench, test)
+
+
+def test_a_detector_that_ends_is_gone_and_comes_again(bench):
+    async def test(it):
+        first = start(bench, 'index')
+        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+        it.watched = {INDEX}
+        await it.until(lambda: it.hand.fingers[INDEX].config, 'the finger')
+        first.signal(signal.SIGINT)
+        await it.until(lambda: INDEX not in it.hand.fingers, 'it to go')
+        assert it.hand.gone == {INDEX: 'index'}
+        await it.until(lambda: not it.subscribed(), 'the end of the subscriptions')
+        with pytest.raises(ValueError, match='is gone'):
+            await it.hand.set_parameters(INDEX, {'threshold': 0.75})
+        start(bench, 'index')
+        await it.until(lambda: INDEX in it.hand.fingers, 'it to come again')
+        assert it.hand.gone == {}
+        assert 'started again' in it.hand.fingers[INDEX].notice
+
+    watching(bench, test)
+
+
+def test_a_detector_that_is_killed_is_silent_and_one_with_other_channels_takes_its_place(bench):
+    async def test(it):
+        first = start(bench, 'index')
+        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+        it.watched = {INDEX}
+        finger = it.hand.fingers[INDEX]
+        await it.until(lambda: '/index/slip_valid' in it.subscribed(), 'the subscriptions')
+        first.signal(signal.SIGKILL)
+        await it.until(lambda: INDEX not in it.hand.fingers or finger.silent_words(), 'silence')
+        # The middleware keeps who was killed for some time: the finger is the same.
+        start(bench, 'index', channels=2)
+
+        def again():
+            present = it.hand.fingers.get(INDEX)
+            return present is not None and present.starts == 2
+
+        await it.until(again, 'the other detector')
+        present = it.hand.fingers[INDEX]
+        assert present.notice.endswith('with 2 channels instead of 16')
+        assert present.config.channels == 2
+        next_sample = send(bench, 'index', 2)
+
+        def shown():
+            next_sample()
+            return present.valid and len(present.track.levels) > 3
+
+        await it.until(shown, 'its levels')
+
+    watching(bench, test)
+
+
+def test_another_node_that_publishes_slip_valid_is_no_finger(bench):
+    async def test(it):
+        node = Node('relay', context=bench.context)
+        bench.executor.add_node(node)
+        node.create_publisher(Bool, 'slip_valid', state_qos())
+        start(bench, 'index')
+        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+
+        def read():
+            bench.executor.spin_once(timeout_sec=0.01)
+            return '/relay' in it.hand._publishers and '/relay' not in it.hand._readings
+
+        await it.until(read, 'the parameters of the other node')
+        assert set(it.hand.fingers) == {INDEX}
+        assert set(it.hand.panels) == {INDEX}
+        bench.executor.remove_node(node)
+        node.destroy_node()
+
+    watching(bench, test)
