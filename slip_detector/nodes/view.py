@@ -64,12 +64,12 @@ def run() -> int:
     from rclpy.utilities import remove_ros_args
 
     from slip_detector.nodes.demonstration import NodeProcesses
-    from slip_detector.nodes.rclpy_internals import ROS_ERROR, shut_down
+    from slip_detector.nodes.rclpy_internals import shut_down
 
-    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     code = 0
     takedowns: list[Callable[[], object]] = []
     try:
+        arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
         _check(arguments)
         if arguments.scene:
             # Processes on one machine need no network.
@@ -85,7 +85,7 @@ def run() -> int:
             asyncio.run(_serve(arguments, nodes, takedowns))
     except KeyboardInterrupt:
         pass
-    except (ValueError, RuntimeError, OSError, ROS_ERROR) as error:
+    except (ValueError, RuntimeError, OSError) as error:
         print(f'slip_view: {" ".join(str(error).split())}', file=sys.stderr)
         code = 1
     finally:

@@ -1,0 +1,80 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""hand.launch.py with the live page, run by launch_testing."""
+
+import asyncio
+import re
+import unittest
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+
+from support.harness import DEADLINE_S, launched, package_share
+from support.live_client import LiveClient
+
+reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
+launch_testing = pytest.importorskip('launch_testing', reason=reason)
+pytest.importorskip('launch_ros', reason=reason)
+
+from launch_testing.asserts import assertExitCodes  # noqa: E402
+
+SHARE = package_share()
+
+ARGUMENTS = {
+    'namespace': 'left',
+    'fingers': 'thumb, index',
+    'view': 'true',
+    'view_options': '--port 0 --read-only',
+}
+
+
+@pytest.mark.launch_test
+def generate_test_description():
+    return launched('hand.launch.py', ARGUMENTS)
+
+
+class TestPage(unittest.TestCase):
+    def test_the_page_has_the_fingers_their_slips_and_their_file(self, proc_output):
+        proc_output.assertWaitFor('http://127.0.0.1:', timeout=DEADLINE_S)
+        said = ''.join(line.text.decode() for line in proc_output)
+        address = re.search(r'slip_view: (http://\S+)', said)[1]
+
+        async def look():
+            page = await LiveClient.open(address)
+            hand = await page.until('hand', lambda hand: len(hand['fingers']) == 2)
+            labels = [finger['label'] for finger in hand['fingers']]
+            self.assertEqual(labels, ['left/index', 'left/thumb'])
+            self.assertTrue(hand['read_only'])
+            await page.look()
+            slipped = set()
+            while len(slipped) < 2:
+                header, _ = await page.drawn_frame()
+                slipped |= {state['name'] for state in header['fingers'] if state['slip']}
+            told = await page.until('parameters', lambda told: len(told['fingers']) == 2)
+            files = {finger['file'] for finger in told['fingers'].values()}
+            self.assertEqual(files, {str(SHARE / 'config' / 'slip_detector.yaml')})
+            self.assertEqual([f['differs'] for f in told['fingers'].values()], [[], []])
+            page.close()
+
+        asyncio.run(asyncio.wait_for(look(), DEADLINE_S))
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_all_processes_end_with_exit_code_0(self, proc_info, bench):
+        bench.close()
+        assert len(proc_info.process_names()) == 3
+        assertExitCodes(proc_info)

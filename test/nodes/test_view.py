@@ -1,0 +1,194 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""slip_view as a process: its options, its end, and what it costs nobody."""
+
+import asyncio
+import re
+import signal
+import socket
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
+
+from tornado.httpclient import AsyncHTTPClient, HTTPClientError  # noqa: E402
+
+from slip_detector.view.server import READ_ONLY  # noqa: E402
+from support.harness import DEADLINE_S  # noqa: E402
+from support.live_client import LiveClient  # noqa: E402
+
+OPTIONS = ('--port', '0')
+
+
+def start(bench, *words):
+    return bench.start_python('-m', 'slip_detector.nodes.view', *words)
+
+
+def address_of(bench, process):
+    """Wait until the page is served and return its address."""
+
+    def printed():
+        if process.ended():
+            pytest.fail(f'slip_view ended:\n{process.log()}')
+        return 'http://' in process.log()
+
+    bench.wait_for(printed, 'the address')
+    (address,) = re.findall(r'^slip_view: (http://\S+)$', process.log(), re.M)
+    return address
+
+
+def with_page(address, test):
+    """Run a test with a page that is open."""
+
+    async def run():
+        page = await LiveClient.open(address)
+        try:
+            return await asyncio.wait_for(test(page), DEADLINE_S)
+        finally:
+            page.close()
+
+    return asyncio.run(run())
+
+
+def subscribed(bench):
+    """Return the topics that slip_view subscribes to."""
+    found = bench.node.get_subscriber_names_and_types_by_node('slip_view', '/')
+    return {topic for topic, _ in found}
+
+
+def test_with_no_page_open_it_subscribes_to_nothing(bench):
+    bench.start('slip_detector', '-r', '__ns:=/index')
+    address = address_of(bench, start(bench, *OPTIONS, '--folder', 'none'))
+
+    async def look(page):
+        await page.look()
+        await page.drawn_frame()
+
+    async def only_open(page):
+        await page.until('hand', lambda hand: hand['fingers'])
+
+    with_page(address, only_open)
+    assert subscribed(bench) == set()
+    with_page(address, look)
+    bench.wait_for(lambda: subscribed(bench) == set(), 'the subscriptions to end')
+
+
+def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
+    words = ('--scene', 'plate_400um', '--fingers', 'thumb,index', '--folder', str(tmp_path / 'f'))
+    process = start(bench, *OPTIONS, *words)
+    address = address_of(bench, process)
+
+    async def see(page):
+        hand = await page.until('hand', lambda hand: len(hand['fingers']) == 2)
+        assert [finger['label'] for finger in hand['fingers']] == ['scene/index', 'scene/thumb']
+        names = await page.look(channels=[14])
+        slip = on = false = 0
+        while not (slip and on and false):
+            header, arrays = await page.drawn_frame()
+            (state, _), traces = header['fingers'], header['traces']
+            slip, on = slip + state['slip'], on + arrays['on/0'].any()
+            false += state['valid'] and not state['slip']
+            if traces['levels']['count']:
+                assert traces['name'] == names[0]
+                assert arrays['level/low'].shape == arrays['level/high'].shape
+        # One page more, which is open when it ends.
+        process.signal(signal.SIGINT)
+        while await page._socket.read_message() is not None:
+            pass
+        assert page._socket.close_reason == 'slip_view was stopped'
+
+    with_page(address, see)
+    assert process.wait() == 0
+    assert 'Traceback' not in process.log()
+    bench.wait_for(
+        lambda: not set(bench.node.get_node_names()) & {'slip_detector', 'slip_driver'},
+        'the nodes of the scene to end',
+    )
+
+
+def test_when_a_node_of_the_scene_ends_so_does_the_page(bench):
+    process = start(bench, *OPTIONS, '--scene', 'plate_400um', '--fingers', 'thumb,thumb')
+    assert process.wait() == 1
+    last = process.log().strip().splitlines()[-1]
+    assert re.fullmatch('slip_view: slip_(detector|driver) ended with the exit code 1', last)
+    assert 'Traceback' not in process.log()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_with_exit_code_0(bench, number):
+    process = start(bench, *OPTIONS)
+    address = address_of(bench, process)
+    process.signal(number)
+    assert process.wait() == 0
+    assert process.log() == f'slip_view: {address}\n'
+
+
+def test_beyond_loopback_the_printed_address_has_a_token_that_is_needed(bench):
+    address = address_of(bench, start(bench, *OPTIONS, '--host', '0.0.0.0'))
+    token = address.partition('?token=')[2]
+    assert len(token) >= 20
+    local = re.sub('//[^:]+', '//127.0.0.1', address)
+
+    async def told(page):
+        return await page.until('hand')
+
+    with_page(local, told)
+
+    async def refused():
+        with pytest.raises(HTTPClientError, match='403'):
+            await AsyncHTTPClient().fetch(local.partition('?')[0])
+
+    asyncio.run(refused())
+
+
+def test_with_read_only_a_page_changes_nothing(bench):
+    address = address_of(bench, start(bench, *OPTIONS, '--read-only'))
+
+    async def try_all(page):
+        known = (await page.request('nothing'))['refusal'].partition('allowed: ')[2].split(', ')
+        return {kind: (await page.request(kind))['refusal'] for kind in known}
+
+    refused = {kind for kind, why in with_page(address, try_all).items() if why == READ_ONLY}
+    changing = {'set', 'undo', 'as_in_file', 'save', 'teach', 'tune', 'apply_tuning'}
+    assert refused >= changing
+
+
+@pytest.mark.parametrize(
+    ('words', 'code', 'said'),
+    [
+        (['--port', '70000'], 2, "argument --port: is '70000', allowed: a whole number, 0 to"),
+        (['--prot', '0'], 2, 'unrecognized arguments: --prot 0'),
+        (['--config', 'none.yaml'], 1, "--config is 'none.yaml', allowed: the path of a"),
+        (['--scene', 'plate'], 1, "no scene 'plate', allowed: "),
+        (['--host', '192.0.2.1'], 1, '--host 192.0.2.1 --port 8765 cannot be had (Cannot assign'),
+        (['--ros-args', '-r', 'a b'], 1, "Couldn't parse remap rule: '-r a b'"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_said_in_one_line(bench, words, code, said):
+    process = start(bench, *words)
+    assert process.wait() == code
+    (line,) = process.log().strip().splitlines()
+    assert line.startswith('slip_view: ')
+    assert said in line
+
+
+def test_a_port_that_is_taken_is_said_in_one_line(bench):
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        line = start(bench, '--port', port).refusal()
+    assert line == (
+        f'slip_view: --host 127.0.0.1 --port {port} cannot be had (Address already in use), '
+        'allowed: an address of this machine and a port that is free'
+    )
