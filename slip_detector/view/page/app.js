@@ -94,9 +94,42 @@ connection.onFrame(({header, arrays}) => {
 tabs(document.querySelector('#signals [role=tablist]'), (panel) => spectrum.open(panel === 'spectrum'));
 tabs(document.querySelector('#tools [role=tablist]'));
 
-element('keys-button').addEventListener('click', ({target}) => {
+// ---- keys
+
+// By key what it does, wherever the focus is, except in what takes text.
+const KEYS = {
+  p: () => traces.pauseOrGoOn(),
+  '?': () => element('keys-button').click(),
+  ...Object.fromEntries(Array.from({length: 9}, (_, i) => [String(i + 1), () => {
+    const card = [...cards.values()].find(({root}) => root === element('fingers').children[i]);
+    if (card) choose(card.finger.name);
+  }])),
+};
+const KEY_WORDS = [
+  ['1 to 9', 'show the signals of that finger'], ['P', 'pause the traces, and go on'],
+  ['arrows, Page Up and Down', 'move a line of a drawing; Enter sets it, Escape leaves it'],
+  ['+ \u2212 \u2190 \u2192 Home', 'in the traces: zoom, move, back to now'],
+  ['wheel, drag, Shift and drag', 'in the traces: zoom, move, choose a stretch; double click: back to now'],
+  ['?', 'show these keys, and hide them'],
+];
+
+element('keys').append(...KEY_WORDS.map(([keys, words]) => {
+  const row = make('div');
+  row.append(make('dt', keys), make('dd', words));
+  return row;
+}));
+
+element('keys-button').addEventListener('click', ({currentTarget}) => {
   element('keys').hidden = !element('keys').hidden;
-  target.ariaExpanded = String(!element('keys').hidden);
+  currentTarget.ariaExpanded = String(!element('keys').hidden);
+});
+
+document.addEventListener('keydown', (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input, select, textarea')) return;
+  const act = KEYS[event.key] ?? KEYS[event.key.toLowerCase()];
+  if (!act) return;
+  event.preventDefault();
+  act();
 });
 
 connection.open();

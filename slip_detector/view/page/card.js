@@ -12,6 +12,8 @@ const STATES = {
   slip: {mark: '\u25b2', words: 'SLIP'},
   rest: {mark: '\u25cb', words: 'rest'},
 };
+// Channels in words change at most this often.
+const WORDS_MS = 1000;
 const MARKS = ['\u2713', '\u25b2', '\u2715', '\u2715'];
 const LEVELS = ['all well', 'warning', 'error', 'stale'];
 
@@ -37,9 +39,15 @@ export class FingerCard {
     this.onset = make('p', undefined, 'onset');
     this.notice = make('p', undefined, 'notice');
     this.diagnostics = make('ul', undefined, 'diagnostics');
-    this.root.append(head, this.dead, this.picture, this.groups, this.onset, this.notice, this.diagnostics);
+    this.inWords = make('details');
+    const list = make('ul');
+    list.tabIndex = 0;
+    list.ariaLabel = 'Channels';
+    this.inWords.append(make('summary', 'Channels in words'), list);
+    this.inWords.addEventListener('toggle', () => this.tellChannels());
+    this.root.append(head, this.dead, this.picture, this.groups, this.onset, this.notice, this.diagnostics, this.inWords);
     this.marked = new Set();
-    this.chosen = new Set();
+    this.worded = -Infinity;
     this.canvas.addEventListener('click', (event) => {
       const channel = this.channelAt(event);
       if (channel) onChannel(channel);
@@ -72,7 +80,7 @@ export class FingerCard {
         this.marked = new Set(set);
         this.paint();
       };
-      chip.append(label, ' ', count);
+      chip.append(label, count);
       chip.title = `${name}: ${members.map((c) => finger.channels[c - 1]).join(', ')}; vote: ${voteWords(finger.vote)}`;
       chip.addEventListener('pointerenter', mark(members));
       chip.addEventListener('pointerleave', mark([]));
@@ -115,7 +123,21 @@ export class FingerCard {
       text(count, `${votes}/${valid.length}${groups[g] ? ' ON' : ''}`);
     });
     text(this.onset, this.onsetWords());
+    if (performance.now() - this.worded > WORDS_MS) this.tellChannels();
     this.paint();
+  }
+
+  // The level of each channel, for who does not see the picture; it changes so slowly that it can be
+  // read.
+  tellChannels() {
+    if (!this.inWords.open || !this.channels) return;
+    this.worded = performance.now();
+    const list = this.inWords.lastChild;
+    while (list.children.length > this.channels.length) list.lastChild.remove();
+    this.channels.forEach((_, c) => {
+      if (!list.children[c]) list.append(make('li'));
+      text(list.children[c], this.wordsOf(c + 1));
+    });
   }
 
   stateName() {
@@ -139,8 +161,9 @@ export class FingerCard {
     text(this.veil, veil);
     this.veil.hidden = !veil;
     const dead = name === 'slip' || name === 'rest' || name === 'notValid' ? this.deadChannels() : [];
-    text(this.dead, dead.length ? `\u2715 ${channelWords(dead)} not valid` : '');
-    this.dead.hidden = !dead.length;
+    // It has its line at all times: nothing below it moves when a channel fails.
+    this.dead.classList.toggle('some', dead.length > 0);
+    text(this.dead, dead.length ? `\u2715 ${channelWords(dead)} not valid` : veil ? '' : '\u2713 all channels valid');
     this.words = [words, ...(veil ? [veil] : []), ...(dead.length ? [`${channelWords(dead)} not valid`] : [])].join(', ');
     const label = `${this.finger.label}: ${this.words}`;
     if (this.canvas.ariaLabel !== label) this.canvas.ariaLabel = label;

@@ -82,7 +82,7 @@ export class Parameters {
     buttons.append(this.setAll, this.discard, this.undo, this.asInFile);
     this.undoes = make('p', '', 'hint');
     this.changes = make('ul', undefined, 'changes');
-    this.changes.role = 'log';
+    this.changes.ariaLive = 'polite';
     this.changes.ariaLabel = 'Changes';
     this.sections = make('form', undefined, 'sections');
     this.sections.id = 'parameter-values';
