@@ -37,9 +37,9 @@ NO_FRAME = 'fingertip'
 #: A view drops markers that are not repeated for so long: slip_view is gone.
 LIFETIME_S = 2
 
-#: A channel's bar grows over so many factors of ten of its level, up to the threshold, and then
-#: by half as much again.
-DECADES, ABOVE = 2.0, 0.5
+#: A channel's bar grows while its level doubles so often, up to the threshold, as on the page, and
+#: then by half as much again.
+OCTAVES, ABOVE = 5.0, 0.5
 
 #: In distances of the two closest channels: the width of a bar, of one that is ON, and the height
 #: of a bar at no level and at the threshold.
@@ -179,20 +179,20 @@ def _stale_s(finger: Finger) -> float:
 def _shares(level: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return how much of their height bars have: 0 at rest, 1 at the threshold."""
     with np.errstate(divide='ignore'):
-        return np.clip(1.0 + np.log10(level) / DECADES, 0.0, 1.0 + ABOVE)
+        return np.clip(1.0 + np.log2(level) / OCTAVES, 0.0, 1.0 + ABOVE)
 
 
 def _state_words(finger: Finger, level: NDArray[np.float64]) -> str:
-    """Return what there is to say of a finger, most important first."""
+    """Return how a finger is, in the words of the page."""
     config = finger.config
     stale_s = _stale_s(finger)
     if finger.silent_words():
-        return 'detector not heard'
+        return 'detector silent'
     if stale_s:
-        return 'no samples' + ('' if math.isinf(stale_s) else f' for {stale_s:.0f} s')
-    words = 'no slip'
+        return 'no input' + ('' if math.isinf(stale_s) else f' for {stale_s:.0f} s')
+    words = 'rest'
     if not finger.valid:
-        words = 'slip not known'
+        words = 'not valid'
     elif finger.slip:
         groups = [name for name, on in zip(config.groups, finger.groups, strict=False) if on]
         words = f'SLIP {listed(groups, MOST_NAMED)}'
@@ -202,7 +202,7 @@ def _state_words(finger: Finger, level: NDArray[np.float64]) -> str:
         for i, name in enumerate(config.names)
         if i + 1 not in disabled and math.isnan(level[i])
     ]
-    return f'{words}\nnot valid: {listed(names, MOST_NAMED)}' if names else words
+    return f'{words}\n{listed(names, MOST_NAMED)} not valid' if names else words
 
 
 def _marker(finger: Finger, number: int, position: NDArray[np.float64]) -> Marker:

@@ -30,8 +30,8 @@ from slip_detector.commands.command_line import Parser, whole_number
 if TYPE_CHECKING:
     from slip_detector.nodes.demonstration import NodeProcesses
 
-#: Where the page is unless told otherwise.
-HOST, PORT = '127.0.0.1', 8765
+#: Where the page is unless told otherwise; 8765 is the port of the bridge to Foxglove.
+HOST, PORT = '127.0.0.1', 8470
 
 #: Where recordings and saved parameters go unless told otherwise.
 FOLDER = Path('slip_recordings')

@@ -41,6 +41,7 @@ PATIENCE_S = 500.0
 RUN_BY = {
     'make demo': 'Makefile: \ndemo:',
     'make grasp': 'Makefile: \ngrasp:',
+    'make view': 'Makefile: \nview:',
     'make check': 'Makefile: \ncheck:',
     'make test': '.ci/run: make test',
     'make benchmark': 'Makefile: \nbenchmark:',
@@ -118,6 +119,31 @@ RUN_BY = {
     ' slip_detector benchmarks examples launch test': (
         'test/package/test_ament_lint.py'
         '::test_ament_copyright_finds_copyright_and_license_everywhere'
+    ),
+    **{
+        words: f'test/nodes/test_layouts.py::test_{test}'
+        for words, test in {
+            'ros2 run rviz2 rviz2 -d $(ros2 pkg prefix --share slip_detector)/config/slip.rviz': (
+                'rviz_subscribes_to_the_markers_as_they_are_published'
+            ),
+            'ros2 run plotjuggler plotjuggler --layout'
+            ' $(ros2 pkg prefix --share slip_detector)/config/slip.plotjuggler.xml': (
+                'plotjuggler_plots_what_is_published'
+            ),
+            'ros2 bag record /voltages /slip /slip_valid /slip_detector/envelope': (
+                'plotjuggler_plots_what_is_published'
+            ),
+            'ros2 launch foxglove_bridge foxglove_bridge_launch.xml': (
+                'foxglove_plots_what_is_published'
+            ),
+        }.items()
+    },
+    'ros2 run slip_detector slip_view': (
+        'test/nodes/test_layouts.py::test_rviz_subscribes_to_the_markers_as_they_are_published'
+    ),
+    'ros2 param get /slip_detector threshold': (
+        'test/nodes/test_parameters.py'
+        '::test_what_was_given_is_declared_and_all_else_has_its_default'
     ),
     'ros2 launch': 'test/launch/test_launch_ends.py::test_a_signal_leaves_no_node_behind',
     'ros2 launch slip_detector slip_detector.launch.py': (

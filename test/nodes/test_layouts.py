@@ -16,6 +16,8 @@
 
 import json
 import re
+import shlex
+import subprocess
 from xml.etree import ElementTree
 
 import pytest
@@ -79,6 +81,23 @@ def check_field(message_type, field):
     fields = CLASSES[message_type].get_fields_and_field_types()
     assert field in fields, f'{message_type} has no {field}'
     return fields[field]
+
+
+@pytest.mark.parametrize('page', ['plotjuggler', 'foxglove'])
+def test_the_command_of_the_page_moves_each_topic_of_a_layout_to_a_namespace(page):
+    (command,) = re.findall(r'`(sed .*?)`', (ROOT / 'docs' / f'{page}.md').read_text())
+    words = shlex.split(command)
+    layout = next(word for word in words if word.startswith('slip.'))
+    done = subprocess.run(
+        words[: words.index(layout) + 1], cwd=CONFIG, capture_output=True, text=True, check=True
+    )
+    before, after = (CONFIG / layout).read_text(), done.stdout
+    for topic in {*OF_PLOTS, '/slip_view/taxels'}:
+        begins = re.compile(rf'(?<=[";]){topic}(?=[."/;])')
+        moved = re.compile(rf'(?<=[";])/index{topic}(?=[."/;])')
+        assert len(moved.findall(after)) == len(begins.findall(before))
+        assert not begins.findall(after)
+    assert '"/index/diagnostics"' not in after
 
 
 # --- RViz ------------------------------------------------------------------------------------

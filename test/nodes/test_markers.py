@@ -125,40 +125,40 @@ def test_a_channel_that_is_not_valid_and_one_that_is_disabled_have_shapes_of_the
     assert disabled.color.a < 1.0
     assert len({rgb(marker) for marker in (good, bad, disabled)}) == 3
     # Only what should work and does not is named.
-    assert text_of(finger) == 'index: no slip\nnot valid: ch2'
+    assert text_of(finger) == 'index: rest\nch2 not valid'
 
 
 def test_the_text_says_slip_and_which_groups():
     finger = finger_with([2, 0, 0, 0], slip=True, groups=(True, False))
     assert text_of(finger) == 'index: SLIP left'
-    assert text_of(finger_with([0, 0, 0, 0])) == 'index: no slip'
+    assert text_of(finger_with([0, 0, 0, 0])) == 'index: rest'
     assert rgb(finger_markers(finger)[0]) == rgb(bars(finger)[0])
 
 
 def test_a_finger_that_cannot_tell_slip_says_so():
     finger = finger_with([np.nan] * 4)
-    assert text_of(finger) == 'index: slip not known\nnot valid: ch1, ch2, ch3, ch4'
+    assert text_of(finger) == 'index: not valid\nch1, ch2, ch3, ch4 not valid'
 
 
 def test_of_many_channels_that_are_not_valid_a_few_are_named():
     finger = finger_with([np.nan] * 16, DetectorConfig(), groups=(False,) * 4)
-    assert text_of(finger).endswith('not valid: ch1, ch2, ch3, ch4 and 12 more')
+    assert text_of(finger).endswith('ch1, ch2, ch3, ch4 and 12 more not valid')
 
 
 def test_without_samples_no_channel_looks_as_if_it_were_measured():
     finger = finger_with([3, 0, 0, 0], slip=True)
     finger.sample_s -= FOUR.input_timeout_s + 3
     assert {marker.type for marker in bars(finger)} == {Marker.CUBE}
-    assert text_of(finger) == 'index: no samples for 4 s'
+    assert text_of(finger) == 'index: no input for 4 s'
     never = Finger('/index/slip_detector', FOUR)
     assert {marker.type for marker in bars(never)} == {Marker.CUBE}
-    assert text_of(never) == 'index: no samples'
+    assert text_of(never) == 'index: no input'
 
 
 def test_a_detector_that_is_not_heard_any_more_is_told():
     finger = finger_with([0, 0, 0, 0])
     finger.heard_s -= 60
-    assert text_of(finger) == 'index: detector not heard'
+    assert text_of(finger) == 'index: detector silent'
 
 
 def test_the_names_of_a_finger_can_be_anything():
@@ -195,7 +195,7 @@ def test_a_simulated_slip_is_seen_in_the_markers():
     finger = Finger('/index/slip_detector', DetectorConfig())
     simulated = SimulatedFinger(finger)
     seen = set()
-    while 'no slip' not in seen or not any(words.startswith('SLIP') for words in seen):
+    while 'rest' not in seen or not any(words.startswith('SLIP') for words in seen):
         simulated.play(0.05)
         text, *markers = finger_markers(finger)
         seen.add(text.text.removeprefix('index: ').split('\n')[0])

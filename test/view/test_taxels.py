@@ -107,6 +107,6 @@ def test_the_configuration_of_uskin_has_two_fingers_of_four_rows_of_taxels_with_
     places = fingers[:, :, :, 0, :2]
     assert np.allclose(np.diff(places[..., 0], axis=2), 4.667e-3, atol=1e-4)
     assert np.allclose(np.diff(places[..., 1], axis=1), -4.667e-3, atol=1e-4)
-    assert np.allclose(places[1] - places[0], [0.028, 0.0])
+    assert np.allclose(places[1] - places[0], [0.021, 0.0])
     assert np.allclose(places.mean(axis=(0, 1, 2)), 0.0, atol=1e-12)
     assert len(np.unique(drawn_positions(config), axis=0)) == 96
