@@ -56,8 +56,8 @@ class TestPage(unittest.TestCase):
             page = await LiveClient.open(address)
             hand = await page.until('hand', lambda hand: len(hand['fingers']) == 2)
             labels = [finger['label'] for finger in hand['fingers']]
-            self.assertEqual(labels, ['left/index', 'left/thumb'])
-            self.assertTrue(hand['read_only'])
+            assert labels == ['left/index', 'left/thumb']
+            assert hand['read_only']
             await page.look()
             slipped = set()
             while len(slipped) < 2:
@@ -65,8 +65,8 @@ class TestPage(unittest.TestCase):
                 slipped |= {state['name'] for state in header['fingers'] if state['slip']}
             told = await page.until('parameters', lambda told: len(told['fingers']) == 2)
             files = {finger['file'] for finger in told['fingers'].values()}
-            self.assertEqual(files, {str(SHARE / 'config' / 'slip_detector.yaml')})
-            self.assertEqual([f['differs'] for f in told['fingers'].values()], [[], []])
+            assert files == {str(SHARE / 'config' / 'slip_detector.yaml')}
+            assert not any(finger['differs'] for finger in told['fingers'].values())
             page.close()
 
         asyncio.run(asyncio.wait_for(look(), DEADLINE_S))
