@@ -90,9 +90,8 @@ def _decide(rows, vote, threshold, on, valid, layout, scratch):
                 decision = rows_of_all(members, on, valid)
             else:
                 scratch.mean[:] = 0.0
-                raise_to_votes(
-                    scratch.levels[first:end], end - first, rows, MEAN_ALONE, scratch.mean
-                )
+                bounds = layout.bounds[g : g + 2]
+                raise_to_votes(scratch.levels, bounds, rows, MEAN_ALONE, scratch.mean)
                 decision, row = NO_ROW, FIRST_ROW
                 for k in range(rows):
                     decision |= row if scratch.mean[0, k] > threshold else NO_ROW
@@ -130,10 +129,7 @@ def _write_flags(decisions, flags, start, rows):
 def _write_statistics(rows, layout, threshold, scratch, signals, start):
     """Write the statistic of each vote, ON above 1, to the last columns of ``signals``."""
     scratch.statistics[:] = 0.0
-    for g in range(layout.bounds.size - 1):
-        first, end = layout.bounds[g], layout.bounds[g + 1]
-        levels = scratch.levels[first:end]
-        raise_to_votes(levels, end - first, rows, layout.votes, scratch.statistics)
+    raise_to_votes(scratch.levels, layout.bounds, rows, layout.votes, scratch.statistics)
     column = signals.shape[1] - layout.votes.size
     for v in range(layout.votes.size):
         if threshold != 1.0:  # it is 1 for the tuner

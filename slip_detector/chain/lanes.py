@@ -78,6 +78,10 @@ if not COMPILED:
         """Return which values are not NaN."""
         return ~np.isnan(values)
 
+    def in_all(mask):
+        """Return whether the mask is set in all lanes."""
+        return bool(mask.all())
+
     def square_root(values):
         """Return the square roots."""
         return np.sqrt(values)
@@ -304,6 +308,16 @@ else:
     def is_number(typing, values):
         """Return which values are not NaN."""
         return _of_vectors(BOOLS(values), lambda builder, a: builder.fcmp_ordered('ord', a, a))
+
+    @intrinsic
+    def in_all(typing, mask):
+        """Return whether the mask is set in all lanes."""
+
+        def codegen(context, builder, signature, args):
+            bits = ir.IntType(LANES)
+            return builder.icmp_unsigned('==', builder.bitcast(args[0], bits), bits(2**LANES - 1))
+
+        return types.boolean(mask), codegen
 
     def _of_floats(name):
         """Return a function that emits a call of LLVM's function of this name on each float64."""

@@ -37,6 +37,7 @@ from slip_detector.chain.compiled import as_silent, compiled
 from slip_detector.chain.lanes import (
     LANES,
     floor,
+    in_all,
     load,
     select,
     spread,
@@ -57,6 +58,12 @@ NO_VOTE = -1.0
 #: The least normal float64; smaller ones are scaled by 2^54 before they are split into parts.
 LEAST_NORMAL = 2.0**-1022
 SCALE_BITS = 54.0
+
+#: A product of so few factors, each below this and above its inverse, does not over- or underflow.
+FEW, LARGE = 16, 2.0**62
+
+#: Products that differ by a smaller share may have means in another order, by rounding.
+NEAR = 1e-12
 
 #: A product of this many factors, each below 2, does not overflow.
 FACTORS = 512
@@ -161,13 +168,20 @@ def gather_levels(block, rows, valid, at, levels, places):
 
 
 @compiled
-def _extremes(levels, members, k):
+def _raise(number, able, statistics, at):
+    """Raise a statistic of sixteen rows to a number where that is larger and the group votes."""
+    before = load(statistics, at)
+    store(select(able & (number > before), number, before), statistics, at)
+
+
+@compiled
+def _extremes(levels, first, end, k):
     """Return the least valid level of sixteen rows and the largest.
 
     Where none is valid they are infinity and ``NO_VOTE``.
     """
     least, most = spread(np.inf), spread(NO_VOTE)
-    for j in range(members):
+    for j in range(first, end):
         level = load(levels, (j, k))
         least = select((level >= 0.0) & (level < least), level, least)
         most = select(level > most, level, most)
@@ -175,13 +189,26 @@ def _extremes(levels, members, k):
 
 
 @compiled
-def _product(levels, members, k):
+def _plain_product(levels, first, end, k):
+    """Return how many levels of sixteen rows are valid, and their product."""
+    count, product = spread(0.0), spread(1.0)
+    for j in range(first, end):
+        level = load(levels, (j, k))
+        valid = level >= 0.0
+        count = count + select(valid, spread(1.0), spread(0.0))
+        product = select(valid, product * level, product)
+    return count, product
+
+
+@compiled
+def _product(levels, first, end, k):
     """Return how many levels of sixteen rows are valid, and their product in two parts.
 
-    Fractions are multiplied and exponents are added, so that nothing over- or underflows.
+    Fractions are multiplied and exponents are added, so that nothing over- or underflows. The
+    fraction is that of the plain product, where that does not either.
     """
     count, exponent, product = spread(0.0), spread(0.0), spread(1.0)
-    for j in range(members):
+    for j in range(first, end):
         level = load(levels, (j, k))
         valid = level >= 0.0
         small = level < LEAST_NORMAL
@@ -190,19 +217,19 @@ def _product(levels, members, k):
         count = count + select(valid, spread(1.0), spread(0.0))
         exponent = select(valid, exponent + own, exponent)
         product = select(valid, product * fractions(level), product)
-        if j % FACTORS == FACTORS - 1:
+        if (j - first) % FACTORS == FACTORS - 1:
             exponent = exponent + exponents(product)
             product = fractions(product)
     return count, exponent + exponents(product), fractions(product)
 
 
 @compiled
-def _mean_logarithm(levels, members, k):
+def _mean_logarithm(count, exponent, product):
     """Return the mean logarithm of sixteen rows in two parts.
 
-    The first is a whole number, to base 2, the second the rest, to base e.
+    The first is a whole number, to base 2, the second the rest, to base e. ``exponent`` and
+    ``product`` are the parts of the product of ``count`` levels.
     """
-    count, exponent, product = _product(levels, members, k)
     large = product > ROOT_2
     exponent = select(large, exponent + 1.0, exponent)
     product = select(large, product * 0.5, product)
@@ -214,15 +241,16 @@ def _mean_logarithm(levels, members, k):
 
 
 @compiled
-def _geometric_mean(levels, members, k, least, most):
-    """Return the geometric mean of the valid levels of sixteen rows; any where there is none.
+def _raise_to_mean(count, exponent, product, least, most, statistics, at):
+    """Raise a statistic to the geometric mean of a group's valid levels of sixteen rows.
 
-    ``least`` and ``most`` are the extremes of these levels.
+    ``least`` and ``most`` are the extremes of these levels, and ``exponent`` and ``product`` the
+    parts of their product.
 
     All operations are those whose rounding IEEE 754 defines; the logarithms of two libraries may
     differ in their last bits.
     """
-    whole, rest = _mean_logarithm(levels, members, k)
+    whole, rest = _mean_logarithm(count, exponent, product)
     # In two steps: the smallest numbers are below 2^-1022.
     half = floor(whole * 0.5)
     mean = polynomial(EXPONENTIAL, rest) * powers_of_2(half) * powers_of_2(whole - half)
@@ -230,15 +258,50 @@ def _geometric_mean(levels, members, k, least, most):
     mean = select(mean < least, least, mean)
     mean = select(mean > most, most, mean)
     mean = select(most < np.inf, mean, most)
-    return select(least > 0.0, mean, 0.0)
+    mean = select(least > 0.0, mean, 0.0)
+    _raise(mean, most >= 0.0, statistics, at)
 
 
 @compiled
-def _sort(levels, members, count, k):
+def _raise_to_means(levels, bounds, k, statistics, v):
+    """Raise a statistic of sixteen rows to the geometric means of groups.
+
+    Of groups with as many valid channels the largest product has the largest mean. So a root is
+    drawn for several groups at once, but where rounding could decide between two of them.
+    """
+    waiting = False
+    count = product = least = most = spread(0.0)
+    for g in range(bounds.size - 1):
+        first, end = bounds[g], bounds[g + 1]
+        low, high = _extremes(levels, first, end, k)
+        if end - first > FEW or not in_all((high < LARGE) & (low > 1.0 / LARGE)):
+            own_count, exponent, fraction = _product(levels, first, end, k)
+            _raise_to_mean(own_count, exponent, fraction, low, high, statistics, (v, k))
+            continue
+        own_count, own = _plain_product(levels, first, end, k)
+        apart = (own < product * (1.0 - NEAR)) | (own > product * (1.0 + NEAR))
+        if waiting and in_all((own_count == count) & apart):
+            larger = own > product
+            product = select(larger, own, product)
+            least, most = select(larger, low, least), select(larger, high, most)
+            continue
+        if waiting:
+            _raise_to_mean(
+                count, exponents(product), fractions(product), least, most, statistics, (v, k)
+            )
+        waiting, count, product, least, most = True, own_count, own, low, high
+    if waiting:
+        _raise_to_mean(
+            count, exponents(product), fractions(product), least, most, statistics, (v, k)
+        )
+
+
+@compiled
+def _sort(levels, first, end, count, k):
     """Bring the ``count`` largest levels of sixteen rows to the front, the largest first."""
-    for i in range(count):
-        most = load(levels, (members - 1, k))
-        for j in range(members - 2, i - 1, -1):
+    for i in range(first, first + count):
+        most = load(levels, (end - 1, k))
+        for j in range(end - 2, i - 1, -1):
             level = load(levels, (j, k))
             above = level > most
             store(select(above, most, level), levels, (j + 1, k))
@@ -248,38 +311,39 @@ def _sort(levels, members, count, k):
 
 @as_silent
 @compiled
-def raise_to_votes(levels, members, rows, votes, statistics):
-    """Raise the statistic of each vote to the number of one group, where that is larger.
+def raise_to_votes(levels, bounds, rows, votes, statistics):
+    """Raise the statistic of each vote to the largest number of the groups, where that is larger.
 
     Parameters
     ----------
     levels
-        Shape (members, rows) or more, rows in whole vectors; their order is not kept.
-    members, rows
-        How many of each there are.
+        Shape (members of all groups, rows or more in whole vectors); the order of a group's
+        members is not kept.
+    bounds
+        The first member of each group, and the end of the last one.
+    rows
+        How many there are.
     votes
         As :func:`vote_numbers` returns them.
     statistics
-        Shape (votes, rows or more in whole vectors), not less than 0; it stays where the group
-        cannot vote.
+        Shape (votes, rows or more in whole vectors), not less than 0; it stays where no group can
+        vote.
     """
     most_counted = 0
     for vote in votes:
         most_counted = max(most_counted, vote)
-    most_counted = min(most_counted, members)
     for k in range(0, rows, LANES):
-        least, most = _extremes(levels, members, k)
-        able = most >= 0.0
         for v in range(votes.size):
-            if votes[v] <= 0:
+            if votes[v] == VOTE_MEAN:
+                _raise_to_means(levels, bounds, k, statistics, v)
+        for g in range(bounds.size - 1):
+            first, end = bounds[g], bounds[g + 1]
+            least, most = _extremes(levels, first, end, k)
+            for v in range(votes.size):
                 if votes[v] == VOTE_ALL:
-                    number = least
-                else:
-                    number = _geometric_mean(levels, members, k, least, most)
-                before = load(statistics, (v, k))
-                store(select(able & (number > before), number, before), statistics, (v, k))
-        _sort(levels, members, most_counted, k)
-        for v in range(votes.size):
-            if 0 < votes[v] <= members:
-                number, before = load(levels, (votes[v] - 1, k)), load(statistics, (v, k))
-                store(select(number > before, number, before), statistics, (v, k))
+                    _raise(least, most >= 0.0, statistics, (v, k))
+            _sort(levels, first, end, min(most_counted, end - first), k)
+            for v in range(votes.size):
+                if 0 < votes[v] <= end - first:
+                    number = load(levels, (first + votes[v] - 1, k))
+                    _raise(number, number >= 0.0, statistics, (v, k))

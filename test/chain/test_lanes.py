@@ -30,6 +30,7 @@ from slip_detector.chain.lanes import (
     float_part,
     floats_of,
     floor,
+    in_all,
     integer_part,
     is_number,
     load,
@@ -122,6 +123,17 @@ def test_a_number_is_in_all_lanes_and_a_choice_is_made_in_each(values, number):
     with np.errstate(all='ignore'):
         _chosen(values, number, out)
         assert same(out, np.where(values > number, values * 2.0, number))
+
+
+@compiled
+def _all_above(values, number):
+    return in_all(load(values, 0) > number)
+
+
+@given(floats, st.floats(allow_nan=False))
+def test_a_mask_is_set_in_all_lanes_or_not(values, number):
+    assert _all_above(values, number) == bool((values > number).all())
+    assert _all_above(np.full(LANES, 2.0), 1.0)
 
 
 @compiled

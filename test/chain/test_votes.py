@@ -26,6 +26,7 @@ from slip_detector.chain.lanes import LANES
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.chain.votes import (
     FACTORS,
+    FEW,
     NO_VOTE,
     raise_to_votes,
     vote_numbers,
@@ -54,7 +55,7 @@ def numbers_of(levels, votes=VOTES):
     of_rows = np.repeat(np.array(levels, float)[:, None], ROWS, axis=1)
     statistics = np.zeros((len(votes), ROWS))
     with np.errstate(all='ignore'):
-        raise_to_votes(of_rows, len(levels), ROWS, vote_numbers(votes), statistics)
+        raise_to_votes(of_rows, np.array([0, len(levels)]), ROWS, vote_numbers(votes), statistics)
     assert (statistics == statistics[:, :1]).all()
     return dict(zip(votes, statistics[:, 0].tolist(), strict=True))
 
@@ -104,6 +105,53 @@ def test_mean_takes_the_geometric_mean_whatever_the_size_of_the_levels(levels):
         off = abs(Fraction(mean) - Fraction(np.nextafter(mean, np.inf)))
         below, above = Fraction(mean) - 4 * off, Fraction(mean) + 4 * off
         assert max(below, Fraction(0)) ** len(able) <= product <= above ** len(able)
+
+
+@st.composite
+def groups_of_rows(draw):
+    """Draw the levels of several groups in each row of some vectors."""
+    kinds = st.sampled_from(['usual', 'extreme', 'some are not valid'])
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    groups = []
+    for size in draw(st.lists(st.sampled_from([1, 3, 4, FEW + 1]), min_size=2, max_size=4)):
+        levels, kind = random.uniform(0.1, 10.0, (size, 2 * LANES)), draw(kinds)
+        if kind == 'extreme':
+            levels **= 200.0
+        elif kind == 'some are not valid':
+            levels[random.random(levels.shape) < 0.3] = NO_VOTE
+        groups.append(levels)
+    return groups
+
+
+def together_and_apart(groups):
+    """Return the statistics of groups in one call, and the largest of a call for each of them."""
+    numbers, rows = vote_numbers(VOTES), groups[0].shape[1]
+    together, apart = np.zeros((2, len(VOTES), rows))
+    bounds = np.cumsum([0, *map(len, groups)])
+    raise_to_votes(np.concatenate(groups), bounds, rows, numbers, together)
+    for levels in groups:
+        own = np.zeros_like(apart)
+        raise_to_votes(levels.copy(), np.array([0, len(levels)]), rows, numbers, own)
+        apart = np.maximum(apart, own)
+    return together, apart
+
+
+@given(groups_of_rows())
+def test_of_several_groups_each_vote_takes_the_largest_number_to_the_bit(groups):
+    with np.errstate(all='ignore'):
+        together, apart = together_and_apart(groups)
+    assert together.tobytes() == apart.tobytes()
+
+
+@pytest.mark.parametrize('members', [3, 4])
+def test_of_groups_that_nearly_agree_the_largest_mean_is_taken_not_the_largest_product(members):
+    random = np.random.default_rng(0)
+    rows = (512 if COMPILED else 16) * LANES
+    levels = np.tile(random.uniform(0.1, 10.0, rows), (2, members, 1))
+    # By some last bits: the mean of the larger product may be rounded to the smaller number.
+    levels[1] *= 1.0 + 2.0**-52 * random.integers(-4, 5, levels[1].shape)
+    together, apart = together_and_apart(list(levels))
+    assert together.tobytes() == apart.tobytes()
 
 
 @pytest.mark.parametrize('members', [1, 2, 3, 4, 7, FACTORS + 3])
