@@ -86,7 +86,7 @@ def field(page, name):
 
 
 def button(page, name):
-    return page.locator('#parameters').get_by_role('button', name=name)
+    return page.locator('#tools').get_by_role('button', name=name)
 
 
 def set_value(page, name, text):
@@ -120,7 +120,7 @@ def test_what_one_changes_all_see_and_what_is_saved_starts_a_detector_that_is_eq
     button(other, 'Undo').click()
     expect(field(one, 'stopbands_hz')).to_have_value('0.5, 7, 50, 180')
     button(one, 'Save').click()
-    expect(one.locator('#parameters .saved')).to_contain_text(f'config:={tmp_path}/saved/thumb')
+    expect(one.locator('#tools .saved')).to_contain_text(f'config:={tmp_path}/saved/thumb')
     before = run(client.read()).values
     started(bench, tmp_path, '-r', '__ns:=/index', file='saved/thumb.yaml')
     again = ParameterClient(bench.node, '/index/slip_detector')

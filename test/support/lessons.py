@@ -80,3 +80,12 @@ def write_lesson(folder, slips=6):
         stamps_ns = np.rint(1e9 / RATE_HZ * np.arange(len(volts))).astype(np.int64)
         rows = Samples(volts, stamps_ns, truth)
         write_recording(folder / name, [rows], RATE_HZ, names)
+
+
+def pulled(slips, seed_of_pauses=0):
+    """An object that is pulled through the fingers a number of times, with rest in between."""
+    pauses_s = np.random.default_rng(seed_of_pauses).uniform(2.4, 3.0, slips)
+    steps = [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 1.0}]
+    for pause_s in pauses_s.tolist():
+        steps += [{'duration_s': pause_s}, {'duration_s': 1.0, 'velocity_m_s': 8.0e-3}]
+    return {**held(1.0), 'steps': [*steps, {'duration_s': 3.0}]}
