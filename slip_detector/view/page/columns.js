@@ -84,6 +84,7 @@ export class Columns {
 
   // The first and the one after the last column from a time to another.
   within(from, to) {
+    if (!this.x.length) return [0, 0];
     const at = (seconds) => Math.floor((seconds + this.begun_s) / this.width_s) - this.base;
     const inside = (index) => Math.max(0, Math.min(index, this.x.length));
     return [inside(at(from)), inside(at(to) + 2)];

@@ -263,7 +263,7 @@ export class Traces {
   // Draw what holds now. A panel that is hidden is not drawn.
   draw() {
     const {columns} = this;
-    if (!this.root.clientWidth || !columns?.x.length || String(columns.channels) !== String(this.channels)) return;
+    if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(this.channels)) return;
     if (this.laidOut !== this.truth) this.layOut();
     const [from, to] = this.stretch(), [first, stop] = columns.within(from, to);
     const {low, high, level} = columns.curves;
@@ -273,7 +273,9 @@ export class Traces {
     this.scale = this.levelScale(first, stop);
     const [least] = this.scale, logarithm = (value) => (value == null ? value : Math.max(least, Math.log10(value)));
     for (const values of level) curves.push({rows: values.map(logarithm), low: [], high: [], range: this.scale});
-    this.timeline.draw({from, to, x: columns.x, curves, steps: false, paint: (pen) => this.paintTruth(pen)});
+    // Where nothing has come there is an axis all the same, to go elsewhere.
+    const x = columns.x.length ? columns.x : [from, to];
+    this.timeline.draw({from, to, x, curves, steps: false, paint: (pen) => this.paintTruth(pen)});
     this.placeLine();
     this.readOut(from, to);
     Object.assign(this.root.dataset, {fromS: from, toS: to});
@@ -327,6 +329,7 @@ export class Traces {
 
   paintBits({context, left, right, xOf}, lane, name, color) {
     const bits = this.columns.bits[name], {x, width_s} = this.columns;
+    if (!x.length) return;
     const colorAt = (i) => (bits[i] ? color : null);
     paintRuns(context, lane.top, lane.height - 1, 0, bits.length, colorAt, (i) => Math.min(Math.max(xOf(x[i] ?? x.at(-1) + width_s), left), right));
   }

@@ -1,0 +1,258 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Traces in a real browser: they scroll, stand still, and tell the very samples; the threshold."""
+
+import re
+
+import numpy as np
+import pytest
+
+from slip_detector.view.access import Access
+from slip_detector.view.parameter_requests import ParameterRequests
+from support.simulated_hand import SimulatedHand, served_beside
+
+expect = pytest.importorskip('playwright.sync_api').expect
+
+NAME = '/index/slip_detector'
+
+#: Pixels of the names at the left and of the margin at the right, as in timeline.js.
+NAMES_WIDTH, RIGHT_MARGIN = 92, 16
+
+
+@pytest.fixture
+def served(tmp_path):
+    """Serve a finger that plays a scene with a slip."""
+    prepare = lambda server: ParameterRequests(server, tmp_path)  # noqa: E731
+    with served_beside(SimulatedHand(), prepare=prepare) as served:
+        yield served
+
+
+@pytest.fixture
+def page(served, open_page):
+    page = open_page(served)
+    until(page, 'data.toS > 0')
+    return page
+
+
+def until(page, condition):
+    """Wait until something holds of the data of the timeline."""
+    data = 'const data = document.getElementById("timeline").dataset;'
+    page.wait_for_function(f'() => {{ {data} return {condition}; }}', timeout=60_000)
+
+
+def play_seconds(page, seconds):
+    """Wait until so much of the scene has been played; its stamps begin at 1000 s."""
+    until(page, f'data.toS > {40 + seconds}')
+
+
+def stretch(page):
+    """Return from when to when is drawn."""
+    data = page.evaluate('({...document.getElementById("timeline").dataset})')
+    return float(data['fromS']), float(data['toS'])
+
+
+def line(page):
+    return page.get_by_role('slider', name='Threshold')
+
+
+def threshold(served):
+    return served.call(lambda: served.hand.fingers[NAME].config.threshold)
+
+
+def test_time_goes_on_and_never_back(page):
+    ends = page.evaluate("""() => new Promise((resolve) => {
+      const root = document.getElementById('timeline'), ends = [];
+      const watch = new MutationObserver(() => {
+        ends.push(Number(root.dataset.toS));
+        if (ends.length >= 60) {
+          watch.disconnect();
+          resolve(ends);
+        }
+      });
+      watch.observe(root, {attributeFilter: ['data-to-s']});
+    })""")
+    steps = np.diff(ends)
+    assert (steps >= 0).all()
+    # Columns are drawn at whole columns, each as it was drawn before.
+    width_s = 10.0 / (page.locator('#timeline').bounding_box()['width'] - 92 - 16)
+    columns = steps / width_s
+    assert columns == pytest.approx(columns.round(), abs=0.02)
+    assert steps.sum() > 0
+
+
+def test_slip_and_truth_are_bands_and_the_channels_of_the_first_group_have_traces(page):
+    names = page.locator('.lane-name')
+    expect(names.get_by_text('truth')).to_be_visible(timeout=60_000)
+    assert names.all_inner_texts()[:6] == ['slip', 'truth', 'ch9', 'ch11', 'ch14', 'ch16']
+    counts = page.evaluate("""() => {
+      const canvas = document.querySelector('#timeline canvas'), {width, height} = canvas;
+      const copy = Object.assign(document.createElement('canvas'), {width, height});
+      const context = copy.getContext('2d', {willReadFrequently: true});
+      context.drawImage(canvas, 0, 0);
+      const all = context.getImageData(0, 0, width, height).data, counts = {};
+      for (let i = 0; i < all.length; i += 4) {
+        const key = [all[i], all[i + 1], all[i + 2]].join();
+        counts[key] = (counts[key] ?? 0) + 1;
+      }
+      return counts;
+    }""")
+    for color in ('213,94,0', '127,178,214', '232,242,249'):  # slip, truth, and truth under curves
+        assert counts.get(color, 0) > 100
+
+
+def test_channels_are_chosen_one_by_one_or_by_group(page):
+    lanes = page.locator('.lane-name.channel')
+    page.get_by_role('button', name='Traces of ch14').click()
+    expect(lanes).to_have_text(['ch9', 'ch11', 'ch16'])
+    page.get_by_role('button', name='Traces of ch1', exact=True).click()
+    expect(lanes).to_have_text(['ch1', 'ch9', 'ch11', 'ch16'])
+    page.get_by_role('button', name='LU', exact=True).click()
+    expect(lanes).to_have_text(['ch2', 'ch4', 'ch13', 'ch15'])
+    pressed = page.locator('.chooser [aria-pressed=true]')
+    expect(pressed).to_have_text(['2', '4', '15', '13'])
+    # One stays.
+    for name in ('ch2', 'ch4', 'ch13', 'ch15'):
+        page.get_by_role('button', name=f'Traces of {name}', exact=True).click()
+    expect(lanes).to_have_text(['ch15'])
+
+
+def test_paused_it_stands_still_can_be_moved_and_zoomed_and_goes_on(page):
+    page.keyboard.press('p')
+    expect(page.get_by_role('button', name='Go on')).to_be_visible()
+    before = stretch(page)
+    page.evaluate("""async () => {
+      for (let i = 0; i < 20; i++) await new Promise(requestAnimationFrame);
+    }""")
+    assert stretch(page) == before
+    page.focus('#timeline')
+    page.keyboard.press('+')
+    zoomed = stretch(page)
+    assert zoomed[1] - zoomed[0] == pytest.approx((before[1] - before[0]) / 2)
+    page.keyboard.press('ArrowLeft')
+    moved = stretch(page)
+    assert moved[0] == pytest.approx(zoomed[0] - 0.1 * (zoomed[1] - zoomed[0]))
+    box = page.locator('#timeline').bounding_box()
+    middle = box['x'] + NAMES_WIDTH + (box['width'] - NAMES_WIDTH - RIGHT_MARGIN) / 2
+    page.mouse.move(middle, box['y'] + 60)
+    page.mouse.wheel(0, -300)
+    until(page, f'data.fromS != {moved[0]}')
+    assert stretch(page)[1] - stretch(page)[0] < moved[1] - moved[0]
+    page.keyboard.press('p')
+    until(page, f'data.toS > {before[1]}')
+    page.keyboard.press('Home')
+    expect(page.locator('#trace-span')).to_have_text('10 s')
+
+
+def test_a_stretch_is_chosen_and_stays_though_it_is_no_longer_kept(served, page):
+    play_seconds(page, 3.0)
+    box = page.locator('#timeline').bounding_box()
+    page.keyboard.down('Shift')
+    page.mouse.move(box['x'] + box['width'] - 120, box['y'] + 60)
+    page.mouse.down()
+    page.mouse.move(box['x'] + box['width'] - 40, box['y'] + 60, steps=4)
+    page.mouse.up()
+    page.keyboard.up('Shift')
+    expect(page.locator('#trace-span')).to_contain_text('paused')
+    chosen = stretch(page)
+    assert chosen[1] - chosen[0] < 3.0
+    served.call(served.hand.fingers[NAME].track.samples.clear)
+    page.mouse.wheel(0, 200)
+    page.mouse.move(box['x'] + box['width'] - 60, box['y'] + 60)
+    expect(page.locator('#traces .readout')).to_contain_text(' V')
+
+
+def test_what_is_read_at_the_pointer_is_the_very_sample(served, page):
+    play_seconds(page, 2.0)
+    page.keyboard.press('p')
+    end_s = stretch(page)[1]
+    box = page.locator('#timeline').bounding_box()
+    width = box['width'] - NAMES_WIDTH - RIGHT_MARGIN
+    x = box['x'] + NAMES_WIDTH + 0.9 * width
+    page.mouse.move(x, box['y'] + 70)  # in the lane of the first channel, ch9
+    for _ in range(9):
+        page.mouse.wheel(0, -400)
+    readout = page.locator('#traces .readout')
+    expect(page.locator('#trace-span')).to_contain_text(re.compile(r'^0\.0\d+ s, paused'))
+    expect(readout).to_contain_text('of the threshold')
+    page.mouse.move(x + 1, box['y'] + 70)
+
+    # A column has one sample, when those of this stretch have come.
+    alone = re.compile(r'([\d.]+) s · ch9 · ([\d.]+) V · level')
+    expect(readout).to_have_text(alone)
+    at_s, shown_v = map(float, alone.search(readout.inner_text()).groups())
+    assert at_s < 960.0 + end_s
+    track = served.call(lambda: served.hand.fingers[NAME].track)
+    row = np.searchsorted(track.samples.stamps_ns(), at_s * 1e9, side='right') - 1
+    near = track.samples.field('volts')[row - 1 : row + 2, 8]
+    assert np.abs(near - shown_v).min() < 6e-4
+
+
+def test_the_threshold_is_dragged_on_a_logarithmic_scale(served, page):
+    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
+    ratios = []
+    for _ in range(2):
+        before = threshold(served)
+        # The line stands still where the mouse takes it.
+        box = line(page).bounding_box()
+        x, y = box['x'] + 60, box['y'] + box['height'] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x, y + 12, steps=3)
+        expect(line(page)).not_to_have_attribute('aria-valuetext', f'threshold {before:g}')
+        assert threshold(served) == before  # It is set when it is let go.
+        page.mouse.up()
+        expect(page.locator('#parameters .changes')).to_contain_text(f'threshold from {before:g}')
+        ratios.append(threshold(served) / before)
+    assert ratios[0] < 0.9
+    assert ratios[0] == pytest.approx(ratios[1], rel=0.25)
+
+
+def test_the_threshold_is_moved_by_keys(served, page):
+    line(page).focus()
+    page.keyboard.press('ArrowUp')
+    page.keyboard.press('ArrowUp')
+    page.keyboard.press('Escape')
+    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
+    page.keyboard.press('PageUp')
+    page.keyboard.press('Enter')
+    expect(page.locator('#parameters .changes')).to_contain_text('threshold from 0.5 to 0.814')
+    assert threshold(served) == 0.814
+    page.keyboard.press('ArrowDown')  # It is set when no key was pressed for a while, too.
+    expect(page.locator('#parameters .changes')).to_contain_text('to 0.775')
+
+
+def test_a_refusal_is_shown_in_its_own_words(served, page):
+    async def refuse(name, values):
+        return 'parameter threshold is 0.814, allowed: another one'
+
+    served.hand.set_parameters = refuse
+    line(page).focus()
+    page.keyboard.press('PageUp')
+    page.keyboard.press('Enter')
+    expect(page.get_by_role('alert')).to_have_text(
+        'parameter threshold is 0.814, allowed: another one'
+    )
+    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
+
+
+def test_with_read_only_the_line_stays_where_it_is(open_page):
+    with served_beside(SimulatedHand(), access=Access(read_only=True)) as served:
+        page = open_page(served)
+        expect(line(page)).to_have_attribute('aria-disabled', 'true')
+        line(page).focus()
+        page.keyboard.press('PageUp')
+        page.keyboard.press('Enter')
+        expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
+        assert threshold(served) == 0.5
