@@ -19,7 +19,9 @@ page shows and the recordings that it speaks of. Who runs the others, :func:`run
 """
 
 import ast
+import contextlib
 import importlib
+import io
 import os
 import re
 import shlex
@@ -313,16 +315,40 @@ def pages_to_run():
             yield pytest.param(path, id=identifier(path), marks=marks)
 
 
-def install(folder):
-    """Write the console scripts to a folder, as pip does."""
-    folder.mkdir()
-    for name, (module, function) in SCRIPTS.items():
-        script = folder / name
-        script.write_text(
-            f'#!{sys.executable}\nimport sys\nfrom slip_detector.{module} import {function}\n'
-            f"if __name__ == '__main__':\n    sys.exit({function}())\n"
-        )
-        script.chmod(0o755)
+def printed(call):
+    """Return what a call prints."""
+    with contextlib.redirect_stdout(io.StringIO()) as output:
+        call()
+    return output.getvalue()
+
+
+def in_this_process(name, words):
+    """Return what a command prints; its modules are loaded once so, and not for each command."""
+    module, function = SCRIPTS[name]
+    start = getattr(importlib.import_module(f'slip_detector.{module}'), function)
+
+    def run():
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, 'argv', [name, *words])
+            assert start() == 0, ' '.join((name, *words))
+
+    return printed(run)
+
+
+def in_its_own_process(name, words):
+    """Return what a command with nodes prints."""
+    module, function = SCRIPTS[name]
+    code = f'import sys; from slip_detector.{module} import {function}; sys.exit({function}())'
+    done = subprocess.run(
+        [sys.executable, '-c', code, *words],
+        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert done.returncode == 0, f'{name} {" ".join(words)}:\n{done.stderr}'
+    return done.stdout
 
 
 def record(folder):
@@ -341,37 +367,24 @@ def record(folder):
 
 @pytest.mark.timeout(1500)
 @pytest.mark.parametrize('path', list(pages_to_run()))
-def test_the_commands_and_programs_of_a_page_run_one_after_the_other(path, tmp_path):
-    work, scripts = tmp_path / 'work', tmp_path / 'scripts'
+def test_the_commands_and_programs_of_a_page_run_one_after_the_other(path, tmp_path, monkeypatch):
+    work = tmp_path / 'work'
     work.mkdir()
-    install(scripts)
     if '--record bags' not in path.read_text(encoding='utf-8'):
         record(work / 'bags')
     for block in blocks(path):
         if file_name(block):
             (work / file_name(block)).write_text(block.text, encoding='utf-8')
 
-    def output_of(command, code=None):
-        done = subprocess.run(
-            command,
-            cwd=work,
-            env={**os.environ, 'PYTHONPATH': str(ROOT)},
-            input=code,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-            check=False,
-        )
-        assert done.returncode == 0, f'{identifier(path)}: {command}:\n{done.stderr}'
-        return done.stdout
-
+    monkeypatch.chdir(work)
     output = ''
     for block in blocks(path):
         if block.language == 'sh':
             output = ''
             for name, *words in map(of_the_package, filter(runs_here, commands(block))):
-                output += output_of([scripts / name, *words])
+                run = in_its_own_process if name in WITH_NODES else in_this_process
+                output += run(name, words)
         elif block.language == 'python':
-            output = output_of([sys.executable, '-'], block.text)
+            output = printed(lambda code=block.text: exec(code, {'__name__': '__main__'}))
         elif block.language == 'text' and output:
             assert block.text in output, f'{identifier(path)}: {output}'

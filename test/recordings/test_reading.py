@@ -93,5 +93,5 @@ def test_memory_does_not_grow_with_the_length(tmp_path, ending):
         return most
 
     peak(100)  # What is loaded and kept once.
-    short, long = peak(30_000), peak(120_000)
+    short, long = peak(20_000), peak(50_000)
     assert long < 1.2 * short
