@@ -14,6 +14,7 @@
 
 """``slip_evaluate --protocol paper``: its options, figures, table and pictures."""
 
+import functools
 import json
 
 import numpy as np
@@ -37,6 +38,19 @@ KEYS = {
     'false_positive_percent',
     'channels_without_on',
 }
+
+
+@pytest.fixture(autouse=True)
+def _simulated_once(monkeypatch):
+    """Simulate the trials of a plate and of seeds once for all tests."""
+    monkeypatch.setattr(
+        protocol, 'simulate_trials', lambda scene, seeds: simulated(scene, tuple(seeds))
+    )
+
+
+@functools.cache
+def simulated(scene, seeds):
+    return simulate_trials(scene, seeds)
 
 
 def run(capsys, *arguments):

@@ -40,11 +40,12 @@ from support import grasp_trials
 FILE = Path(__file__).resolve().parents[2] / 'config' / 'grasp.yaml'
 CHAIN, GRASP = ChainConfig.from_yaml(FILE), GraspConfig.from_yaml(FILE)
 
-#: Those that docs/grasp.md reports on, others than those the parameters were chosen on.
-REPORTED = range(7000, 7030)
+#: A third of those that docs/grasp.md reports on, others than those the parameters were chosen on.
+#: All of them are played in test/nodes/test_grasp_demo.py.
+REPORTED = range(7000, 7030, 3)
 
 #: Others than either.
-SEEDS = range(5000, 5003)
+SEEDS = range(5000, 5002)
 
 
 @pytest.fixture(scope='module')
@@ -91,13 +92,13 @@ def test_an_object_that_gets_heavier_is_never_dropped_and_hardly_slides(played):
         assert np.ptp(trial.position_m[-100:]) < 1e-5
 
 
-def test_the_figures_of_the_docs_are_as_good_as_is_wanted():
+def test_the_figures_are_as_good_as_is_wanted_and_as_they_were():
     found = grasp_figures(play_trials(CHAIN, GRASP, REPORTED), GRASP.limit_n)
-    assert found['trials'] == 30
+    assert found['trials'] == 10
     for name, bound in WANTED[CONTROLLER].items():
         assert bound.met(found[name]), name
-    assert found['mean_slide_mm'] == pytest.approx(0.06, abs=0.01)
-    assert found['force_percent'] == pytest.approx(38.8, abs=0.1)
+    assert found['mean_slide_mm'] == pytest.approx(0.048, abs=0.01)
+    assert found['force_percent'] == pytest.approx(36.8, abs=0.1)
 
 
 def test_the_figures_of_trials_made_by_hand():
@@ -133,9 +134,9 @@ def test_what_is_wanted_is_met_within_its_bound_and_never_when_it_is_not_defined
                 assert missed == [(condition, name)]
 
 
-def test_the_harder_conditions_are_wanted_and_harder():
+def test_the_harder_conditions_are_wanted_and_harder(played):
     assert set(WANTED) == {CONTROLLER, *HARDER}
-    (usual,) = play_trials(CHAIN, GRASP, [5000])
+    usual = played[CONTROLLER][0]
     for condition in (SLOW_GRIPPER, QUARTER_RIDGES):
-        (harder,) = play_trials(CHAIN, GRASP, [5000], **HARDER[condition])
+        (harder,) = play_trials(CHAIN, GRASP, SEEDS[:1], **HARDER[condition])
         assert harder.position_m[-1] > 1.1 * usual.position_m[-1]

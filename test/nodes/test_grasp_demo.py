@@ -23,9 +23,18 @@ import time
 
 import pytest
 
-from slip_detector.grasp.comparison import CONTROLLER, HARDER, UNCONTROLLED, conditions
+from slip_detector.grasp.comparison import (
+    CONTROLLER,
+    HARDER,
+    UNCONTROLLED,
+    WANTED,
+    conditions,
+    grasp_figures,
+)
+from slip_detector.grasp.loop import play_trials
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
 from support.harness import compile_nodes
 
@@ -110,6 +119,17 @@ def test_the_table_has_each_condition_and_each_object_through_the_nodes(finished
 
 def test_the_picture_is_a_picture(finished):
     assert (finished[0] / 'grasp.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_figures_of_the_docs_are_those_of_thirty_objects_and_as_good_as_is_wanted():
+    file = shared_folder() / 'config' / 'grasp.yaml'
+    chain, grasp = ChainConfig.from_yaml(file), GraspConfig.from_yaml(file)
+    found = grasp_figures(play_trials(chain, grasp, seed_range('7000:7029')), grasp.limit_n)
+    assert found['trials'] == 30
+    for name, bound in WANTED[CONTROLLER].items():
+        assert bound.met(found[name]), name
+    assert found['mean_slide_mm'] == pytest.approx(0.06, abs=0.01)
+    assert found['force_percent'] == pytest.approx(38.8, abs=0.1)
 
 
 @pytest.mark.parametrize(

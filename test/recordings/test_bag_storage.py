@@ -126,6 +126,10 @@ def whole_bag(tmp_path_factory):
     )
 
 
+#: Of a file, up to which it is there.
+SHARES = np.linspace(0.0, 1.0, 13)[:-1]
+
+
 @pytest.mark.parametrize('in_folder', [True, False])
 @pytest.mark.parametrize(
     ('plugin', 'mode'),
@@ -144,7 +148,7 @@ def test_wherever_a_bag_is_cut_its_beginning_is_read(tmp_path, whole_bag, plugin
     if not in_folder:
         path = tmp_path / file.name
     counts = []
-    for share in np.linspace(0.0, 1.0, 23)[:-1]:
+    for share in SHARES:
         cut = path if path.is_file() or not in_folder else file
         cut.write_bytes(content[: int(share * len(content))])
         try:
@@ -166,7 +170,7 @@ def test_wherever_a_bag_is_cut_its_beginning_is_read(tmp_path, whole_bag, plugin
                 assert f'{MESSAGES - len(read.volts)} of {MESSAGES} messages' in lost
     assert counts == sorted(counts)
     # Little more is lost than what is not there.
-    for share, count in zip(np.linspace(0.0, 1.0, 23)[:-1], counts, strict=True):
+    for share, count in zip(SHARES, counts, strict=True):
         assert count >= (share - 0.25) * MESSAGES
     assert counts[-1] > 0.7 * MESSAGES
 

@@ -14,6 +14,7 @@
 
 """Damaged MCAP: every message that is whole is read, and none that is not."""
 
+import functools
 import re
 import struct
 import zlib
@@ -104,12 +105,18 @@ def test_wherever_a_file_is_cut_the_messages_before_are_read(tmp_path, chunked):
     assert not damaged.lost
 
 
+@functools.cache
+def compressed_messages(compression):
+    """Return messages, and a chunk of them that is packed once for all examples."""
+    random = np.random.default_rng(0).integers(0, 16, (4000, 100), dtype=np.uint8)
+    messages = [(1, 100 + k, row.tobytes()) for k, row in enumerate(random)]
+    return messages, chunk(b''.join(message(*one) for one in messages), compression)
+
+
 @pytest.mark.parametrize('compression', ['lz4', 'zstd'])
 @given(share=st.floats(0.0, 1.0))
 def test_a_compressed_chunk_that_is_cut_gives_a_beginning(tmp_path_factory, compression, share):
-    random = np.random.default_rng(0).integers(0, 16, (4000, 100), dtype=np.uint8)
-    messages = [(1, 100 + k, row.tobytes()) for k, row in enumerate(random)]
-    packed = chunk(b''.join(message(*one) for one in messages), compression)
+    messages, packed = compressed_messages(compression)
     path = tmp_path_factory.mktemp('cut') / 'a.mcap'
     damaged = mcap(path, definitions(), packed[: int(share * len(packed))])
     got = read(damaged)

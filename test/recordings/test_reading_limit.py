@@ -66,7 +66,7 @@ def test_a_long_header_of_an_array_is_not_read(tmp_path):
         archive.open('volts.npy', 'w', force_zip64=True) as file,
     ):
         file.write(b'\x93NUMPY\x02\x00' + (2**32 - 1).to_bytes(4, 'little'))
-        for _ in range(200):
+        for _ in range(100):
             file.write(bytes(1 << 20))
     assert said(path) == 'is broken or not npz (volts is no array)'
 
@@ -94,7 +94,7 @@ def npz(path, **members):
         ({'slip': ((3, 10**9), 0)}, f'slip has the shape (3, {10**9}), allowed: (3,)'),
         ({'stamps_ns': ((3, 10**9), 0)}, f'stamps_ns has the shape (3, {10**9}), allowed: (3,)'),
         ({'sample_rate_hz': ((10**9,), 0)}, f'sample_rate_hz is {10**9} values, allowed: a rate'),
-        ({'volts': ((10**6, 300), 300_000_000)}, 'slip has 3 rows, allowed: 1000000, as volts'),
+        ({'volts': ((10**6, 300), 100_000_000)}, 'slip has 3 rows, allowed: 1000000, as volts'),
     ],
 )
 def test_an_npz_that_declares_much_is_refused(tmp_path, members, line):
@@ -108,14 +108,14 @@ def test_an_npz_that_declares_much_is_refused(tmp_path, members, line):
 
 
 def test_an_array_that_is_asked_for_whole_is_within_the_limit(tmp_path):
-    path = npz(tmp_path / 'a.npz', other=((10**8,), 8 * 10**8))
+    path = npz(tmp_path / 'a.npz', other=((2 * 10**7,), 16 * 10**7))
     np.savez(tmp_path / 'b.npz', volts=np.zeros((9, 3)), sample_rate_hz=380.0)
     with zipfile.ZipFile(path, 'a') as archive, zipfile.ZipFile(tmp_path / 'b.npz') as rest:
         for name in rest.namelist():
             archive.writestr(name, rest.read(name))
     with little_memory(MEMORY):
         recording = open_recording(path, SMALL)
-        with pytest.raises(ValueError, match='other takes 800 MB, allowed: 20 MB'):
+        with pytest.raises(ValueError, match='other takes 160 MB, allowed: 20 MB'):
             recording.array('other')
 
 
@@ -224,7 +224,9 @@ def test_a_definition_that_is_too_large_is_not_compiled(definition, line):
     assert time.process_time() - began_s < 20.0
 
 
-@pytest.mark.parametrize('text', ['[' * 200_000, '- ' * 200_000, 'a: &a [*a]'])
+@pytest.mark.parametrize(
+    'text', ['[' * 200_000, '- ' * 200_000, 'a: &a [*a]'], ids=['flow', 'block', 'alias']
+)
 def test_metadata_that_end_the_parser_of_rosbags_are_not_given_to_it(tmp_path, text):
     write_recording(tmp_path / 'a', [rows(10)], 380.0, NAMES)
     (tmp_path / 'a' / 'metadata.yaml').write_text(text)

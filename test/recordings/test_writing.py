@@ -18,7 +18,7 @@ import functools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -34,6 +34,7 @@ from support.full_disk import full_disk
 
 
 @pytest.mark.parametrize('ending', ENDINGS)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_what_is_written_is_read_back_to_the_bit(tmp_path_factory, ending, data):
     n, channels = data.draw(st.integers(2, 40)), data.draw(st.integers(1, 5))

@@ -188,7 +188,7 @@ def force_and_velocity(draw_velocity):
     return st.lists(
         st.fixed_dictionaries(
             {
-                'duration_s': st.floats(0.02, 0.1),
+                'duration_s': st.floats(0.01, 0.05),
                 'force_n': st.sampled_from([-1.0, 0.0]) | st.floats(0.0, 1.0),
                 'velocity_m_s': draw_velocity,
             }

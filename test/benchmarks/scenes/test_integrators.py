@@ -14,6 +14,8 @@
 
 """Scenes solved by SciPy's integrators: the same mechanics as the live stepper's."""
 
+import functools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -34,15 +36,22 @@ from support.benchmark_scenes import OBJECT, PLATE, SCENES, START_S, STEPS
 ALL = 10**9
 
 
+@functools.cache
+def reference(name, tolerance=1e-8):
+    """Return a scene's equations and their solution, found once for all tests."""
+    ode = Ode(build_scene(SCENES[name]))
+    return ode, solve(ode, 'LSODA', tolerance)
+
+
 @pytest.mark.parametrize('name', SCENES)
 def test_the_live_stepper_comes_to_the_equation_s_solution_with_the_square_of_its_step(name):
-    reference = solve(Ode(build_scene(SCENES[name])), 'LSODA', 1e-8)
-    n = len(reference.time_s)
+    solution = reference(name)[1]
+    n = len(solution.time_s)
     errors = []
     for step_s in (6e-4, 1.5e-4):
         _, clean_v, position_m, _ = build_scene(SCENES[name], step_s=step_s).clean(n)
-        errors.append(np.abs(clean_v - reference.clean_v).max() / np.ptp(reference.clean_v))
-        np.testing.assert_allclose(position_m, reference.position_m, atol=2e-5)
+        errors.append(np.abs(clean_v - solution.clean_v).max() / np.ptp(solution.clean_v))
+        np.testing.assert_allclose(position_m, solution.position_m, atol=2e-5)
     assert errors[1] < 2e-3
     # Where contact is made or lost a step is off by more than its square.
     assert errors[1] < errors[0] / 3.0
@@ -50,8 +59,7 @@ def test_the_live_stepper_comes_to_the_equation_s_solution_with_the_square_of_it
 
 @pytest.mark.parametrize('name', ['plate', 'heavy', 'object'])
 def test_implicit_methods_agree(name):
-    ode = Ode(build_scene(SCENES[name]))
-    whole = solve(ode, 'LSODA', 1e-8)
+    ode, whole = reference(name)
     other = solve(ode, 'BDF', 1e-6)
     range_v = np.ptp(whole.clean_v)
     assert np.abs(other.clean_v - whole.clean_v).max() < 1e-4 * range_v
@@ -64,8 +72,7 @@ def test_implicit_methods_agree(name):
 
 @pytest.mark.parametrize('method', ['RK45', 'DOP853'])
 def test_explicit_methods_agree_over_a_stretch_from_the_same_state(method):
-    ode = Ode(build_scene(PLATE))
-    whole = solve(ode, 'LSODA', 1e-9)
+    ode, whole = reference('plate', 1e-9)
     first, last = round((START_S + 0.005) * 380), round((START_S + 0.03) * 380)
     part = solve(ode, method, 1e-5, (first, last), whole.states[first])
     rows = slice(first, last + 1)
@@ -75,8 +82,7 @@ def test_explicit_methods_agree_over_a_stretch_from_the_same_state(method):
 
 
 def test_onsets_are_those_of_the_live_stepper():
-    ode = Ode(build_scene(PLATE))
-    solution = solve(ode, 'LSODA', 1e-8)
+    ode, solution = reference('plate')
     onset_s = live_onset_s(
         build_scene(showing_shears(PLATE, build_scene(PLATE, step_s=1e-4))), ode
     )
@@ -108,9 +114,9 @@ def test_the_live_stepper_agrees_whatever_the_bristles(stiffness, damping, veloc
         'motion': {'acceleration_m_s2': 5.0},
         'friction': {'bristle_stiffness_n_m': stiffness, 'bristle_damping_n_s_m': damping},
     }
-    reference = solve(Ode(build_scene(description)), 'BDF', 1e-6)
+    solution = solve(Ode(build_scene(description)), 'BDF', 1e-6)
     _, clean_v, _, _ = build_scene(description, step_s=1e-4).clean(ALL)
-    assert np.abs(clean_v - reference.clean_v).max() < 2e-3 * np.ptp(reference.clean_v)
+    assert np.abs(clean_v - solution.clean_v).max() < 2e-3 * np.ptp(solution.clean_v)
 
 
 @pytest.mark.parametrize('method', ['RK45', 'DOP853'])
