@@ -64,7 +64,7 @@ view: $(VENV)/installed
 	@$(BIN)/slip_view --scene plate_400um --folder out/recordings
 
 benchmark: $(VENV)/installed
-	@for command in chain scenes extremes tune soak; do \
+	@for command in chain scenes extremes tune soak view; do \
 		echo "python -m benchmarks $$command --quick" && \
 		$(BIN)/python -m benchmarks $$command --quick || exit 1; \
 	done

@@ -18,7 +18,8 @@
 ``quick`` (whether little was measured) are common to all subcommands. The others are in the
 docstring of the module that measures: :mod:`benchmarks.chain.speed` and
 :mod:`benchmarks.chain.precision`, and ``measure.py`` in :mod:`benchmarks.scenes`,
-:mod:`benchmarks.extremes`, :mod:`benchmarks.tune` and :mod:`benchmarks.soak`.
+:mod:`benchmarks.extremes`, :mod:`benchmarks.tune`, :mod:`benchmarks.soak` and
+:mod:`benchmarks.view`.
 """
 
 import argparse
@@ -39,6 +40,7 @@ COMMANDS = {
     'extremes': 'stiff and extreme cases of the simulated fingertip',
     'tune': 'recordings read, evaluated, searched and reported; what tuning brings',
     'soak': 'drivers and detectors that run for long',
+    'view': 'the live page: frames, memory, and what it costs the detectors',
 }
 
 

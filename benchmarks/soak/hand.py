@@ -25,7 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,29 @@ class Watch(Node):
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
         self.create_timer(1.0, self._note_memory)
 
+    def has_samples(self, fingers: int) -> bool:
+        """Return whether the detectors of so many fingers have had samples."""
+        last = [reports[-1][1] for reports in self.reports.values()]
+        return len(last) == fingers and all(int(values['samples']) > 0 for values in last)
+
+    def spinner(self) -> Callable[[Callable[[], bool], float, str], None]:
+        """Return a function that spins until a condition holds.
+
+        It takes the condition, the latest time by ``time.monotonic``, and what is awaited; it
+        raises a RuntimeError when a process ends or the time is over.
+        """
+        executor = SingleThreadedExecutor()
+        executor.add_node(self)
+
+        def spin(until: Callable[[], bool], deadline_s: float, awaited: str) -> None:
+            while not until():
+                raise_if_ended(self._processes)
+                if time.monotonic() > deadline_s:
+                    raise RuntimeError(f'waited in vain for {awaited}')
+                executor.spin_once(timeout_sec=SPIN_S)
+
+        return spin
+
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             name, _, part = status.name.partition(': ')
@@ -112,7 +135,6 @@ def run_hand(
         When a process ends too early or does not report in time.
     """
     namespace = f'/slip_soak_{os.getpid()}'
-    names = ','.join(f'finger_{finger + 1}' for finger in range(fingers))
     driver = ['-p', 'loop:=true', '-p', 'wait_for_subscribers:=1']
     driver += ['-p', f'samples_per_message:={samples_per_message}']
     detector = ['-p', f'sample_rate_hz:={sample_rate_hz}']
@@ -126,11 +148,7 @@ def run_hand(
                 driver += ['-p', 'source:=recording', '-p', f'recording:={path}']
             else:
                 driver += ['-p', 'source:=scene']
-            commands = {}
-            for name, parameters in (('slip_detector', detector), ('slip_driver', driver)):
-                command = [sys.executable, '-m', 'slip_detector.nodes.run', name]
-                command += ['--fingers', names, '--ros-args', '--log-level', 'error']
-                commands[name] = [*command, '-r', f'__ns:={namespace}', *parameters]
+            commands = hand_commands(namespace, fingers, detector, driver)
             with nodes_running(commands) as processes:
                 watch = Watch(namespace, processes)
                 figures = _watched(watch, processes, seconds, fingers)
@@ -139,6 +157,27 @@ def run_hand(
     return {
         'sample_rate_hz': sample_rate_hz, 'samples_per_message': samples_per_message, **figures,
     }  # fmt: skip
+
+
+def hand_commands(
+    namespace: str, fingers: int, detector: Sequence[str], driver: Sequence[str]
+) -> dict[str, list[str]]:
+    """Return the commands of the detectors and of the drivers of a hand, by executable.
+
+    Parameters
+    ----------
+    namespace, fingers
+        Of the hand, and the number of its fingers, each of which has a namespace within that.
+    detector, driver
+        ROS arguments.
+    """
+    names = ','.join(f'finger_{finger + 1}' for finger in range(fingers))
+    commands = {}
+    for name, arguments in (('slip_detector', detector), ('slip_driver', driver)):
+        command = [sys.executable, '-m', 'slip_detector.nodes.run', name]
+        command += ['--fingers', names, '--ros-args', '--log-level', 'error']
+        commands[name] = [*command, '-r', f'__ns:={namespace}', *arguments]
+    return commands
 
 
 def write_noise(folder: Path, sample_rate_hz: float, seconds: float) -> Path:
@@ -155,21 +194,9 @@ def _watched(
     watch: Watch, processes: 'dict[str, subprocess.Popen[bytes]]', seconds: float, fingers: int
 ) -> dict[str, Any]:
     """Watch the processes for some time; return the figures of the time after the warm-up."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(watch)
-
-    def spin(until: Callable[[], bool], deadline_s: float, awaited: str) -> None:
-        while not until():
-            raise_if_ended(processes)
-            if time.monotonic() > deadline_s:
-                raise RuntimeError(f'waited in vain for {awaited}')
-            executor.spin_once(timeout_sec=SPIN_S)
-
-    def all_run() -> bool:
-        last = [reports[-1][1] for reports in watch.reports.values()]
-        return len(last) == fingers and all(int(values['samples']) > 0 for values in last)
-
-    spin(all_run, time.monotonic() + START_TIMEOUT_S, 'all detectors to have samples')
+    spin = watch.spinner()
+    start_s = time.monotonic() + START_TIMEOUT_S
+    spin(lambda: watch.has_samples(fingers), start_s, 'all detectors to have samples')
     begin_s = time.monotonic()
     warm_s = begin_s + min(WARM_UP_S, WARM_UP_SHARE * seconds)
     end_s = begin_s + seconds
@@ -204,11 +231,7 @@ def figures_of_watch(
     ]
     if not all(halves):
         raise RuntimeError('the detectors reported no samples after the warm-up')
-    growth = {}
-    for name, looks in watch.memory_kib.items():
-        after = [kib for at_s, kib in looks if at_s > warm_s]
-        tenth = max(1, len(after) // 10)
-        growth[name] = float(np.median(after[-tenth:]) / np.median(after[:tenth]) - 1.0)
+    growth = [memory_growth(looks, warm_s, end_s) for looks in watch.memory_kib.values()]
     roles = {
         role: 100 * sum(s for name, s in used_s.items() if name.endswith(role)) / span_s
         for role in ('slip_detector', 'slip_driver')
@@ -222,7 +245,7 @@ def figures_of_watch(
         'latency_median_ms': float(np.median(median_ms)),
         'latency_p99_ms': [float(np.median(half)) for half in halves],
         'latency_p99_growth': float(np.median(halves[1]) / np.median(halves[0])),
-        'memory_growth_percent': 100 * max(growth.values()),
+        'memory_growth_percent': 100 * max(growth),
         'memory_mib': {
             role: max(
                 looks[-1][1] for name, looks in watch.memory_kib.items() if name.endswith(role)
@@ -233,6 +256,26 @@ def figures_of_watch(
         'cpu_percent': roles,
         'cpu_percent_total': sum(roles.values()),
     }
+
+
+def memory_growth(looks: Sequence[tuple[float, float]], begin_s: float, end_s: float) -> float:
+    """Return by which share memory grew, from the first tenth of a time to the last.
+
+    Parameters
+    ----------
+    looks
+        When it was looked at, and how much there was.
+    begin_s, end_s
+        From when until when.
+
+    Examples
+    --------
+    >>> memory_growth([(1.0, 50), (11.0, 100), (12.0, 105), (13.0, 110)], 10.0, 20.0)
+    0.1
+    """
+    during = [size for at_s, size in looks if begin_s < at_s <= end_s]
+    tenth = max(1, len(during) // 10)
+    return round(float(np.median(during[-tenth:]) / np.median(during[:tenth]) - 1.0), 6)
 
 
 def main() -> int:

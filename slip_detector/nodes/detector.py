@@ -398,10 +398,10 @@ class Detector(LifecycleNode):
             for i, flags in enumerate(result.flags):
                 stamp_ns = at_ns + round((i + 1 - len(rows)) * period_ns)
                 topics.announce(flags, stamp_ns, self._frame_id, settled=i >= unsettled)
+        age_s = (self._now_ns() - at_ns) * 1e-9
         if listened:
             topics.show_envelope(at_ns, self._frame_id, result)
         self._heard_s = time.monotonic()
-        age_s = (self._now_ns() - at_ns) * 1e-9
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 

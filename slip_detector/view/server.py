@@ -148,12 +148,15 @@ class Server:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Poll the hand and send frames until the event; then close all pages."""
+        due_s = time.monotonic()
         try:
             while not stop.is_set():
                 begin_s = time.monotonic()
                 self.tick()
                 period_s = FRAME_S if self.pages or any(self.wanted.values()) else IDLE_S
-                left_s = max(0.001, begin_s + period_s - time.monotonic())
+                # A wait that ends a little late does not put off all frames after it.
+                due_s = max(due_s + period_s, begin_s + 0.95 * period_s)
+                left_s = max(0.001, due_s - time.monotonic())
                 try:
                     await asyncio.wait_for(stop.wait(), left_s)
                 except asyncio.TimeoutError:
