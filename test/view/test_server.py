@@ -207,7 +207,7 @@ def test_requests_are_answered_and_refusals_are_in_words():
         assert (await page.request('add', value=7))['value'] == 8
         assert (await page.request('add'))['refusal'] == 'value is no 7'
         refusal = (await page.request('subtract'))['refusal']
-        assert refusal == 'subtract is no request, allowed: add, fail'
+        assert refusal == 'subtract is no request, allowed: add, fail, hold_rest'
         assert 'slip_view has failed' in (await page.request('fail'))['refusal']
 
     served(test, prepare=prepare)
