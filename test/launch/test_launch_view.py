@@ -48,7 +48,7 @@ def generate_test_description():
 
 class TestPage(unittest.TestCase):
     def test_the_page_has_the_fingers_their_slips_and_their_file(self, proc_output):
-        proc_output.assertWaitFor('http://127.0.0.1:', timeout=DEADLINE_S)
+        proc_output.assertWaitFor('slip_view: http://', timeout=DEADLINE_S, stream='stdout')
         said = ''.join(line.text.decode() for line in proc_output)
         address = re.search(r'slip_view: (http://\S+)', said)[1]
 
