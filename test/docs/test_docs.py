@@ -21,6 +21,7 @@ import pytest
 import yaml
 
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.nodes.view import _parser as view_options
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -151,6 +152,20 @@ def test_the_detector_runs_with_the_sensor_of_the_readme(tmp_path):
     config = DetectorConfig.from_yaml(file)
     assert list(config.groups) == ['left', 'right']
     assert SlipChain(config).update(np.zeros((1, 4))).groups.shape == (1, 2)
+
+
+def test_the_options_of_the_live_page_are_those_of_its_command():
+    text = (DOCS / 'live_page.md').read_text(encoding='utf-8')
+    rows = dict(re.findall(r'^\| `(--[\w-]+)` \| `?(.*?)`? \|', text, re.M))
+    options = {
+        action.option_strings[-1]: action.default
+        for action in view_options()._actions
+        if action.option_strings and action.dest != 'help'
+    }
+    assert list(rows) == list(options)
+    for name, default in options.items():
+        if default:
+            assert rows[name] == str(default)
 
 
 def test_every_scene_that_comes_with_the_package_is_described():
