@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
+from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 from slip_detector.nodes.markers import (
@@ -36,6 +37,7 @@ from slip_detector.view.access import Access
 from slip_detector.view.hand import Finger
 from slip_detector.view.server import Server
 from slip_detector.view.taxels import drawn_positions, least_distance_m
+from support.harness import patient_qos
 from support.simulated_hand import SimulatedFinger, SimulatedHand
 
 FOUR = DetectorConfig(channels=4, groups={'left': (1, 2), 'right': (3, 4)}, vote=1)
@@ -235,3 +237,24 @@ def test_all_fingers_are_watched_and_published_while_somebody_subscribes(bench):
 
     bench.node.destroy_subscription(subscription)
     bench.wait_for(lambda: ticked(lambda: not hand.watched), 'nobody to be watched')
+
+
+def test_slip_view_shows_a_real_finger_in_the_frame_of_its_samples_and_the_loss_of_them(bench):
+    bench.start('slip_detector')
+    bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0')
+    said = []
+    bench.subscribe(MarkerArray, 'slip_view/taxels', said.append, event_qos(depth=1000))
+    bench.listen(JointState, 'voltages', patient_qos())
+    driver = bench.start_driver(parameters={'frame_id': 'index_tip', 'loop': 'true'}, others=1)
+
+    def texts(frame):
+        return {m.text for a in said for m in a.markers if m.text and m.header.frame_id == frame}
+
+    def seen(words):
+        return any(text.startswith(f'slip_detector: {words}') for text in texts('index_tip'))
+
+    bench.wait_for(lambda: seen('rest') and seen('SLIP '), 'rest and a slip in the frame')
+    assert len(said[-1].markers) == 1 + len(DetectorConfig().names)
+    driver.end()
+    bench.wait_for(lambda: seen('no input for '), 'the silence to be told')
+    assert {marker.type for marker in said[-1].markers[1:]} == {Marker.CUBE}
