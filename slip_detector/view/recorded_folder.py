@@ -15,11 +15,11 @@
 
 """The recordings that were made on the live page: a folder for each finger."""
 
+import errno
 import re
 from pathlib import Path
 from typing import NamedTuple
 
-from slip_detector.parameters.files import write_errors_of
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.bag_storage import METADATA
 from slip_detector.recordings.labels import labels_name
@@ -128,11 +128,15 @@ class RecordedFolder:
             When no recording has this name, or it cannot be deleted.
         """
         path = self.path_of(name)
-        with write_errors_of(path):
-            labels = path.parent / labels_name(path)
-            for file in (path / METADATA, path / f'{path.name}.mcap', labels):
+        own = {path / METADATA, path / f'{path.name}.mcap'}
+        try:
+            if {*path.iterdir()} - own:
+                raise OSError(errno.ENOTEMPTY, 'there is something else in it')
+            for file in (*own, path.parent / labels_name(path)):
                 file.unlink(missing_ok=True)
             path.rmdir()
+        except OSError as error:
+            raise ValueError(f'{path}: cannot be deleted ({error.strerror})') from None
         del self.recordings[path.name]
 
     def of_kind(self, kind: str) -> list[str]:

@@ -25,6 +25,7 @@ from typing import Any
 from slip_detector.view.hand import Finger, Hand
 from slip_detector.view.recorded_folder import KINDS, Recorded, RecordedFolder
 from slip_detector.view.recorder import Recorder
+from slip_detector.view.track import Track
 
 #: Rest in the recording of a slip: before the label, from what came before the key was pressed,
 #: and after it. With less a chain has not settled before the slip, which then is not scored.
@@ -74,8 +75,9 @@ class Teaching:
         self._held_at_s = 0.0
         self._ends_ns: int | None = None
         self._ends_at_s = 0.0
-        # Of each finger the row at which its last slip ended: no rest before the next is older.
-        self._slip_ended: dict[str, tuple[Finger, int]] = {}
+        # Of each finger the track and its row at which the last slip ended: the rest before the
+        # next one is not older.
+        self._slip_ended: dict[str, tuple[Track, int]] = {}
         self.words = ''
 
     @property
@@ -147,7 +149,7 @@ class Teaching:
         rows, rate = finger.track.samples, finger.config.sample_rate_hz
         since = rows.appended - round(BEFORE_S * rate)
         ended = self._slip_ended.get(finger.name)
-        if ended is not None and ended[0] is finger:
+        if ended is not None and ended[0] is finger.track:
             since = max(since, ended[1])
         since = max(since, rows.appended - len(rows))
         before_s = (rows.appended - since) / rate
@@ -289,7 +291,7 @@ class Teaching:
         self._slipping = False
         self._guarded(lambda: recorder.label(False))
         rows = recorder.finger.track.samples
-        self._slip_ended[self._name] = recorder.finger, rows.appended
+        self._slip_ended[self._name] = recorder.finger.track, rows.appended
         last_ns = int(rows.stamps_ns()[-1]) if len(rows) else 0
         self._ends_ns = last_ns + round(AFTER_S * 1e9)
         self._ends_at_s = time.monotonic() + AFTER_S + SILENT_S

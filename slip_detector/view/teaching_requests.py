@@ -59,8 +59,7 @@ class TeachingRequests:
         self._teaching.close()
         if self._run is not None and self._task is not None:
             self._run.kill()
-            self._task.cancel()
-            await asyncio.wait([self._task])
+            await self._task
 
     def _tick(self) -> None:
         self._teaching.tick()

@@ -125,7 +125,7 @@ class TuneRun:
         self._slips = [name for name in slips if name not in self.held_out]
         self.folder = recorded.folder / 'tuning'
         self._process: asyncio.subprocess.Process | None = None
-        self._stopped = self._compares = False
+        self._stopped = self._killed = self._compares = False
         self.lines: list[str] = []
         self.step = self.failed = ''
         self.share = 0.0
@@ -171,8 +171,17 @@ class TuneRun:
             self._signal(signal.SIGINT)
 
     def kill(self) -> None:
-        """End all at once."""
+        """End all at once; the run then fails."""
+        self._killed = True
         self._signal(signal.SIGKILL)
+
+    @property
+    def _ended(self) -> str:
+        """Why no command is to run any more, '' where one may."""
+        if self._killed:
+            return 'slip_view has ended'
+        stopped = self._stopped and not self._compares
+        return 'stopped before anything was found' if stopped else ''
 
     def described(self) -> dict[str, Any]:
         """Return what the page shows."""
@@ -262,6 +271,8 @@ class TuneRun:
         ValueError
             When it fails, with the last line of what it said.
         """
+        if self._ended:
+            raise ValueError(self._ended)
         process = self._process = await asyncio.create_subprocess_exec(
             *_with_low_priority(), sys.executable, '-m', module, *arguments,
             stdin=asyncio.subprocess.DEVNULL,
@@ -269,6 +280,8 @@ class TuneRun:
             stderr=asyncio.subprocess.PIPE,
             start_new_session=True,
         )  # fmt: skip
+        if self._ended:  # Meanwhile.
+            self._signal(signal.SIGKILL)
         assert process.stdout is not None
         assert process.stderr is not None
         try:
@@ -277,10 +290,9 @@ class TuneRun:
             )
             code = await process.wait()
         finally:
-            self.kill()
             self._process = None
-        if code and self._stopped:
-            raise ValueError('stopped before anything was found')
+        if code and self._ended:
+            raise ValueError(self._ended)
         if code:
             last = said[-1] if said else f'{module} ended with the exit code {code}'
             raise ValueError(last)

@@ -18,13 +18,16 @@
 import itertools
 import os
 import re
+import signal
 import time
 
+import numpy as np
 import pytest
 import yaml
 
 from benchmarks.tune import browser as system_browser
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.recordings import open_recording
 from support.lessons import held, pulled, tapped
 
 try:
@@ -79,6 +82,15 @@ class Played:
     def __exit__(self, *_):
         self._driver.end()
         self._bench.processes.remove(self._driver)
+
+
+def opened(bench, browser, view):
+    """Open the page of a slip_view, and wait until its finger can be taught."""
+    bench.wait_for(lambda: 'http://' in view.log(), 'the address')
+    page = browser.new_page()
+    page.goto(re.search(r'http://\S+', view.log()).group())
+    expect(page.get_by_role('button', name='Rest')).to_be_enabled(timeout=PATIENCE_MS)
+    return page
 
 
 def at_once(description):
@@ -145,10 +157,7 @@ def test_rest_slip_tap_tune_apply_save_and_the_saved_file_is_better_on_a_fresh_s
     )
     bench.start('slip_detector', '-r', '__ns:=/index')
     truth = bench.listen(Bool, 'index/slip_truth', patient_state_qos())
-    bench.wait_for(lambda: 'http://' in view.log(), 'the address')
-    page = browser.new_page()
-    page.goto(re.search(r'http://\S+', view.log()).group())
-    expect(page.get_by_role('button', name='Rest')).to_be_enabled(timeout=PATIENCE_MS)
+    page = opened(bench, browser, view)
     finger = page.locator('.finger')
 
     with Played(bench, tmp_path, 'rest', at_once(held(600.0)), seed=1):
@@ -196,3 +205,35 @@ def compared_on_a_fresh_seed(bench, folder, saved):
         bench.wait_for(lambda: sum(slip for _, slip in truth) > SLIPS, 'all slips')
     until_s = next(at_s for at_s, slip in truth[::-1] if slip)
     return [figures([c for c in one if c[0] < until_s], truth[:-1], until_s) for one in slips]
+
+
+def test_what_was_recorded_is_there_when_slip_view_is_killed_and_whole_when_it_is_ended(
+    bench, browser, tmp_path
+):
+    bench.start('slip_detector', '-r', '__ns:=/index')
+    now, recordings = '.teach-now', tmp_path / 'index'
+    with Played(bench, tmp_path, 'rest', at_once(held(600.0)), seed=1):
+        for name, number in (('rest_1', signal.SIGKILL), ('rest_2', signal.SIGINT)):
+            view = bench.start_python(
+                '-m', 'slip_detector.nodes.view', '--port', '0', '--folder', str(tmp_path)
+            )
+            page = opened(bench, browser, view)
+            page.keyboard.press('r')
+            expect(page.locator(now)).to_have_text(
+                re.compile(rf'{name}: [2-9]\.'), timeout=PATIENCE_MS
+            )
+            view.signal(number)
+            view.wait()
+            page.close()
+            rows = [piece.stamps_ns for piece in open_recording(recordings / name).rows()]
+            assert np.ptp(np.concatenate(rows)) > 2e9
+    assert not (recordings / 'rest_1' / 'metadata.yaml').exists()
+    assert (recordings / 'rest_2' / 'metadata.yaml').exists()
+    view = bench.start_python(
+        '-m', 'slip_detector.nodes.view', '--port', '0', '--folder', str(tmp_path)
+    )
+    page = opened(bench, browser, view)
+    listed = page.get_by_role('row', name=re.compile(r'\brest_1\b'))
+    expect(listed).to_contain_text('was not ended: ')
+    expect(page.get_by_role('row', name=re.compile(r'\brest_2\b'))).to_be_visible()
+    page.close()

@@ -16,6 +16,7 @@
 """Rest, slips and taps are recorded as somebody in front of the page says."""
 
 import contextlib
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -174,6 +175,21 @@ def test_a_clock_that_is_set_back_ends_the_recording(lesson):
     lesson.play(1.0)
     assert lesson.teaching.recording() is None
     assert seconds(lesson.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_detector_with_another_rate_begins_anew_and_slips_are_recorded_still(lesson):
+    lesson.slip()
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(1.0)
+    slower = dataclasses.replace(lesson.finger.config, sample_rate_hz=200.0, stopbands_hz=())
+    lesson.finger.take_config(slower)
+    lesson.hand.simulated[FINGER].change(slower)
+    lesson.play(1.0)
+    assert 'rest_1 has 1.0 s' in lesson.teaching.words
+    lesson.slip()
+    stamps_ns, truth = lesson.read('slip_2')
+    assert truth.any()
+    assert seconds(stamps_ns) == pytest.approx(BEFORE_S + 1.0 + AFTER_S, abs=0.15)
 
 
 def test_what_nobody_ends_ends_by_itself(lesson, monkeypatch):

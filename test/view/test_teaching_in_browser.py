@@ -17,6 +17,7 @@
 
 import os
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -209,6 +210,22 @@ def test_tuning_that_fails_says_why_and_keeps_what_was_recorded(opened, tmp_path
         expect(failed).to_contain_text('rest_1', timeout=PATIENCE_MS)
         expect(failed).to_contain_text('What was recorded is kept')
         expect(page.get_by_role('button', name='Tune')).to_be_enabled()
+
+
+def test_a_screen_reader_finds_all_of_it_by_name(opened, tmp_path):
+    axe = pytest.importorskip('axe_core_python', reason='needs axe-core-python')
+    write_lesson(tmp_path / 'index', slips=2)
+    with served(tmp_path) as running:
+        page = opened(running)
+        expect(row(page, 'slip_2')).to_be_visible()
+        page.keyboard.press('r')
+        expect(now(page)).to_contain_text('rest_3')
+        page.evaluate((Path(axe.__path__[0]) / 'axe.min.js').read_text(encoding='utf-8'))
+        found = page.evaluate("axe.run('#tools')")
+        page.keyboard.press('r')
+    wrong = [(one['id'], [node['html'] for node in one['nodes']]) for one in found['violations']]
+    assert wrong == []
+    assert len(found['passes']) > 10
 
 
 def test_a_page_that_may_only_look_records_nothing(opened, tmp_path):

@@ -104,6 +104,13 @@ def test_what_fails_says_why_in_one_line(lesson):
     assert not run.table
 
 
+def test_a_run_that_is_stopped_before_the_search_found_nothing(lesson):
+    run = TuneRun(looked_at(lesson), DetectorConfig())
+    asyncio.run(finished(run, run.stop))
+    assert run.failed == 'stopped before anything was found'
+    assert not run.changes
+
+
 def test_there_have_to_be_two_slips(tmp_path):
     write_lesson(tmp_path, slips=1)
     with pytest.raises(ValueError, match='there are 1 recordings of slips, allowed: two or more'):

@@ -1,0 +1,114 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The recordings of a finger: which there are, which are held out, and which path is nobody's."""
+
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.chain.samples import Samples
+from slip_detector.recordings import write_recording
+from slip_detector.view.recorded_folder import KINDS, Recorded, RecordedFolder
+
+
+def written(folder, name, slips=0):
+    """Write a recording of a second with some slips."""
+    truth = np.arange(100) % 20 >= 10 if slips else np.zeros(100, bool)
+    truth[20 * slips :] = False
+    rows = Samples(np.zeros((100, 2)), np.arange(100) * 10_000_000, truth)
+    write_recording(folder / name, [rows], 100.0, ['a', 'b'])
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    return RecordedFolder(tmp_path)
+
+
+def test_recordings_are_listed_in_the_order_in_which_they_were_made(recorded):
+    for name in ('slip_10', 'taps_1', 'slip_9', 'rest_1'):
+        written(recorded.folder, name, slips=3 * name.startswith('slip'))
+    recorded.look()
+    assert [*recorded.recordings] == ['rest_1', 'slip_9', 'slip_10', 'taps_1']
+    assert recorded.recordings['slip_9'] == Recorded('slip_9', pytest.approx(0.99), 3)
+
+
+def test_what_is_no_recording_is_not_listed(recorded):
+    written(recorded.folder, 'rest_1')
+    for name in ('rest_0', 'tuning', 'rest_02', 'noise_1', 'rest_2'):
+        (recorded.folder / name).mkdir()
+    (recorded.folder / 'rest_3').symlink_to(recorded.folder / 'rest_1')
+    recorded.look()
+    assert [*recorded.recordings] == ['rest_1']
+
+
+def test_what_cannot_be_read_is_listed_with_why_and_not_tuned_on(recorded):
+    written(recorded.folder, 'slip_1', slips=1)
+    (recorded.folder / 'slip_1' / 'slip_1.mcap').write_bytes(b'no bag')
+    recorded.look()
+    assert 'slip_1' in recorded.recordings['slip_1'].note
+    assert recorded.of_kind('slip') == []
+
+
+def test_a_recording_that_somebody_took_away_is_not_listed_any_more(recorded):
+    written(recorded.folder, 'rest_1')
+    recorded.look()
+    (recorded.folder / 'rest_1').rename(recorded.folder / 'elsewhere')
+    recorded.look()
+    assert not recorded.recordings
+
+
+def test_a_new_recording_has_a_number_that_none_had(recorded):
+    assert recorded.new_path('rest').name == 'rest_1'
+    written(recorded.folder, 'rest_7')
+    (recorded.folder / 'rest_8').symlink_to(os.devnull)
+    assert recorded.new_path('rest').name == 'rest_9'
+    assert recorded.new_path('taps').name == 'taps_1'
+
+
+def test_labels_that_a_person_wrote_are_counted_and_deleted_with_their_recording(recorded):
+    written(recorded.folder, 'slip_1', slips=1)
+    labels = recorded.folder / 'slip_1.labels.yaml'
+    labels.write_text('slip_s: [[0.1, 0.2], [0.3, 0.4]]')
+    recorded.look()
+    assert recorded.recordings['slip_1'].slips == 2
+    recorded.delete('slip_1')
+    assert [*recorded.folder.iterdir()] == []
+
+
+def test_what_somebody_put_beside_a_recording_is_not_deleted(recorded):
+    written(recorded.folder, 'slip_1', slips=1)
+    recorded.look()
+    notes = recorded.folder / 'slip_1' / 'notes.txt'
+    notes.write_text('with the red cup')
+    with pytest.raises(ValueError, match='something else in it'):
+        recorded.delete('slip_1')
+    assert notes.exists()
+    assert (recorded.folder / 'slip_1' / 'slip_1.mcap').exists()
+
+
+@given(st.lists(st.sampled_from(KINDS), max_size=40))
+def test_of_each_kind_some_are_held_out_and_some_are_not(kinds):
+    recorded = RecordedFolder(None)
+    for number, kind in enumerate(kinds, start=1):
+        recorded.put(Recorded(f'{kind}_{number}', 1.0, int(kind == 'slip')))
+    held_out = recorded.held_out()
+    for kind in KINDS:
+        n, held = kinds.count(kind), sum(name.startswith(kind) for name in held_out)
+        assert held == 0 if n < 2 else 0 < held < n
+        assert abs(held - n / 3) <= 0.5 or n == 1 or held == 1

@@ -1,0 +1,174 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What pages ask when they teach, and what they are told."""
+
+import asyncio
+import contextlib
+import json
+import os
+import time
+
+import pytest
+
+from slip_detector.view.access import Access
+from slip_detector.view.server import Server
+from slip_detector.view.teaching_requests import TeachingRequests
+from support.lessons import write_lesson
+from support.simulated_hand import SimulatedHand
+
+FINGER = '/index/slip_detector'
+
+DEADLINE_S = 60.0
+
+
+class Taught:
+    """A server that is asked without a page."""
+
+    def __init__(self, folder, **access):
+        self.hand = SimulatedHand(real_time=False)
+        self.server = Server(self.hand, Access(**access))
+        self.requests = TeachingRequests(self.server, folder)
+
+    async def ask(self, kind, **content):
+        """Return why it was refused, ''  where it was not."""
+        answer = await self.server.answer({'type': kind, 'finger': FINGER, **content})
+        self.server.tick()
+        return answer['refusal']
+
+    def play(self, seconds):
+        for _ in range(round(10 * seconds)):
+            self.hand.simulated[FINGER].play(0.1)
+            self.server.tick()
+
+    def told(self, kind='teaching'):
+        return json.loads(self.server.told()[kind])
+
+    def names(self):
+        return [one['name'] for one in self.told()['fingers'][FINGER]['recordings']]
+
+
+@contextlib.asynccontextmanager
+async def taught(folder, **access):
+    one = Taught(folder, **access)
+    try:
+        yield one
+    finally:
+        await one.server.close()
+
+
+def test_what_is_recorded_is_watched_and_told_until_it_is_stopped(tmp_path):
+    async def lesson():
+        async with taught(tmp_path) as one:
+            assert await one.ask('teach', do='rest') == ''
+            one.play(2.0)
+            assert one.hand.watched == {FINGER}
+            told = one.told('recording')['recording']
+            assert (told['name'], told['seconds'], told['slipping']) == ('rest_1', 2.0, False)
+            assert await one.ask('teach', do='stop') == ''
+            one.play(0.1)
+            assert one.hand.watched == set()
+            assert one.told('recording')['recording'] is None
+            assert one.names() == ['rest_1']
+
+    asyncio.run(lesson())
+
+
+def test_what_is_recorded_when_the_server_ends_is_whole(tmp_path):
+    async def lesson():
+        async with taught(tmp_path) as one:
+            await one.ask('teach', do='taps')
+            one.play(1.0)
+        assert (tmp_path / 'index' / 'taps_1' / 'metadata.yaml').exists()
+
+    asyncio.run(lesson())
+
+
+@pytest.mark.parametrize(
+    ('kind', 'content', 'said'),
+    [
+        ('teach', {'do': 'dance'}, 'dance is not recorded so, allowed: rest, taps'),
+        ('teach', {'do': 'rest', 'finger': '/thumb/slip_detector'}, 'there is no finger'),
+        ('teach', {'do': ['rest']}, 'is not recorded so'),
+        ('recordings', {'finger': 7}, "there is no finger '7'"),
+        ('delete_recording', {'recording': '../slip_1'}, "there is no recording '../slip_1'"),
+        ('tune', {}, 'there are 0 recordings of slips, allowed: two or more'),
+        ('apply_tuning', {}, 'there is nothing to apply: tune first'),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_words(tmp_path, kind, content, said):
+    async def lesson():
+        async with taught(tmp_path) as one:
+            assert said in await one.ask(kind, **content)
+
+    asyncio.run(lesson())
+
+
+def test_a_page_that_may_only_look_changes_nothing(tmp_path):
+    write_lesson(tmp_path / 'index', slips=2)
+
+    async def lesson():
+        async with taught(tmp_path, read_only=True) as one:
+            assert await one.ask('recordings') == ''
+            names = one.names()
+            for kind in ('teach', 'delete_recording', 'tune', 'stop_tuning', 'apply_tuning'):
+                refusal = await one.ask(kind, do='rest', recording='slip_1')
+                assert '--read-only' in refusal
+            assert one.names() == names
+
+    asyncio.run(lesson())
+
+
+def test_while_it_is_tuned_recordings_stay_and_what_tunes_ends_with_the_server(tmp_path):
+    write_lesson(tmp_path / 'index', slips=2)
+
+    async def lesson():
+        async with taught(tmp_path) as one:
+            assert await one.ask('tune') == ''
+            run = one.requests._run
+            deadline_s = time.monotonic() + DEADLINE_S
+            while run._process is None:
+                assert time.monotonic() < deadline_s
+                await asyncio.sleep(0.01)
+            one.server.tick()
+            assert one.told()['tuning']['step'] == 'learning the noise of rest_1'
+            assert 'tuning runs already' in await one.ask('tune')
+            refusal = await one.ask('delete_recording', recording='slip_1')
+            assert 'are being tuned on' in refusal
+            child = run._process.pid
+        with pytest.raises(ProcessLookupError):
+            os.kill(child, 0)
+        assert (tmp_path / 'index' / 'slip_1').exists()
+
+    asyncio.run(lesson())
+
+
+def test_what_was_found_is_applied_as_one_set_and_the_rest_stays(tmp_path):
+    async def lesson():
+        async with taught(tmp_path) as one:
+            write_lesson(tmp_path / 'index', slips=2)
+            await one.ask('tune')
+            run = one.requests._run
+            run.kill()
+            await asyncio.wait([one.requests._task])
+            run.changes = {'threshold': 0.25, 'vote': 2}
+            assert await one.ask('apply_tuning') == ''
+            config = one.hand.fingers[FINGER].config
+            assert (config.threshold, config.vote, config.gain) == (0.25, 2, 100.0)
+            run.changes = {'gain': 7.0, 'threshold': -1.0}
+            assert 'threshold is -1' in await one.ask('apply_tuning')
+            assert one.hand.fingers[FINGER].config.gain == 100.0
+
+    asyncio.run(lesson())
