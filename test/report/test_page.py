@@ -25,6 +25,7 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import page as report
+from slip_detector.report import page_pictures
 from slip_detector.report.page_data import SearchTrial, Variant
 from support import report_scenes as scenes
 
@@ -58,6 +59,12 @@ class Page(HTMLParser):
 @pytest.fixture(scope='module')
 def variants():
     return scenes.variants()
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the pictures out, for tests that look at words and numbers."""
+    monkeypatch.setattr(page_pictures, 'svg', lambda figure: '')
 
 
 @pytest.fixture(scope='module')
@@ -133,6 +140,7 @@ def test_figures_are_in_the_table_and_what_is_undefined_is_said_to_be(page):
     assert f'{report.UNDEFINED}: not defined' in text
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_without_trials_there_is_no_front(tmp_path, page, variants):
     assert any('5 trials. 3 of them are on the front' in text for text in page.texts)
     assert any('1 are not drawn' in text for text in page.texts)
@@ -146,6 +154,7 @@ def test_parameters_that_differ_are_shown_first(page):
     assert text.index('|vote|all|mean|') < text.index('All parameters') < text.index('|channels|')
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_the_floors_of_many_channels_have_a_table_of_their_own(tmp_path):
     floors = tuple(1e-4 * (k + 1) for k in range(16))
     each = dataclasses.replace(scenes.EVIDENCE, noise_floor=floors)
@@ -216,6 +225,7 @@ def test_variants_must_show_the_same_recordings(tmp_path, variants):
         report.write_page(tmp_path / 'report.html', 'A title', [nothing])
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_what_cannot_be_written_is_one_line(tmp_path, variants):
     with pytest.raises(ValueError, match=r'no/report.html: cannot be written \(No such file'):
         report.write_page(tmp_path / 'no' / 'report.html', 'A title', variants[:1])
