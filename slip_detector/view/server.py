@@ -27,10 +27,10 @@ from tornado.httpserver import HTTPServer
 from tornado.netutil import bind_sockets
 
 from slip_detector.view.access import Access
-from slip_detector.view.hand import Finger, Hand
+from slip_detector.view.description import diagnostics, hand_description
+from slip_detector.view.hand import Hand
 from slip_detector.view.look import Look
 from slip_detector.view.pages import page_files
-from slip_detector.view.taxels import drawn_positions
 from slip_detector.view.track import Track
 
 #: Shortest time between two frames.
@@ -171,8 +171,8 @@ class Server:
         self.hand.poll()
         for call in self.each_tick:
             call()
-        self.tell('hand', self._description())
-        self.tell('diagnostics', self._diagnostics())
+        self.tell('hand', {**hand_description(self.hand), 'read_only': self.access.read_only})
+        self.tell('diagnostics', diagnostics(self.hand))
         for page in list(self.pages):
             page.send_news()
 
@@ -218,44 +218,6 @@ class Server:
     def told(self) -> dict[str, str]:
         """Return what a page has to know that is opened now."""
         return dict(self._told)
-
-    def _description(self) -> dict[str, Any]:
-        fingers = sorted(self.hand.fingers.values(), key=lambda finger: finger.name)
-        return {
-            'fingers': [_described(finger) for finger in fingers],
-            'gone': self.hand.gone,
-            'read_only': self.access.read_only,
-        }
-
-    def _diagnostics(self) -> dict[str, Any]:
-        return {
-            'fingers': {
-                finger.name: [list(each) for each in finger.diagnostics]
-                for finger in self.hand.fingers.values()
-            }
-        }
-
-
-def _described(finger: Finger) -> dict[str, Any]:
-    config = finger.config
-    return {
-        'name': finger.name,
-        'label': finger.label,
-        'starts': finger.starts,
-        'notice': finger.notice,
-        'channels': list(config.names),
-        'positions_m': drawn_positions(config).tolist(),
-        'disabled': list(config.disabled_channels),
-        'groups': {name: list(members) for name, members in config.groups.items()},
-        'vote': config.vote,
-        'decision': config.decision,
-        'threshold': config.threshold,
-        'sample_rate_hz': config.sample_rate_hz,
-        'input_timeout_s': config.input_timeout_s,
-        'passband_hz': list(config.passband_hz),
-        'stopbands_hz': [list(pair) for pair in config.stopbands_hz],
-        'mains_hz': config.mains_hz,
-    }
 
 
 class _Guarded(web.RequestHandler):
