@@ -17,8 +17,9 @@ export class SpectrumPanel {
     this.shown = false;
     this.lines = new Map();
     const bar = make('div', undefined, 'trace-bar');
-    const label = make('label', 'Channel ');
+    const label = make('span', 'Channel ');
     this.choice = make('select');
+    this.choice.ariaLabel = 'Channel';
     this.choice.addEventListener('change', () => this.choose(Number(this.choice.value)));
     label.append(this.choice);
     const button = (words, hint, act) => {
