@@ -28,7 +28,7 @@ from tornado.netutil import bind_sockets
 
 from slip_detector.view.access import Access
 from slip_detector.view.description import diagnostics, hand_description
-from slip_detector.view.hand import Hand
+from slip_detector.view.hand import Finger, Hand
 from slip_detector.view.look import Look
 from slip_detector.view.pages import page_files
 from slip_detector.view.track import Track

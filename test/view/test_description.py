@@ -26,8 +26,8 @@ from support.simulated_hand import SimulatedHand
 CONFIGS = [
     DetectorConfig(),
     DetectorConfig(channels=1, channel_names=('a',), disabled_channels=(), stopbands_hz=()),
-    DetectorConfig(channels=3, disabled_channels=(2,), vote='mean', threshold=1e-30),
-    DetectorConfig(decision='evidence', noise_floor=(1e-3,), threshold=1e30, mains_hz=50.0),
+    DetectorConfig(channels=3, disabled_channels=(2,), vote='mean', threshold=1e30),
+    DetectorConfig(decision='evidence', noise_floor=(1e-3,), threshold=0.9, mains_hz=50.0),
 ]
 
 
