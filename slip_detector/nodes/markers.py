@@ -49,6 +49,9 @@ FLAT, TALL = 0.15, 1.15
 #: The state of a finger is written so high, in the same unit.
 TEXT = 1.2
 
+#: How the text of a finger that slips begins.
+SLIP = 'SLIP'
+
 #: Number of channels that are named as not valid.
 MOST_NAMED = 4
 
@@ -77,7 +80,11 @@ def finger_markers(finger: Finger) -> list[Marker]:
     config, positions = finger.config, drawn_positions(finger.config)
     unit_m = least_distance_m(positions)
     level, on = _latest(finger)
-    markers = [_text(finger, positions, unit_m, level)]
+    words = _silence(finger)
+    if words:
+        level[:] = np.nan
+    words = words or _state_words(finger, level)
+    markers = [_text(finger, positions, unit_m, words)]
     disabled = set(config.disabled_channels)
     for i, (position, share) in enumerate(zip(positions, _shares(level), strict=True)):
         marker = _marker(finger, i + 1, position)
@@ -156,24 +163,28 @@ class MarkerTopic:
             self._publisher.publish(message)
 
 
+def _silence(finger: Finger) -> str:
+    """Return what does not come any more, in the words of the page; empty where all does."""
+    if finger.silent_words():
+        return 'detector silent'
+    silent_s = time.monotonic() - finger.sample_s
+    if silent_s <= finger.config.input_timeout_s:
+        return ''
+    return 'no input' + ('' if math.isinf(silent_s) else f' for {silent_s:.0f} s')
+
+
 def _latest(finger: Finger) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the level of each channel over the threshold, and which are ON.
 
-    The level is NaN where it is not valid, and everywhere where no samples come.
+    The level is NaN where it is not valid.
     """
     levels = finger.track.levels
-    if not len(levels) or _stale_s(finger):
+    if not len(levels):
         channels = finger.config.channels
         return np.full(channels, np.nan), np.zeros(channels, np.bool_)
     last = levels.appended - 1
     level = levels.field('level', last)[-1].astype(np.float64)
     return level / finger.config.threshold, levels.field('on', last)[-1]
-
-
-def _stale_s(finger: Finger) -> float:
-    """Return for how long no samples have come; 0 where they come."""
-    silent_s = time.monotonic() - finger.sample_s
-    return silent_s if silent_s > finger.config.input_timeout_s else 0.0
 
 
 def _shares(level: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -183,19 +194,14 @@ def _shares(level: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _state_words(finger: Finger, level: NDArray[np.float64]) -> str:
-    """Return how a finger is, in the words of the page."""
+    """Return how a finger is that is heard, in the words of the page."""
     config = finger.config
-    stale_s = _stale_s(finger)
-    if finger.silent_words():
-        return 'detector silent'
-    if stale_s:
-        return 'no input' + ('' if math.isinf(stale_s) else f' for {stale_s:.0f} s')
     words = 'rest'
     if not finger.valid:
         words = 'not valid'
     elif finger.slip:
-        groups = [name for name, on in zip(config.groups, finger.groups, strict=False) if on]
-        words = f'SLIP {listed(groups, MOST_NAMED)}'
+        groups = [name for name, on in zip(config.groups, finger.groups, strict=True) if on]
+        words = f'{SLIP} {listed(groups, MOST_NAMED)}'
     disabled = set(config.disabled_channels)
     names = [
         name
@@ -216,17 +222,15 @@ def _marker(finger: Finger, number: int, position: NDArray[np.float64]) -> Marke
     return marker
 
 
-def _text(
-    finger: Finger, positions: NDArray[np.float64], unit_m: float, level: NDArray[np.float64]
-) -> Marker:
+def _text(finger: Finger, positions: NDArray[np.float64], unit_m: float, words: str) -> Marker:
     """Return the state of a finger as a text beyond its uppermost channels."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     place = np.array([(low[0] + high[0]) / 2, high[1] + 2 * TEXT * unit_m, high[2]])
     marker = _marker(finger, 0, place)
     marker.type = Marker.TEXT_VIEW_FACING
-    marker.text = f'{finger.label}: {_state_words(finger, level)}'
+    marker.text = f'{finger.label}: {words}'
     marker.scale.z = TEXT * unit_m
-    marker.color = _color(ON if finger.slip else QUIET)
+    marker.color = _color(ON if words.startswith(SLIP) else QUIET)
     return marker
 
 

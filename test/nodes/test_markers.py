@@ -158,9 +158,13 @@ def test_without_samples_no_channel_looks_as_if_it_were_measured():
 
 
 def test_a_detector_that_is_not_heard_any_more_is_told():
-    finger = finger_with([0, 0, 0, 0])
+    finger = finger_with([3, 0, 0, 0], slip=True)
     finger.heard_s -= 60
     assert text_of(finger) == 'index: detector silent'
+    # Samples come, but what it said of them last is no measurement any more, and no slip.
+    text, *channels = finger_markers(finger)
+    assert {marker.type for marker in channels} == {Marker.CUBE}
+    assert rgb(text) == rgb(finger_markers(finger_with([0] * 4))[0])
 
 
 def test_the_names_of_a_finger_can_be_anything():
