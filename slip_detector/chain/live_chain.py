@@ -79,6 +79,12 @@ class Replacement(NamedTuple):
         None where it takes over the state of the running one.
     settling : int
         For how many rows at first it decides by what the change has begun.
+
+    Examples
+    --------
+    >>> config = ChainConfig(threshold=0.7)
+    >>> Replacement(SlipChain(config), config).settling
+    0
     """
 
     chain: SlipChain | None

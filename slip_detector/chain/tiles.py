@@ -35,6 +35,12 @@ def aligned(new: Callable[[int], Floats], shape: tuple[int, ...]) -> Floats:
         Makes an array of so many values: ``numpy.zeros`` or ``numpy.empty``.
     shape
         Of the array.
+
+    Examples
+    --------
+    >>> array = aligned(np.zeros, (3, 8))
+    >>> array.shape, array.ctypes.data % 64
+    ((3, 8), 0)
     """
     size = int(np.prod(shape))
     values = new(size + LINE)

@@ -43,6 +43,11 @@ class Learnt(NamedTuple):
         Parameters of the chain by name, as ROS has them.
     lines : list of str
         What to tell.
+
+    Examples
+    --------
+    >>> Learnt({'threshold': 2.2}, ['On rest.npz, without slip: threshold 2.2']).parameters
+    {'threshold': 2.2}
     """
 
     parameters: dict[str, Any]

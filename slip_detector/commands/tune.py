@@ -64,7 +64,13 @@ NEEDS_OPTUNA = "needs optuna, which is not installed: pip install 'slip_detector
 
 
 class TuningParameters(NamedTuple):
-    """The sets of parameters that tuning needs."""
+    """The sets of parameters that tuning needs.
+
+    Examples
+    --------
+    >>> TuningParameters().chain.threshold
+    0.5
+    """
 
     chain: ChainConfig = ChainConfig()
     recording: RecordingConfig = RecordingConfig()

@@ -74,6 +74,16 @@ class TrueSlip:
         For each enabled channel the time from the start to its first ON during the slip.
     delay_s : float or None
         Mean of these delays (Eq. 10).
+
+    Examples
+    --------
+    >>> slip = TrueSlip(
+    ...     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, settling=False, lead_s=0.1,
+    ...     window_s=0.5, late=False, stages_s=None, lost_at=None, on_at_start=False, on_while=True,
+    ...     channel_delays_s=(0.03, 0.05), delay_s=0.04,
+    ... )
+    >>> slip.start_s + slip.latency_s  # when its alarm rose
+    1.04
     """
 
     start_s: float
@@ -107,6 +117,11 @@ class Alarm:
         any other.
     slip : int or None
         Number of its slip in the recording; None where it belongs to none.
+
+    Examples
+    --------
+    >>> Alarm(start_s=2.0, end_s=2.5, kind=FALSE, slip=None).kind
+    'false'
     """
 
     start_s: float

@@ -46,6 +46,15 @@ class ReplayOutcome:
     alarms : tuple of Alarm
     scores : ScoreCounts or None
         Scores of the decision statistic; None where they were not asked for.
+
+    Examples
+    --------
+    >>> outcome = ReplayOutcome(
+    ...     rows=760, slip_rows=190, moving_rows=None, on_rows=19, settling_rows=190,
+    ...     rest_rows=380, on_rest_rows=19, sample_rate_hz=380.0, slips=(), alarms=(), scores=None,
+    ... )
+    >>> outcome.duration_s, outcome.rest_s, outcome.on_rest_s
+    (2.0, 1.0, 0.05)
     """
 
     rows: int

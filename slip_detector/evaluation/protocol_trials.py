@@ -63,6 +63,12 @@ class PlateTrial(NamedTuple):
     start, end : int
         The last row at which the plate still stood (Eq. 9), and the first row at which it stood
         again.
+
+    Examples
+    --------
+    >>> trial = PlateTrial(np.full((380, 16), 4.3), np.zeros(380), 380.0, start=95, end=190)
+    >>> trial.motion_s, int(trial.moving.sum())
+    ((0.25, 0.5), 96)
     """
 
     volts: Floats
@@ -125,6 +131,12 @@ def read_trial(scene: Scene) -> PlateTrial:
     ------
     ValueError
         As :func:`plate_trial`.
+
+    Examples
+    --------
+    >>> trial = read_trial(load_scene(find_scene('plate_440um'), np.random.default_rng(0)))
+    >>> trial.volts.shape[1], 0 < trial.start < trial.end < len(trial.volts)
+    (16, True)
     """
     parts = [scene.read(ROWS_PER_READ)]
     while len(parts[-1].volts) == ROWS_PER_READ:
@@ -148,6 +160,12 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
     ------
     ValueError
         When there is no such scene, it cannot be read, or its plate does not move; names it.
+
+    Examples
+    --------
+    >>> first, second = simulate_trials('plate_440um', [0, 1])
+    >>> bool((first.volts == second.volts).all())
+    False
     """
     path = find_scene(scene)
     scenes = [load_scene(path, np.random.default_rng(seed)) for seed in seeds]
@@ -201,6 +219,14 @@ def plate_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     -------
     dict
         The figures of a plate; see the docstring of :mod:`slip_detector.evaluation.protocol`.
+
+    Examples
+    --------
+    >>> replay = Replay(ChainConfig(), scores=False, stages=False)
+    >>> trials = simulate_trials('plate_440um', [0])
+    >>> figures = plate_figures([replay_trial(trial, replay) for trial in trials])
+    >>> figures['detected'], figures['trials']
+    (1, 1)
     """
     slips = [slip for one in outcomes for slip in one.slips]
     return {

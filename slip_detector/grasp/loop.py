@@ -64,6 +64,14 @@ class GraspTrial(NamedTuple):
         The smallest normal force that would hold the object at rest.
     length_m : float
         Distance that the object can slide before it is lost.
+
+    Examples
+    --------
+    >>> time_s, none = np.arange(3) / 380.0, np.zeros(3)
+    >>> slip, slid_m = np.array([False, True, True]), np.array([0.0, 1e-4, 2e-4])
+    >>> trial = GraspTrial(time_s, none + 5.0, none + 5.0, slip, slip, slid_m, none + 4.0, 0.1)
+    >>> trial.dropped, trial.slide_m, len(trial.onsets_s), trial.mean_n(trial.force_n)
+    (False, 0.0002, 1, 5.0)
     """
 
     time_s: Floats
@@ -197,6 +205,12 @@ def play_trials(
     ------
     ValueError
         As :func:`object_scene` and :func:`play_trial`.
+
+    Examples
+    --------
+    >>> held = GraspConfig(grip_n=10.0, limit_n=10.0)
+    >>> [trial.dropped for trial in play_trials(ChainConfig(), held, seeds=[0])]
+    [False]
     """
     return [
         play_trial(

@@ -33,7 +33,17 @@ LONGEST_COMB_S = 0.25
 
 
 def check_channels(config: Any) -> None:
-    """Check names and disabled channels against their number."""
+    """Check names and disabled channels against their number.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> check_channels(ChainConfig(channels=2, groups={'tip': (1, 2)}, vote=1))
+    >>> ChainConfig(channels=2, groups={'tip': (1, 2)}, disabled_channels=(3,))
+    Traceback (most recent call last):
+        ...
+    ValueError: parameter disabled_channels has 3, allowed: 1 to 2
+    """
     if config.channel_names and len(config.channel_names) != config.channels:
         raise ValueError(
             f'parameter channel_names has {len(config.channel_names)} names, '
@@ -50,7 +60,17 @@ def check_channels(config: Any) -> None:
 
 
 def check_groups(config: Any) -> None:
-    """Check that each enabled channel is in one group, and the groups against the vote."""
+    """Check that each enabled channel is in one group, and the groups against the vote.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> check_groups(ChainConfig(channels=2, groups={'left': (1,), 'right': (2,)}))
+    >>> ChainConfig(channels=2, groups={'left': (1, 2), 'right': (2,)})  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    ValueError: parameter groups.right has channel 2, which is in left already, allowed: ...
+    """
     group_of: dict[int, str] = {}
     disabled = set(config.disabled_channels)
     for name, members in config.groups.items():
@@ -81,7 +101,17 @@ def check_groups(config: Any) -> None:
 
 
 def check_evidence(config: Any) -> None:
-    """Check what the decision by evidence needs; with another one only the number of floors."""
+    """Check what the decision by evidence needs; with another one only the number of floors.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> check_evidence(ChainConfig(decision='evidence', noise_floor=(1e-3,)))
+    >>> ChainConfig(decision='evidence')  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    ValueError: parameter noise_floor is not given, allowed: ...
+    """
     if config.decision != 'evidence':
         if len(config.noise_floor) > config.channels:
             raise ValueError(
@@ -114,7 +144,17 @@ def check_evidence(config: Any) -> None:
 
 
 def check_filters(config: Any) -> None:
-    """Check the edges and degrees of the filters, and the mains, against the sample rate."""
+    """Check the edges and degrees of the filters, and the mains, against the sample rate.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> check_filters(ChainConfig(passband_hz=(7.0, 50.0)))
+    >>> ChainConfig(passband_hz=(7.0, 200.0))  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    ValueError: parameter passband_hz has the edge 200 Hz, allowed: ...
+    """
     low, high = config.passband_hz
     _check_edge(config, 'passband_hz', low)
     if high != 0.0:
@@ -166,7 +206,17 @@ def _check_order(name: str, low_hz: float, high_hz: float) -> None:
 
 
 def check_windows(config: Any) -> None:
-    """Check the windows and the range of samples."""
+    """Check the windows and the range of samples.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> check_windows(ChainConfig(envelope_window_s=0.04))
+    >>> ChainConfig(envelope_window_s=0.001)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    ValueError: parameter envelope_window_s is 0.001 s, allowed: ...
+    """
     for name in ('envelope_window_s', 'decision_window_s'):
         seconds = getattr(config, name)
         if seconds * config.sample_rate_hz < 1 - 1e-6:

@@ -258,6 +258,19 @@ def check_sections(path: str | Path, executable: str, node: str) -> None:
     ValueError
         When there are sections for the executable but all are for nodes of other names, or none
         for anything of this package.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> file = Path(folder.name) / 'finger.yaml'
+    >>> _ = file.write_text('/thumb/slip_driver: {ros__parameters: {source: scene}}')
+    >>> check_sections(file, 'slip_driver', '/thumb/slip_driver')
+    >>> check_sections(file, 'slip_driver', '/index/slip_driver')  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    ValueError: ...finger.yaml: has sections for /thumb/slip_driver, none for this node, ...
+    >>> folder.cleanup()
     """
     sections = [name for name, _ in sections_of(read_yaml(path), str(path))]
     if any(matches(name, node) for name in sections if node_of(name) != '**'):

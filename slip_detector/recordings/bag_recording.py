@@ -65,6 +65,20 @@ class BagRecording(Recording):
     ------
     ValueError
         When there is no such topic or field, or no sample; names the bag and its topics.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.recordings import write_recording
+    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / 'trial.mcap'
+    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
+    >>> recording = BagRecording(path, RecordingConfig(), labels=None)
+    >>> recording.channel_names, [piece.volts.shape for piece in recording.pieces()]
+    (('a', 'b'), [(4, 2)])
+    >>> folder.cleanup()
     """
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:

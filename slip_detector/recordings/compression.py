@@ -20,7 +20,14 @@ from typing import Any
 
 
 def zstd() -> Any:
-    """Return the module that reads zstd: Python's own from 3.14 on, else its backport."""
+    """Return the module that reads zstd: Python's own from 3.14 on, else its backport.
+
+    Examples
+    --------
+    >>> module = zstd()
+    >>> bytes(module.decompress(module.compress(b'volts')))
+    b'volts'
+    """
     return importlib.import_module(
         'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
     )

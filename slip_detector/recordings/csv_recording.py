@@ -65,6 +65,18 @@ class CsvRecording(Recording):
     ------
     ValueError
         When a line or a column is missing or wrong; names it.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / 'trial.csv'
+    >>> lines = 'time_s,a,b', '0.00,4.3,4.2', '0.01,4.3,4.2'
+    >>> _ = path.write_text(os.linesep.join(lines))
+    >>> recording = CsvRecording(path, RecordingConfig(), labels=None)
+    >>> recording.channel_names, [piece.volts.shape for piece in recording.pieces()]
+    (('a', 'b'), [(2, 2)])
+    >>> folder.cleanup()
     """
 
     named = True

@@ -35,7 +35,14 @@ KEY = 'slip_s'
 
 
 class SlipInterval(NamedTuple):
-    """An interval with slip in seconds from the first sample, and its line in the file."""
+    """An interval with slip in seconds from the first sample, and its line in the file.
+
+    Examples
+    --------
+    >>> interval = SlipInterval(1.0, 2.5, line=3)
+    >>> interval.end_s - interval.start_s
+    1.5
+    """
 
     start_s: float
     end_s: float

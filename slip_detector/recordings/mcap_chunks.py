@@ -44,6 +44,11 @@ class Chunk(NamedTuple):
         Length of what is in it when it is decompressed, as it says.
     checksum : int
         Of what is in it; 0: none.
+
+    Examples
+    --------
+    >>> Chunk(begin=40, length=140, size=100, checksum=0).size
+    100
     """
 
     begin: int
@@ -78,7 +83,22 @@ def _chunk(begin: int, length: int, first: bytes) -> Chunk | None:
 
 
 def chunks_of(path: Path) -> Iterator[Chunk]:
-    """Yield the chunks of an MCAP file whose heads are whole; their content is not read."""
+    """Yield the chunks of an MCAP file whose heads are whole; their content is not read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tempfile
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.recordings import write_recording
+    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / 'trial.mcap'
+    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
+    >>> [chunk.length - chunk.size for chunk in chunks_of(path)]
+    [40]
+    >>> folder.cleanup()
+    """
     for kind, begin, length, first in _records(path):
         if kind == CHUNK and (chunk := _chunk(begin, length, first)):
             yield chunk
@@ -96,6 +116,20 @@ def survey(path: Path, limit: ReadingLimit) -> str:
     ------
     ValueError
         When a record or a content is too large; names its place.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tempfile
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.recordings import write_recording
+    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / 'trial.mcap'
+    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
+    >>> survey(path, ReadingLimit(path, 20.0))
+    ''
+    >>> folder.cleanup()
     """
     n_chunks = none = 0
     messages = False
@@ -123,6 +157,21 @@ def write_checksums(path: Path) -> None:
     ------
     OSError
         When the file cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tempfile
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.recordings import write_recording
+    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / 'trial.mcap'
+    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
+    >>> write_checksums(path)
+    >>> all(chunk.checksum for chunk in chunks_of(path))
+    True
+    >>> folder.cleanup()
     """
     # The head, the empty name of the compression and the length of the content.
     before = _HEAD.size + 4 + 8

@@ -44,6 +44,13 @@ class MessageRows(NamedTuple):
     which : ndarray of int, shape (m,)
         Indices of these messages. A message that cannot be decoded, or has other channels or
         names than the first one, is left out.
+
+    Examples
+    --------
+    >>> stamps_ns, one_each = np.array([0, 10]), np.array([1, 1])
+    >>> found = MessageRows(np.ones((2, 4)), stamps_ns, one_each, which=np.array([0, 2]))
+    >>> found.which.tolist()  # the message between them could not be decoded
+    [0, 2]
     """
 
     volts: Floats
@@ -79,6 +86,16 @@ class MessageDecoder:
         Number of channels in the first message; 0 before it.
     names : tuple of str
         Names of the channels in the first message; empty where it has none.
+
+    Examples
+    --------
+    >>> from slip_detector.recordings.message_encoder import JointStateEncoder
+    >>> from slip_detector.recordings.topics import JOINT_STATE, standard_typestore
+    >>> encoder = JointStateEncoder(standard_typestore(), 'tip', ['a', 'b'])
+    >>> raws = encoder.many(np.array([[4.3, 4.2], [4.1, 4.0]]), np.array([5, 10]))
+    >>> decoder = MessageDecoder(standard_typestore(), JOINT_STATE, 'position')
+    >>> decoder.many(raws, received_ns=[0, 0]).volts.tolist(), decoder.names
+    ([[4.3, 4.2], [4.1, 4.0]], ('a', 'b'))
     """
 
     def __init__(self, typestore: Any, msgtype: str, field: str) -> None:

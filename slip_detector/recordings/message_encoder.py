@@ -39,6 +39,15 @@ class JointStateEncoder:
         Frame in the header of each message.
     names
         Names of the channels.
+
+    Examples
+    --------
+    >>> from slip_detector.recordings.topics import standard_typestore
+    >>> encoder = JointStateEncoder(standard_typestore(), 'tip', ['a', 'b'])
+    >>> (raw,) = encoder.many(np.array([[4.3, 4.2]]), np.array([2_000_000_005]))
+    >>> message = standard_typestore().deserialize_cdr(raw, JOINT_STATE)
+    >>> message.header.stamp.nanosec, message.position.tolist()
+    (5, [4.3, 4.2])
     """
 
     def __init__(self, typestore: Any, frame_id: str, names: Sequence[str]) -> None:

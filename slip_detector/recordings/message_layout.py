@@ -70,6 +70,16 @@ class MessageLayout(NamedTuple):
         ``<`` or ``>``.
     names : tuple of str
         Names of the channels; empty where the message has none.
+
+    Examples
+    --------
+    >>> from slip_detector.recordings.message_encoder import JointStateEncoder
+    >>> from slip_detector.recordings.topics import JOINT_STATE, standard_typestore
+    >>> encoder = JointStateEncoder(standard_typestore(), 'tip', ['a', 'b'])
+    >>> first, second = encoder.many(np.array([[4.3, 4.2], [4.1, 4.0]]), np.array([5, 10]))
+    >>> layout = read_layout(first, standard_typestore(), JOINT_STATE, FieldReader('position'))
+    >>> layout.fits(np.frombuffer(second, np.uint8)[np.newaxis]).tolist(), layout.names
+    ([True], ('a', 'b'))
     """
 
     fixed: NDArray[np.intp]
@@ -125,7 +135,18 @@ def _number(messages: Bytes, begin: int, dtype: str) -> NDArray[Any]:
 
 
 def begin_of(place: float) -> int:
-    """Return the byte at which the number of a place begins."""
+    """Return the byte at which the number of a place begins.
+
+    Examples
+    --------
+    >>> from slip_detector.recordings.message_encoder import JointStateEncoder
+    >>> from slip_detector.recordings.topics import JOINT_STATE, standard_typestore
+    >>> encoder = JointStateEncoder(standard_typestore(), 'tip', ['a', 'b'])
+    >>> (raw,) = encoder.many(np.array([[4.3, 4.2]]), np.array([5]))
+    >>> layout = read_layout(raw, standard_typestore(), JOINT_STATE, FieldReader('position'))
+    >>> begin_of(layout.places[0, 1]) - begin_of(layout.places[0, 0])
+    8
+    """
     return int(place % _TYPE_STEP)
 
 
@@ -147,6 +168,16 @@ def read_layout(raw: bytes, typestore: Any, msgtype: str, field: FieldReader) ->
     ------
     ValueError, LookupError, struct.error
         When the message is broken or lacks the field.
+
+    Examples
+    --------
+    >>> from slip_detector.recordings.message_encoder import JointStateEncoder
+    >>> from slip_detector.recordings.topics import JOINT_STATE, standard_typestore
+    >>> encoder = JointStateEncoder(standard_typestore(), 'tip', ['a', 'b'])
+    >>> first, second = encoder.many(np.array([[4.3, 4.2], [4.1, 4.0]]), np.array([5, 10]))
+    >>> layout = read_layout(first, standard_typestore(), JOINT_STATE, FieldReader('position'))
+    >>> layout.rows(np.frombuffer(second, np.uint8)[np.newaxis]).tolist()
+    [[[4.1, 4.0]]]
     """
     reader = _LayoutReader(raw, typestore)
     message = reader.message(msgtype)
@@ -167,7 +198,16 @@ def read_layout(raw: bytes, typestore: Any, msgtype: str, field: FieldReader) ->
 
 
 def channel_names(message: Any, channels: int) -> tuple[str, ...]:
-    """Return the names of the channels in a message such as JointState; otherwise none."""
+    """Return the names of the channels in a message such as JointState; otherwise none.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> channel_names(SimpleNamespace(name=['a', 'b']), channels=2)
+    ('a', 'b')
+    >>> channel_names(SimpleNamespace(data=[4.3, 4.2]), channels=2)
+    ()
+    """
     names = getattr(message, 'name', ())
     if isinstance(names, str) or len(names) != channels:
         return ()

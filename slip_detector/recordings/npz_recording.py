@@ -78,6 +78,17 @@ class NpzRecording(Recording):
     ------
     ValueError
         When the file is damaged, or an array is missing or wrong; names both.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / 'trial.npz'
+    >>> np.savez(path, volts=np.full((2, 2), 4.3), sample_rate_hz=100.0, force_n=[0.0, 0.1])
+    >>> recording = NpzRecording(path, RecordingConfig(), labels=None)
+    >>> recording.channel_names, recording.sample_rate_hz, recording.array('force_n').tolist()
+    (('ch1', 'ch2'), 100.0, [0.0, 0.1])
+    >>> folder.cleanup()
     """
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:

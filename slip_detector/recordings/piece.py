@@ -37,6 +37,13 @@ class Piece(NamedTuple):
     row_numbers : ndarray of int, shape (n,)
         Number of each row in the recording, from 0; a row that bridges a gap has the number of
         the row before it.
+
+    Examples
+    --------
+    >>> stamps_ns, numbers = np.array([0, 10, 20]), np.array([0, 0, 1])
+    >>> piece = Piece(np.ones((3, 2)), stamps_ns, None, new_stretch=True, row_numbers=numbers)
+    >>> (np.diff(piece.row_numbers) == 0).tolist()  # which row bridges a gap
+    [True, False]
     """
 
     volts: Floats

@@ -63,6 +63,11 @@ class RecordingCounts:
         One line on the part of a damaged bag that could not be read; empty where all was read.
     doubts : str
         One line on why damage may have gone unseen; empty where it would have been seen.
+
+    Examples
+    --------
+    >>> RecordingCounts(rows=380, gaps=1, bridged_rows=3).bridged_rows
+    3
     """
 
     rows: int = 0

@@ -45,6 +45,11 @@ class Topic(NamedTuple):
         Format of the definition: ``ros2msg``, ``ros2idl``, or '' where there is no definition.
     definition : str
         Definition of the type.
+
+    Examples
+    --------
+    >>> Topic('/voltages', JOINT_STATE, encoding='', definition='').msgtype
+    'sensor_msgs/msg/JointState'
     """
 
     name: str
@@ -62,6 +67,11 @@ def standard_typestore() -> Any:
     """Return the store of rosbags that has the types of ROS 2 Jazzy, in which bags are written.
 
     It is the same at each call, as a store compiles the code of each type that is used.
+
+    Examples
+    --------
+    >>> JOINT_STATE in standard_typestore().types
+    True
     """
     from rosbags.typesys import Stores, get_typestore
 
@@ -81,6 +91,12 @@ def typestore_of(topic: Topic) -> Any:
     ValueError
         When the bag does not define the type and ROS does not have it, or the definition is
         broken.
+
+    Examples
+    --------
+    >>> tactile = Topic('/skin', 'skin/msg/Tactile', 'ros2msg', 'float64[] volts')
+    >>> list(typestore_of(tactile).types['skin/msg/Tactile'].__dataclass_fields__)[:1]
+    ['volts']
     """
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 

@@ -34,6 +34,11 @@ class TableSection(NamedTuple):
         Heads of the other columns by the names of their figures.
     optional : bool
         Whether the table is left out where all figures of the set are 0 or not defined.
+
+    Examples
+    --------
+    >>> TableSection('Time', {'duration_s': 'duration [s]'}).optional
+    False
     """
 
     title: str

@@ -58,7 +58,19 @@ def svg(figure: Figure) -> str:
 
 
 def png(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG."""
+    """Write a figure as PNG.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from matplotlib.figure import Figure
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / 'empty.png'
+    >>> png(Figure(figsize=(1, 1)), path)
+    >>> path.read_bytes()[1:4]
+    b'PNG'
+    >>> folder.cleanup()
+    """
     with whole_file(path) as new:
         _save(figure, new, dpi=120)
 

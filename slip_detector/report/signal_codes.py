@@ -110,6 +110,13 @@ def signal_codes(result: SlipResult, config: ChainConfig) -> Codes:
     ndarray of uint8, shape (n, s c)
         The codes of the levels, then those of each other signal: 0 where the channel is not
         valid, else from 1 to 255 over its range in :func:`ranges_db`.
+
+    Examples
+    --------
+    >>> from slip_detector import SlipChain
+    >>> config = ChainConfig()
+    >>> signal_codes(SlipChain(config).update(np.full((380, 16), 4.3)), config).dtype.name
+    'uint8'
     """
     codes = [level_codes(result, config.threshold)]
     if config.decision == 'evidence':

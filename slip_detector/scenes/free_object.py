@@ -27,7 +27,13 @@ FINGERS = 2.0
 
 
 class ObjectNumbers(NamedTuple):
-    """The numbers of a :class:`FreeObject` for compiled code."""
+    """The numbers of a :class:`FreeObject` for compiled code.
+
+    Examples
+    --------
+    >>> FreeObject(mass_kg=0.2).numbers().mass_kg
+    0.2
+    """
 
     mass_kg: float
     length_m: float

@@ -50,6 +50,13 @@ class SceneSamples(NamedTuple):
         Position of the platform, or of the object where the scene has one.
     time_s : ndarray, shape (n,)
         When each sample was taken, from the beginning of the scene.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes import find_scene, load_scene
+    >>> samples = load_scene(find_scene('plate_440um'), np.random.default_rng(0)).read(10)
+    >>> isinstance(samples, SceneSamples), samples.volts.shape, samples.time_s[:2].tolist()
+    (True, (10, 16), [0.0, 0.002631578947368421])
     """
 
     volts: Floats

@@ -33,6 +33,12 @@ class DecodedSamples(NamedTuple):
         sender does not send times.
     clock_restarted : bool
         Whether these times are unrelated to the times before.
+
+    Examples
+    --------
+    >>> samples = DecodedSamples(np.array([[4.3, 4.2]]), [2_000_000], clock_restarted=False)
+    >>> samples.volts.shape, samples.times_ns
+    ((1, 2), [2000000])
     """
 
     volts: NDArray[np.float64]

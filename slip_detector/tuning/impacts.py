@@ -93,6 +93,17 @@ def largest_slip_steps_v(chain: ChainConfig, tracks: Sequence[Track]) -> Floats:
     -------
     ndarray
         One for each number of enabled channels; 0 where there is no slip.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> volts = np.full((4, 3), 4.3)
+    >>> volts[2:, :2] += 0.5, 0.2
+    >>> track = track_of('trial', [LabelledRows(volts, np.arange(4) > 0)], 380.0)
+    >>> chain = ChainConfig(channels=3, groups={'tip': (1, 2, 3)})
+    >>> largest_slip_steps_v(chain, [track]).round(3).tolist()
+    [0.5, 0.2, 0.0]
     """
     steps = [
         _steps_v(chain, track)[track.kinds == SLIP].max(axis=0, initial=0.0) for track in tracks
@@ -105,6 +116,16 @@ def knocks_v(chain: ChainConfig, track: Track) -> Floats:
 
     A knock is a step of :data:`KNOCK` times those of the noise, with what follows for
     :data:`KNOCK_S`.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> volts = 4.3 + 1e-3 * np.random.default_rng(0).standard_normal((760, 2))
+    >>> volts[380] += 1.0
+    >>> track = track_of('knocks', [LabelledRows(volts, np.zeros(760, bool))], 380.0)
+    >>> len(knocks_v(ChainConfig(channels=2, groups={'tip': (1, 2)}, impact_channels=2), track))
+    1
     """
     steps = common_steps_v(chain, track)
     if not steps.any():

@@ -149,6 +149,11 @@ class MainsLine(NamedTuple):
         Where it is in the samples: at another frequency if it is above half the sample rate.
     least_db : float
         How far it stands above the noise, on the channel where it is least.
+
+    Examples
+    --------
+    >>> MainsLine(hum_hz=250.0, seen_hz=130.0, least_db=12.0).seen_hz  # folded, at 380 Hz
+    130.0
     """
 
     hum_hz: float

@@ -44,6 +44,12 @@ class TrackPiece(NamedTuple):
         Number of the first row in the recording, with the rows that are missing in gaps.
     new_stretch : bool
         Whether the chain is reset before these rows.
+
+    Examples
+    --------
+    >>> piece = TrackPiece(begin=380, end=760, first_row=400, new_stretch=True)
+    >>> piece.first_row + piece.end - piece.begin  # the row after it, gaps counted
+    780
     """
 
     begin: int

@@ -32,6 +32,12 @@ class Verdict(NamedTuple):
         The best chain found, or the given one.
     kept : str
         Why the given chain is kept; empty where it is not.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> Verdict(ChainConfig(threshold=0.7), kept='').chain.threshold
+    0.7
     """
 
     chain: ChainConfig
