@@ -172,7 +172,7 @@ def test_with_read_only_a_page_changes_nothing(bench):
         (['--prot', '0'], 2, 'unrecognized arguments: --prot 0'),
         (['--config', 'none.yaml'], 1, "--config is 'none.yaml', allowed: the path of a"),
         (['--scene', 'plate'], 1, "no scene 'plate', allowed: "),
-        (['--host', '192.0.2.1'], 1, '--host 192.0.2.1 --port 8765 cannot be had (Cannot assign'),
+        (['--host', '192.0.2.1'], 1, '--host 192.0.2.1 --port 8470 cannot be had (Cannot assign'),
         (['--ros-args', '-r', 'a b'], 1, "Couldn't parse remap rule: '-r a b'"),
     ],
 )  # fmt: skip

@@ -45,7 +45,7 @@ function showSignals() {
   for (const part of [traces, spectrum]) part.show(cards.get(chosen).finger);
 }
 
-connection.on('hand', ({fingers, read_only: readOnly}) => {
+connection.on('hand', ({fingers, gone, read_only: readOnly}) => {
   const names = fingers.map(({name}) => name);
   for (const [name, card] of cards) {
     if (names.includes(name)) continue;
@@ -67,6 +67,9 @@ connection.on('hand', ({fingers, read_only: readOnly}) => {
     if (place !== card.root) element('fingers').insertBefore(card.root, place ?? null);
   });
   element('no-finger').hidden = fingers.length > 0;
+  const ended = Object.values(gone).join(', ');
+  element('gone').hidden = !ended;
+  element('gone').textContent = `${ended}: its detector has ended. It comes back by itself when it is started again.`;
   element('panels').hidden = !fingers.length;
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.look({fingers: names});

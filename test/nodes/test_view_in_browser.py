@@ -1,0 +1,89 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What happens to real nodes, on the page of a real slip_view, in a real browser."""
+
+import os
+import re
+import signal
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+expect = pytest.importorskip('playwright.sync_api').expect
+
+from benchmarks.tune import browser as system_browser  # noqa: E402
+
+MISSING = system_browser.why_no_browser()
+
+pytestmark = pytest.mark.skipif(
+    bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING
+)
+
+#: Discovery takes seconds now and then.
+PATIENCE_MS = 90_000
+
+
+@pytest.fixture
+def page(bench):
+    """The page of a slip_view; what it complains of, or asks of others, fails the test."""
+    view = bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0')
+    bench.wait_for(lambda: 'http://' in view.log(), 'the address')
+    address = re.search(r'http://\S+', view.log()).group()
+    complaints = []
+    with system_browser.browser() as browser:
+        page = browser.new_page(viewport={'width': 1366, 'height': 768})
+        page.set_default_timeout(PATIENCE_MS)
+        page.on('console', lambda message: complaints.append(message.text))
+        page.on('pageerror', lambda error: complaints.append(str(error)))
+        page.on('request', lambda r: r.url.startswith(address) or complaints.append(r.url))
+        page.goto(address)
+        yield page
+    assert complaints == []
+    assert 'Traceback' not in view.log()
+
+
+def words(place, text):
+    expect(place).to_contain_text(text, timeout=PATIENCE_MS)
+
+
+def test_each_fault_of_driver_and_detector_is_told_in_words(bench, page):
+    words(page.locator('#no-finger'), 'detector')
+    index = ('-r', '__ns:=/index')
+    detector = bench.start('slip_detector', *index)
+    card = page.locator('[data-finger="/index/slip_detector"]')
+    words(card, 'no sample has come yet')
+    words(card.locator('.diagnostics'), 'no samples yet: does the sensor run')
+    given = {'source': 'scene', 'loop': 'true'}
+    driver = bench.start('slip_driver', *index, parameters=given)
+    words(card.locator('.badge'), 'SLIP')
+    words(card.locator('.badge'), 'rest')
+    driver.signal(signal.SIGSTOP)
+    words(card, 'no sample for')
+    words(card.locator('.diagnostics'), 'is the sensor plugged in, does its driver run?')
+    driver.signal(signal.SIGCONT)
+    words(card.locator('.diagnostics'), '380.0 samples a second')
+    words(card.locator('.badge'), 'SLIP')
+    detector.signal(signal.SIGKILL)
+    words(card, 'was it killed, or stopped?')
+    again = bench.start('slip_detector', *index, parameters={'channels': 8})
+    words(card.locator('.notice'), 'with 8 channels instead of 16')
+    words(card.locator('.diagnostics'), 'dropped: not as many channels as configured')
+    expect(card.locator('.group .name')).to_have_text('all')
+    again.signal(signal.SIGINT)
+    expect(card).to_have_count(0, timeout=PATIENCE_MS)
+    words(page.locator('#gone'), 'index: its detector has ended')
+    bench.start('slip_detector', *index)
+    words(card.locator('.badge'), 'SLIP')
+    expect(page.locator('#gone')).to_be_hidden()
