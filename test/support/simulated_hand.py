@@ -164,14 +164,14 @@ class ServedHand:
     ``async with ServedHand(hand) as served:`` then ``served.url`` is its address.
     """
 
-    def __init__(self, hand, access=None, prepare=lambda server: None):
-        self.hand = hand
+    def __init__(self, hand, access=None, prepare=lambda server: None, port=0):
+        self.hand, self._port = hand, port
         self.server = Server(hand, access or Access())
         prepare(self.server)
         self._stop = asyncio.Event()
 
     async def __aenter__(self):
-        port = self.server.listen(0)
+        port = self._port = self.server.listen(self._port)
         token = self.server.access.token
         self.url = f'http://127.0.0.1:{port}/' + (f'?token={token}' if token else '')
         self._running = asyncio.create_task(self.server.run(self._stop))

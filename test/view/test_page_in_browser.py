@@ -12,46 +12,80 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live page in a real browser, with simulated fingers."""
-
-import os
+"""The connection of the live page in a real browser, with simulated fingers."""
 
 import pytest
 
-from benchmarks.tune import browser as system_browser
+from slip_detector.view.access import Access
+from slip_detector.view.server import NO_TOKEN
 from support.simulated_hand import SimulatedHand, served_beside
 
-try:
-    from playwright.sync_api import expect
-except ImportError:
-    expect = None
+expect = pytest.importorskip('playwright.sync_api').expect
 
-MISSING = system_browser.why_no_browser()
-
-pytestmark = pytest.mark.skipif(
-    bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING
-)
+PATIENCE_MS = 60_000
 
 
-@pytest.fixture(scope='module')
-def browser():
-    if MISSING:
-        pytest.fail(f'SLIP_NEED_BROWSER is 1 and the live page {MISSING}')
-    with system_browser.browser() as running:
-        yield running
+def drawn(page):
+    """Wait until a frame is drawn that is newer than all so far."""
+    page.evaluate(
+        "document.querySelectorAll('[data-state]').forEach((e) => delete e.dataset.state)"
+    )
+    page.locator('[data-state]').first.wait_for(state='attached', timeout=PATIENCE_MS)
 
 
-def test_the_page_connects_and_shows_each_finger(browser):
-    complaints = []
+def test_the_page_connects_and_shows_each_finger(open_page):
     with served_beside(SimulatedHand(('index', 'thumb'))) as served:
-        page = browser.new_page()
-        page.on('console', lambda message: complaints.append(message.text))
-        page.on('pageerror', lambda error: complaints.append(str(error)))
-        page.on('requestfailed', lambda request: complaints.append(request.url))
-        page.on('request', lambda r: r.url.startswith(served.url) or complaints.append(r.url))
-        page.goto(served.url)
+        page = open_page(served)
         for label in ('index', 'thumb'):
             expect(page.get_by_role('heading', name=label)).to_be_visible()
-        expect(page.locator('[data-finger]').first).to_contain_text('valid', timeout=60_000)
+        expect(page.locator('[data-finger]').first).to_contain_text('valid', timeout=PATIENCE_MS)
+
+
+def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(browser):
+    page = browser.new_page()
+    with served_beside(SimulatedHand(), access=Access(token='word')) as served:
+        page.goto(served.url)
+        drawn(page)
+    words = page.locator('#connection')
+    expect(words).to_contain_text('slip_view was stopped', timeout=PATIENCE_MS)
+    expect(words).to_contain_text('slip_view cannot be reached', timeout=PATIENCE_MS)
+    port = int(served.url.split(':')[2].partition('/')[0])
+    with served_beside(SimulatedHand(('thumb',)), access=Access(token='word'), port=port):
+        expect(words).to_have_text('connected', timeout=PATIENCE_MS)
+        expect(page.get_by_role('heading', name='thumb')).to_be_visible(timeout=PATIENCE_MS)
+        drawn(page)
         page.close()
-    assert not complaints
+
+
+def test_a_page_that_was_loaded_again_goes_on(open_page):
+    with served_beside(SimulatedHand()) as served:
+        page = open_page(served)
+        for _ in range(3):
+            page.reload()
+            drawn(page)
+        page.close()
+
+
+def test_without_its_token_the_page_is_not_shown(browser):
+    with served_beside(SimulatedHand(), access=Access(token='word')) as served:
+        page = browser.new_page()
+        page.goto(served.url.partition('?')[0])
+        expect(page.locator('body')).to_have_text(NO_TOKEN)
+        page.close()
+
+
+def test_another_site_in_the_same_browser_cannot_connect(browser):
+    with served_beside(SimulatedHand()) as served, served_beside(SimulatedHand()) as other:
+        page = browser.new_page()
+        page.goto(f'{other.url}page/icon.svg')
+        address = served.url.replace('http', 'ws') + 'live'
+        outcome = """(address) => new Promise((done) => {
+            const socket = new WebSocket(address);
+            socket.onopen = () => done('open');
+            socket.onerror = () => done('refused');
+        })"""
+        # Of another port is another origin; a page of the policy of ours may not even ask.
+        assert page.evaluate(outcome, address) == 'refused'
+        page.goto('about:blank')
+        assert page.evaluate(outcome, address) == 'refused'
+        page.close()
