@@ -54,6 +54,13 @@ def load_or_make(key: tuple[object, ...], design: Callable[[], Array]) -> Array:
     -------
     ndarray, shape (sections, 6)
         The same bits as ``design`` returns with the same versions of SciPy and NumPy.
+
+    Examples
+    --------
+    >>> import scipy.signal
+    >>> design = lambda: scipy.signal.butter(2, [7.0, 50.0], 'bandpass', fs=380.0, output='sos')
+    >>> load_or_make(('an example', 7.0, 50.0, 380.0), design).shape
+    (2, 6)
     """
     if 'scipy.signal' in sys.modules:
         return design()

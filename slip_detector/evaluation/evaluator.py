@@ -34,6 +34,19 @@ class EvaluatedRecording(NamedTuple):
         Gaps, bad samples and losses.
     observer : Observer or None
         The observer that was shown the rows, if there was one.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.evaluation.replay import Replay
+    >>> from slip_detector.recordings import RecordingCounts
+    >>> import numpy as np
+    >>> rest = LabelledRows(np.full((760, 16), 4.3), truth=np.zeros(760, bool))
+    >>> outcome = Replay(ChainConfig()).run([rest])
+    >>> evaluated = EvaluatedRecording(outcome, RecordingCounts(gaps=1), observer=None)
+    >>> evaluated.outcome.duration_s, evaluated.counts.gaps
+    (2.0, 1)
     """
 
     outcome: ReplayOutcome

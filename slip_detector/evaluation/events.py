@@ -79,8 +79,8 @@ class TrueSlip:
     --------
     >>> slip = TrueSlip(
     ...     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, settling=False, lead_s=0.1,
-    ...     window_s=0.5, late=False, stages_s=None, lost_at=None, on_at_start=False, on_while=True,
-    ...     channel_delays_s=(0.03, 0.05), delay_s=0.04,
+    ...     window_s=0.5, late=False, stages_s=None, lost_at=None, on_at_start=False,
+    ...     on_while=True, channel_delays_s=(0.03, 0.05), delay_s=0.04,
     ... )
     >>> slip.start_s + slip.latency_s  # when its alarm rose
     1.04

@@ -44,6 +44,20 @@ class LabelledRecording(NamedTuple):
     channel_names : tuple of str
     recording : Recording
         Its ``counts`` are complete when all pieces have been read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / 'rest.npz'
+    >>> np.savez(path, volts=np.full((760, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(760))
+    >>> loader = RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig())
+    >>> opened = loader.open(path)
+    >>> opened.sample_rate_hz, sum(len(piece.volts) for piece in opened.rows)
+    (380.0, 760)
+    >>> opened.recording.counts.rows
+    760
+    >>> folder.cleanup()
     """
 
     rows: Iterator[LabelledRows]

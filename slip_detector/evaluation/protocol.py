@@ -116,6 +116,14 @@ def evaluate_protocol(
     ------
     ValueError
         When a chain cannot be built or a trial does not suit it.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.protocol_trials import simulate_trials
+    >>> trials = {plate: simulate_trials(scene, [0]) for plate, scene in SCENES.items()}
+    >>> result = evaluate_protocol(trials, ChainConfig())
+    >>> result['all']['detected'], list(result['windows'])
+    (3, ['20', '30', '40'])
     """
     result: dict[str, Any] = evaluate_plates(plates, config)
     result['windows'] = {

@@ -31,6 +31,20 @@ def exclusive(
     """Let only one thread at a time run the methods with this decorator.
 
     The object has the lock as ``_lock``.
+
+    Examples
+    --------
+    >>> import threading
+    >>> class Counter:
+    ...     def __init__(self):
+    ...         self._lock, self.count = threading.RLock(), 0
+    ...     @exclusive
+    ...     def up(self):
+    ...         self.count += 1
+    >>> counter = Counter()
+    >>> counter.up()
+    >>> counter.count
+    1
     """
 
     @functools.wraps(method)

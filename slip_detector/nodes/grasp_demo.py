@@ -144,6 +144,11 @@ def seed_range(text: str) -> range:
     ------
     ArgumentTypeError
         When the text is neither.
+
+    Examples
+    --------
+    >>> list(seed_range('3')), list(seed_range('7000:7001'))
+    ([0, 1, 2], [7000, 7001])
     """
     first, colon, last = text.partition(':')
     try:

@@ -53,6 +53,12 @@ class LiveGraspTrial(NamedTuple):
         Times and grip forces in newtons.
     onset_s : ndarray, shape (k,)
         Times of the samples on which slip came on.
+
+    Examples
+    --------
+    >>> command, none = np.array([[0.0, 2.0], [1.0, 3.5]]), np.zeros((0, 2))
+    >>> LiveGraspTrial(none, command, np.zeros(0)).command_n(np.array([0.5, 1.0])).tolist()
+    [2.0, 3.5]
     """
 
     position: Floats

@@ -37,7 +37,13 @@ LISTED = 8
 
 
 class Level(IntEnum):
-    """The levels of ``diagnostic_msgs/DiagnosticStatus``."""
+    """The levels of ``diagnostic_msgs/DiagnosticStatus``.
+
+    Examples
+    --------
+    >>> max(Level.OK, Level.WARN)
+    <Level.WARN: 1>
+    """
 
     OK = 0
     WARN = 1

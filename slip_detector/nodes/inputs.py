@@ -55,6 +55,12 @@ class Input:
     ------
     ValueError
         When the type is not installed or has no such field.
+
+    Examples
+    --------
+    >>> source = Input(DetectorConfig(input_type='sensor_msgs/JointState', input_field='position'))
+    >>> source.message_class.__name__, source.has_names
+    ('JointState', True)
     """
 
     def __init__(self, config: DetectorConfig) -> None:

@@ -58,6 +58,12 @@ class Sample(NamedTuple):
     number : int or None
         Number of the message among those of its publisher, where the stamp is the time of
         publication and the middleware numbers messages.
+
+    Examples
+    --------
+    >>> sample = Sample(np.array([[4.3, 4.2]]), 2_000_000_005, ['a', 'b'], 'tip', None)
+    >>> sample._replace(stamp_ns=None).rows.shape
+    (1, 2)
     """
 
     rows: NDArray[np.float64]

@@ -155,7 +155,15 @@ class ParameterClient:
 
 
 def as_python(value: Any) -> Any:
-    """Return a value of a message as Python has it; None where there is none."""
+    """Return a value of a message as Python has it; None where there is none.
+
+    Examples
+    --------
+    >>> from rcl_interfaces.msg import ParameterType, ParameterValue
+    >>> kind = ParameterType.PARAMETER_DOUBLE_ARRAY
+    >>> as_python(ParameterValue(type=kind, double_array_value=[7.0, 50.0]))
+    [7.0, 50.0]
+    """
     found = parameter_value_to_python(value)
     return list(found) if isinstance(found, (array, tuple, np.ndarray)) else found
 
@@ -177,7 +185,16 @@ def _typed(name: str, value: Any) -> tuple[str, Parameter.Type | None, Any]:
 
 
 def changes_in(event: ParameterEvent) -> dict[str, Any]:
-    """Return what a parameter event tells: values by name, None of one that was deleted."""
+    """Return what a parameter event tells: values by name, None of one that was deleted.
+
+    Examples
+    --------
+    >>> from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    >>> threshold = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.7)
+    >>> changed = [Parameter(name='threshold', value=threshold)]
+    >>> changes_in(ParameterEvent(changed_parameters=changed))
+    {'threshold': 0.7}
+    """
     changed = {each.name: as_python(each.value) for each in event.changed_parameters}
     new = {each.name: as_python(each.value) for each in event.new_parameters}
     return {**changed, **new, **dict.fromkeys(each.name for each in event.deleted_parameters)}

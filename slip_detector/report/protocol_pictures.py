@@ -66,6 +66,15 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
     ------
     ValueError
         When the chain cannot be built.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.protocol_trials import plate_trial
+    >>> time_s = np.arange(760) / 380.0
+    >>> volts = 4.3 + 0.02 * np.sin(2 * np.pi * 25.0 * time_s)[:, np.newaxis] * np.ones(16)
+    >>> trial = plate_trial(volts, np.clip(time_s - 1.0, 0.0, 0.5), 380.0)
+    >>> {signal.shape for signal in stage_signals(trial, ChainConfig(), channel=1).values()}
+    {(760,)}
     """
     evidence = config.decision == 'evidence'
     result = SlipChain(config).update(trial.volts, floor=evidence, excess=evidence)

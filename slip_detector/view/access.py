@@ -86,7 +86,13 @@ class Access:
 
 
 def new_token() -> str:
-    """Return a token that nobody guesses."""
+    """Return a token that nobody guesses.
+
+    Examples
+    --------
+    >>> new_token() == new_token()
+    False
+    """
     return secrets.token_urlsafe(16)
 
 
@@ -109,7 +115,13 @@ def host_name(host: str) -> str | None:
 
 
 def is_address(name: str) -> bool:
-    """Return whether a name is an address in numbers."""
+    """Return whether a name is an address in numbers.
+
+    Examples
+    --------
+    >>> [is_address(name) for name in ('127.0.0.1', '::1', 'localhost')]
+    [True, True, False]
+    """
     try:
         ipaddress.ip_address(name)
     except ValueError:

@@ -56,7 +56,13 @@ def packed(header: Mapping[str, Any], arrays: Mapping[str, ArrayLike]) -> bytes:
 
 
 def unpacked(frame: bytes) -> tuple[dict[str, Any], dict[str, NDArray[np.generic]]]:
-    """Return the header and the arrays of a frame, as the page reads them."""
+    """Return the header and the arrays of a frame, as the page reads them.
+
+    Examples
+    --------
+    >>> unpacked(packed({'frame': 7}, {}))[0]['frame']
+    7
+    """
     (length,) = LENGTH.unpack_from(frame)
     place = LENGTH.size + length
     header = json.loads(frame[LENGTH.size : place])

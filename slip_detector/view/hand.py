@@ -33,7 +33,13 @@ SILENT_BEATS = 3.0
 
 
 class Diagnosis(NamedTuple):
-    """One line of a detector's diagnostics: 0 is all well, 1 a warning, 2 an error."""
+    """One line of a detector's diagnostics: 0 is all well, 1 a warning, 2 an error.
+
+    Examples
+    --------
+    >>> Diagnosis(1, 'input', '3 samples lost').message
+    '3 samples lost'
+    """
 
     level: int
     name: str

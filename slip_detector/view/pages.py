@@ -27,7 +27,13 @@ TYPES = {
 
 
 class PageFile(NamedTuple):
-    """A file and its media type."""
+    """A file and its media type.
+
+    Examples
+    --------
+    >>> page_files()['/page/live.css'].media_type
+    'text/css; charset=utf-8'
+    """
 
     content: bytes
     media_type: str

@@ -54,6 +54,11 @@ class Reading(NamedTuple):
         Names of those that hold from the start to the end of the node.
     meanings : dict
         Descriptions, by name.
+
+    Examples
+    --------
+    >>> Reading({'threshold': 0.5}, frozenset(), {'threshold': 'Level of a channel'}).values
+    {'threshold': 0.5}
     """
 
     values: dict[str, Any]
@@ -70,6 +75,11 @@ class Change(NamedTuple):
         Values by name; None: there was, or is, no such parameter.
     by : str
         The page, or ``OUTSIDE``, or ``RESTART``.
+
+    Examples
+    --------
+    >>> Change({'threshold': 0.5}, {'threshold': 0.7}, by='this page').after
+    {'threshold': 0.7}
     """
 
     before: dict[str, Any]

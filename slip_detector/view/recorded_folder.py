@@ -43,6 +43,12 @@ class Recorded(NamedTuple):
     slips : int
     note : str
         What is wrong with it, in words; empty where nothing is.
+
+    Examples
+    --------
+    >>> taught = Recorded('slip_1', duration_s=20.0, slips=0)
+    >>> taught.kind, taught.usable
+    ('slip', False)
     """
 
     name: str

@@ -42,6 +42,11 @@ class Spectrum(NamedTuple):
         From one frequency to the next; the first is one step.
     density_db : ndarray of float32, shape (channels, frequencies)
         dB relative to 1 V/sqrt(Hz).
+
+    Examples
+    --------
+    >>> Spectrum(0.5, np.zeros((2, 381), np.float32)).density_db.shape
+    (2, 381)
     """
 
     step_hz: float
