@@ -36,7 +36,7 @@ from slip_detector.view.hand import Finger
 #: Parameters on which depends what is subscribed to.
 OF_TOPICS = ('channels', 'input_type', 'input_field', 'groups', 'publish_groups')
 
-#: Changes of a state that may wait until they are taken.
+#: Changes of a state that may wait until they are taken, and for rows.
 STATES = 1000
 
 
@@ -81,6 +81,8 @@ class States:
         if state != self.now:
             self._changes.append((published_ns, state))
         self.now = state
+        if len(self._changes) > STATES:  # No rows come.
+            self._before = self._changes.pop(0)[1]
 
     def beside(self, published_ns: Iterable[int]) -> NDArray[np.bool_]:
         """Return the state of each row; those that changed later are kept for the next rows."""

@@ -25,7 +25,7 @@ from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool, Float32MultiArray, Header, MultiArrayDimension  # noqa: E402
 
-from slip_detector.nodes.finger_topics import FingerTopics, States, Topics  # noqa: E402
+from slip_detector.nodes.finger_topics import STATES, FingerTopics, States, Topics  # noqa: E402
 from slip_detector.nodes.messages import (  # noqa: E402
     event_qos,
     sensor_qos,
@@ -60,6 +60,14 @@ def test_each_row_has_the_state_that_was_published_last_before_it(changes, rows,
     wanted = [next((s for t, s in reversed(changes) if t <= at), False) for at in rows]
     assert found == wanted
     assert states.now == (changes[-1][1] if changes else False)
+
+
+def test_states_without_rows_take_no_more_and_more_memory():
+    states = States()
+    for k in range(3 * STATES):
+        states.change(k % 2 == 0, k)
+    assert len(states._changes) == STATES
+    assert states.beside([2 * STATES + 10, 3 * STATES]).tolist() == [True, False]
 
 
 class Sensor:

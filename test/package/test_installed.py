@@ -21,6 +21,8 @@ from pathlib import Path
 
 import pytest
 
+from slip_detector.view.pages import page_files
+
 PREFIX = os.environ.get('SLIP_DETECTOR_PREFIX', '')
 
 pytestmark = pytest.mark.skipif(
@@ -90,6 +92,14 @@ def test_what_reports_are_made_of_is_installed(tmp_path):
     command = [sys.executable, '-c', code]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert all(int(size) > 1000 for size in done.stdout.split())
+
+
+def test_what_the_live_page_is_made_of_is_installed(tmp_path):
+    code = 'import slip_detector.view.pages as p; print(*p.page_files())'
+    command = [sys.executable, '-c', code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    # As in the checkout.
+    assert set(done.stdout.split()) == set(page_files())
 
 
 @pytest.mark.parametrize(
