@@ -109,21 +109,6 @@ class BagStorage:
         When nothing can be read; names the file.
     OSError
         When the path does not exist.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tempfile
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.recordings import write_recording
-    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = Path(folder.name) / 'trial.db3'
-    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
-    >>> storage = BagStorage(path, ReadingLimit(path, 20.0))
-    >>> [received_ns for _, received_ns, _ in storage.messages({'/voltages'})][:2]
-    [0, 10000000]
-    >>> folder.cleanup()
     """
 
     def __init__(self, path: Path, limit: ReadingLimit) -> None:

@@ -38,21 +38,6 @@ class DamagedDatabase:
     topics : list of Topic
     lost : str
         Where the file is cut off, as far as it is known; empty while no damage was found.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tempfile
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.recordings import write_recording
-    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = Path(folder.name) / 'trial.db3'
-    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
-    >>> damaged = DamagedDatabase(path, path.name)
-    >>> len(list(damaged.messages({'/voltages'})))
-    4
-    >>> folder.cleanup()
     """
 
     def __init__(self, path: Path, name: str) -> None:

@@ -56,22 +56,6 @@ class DamagedMcap:
     topics : list of Topic
     lost : str
         Where the file is cut off or damaged; empty while no damage was found.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tempfile
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.recordings import write_recording
-    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = Path(folder.name) / 'trial.mcap'
-    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
-    >>> _ = path.write_bytes(path.read_bytes()[:-1400])
-    >>> damaged = DamagedMcap(path, path.name)
-    >>> len(list(damaged.messages({'/voltages'}))), damaged.lost.startswith('is cut off at byte')
-    (4, True)
-    >>> folder.cleanup()
     """
 
     def __init__(self, path: Path, name: str) -> None:

@@ -116,20 +116,6 @@ def survey(path: Path, limit: ReadingLimit) -> str:
     ------
     ValueError
         When a record or a content is too large; names its place.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tempfile
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.recordings import write_recording
-    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = Path(folder.name) / 'trial.mcap'
-    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
-    >>> survey(path, ReadingLimit(path, 20.0))
-    ''
-    >>> folder.cleanup()
     """
     n_chunks = none = 0
     messages = False
@@ -157,21 +143,6 @@ def write_checksums(path: Path) -> None:
     ------
     OSError
         When the file cannot be written.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tempfile
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.recordings import write_recording
-    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = Path(folder.name) / 'trial.mcap'
-    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
-    >>> write_checksums(path)
-    >>> all(chunk.checksum for chunk in chunks_of(path))
-    True
-    >>> folder.cleanup()
     """
     # The head, the empty name of the compression and the length of the content.
     before = _HEAD.size + 4 + 8

@@ -65,6 +65,12 @@ REASONS = {
         'tuning/loading.py': {'TrainingFiles'},
         'tuning/objective.py': {'Candidate'},
     },
+    'a step of reading or writing a bag, as the example of BagRecording does': {
+        'recordings/bag_storage.py': {'BagStorage'},
+        'recordings/damaged_database.py': {'DamagedDatabase'},
+        'recordings/damaged_mcap.py': {'DamagedMcap'},
+        'recordings/mcap_chunks.py': {'survey', 'write_checksums'},
+    },
     'it serves a page or listens to a finger': {
         'view/description.py': {'diagnostics', 'hand_description'},
         'view/hand.py': {'Hand'},
