@@ -131,8 +131,10 @@ def test_an_interrupt_leaves_what_a_cluster_found_and_the_cluster_as_it_was(clus
     worker = cluster.start_worker()
     folder, _ = case
     endless = check_interrupted_evaluation(folder / 'set', '--cluster', cluster.address)
-    # The worker still waits for the recording: its end lets it go on.
-    os.close(os.open(endless, os.O_WRONLY))
+    # The worker may wait for the recording, or begin to only now: its end lets it go on.
+    writer = os.open(endless, os.O_RDWR)  # for writing alone it would wait for a reader
+    endless.unlink()
+    os.close(writer)
     check_interrupted_search(case, '--cluster', cluster.address)
     assert worker.poll() is None
     with distributed.Client(cluster.address) as client:
