@@ -126,9 +126,8 @@ class JointStateReader:
                 return None
             self._as_before = between
         seconds, rest = STAMP.unpack_from(raw, ENCAPSULATION_BYTES)
-        row = np.frombuffer(raw, DOUBLES, self._n, self._begin)
-        # A copy, as what is read from bytes cannot be written to.
-        rows = np.array(row, np.float64, ndmin=2)
+        # A copy that can be written to, and that begins where float64 may.
+        rows = np.ndarray((1, self._n), DOUBLES, bytearray(raw[self._begin : self._end]))
         return Sample(rows, seconds * 1_000_000_000 + rest, self._names, self._frame_id)
 
     def _fixed_bytes(self, raw: bytes) -> bytes:
