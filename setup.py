@@ -68,6 +68,7 @@ setup(
         # slip_evaluate and slip_tune on several machines.
         'cluster': ['distributed'],
         'test': [
+            'axe-core-python',
             'colcon-common-extensions',
             'distributed',
             'hypothesis',

@@ -14,12 +14,16 @@
 
 """The live page in a browser without a screen."""
 
+import contextlib
 import os
-import time
 
 import pytest
 
 from benchmarks.tune import browser as system_browser
+from slip_detector.view.parameter_requests import ParameterRequests
+from slip_detector.view.teaching_requests import TeachingRequests
+from support.finger_states import Player, QuietHand
+from support.simulated_hand import served_beside
 
 MISSING = system_browser.why_no_browser()
 
@@ -61,10 +65,30 @@ def open_page(browser):
     assert complaints == []
 
 
-def until(condition, deadline_s=60.0):
-    """Wait until a condition holds, and return what it gave."""
-    end_s = time.monotonic() + deadline_s
-    while not (found := condition()):
-        assert time.monotonic() < end_s, 'it did not come'
-        time.sleep(0.02)
-    return found
+@pytest.fixture
+def played(open_page, tmp_path):
+    """Return what opens a page on fingers that play rows: by label the rows, None for none.
+
+    What the page asks for is answered as by ``slip_view``, with a folder of the test.
+    """
+
+    def open_(rows_of, prepare=lambda hand: None, access=None, **how):
+        hand = QuietHand(tuple(rows_of), **how)
+        prepare(hand)
+        players = [
+            Player(hand, label, rows) for label, rows in rows_of.items() if rows is not None
+        ]
+
+        def prepare_server(server):
+            server.each_tick.extend(players)
+            ParameterRequests(server, tmp_path)
+            TeachingRequests(server, tmp_path)
+
+        served = ends.enter_context(served_beside(hand, access=access, prepare=prepare_server))
+        page = open_page(served)
+        # Before the server ends, which a page would complain of.
+        ends.callback(page.close)
+        return served, page
+
+    with contextlib.ExitStack() as ends:
+        yield open_

@@ -22,85 +22,14 @@ import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.hand import Diagnosis
-from support.simulated_hand import SimulatedHand, served_beside
+from support.finger_states import STATES, Player, rest_rows, slip_rows
 
 expect = pytest.importorskip('playwright.sync_api').expect
-
-RATE_HZ = 380.0
-
-
-def rest_rows(rows=380, seed=0):
-    return 4.3 + 1e-4 * np.random.default_rng(seed).normal(size=(rows, 16))
-
-
-def slip_rows(rows=380):
-    seconds = np.arange(rows) / RATE_HZ
-    return rest_rows(rows) + 0.2 * np.sin(2 * np.pi * 20.0 * seconds)[:, np.newaxis]
-
-
-class QuietHand(SimulatedHand):
-    """Nothing comes but what a test plays; ``heard`` False: no detector is heard."""
-
-    heard = True
-
-    def __init__(self, labels=('index',), **how):
-        super().__init__(labels, real_time=False, **how)
-
-    def poll(self):
-        if self.heard:
-            super().poll()
-
-    def play(self, label, rows):
-        simulated = self.simulated[f'/{label}/slip_detector']
-        simulated.send(rows, np.zeros(len(rows), bool))
-
-
-class Player:
-    """Plays the same rows to a finger again and again, as its driver does."""
-
-    def __init__(self, hand, label, rows):
-        self.hand, self.label, self.rows, self.at = hand, label, rows, 0
-
-    def __call__(self):
-        self.hand.play(self.label, self.rows[self.at : self.at + 12])
-        self.at = (self.at + 12) % (len(self.rows) - 12)
-
-
-@pytest.fixture
-def played(open_page):
-    """Return what opens a page on fingers that play rows: by label the rows, None for none."""
-
-    def open_(rows_of, prepare=lambda hand: None, **how):
-        hand = QuietHand(tuple(rows_of), **how)
-        prepare(hand)
-        players = [
-            Player(hand, label, rows) for label, rows in rows_of.items() if rows is not None
-        ]
-        context = served_beside(hand, prepare=lambda server: server.each_tick.extend(players))
-        served = context.__enter__()
-        contexts.append(context)
-        return served, open_page(served)
-
-    contexts = []
-    yield open_
-    for context in contexts:
-        context.__exit__(None, None, None)
 
 
 def card(page, label):
     return page.locator(f'[data-finger="/{label}/slip_detector"]')
 
-
-def dead_rows():
-    rows = rest_rows()
-    rows[:, 6] = np.nan
-    return rows
-
-
-ALL = {
-    'rest': rest_rows(), 'slip': slip_rows(), 'dead': dead_rows(), 'none': None,
-    'invalid': np.full((380, 16), np.nan),
-}  # fmt: skip
 
 WORDS = {
     'rest': ('rest', 'all channels valid'),
@@ -112,7 +41,7 @@ WORDS = {
 
 
 def test_each_state_is_told_in_words(played):
-    _, page = played(ALL)
+    _, page = played(STATES)
     for label, words in WORDS.items():
         for word in words:
             expect(card(page, label)).to_contain_text(word, timeout=60_000)
@@ -132,14 +61,14 @@ def picture(page, label):
 
 
 def test_states_differ_in_what_is_seen_without_red_and_green(played):
-    _, page = played(ALL)
+    _, page = played(STATES)
     for label, words in WORDS.items():
         expect(card(page, label)).to_contain_text(words[1], timeout=60_000)
     session = page.context.new_cdp_session(page)
     for kind in ('none', 'deuteranopia', 'protanopia', 'achromatopsia'):
         session.send('Emulation.setEmulatedVisionDeficiency', {'type': kind})
-        pictures = {label: picture(page, label) for label in ALL}
-        for one, other in itertools.combinations(ALL, 2):
+        pictures = {label: picture(page, label) for label in STATES}
+        for one, other in itertools.combinations(STATES, 2):
             # Where the picture itself stands, below the names.
             differs = np.abs(pictures[one][60:, :] - pictures[other][60:, :]) > 0.2
             assert differs.mean() > 0.003, (kind, one, other)
@@ -206,8 +135,8 @@ def test_groups_tell_their_votes(played):
 
 
 def test_five_fingers_stand_side_by_side_on_a_laptop(played):
-    _, page = played(ALL)
-    boxes = [card(page, label).bounding_box() for label in ALL]
+    _, page = played(STATES)
+    boxes = [card(page, label).bounding_box() for label in STATES]
     assert len({box['y'] for box in boxes}) == 1
     boxes.sort(key=lambda box: box['x'])
     for left, right in itertools.pairwise(boxes):
@@ -220,7 +149,7 @@ def test_five_fingers_stand_side_by_side_on_a_laptop(played):
 
 @pytest.mark.parametrize('width', [400, 800, 1366])
 def test_the_page_is_no_wider_than_its_window(played, open_page, width):
-    served, _ = played(ALL)
+    served, _ = played(STATES)
     page = open_page(served, width=width)
     assert page.evaluate('document.documentElement.scrollWidth') <= width
 
@@ -228,7 +157,8 @@ def test_the_page_is_no_wider_than_its_window(played, open_page, width):
 def test_input_that_stops_and_a_detector_that_is_not_heard_or_gone_are_told(played):
     served, page = played({'index': rest_rows(), 'thumb': slip_rows()})
     expect(card(page, 'index')).to_contain_text('rest', timeout=60_000)
-    served.call(served.server.each_tick.clear)
+    for player in [call for call in served.server.each_tick if isinstance(call, Player)]:
+        served.call(served.server.each_tick.remove, player)
     for label in ('index', 'thumb'):
         expect(card(page, label)).to_contain_text('no input')
         expect(card(page, label)).to_contain_text('no sample for')
@@ -248,7 +178,7 @@ def test_a_change_is_announced_politely_and_once(played):
     expect(news).to_have_attribute('role', 'status')
     expect(news).to_contain_text('index: rest', timeout=60_000)
     # A slip that is over before it is announced is announced all the same.
-    player = served.server.each_tick[0]
+    player = next(call for call in served.server.each_tick if isinstance(call, Player))
     served.call(setattr, player, 'rows', slip_rows())
     expect(card(page, 'index')).to_contain_text('SLIP')
     served.call(setattr, player, 'rows', rest_rows())
