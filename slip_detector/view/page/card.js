@@ -5,7 +5,6 @@ import {paintFinger, placesOf} from './finger.js';
 // What each state is called and looks like; the first that holds is shown. An own shape each, so that
 // they can be told apart without colours.
 const STATES = {
-  gone: {mark: '\u2715', words: 'detector gone'},
   silent: {mark: '\u2715', words: 'detector silent'},
   noInput: {mark: '\u2715', words: 'no input'},
   notValid: {mark: '?', words: 'not valid'},
