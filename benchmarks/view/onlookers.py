@@ -26,7 +26,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from tornado.websocket import websocket_connect
+from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 from benchmarks.tune.browser import PATIENCE_MS, browser
 
@@ -116,7 +116,7 @@ class Onlooker(Nobody):
     def is_drawing(self) -> bool:
         """Return whether frames come."""
         if self._error is not None:
-            raise RuntimeError(f'the page cannot be looked at: {self._error}')
+            raise RuntimeError(f'the page cannot be looked at: {self._error!r}')
         return bool(self._drawn_ms)
 
     def drawn_ms(self) -> list[float]:
@@ -132,6 +132,14 @@ class Onlooker(Nobody):
 
     async def _look(self) -> None:
         socket = await websocket_connect(self._address)
+        try:
+            await self._take_frames(socket)
+        finally:
+            socket.close()
+            while await socket.read_message() is not None:
+                pass
+
+    async def _take_frames(self, socket: WebSocketClientConnection) -> None:
         looked = False
         while not self._stop.is_set():
             message = await asyncio.wait_for(socket.read_message(), ANSWER_S)
@@ -145,10 +153,11 @@ class Onlooker(Nobody):
             content = json.loads(message)
             if content['type'] == 'hand' and not looked:
                 names = [finger['name'] for finger in content['fingers']]
+                if len(names) > self._fingers:
+                    raise ValueError(f'{", ".join(names)} are there, wanted {self._fingers}')
                 if len(names) == self._fingers:
                     looked = True
                     await socket.write_message(json.dumps(_look_at(names)))
-        socket.close()
 
 
 def _look_at(names: list[str]) -> dict[str, Any]:

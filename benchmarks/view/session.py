@@ -39,7 +39,8 @@ from slip_detector.nodes.health import AGE_KEYS
 FINGERS = 5
 
 #: Who looks, in turns: other load of the machine comes and goes, and disturbs each of them alike.
-TURNS = (*('closed', 'elsewhere') * 3, 'here', *('elsewhere', 'closed') * 2)
+#: The browser comes last: the memory for what slip_view keeps of each finger is taken by then.
+TURNS = (*('closed', 'elsewhere') * 5, 'here')
 
 #: Before it is measured, the traces fill their window and what is compiled is compiled; a share of
 #: a short measurement.

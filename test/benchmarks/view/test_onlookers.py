@@ -62,6 +62,15 @@ def test_a_page_that_cannot_be_reached_is_told():
         wait_for(onlooker, lambda taken: False)
 
 
+def test_fingers_that_are_not_part_of_the_measurement_are_told():
+    with (
+        served_beside(SimulatedHand(('index', 'thumb'))) as served,
+        Onlooker(served.url, 1) as onlooker,
+        pytest.raises(RuntimeError, match='/thumb/slip_detector are there, wanted 1'),
+    ):
+        wait_for(onlooker, lambda taken: False)
+
+
 def test_nobody_draws_nothing():
     assert Nobody().is_drawing()
     assert Nobody().drawn_ms() == []
