@@ -59,7 +59,6 @@ out/grasp.json: $(VENV)/installed $(PACKAGE)
 	mkdir -p out
 	$(BIN)/slip_grasp --out out > out/grasp.txt
 
-# Ctrl-C ends it, which is no failure.
 view: $(VENV)/installed
 	@$(BIN)/slip_view --scene plate_400um --folder out/recordings
 

@@ -19,7 +19,6 @@ import asyncio
 import gc
 import os
 import signal
-import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -179,7 +178,7 @@ async def _serve(
 
     from slip_detector.nodes.markers import MarkerTopic
     from slip_detector.nodes.view_fingers import RosHand
-    from slip_detector.view.access import Access, is_loopback, new_token
+    from slip_detector.view.access import Access, is_loopback, new_token, page_address
     from slip_detector.view.parameter_requests import ParameterRequests
     from slip_detector.view.server import Server
     from slip_detector.view.teaching_requests import TeachingRequests
@@ -205,7 +204,7 @@ async def _serve(
         ) from None
     gc.freeze()
     gc.enable()
-    print(f'slip_view: {_address(arguments.host, port, token)}', flush=True)
+    print(f'slip_view: {page_address(arguments.host, port, token)}', flush=True)
     checking = asyncio.create_task(_check_nodes(nodes, stop))
     try:
         await server.run(stop)
@@ -226,25 +225,6 @@ async def _check_nodes(nodes: 'NodeProcesses', stop: asyncio.Event) -> None:
             await asyncio.wait_for(stop.wait(), CHECK_S)
         except asyncio.TimeoutError:
             continue
-
-
-def _address(host: str, port: int, token: str) -> str:
-    """Return the address of the page, as another machine reaches it where it can."""
-    if host in ('0.0.0.0', '::', ''):
-        host = _own_address()
-    name = f'[{host}]' if ':' in host else host
-    return f'http://{name}:{port}/' + (f'?token={token}' if token else '')
-
-
-def _own_address() -> str:
-    """Return the address from which this machine reaches others; its name where it has none."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            # Nothing is sent: a datagram's socket only chooses the way.
-            probe.connect(('10.255.255.255', 9))
-            return str(probe.getsockname()[0])
-        except OSError:
-            return socket.gethostname()
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ import ipaddress
 import secrets
 import socket
 from dataclasses import dataclass, field
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,31 @@ def new_token() -> str:
     False
     """
     return secrets.token_urlsafe(16)
+
+
+def page_address(host: str, port: int, token: str = '') -> str:
+    """Return the address of the page, as another machine reaches it where it can.
+
+    Examples
+    --------
+    >>> page_address('127.0.0.1', 8470), page_address('::1', 80, token='a&b')
+    ('http://127.0.0.1:8470/', 'http://[::1]:80/?token=a%26b')
+    """
+    if host in ('', '0.0.0.0', '::'):
+        host = _own_address()
+    name = f'[{host}]' if ':' in host else host
+    return f'http://{name}:{port}/' + (f'?token={quote(token, safe="")}' if token else '')
+
+
+def _own_address() -> str:
+    """Return the address from which this machine reaches others; its name where it has none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            # Nothing is sent: a datagram's socket only chooses the way.
+            probe.connect(('10.255.255.255', 9))
+            return str(probe.getsockname()[0])
+        except OSError:
+            return socket.gethostname()
 
 
 def host_name(host: str) -> str | None:

@@ -64,6 +64,7 @@ def with_page(address, test):
 
 def subscribed(bench):
     """Return the topics that slip_view subscribes to."""
+    bench.wait_for(lambda: 'slip_view' in bench.node.get_node_names(), 'slip_view to be known')
     found = bench.node.get_subscriber_names_and_types_by_node('slip_view', '/')
     return {topic for topic, _ in found}
 

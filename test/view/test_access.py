@@ -15,12 +15,19 @@
 """Who may open the page: no name and no origin of another site, no wrong token."""
 
 import string
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.view.access import Access, host_name, is_loopback, new_token
+from slip_detector.view.access import (
+    Access,
+    host_name,
+    is_loopback,
+    new_token,
+    page_address,
+)
 
 LOCAL = Access('127.0.0.1', names=frozenset({'robot', 'robot.local'}))
 OPEN = Access('0.0.0.0', token='secret', names=frozenset({'robot', 'robot.local'}))
@@ -94,3 +101,17 @@ def test_tokens_are_long_and_differ():
     tokens = {new_token() for _ in range(100)}
     assert len(tokens) == 100
     assert min(map(len, tokens)) >= 20
+
+
+@given(token=st.text(st.characters(exclude_categories=['Cs']), max_size=20))
+def test_the_address_has_the_token_whatever_it_is(token):
+    query = urlsplit(page_address('robot', 8470, token)).query
+    assert parse_qs(query, keep_blank_values=True) == ({'token': [token]} if token else {})
+
+
+@pytest.mark.parametrize('host', ['0.0.0.0', '::', ''])
+def test_a_server_for_all_addresses_has_one_that_others_can_open(host):
+    parts = urlsplit(page_address(host, 8470))
+    assert parts.hostname not in ('0.0.0.0', '::', '')
+    access = Access(host or '0.0.0.0', token='secret')
+    assert access.refusal(parts.netloc, f'http://{parts.netloc}') == ''
