@@ -93,6 +93,10 @@ def open_all(page):
         closed.first.click()
 
 
+def changes(page):
+    return page.locator('#parameters .changes li')
+
+
 def config(served):
     return served.call(lambda: served.hand.fingers[NAME].config)
 
@@ -160,12 +164,12 @@ def test_groups_come_and_go_as_a_set(opened, tmp_path):
         for name in ('TP', 'TD'):
             page.locator(f'[data-name="groups.{name}"]').get_by_role('button').click()
         expect(page.locator('[data-name="groups.TP"]')).to_contain_text('To be removed')
-        page.get_by_label('New group').fill('all of it')
+        page.get_by_label('New group').fill('all (of it')
         button(page, 'Add').click()
-        field(page, 'groups.all of it').fill('14, 16, 11, 9, 1, 3, 8, 6')
+        field(page, 'groups.all (of it').fill('14, 16, 11, 9, 1, 3, 8, 6')
         set_button(page).click()
-        expect(page.locator('#parameters [role=alert]')).to_contain_text("'all of it'")
-        field(page, 'groups.all of it').press('Escape')
+        expect(page.locator('#parameters [role=alert]')).to_contain_text("'all (of it'")
+        field(page, 'groups.all (of it').press('Escape')
         page.get_by_label('New group').fill('T')
         button(page, 'Add').click()
         field(page, 'groups.T').fill('14, 16, 11, 9, 1, 3, 8, 6')
@@ -287,3 +291,18 @@ def test_it_is_saved_in_the_folder_that_is_named_and_nowhere_else(opened, tmp_pa
         button(page, 'Save').click()
         expect(saved).to_contain_text("Not saved: name is '../index', allowed: ")
         assert [path.name for path in tmp_path.iterdir()] == ['index.yaml']
+
+
+def test_a_page_goes_on_telling_changes_when_slip_view_was_started_again(opened, tmp_path):
+    with served(tmp_path) as running:
+        page = opened(running)
+        for value in ('0.25', '0.75'):
+            field(page, 'threshold').fill(value)
+            set_button(page).click()
+            expect(changes(page).last).to_contain_text(f'to {value}.')
+        begun_again = SimulatedHand(('index',), real_time=False)
+        running.call(lambda: setattr(running.server, 'hand', begun_again))
+        expect(field(page, 'threshold')).to_have_value('0.5')
+        field(page, 'threshold').fill('0.125')
+        set_button(page).click()
+        expect(changes(page).last).to_have_text('Set: threshold from 0.5 to 0.125.')

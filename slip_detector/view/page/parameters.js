@@ -6,8 +6,12 @@ import {ParameterRow} from './parameter_row.js';
 // Who asks, so that a page knows its own changes from those of others.
 export const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
 
-// Headings that are open at first: what one changes most.
-const OPEN = new Set(['Filters', 'Threshold and vote']);
+// The heading under which groups are, and those that are open at first: what one changes most.
+const OF_GROUPS = 'Threshold and vote';
+const OPEN = new Set(['Filters', OF_GROUPS]);
+
+// Whether words name a parameter, and not only one whose name begins or ends so.
+const isNamed = (name, words) => words.split(/[\s,;:]+/).includes(name);
 
 export class Parameters {
   // root: an empty element.
@@ -60,7 +64,7 @@ export class Parameters {
   refuse(words) {
     this.refusal.textContent = words && `Refused: ${words}`;
     this.refusal.hidden = !words;
-    for (const [name, row] of this.rows) row.markRefused(new RegExp(`(^|[ .])${name.replace('.', '\\.')}\\b`).test(words));
+    for (const [name, row] of this.rows) row.markRefused(isNamed(name, words));
   }
 
   build(root) {
@@ -178,7 +182,7 @@ export class Parameters {
     for (const [name, text] of edits) {
       if (seen.has(name) || text === null) continue;
       seen.add(name);
-      this.rowOf({name}, this.sectionOf('Threshold and vote')).showNew(text, usable);
+      this.rowOf({name}, this.sectionOf(OF_GROUPS)).showNew(text, usable);
     }
     for (const [name, row] of this.rows) {
       if (seen.has(name)) continue;
@@ -196,7 +200,7 @@ export class Parameters {
     section.dataset.heading = heading;
     section.open = OPEN.has(heading);
     section.append(make('summary', heading), rows);
-    if (heading === 'Threshold and vote') section.append(this.buildAddGroup());
+    if (heading === OF_GROUPS) section.append(this.buildAddGroup());
     this.sections.append(section);
     return section;
   }
@@ -236,8 +240,10 @@ export class Parameters {
   }
 
   showChanges(panel, edits) {
-    const last = this.heard.get(this.finger) ?? panel.changes[0]?.number ?? 0;
-    this.heard.set(this.finger, panel.changes[0]?.number ?? 0);
+    const newest = panel.changes[0]?.number ?? 0;
+    // A slip_view that was started again counts from the beginning.
+    const last = Math.min(this.heard.get(this.finger) ?? newest, newest);
+    this.heard.set(this.finger, newest);
     const fresh = panel.changes.filter(({number}) => number > last);
     for (const {by, words, names} of fresh.reverse()) {
       const own = by === `page ${PAGE}`;
