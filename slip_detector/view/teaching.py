@@ -35,7 +35,7 @@ BEFORE_S, AFTER_S = 2.0, 1.0
 LEAST_BEFORE_S = 1.0
 
 #: A page that holds a slip says so all the time; when it has not for so long, it is gone.
-HELD_S = 1.0
+HELD_S = 2.0
 
 #: Without a sample for so long a line says so, and a slip does not wait for its rest any more.
 SILENT_S = 2.0

@@ -60,8 +60,10 @@ TAIL_S = 0.3
 def browser():
     if MISSING:
         pytest.fail(f'SLIP_NEED_BROWSER is 1 and the live page {MISSING}')
+    expect.set_options(timeout=PATIENCE_MS)
     with system_browser.browser() as running:
         yield running
+    expect.set_options(timeout=None)
 
 
 class Played:
@@ -103,7 +105,7 @@ def recorded_for(page, key, name, seconds):
     page.keyboard.press(key)
     at_least = '|'.join(map(str, range(seconds, 10 * seconds)))
     now = page.locator('.teach-now')
-    expect(now).to_have_text(re.compile(rf'{name}: ({at_least})\.'), timeout=PATIENCE_MS)
+    expect(now).to_have_text(re.compile(rf'{name}: ({at_least})\.'))
     page.keyboard.press(key)
     expect(page.get_by_role('row', name=re.compile(rf'\b{name}\b'))).to_be_visible()
 
@@ -161,7 +163,7 @@ def test_rest_slip_tap_tune_apply_save_and_the_saved_file_is_better_on_a_fresh_s
     finger = page.locator('.finger')
 
     with Played(bench, tmp_path, 'rest', at_once(held(600.0)), seed=1):
-        expect(finger).not_to_have_attribute('data-state', 'noInput', timeout=PATIENCE_MS)
+        expect(finger).not_to_have_attribute('data-state', 'noInput')
         recorded_for(page, 'r', 'rest_1', 7)
         recorded_for(page, 'r', 'rest_2', 6)
     with Played(bench, tmp_path, 'pulled', pulled(SLIPS), seed=2):
@@ -178,7 +180,7 @@ def test_rest_slip_tap_tune_apply_save_and_the_saved_file_is_better_on_a_fresh_s
     expect(page.locator('.teach-words')).to_contain_text('the detector runs with')
     page.get_by_role('tab', name='Parameters').click()
     decision = page.locator('[data-name=decision] select')
-    expect(decision).to_have_value('evidence', timeout=PATIENCE_MS)
+    expect(decision).to_have_value('evidence')
     page.get_by_role('button', name='Save', exact=True).click()
     expect(page.locator('.saved')).to_contain_text('config:=')
     saved = tmp_path / 'taught' / 'index.yaml'

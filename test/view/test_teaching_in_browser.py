@@ -48,8 +48,10 @@ PATIENCE_MS = 60_000
 def browser():
     if MISSING:
         pytest.fail(f'SLIP_NEED_BROWSER is 1 and the live page {MISSING}')
+    expect.set_options(timeout=PATIENCE_MS)
     with system_browser.browser() as running:
         yield running
+    expect.set_options(timeout=None)
 
 
 @pytest.fixture
@@ -160,7 +162,7 @@ def test_a_page_that_is_closed_ends_the_slip_that_it_held(opened, tmp_path):
         expect(now(page)).to_contain_text('SLIP')
         page.close()
         page = opened(running)
-        expect(words(page)).to_contain_text('slip_1 has', timeout=PATIENCE_MS)
+        expect(words(page)).to_contain_text('slip_1 has')
         expect(row(page, 'slip_1')).to_be_visible()
     assert not truth_of(tmp_path / 'index' / 'slip_1')[-1]
 
@@ -193,7 +195,7 @@ def test_on_a_full_disk_the_page_says_so_and_what_was_recorded_stays(opened, tmp
         seconds_of(page)(1)
         size = (tmp_path / 'index' / 'taps_1' / 'taps_1.mcap').stat().st_size
         with full_disk(size + 1000):
-            expect(words(page)).to_contain_text('File too large', timeout=PATIENCE_MS)
+            expect(words(page)).to_contain_text('File too large')
         expect(words(page)).to_contain_text('which are kept')
         expect(row(page, 'taps_1')).to_contain_text('was cut off')
     assert len(truth_of(tmp_path / 'index' / 'taps_1')) > 300
@@ -207,7 +209,7 @@ def test_tuning_that_fails_says_why_and_keeps_what_was_recorded(opened, tmp_path
         (tmp_path / 'index' / 'rest_1' / 'rest_1.mcap').write_bytes(b'no bag')
         page.get_by_role('button', name='Tune').click()
         failed = page.get_by_role('alert').filter(has_text='Tuning failed')
-        expect(failed).to_contain_text('rest_1', timeout=PATIENCE_MS)
+        expect(failed).to_contain_text('rest_1')
         expect(failed).to_contain_text('What was recorded is kept')
         expect(page.get_by_role('button', name='Tune')).to_be_enabled()
 
