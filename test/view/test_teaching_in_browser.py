@@ -41,7 +41,7 @@ pytestmark = pytest.mark.skipif(
     bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING
 )
 
-PATIENCE_MS = 60_000
+PATIENCE_MS = 120_000
 
 
 @pytest.fixture(scope='module')
