@@ -88,11 +88,15 @@ def run() -> int:
         print(f'slip_view: {" ".join(str(error).split())}', file=sys.stderr)
         code = 1
     finally:
-        # A second signal (ros2 launch sends two) must not interrupt the clean-up.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
+        _ignore_signals()
         shut_down(takedowns, code)
     return code
+
+
+def _ignore_signals() -> None:
+    """Let no second signal (ros2 launch sends two) interrupt the clean-up."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -210,6 +214,10 @@ async def _serve(
         await server.run(stop)
     finally:
         hand.close()
+        # Else the end of the loop gives the signals back what they did at first.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().remove_signal_handler(number)
+        _ignore_signals()
     await checking
 
 

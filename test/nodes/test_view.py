@@ -128,10 +128,11 @@ def test_when_a_node_of_the_scene_ends_so_does_the_page(bench):
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_with_exit_code_0(bench, number):
+def test_signals_end_it_with_exit_code_0(bench, number):
     process = start(bench, *OPTIONS)
     address = address_of(bench, process)
-    process.signal(number)
+    for _ in range(3):  # ros2 launch sends more than one.
+        process.signal(number)
     assert process.wait() == 0
     assert process.log() == f'slip_view: {address}\n'
 
