@@ -14,6 +14,8 @@
 
 """The connection of the live page in a real browser, with simulated fingers."""
 
+import time
+
 import pytest
 
 from slip_detector.view.access import Access
@@ -31,6 +33,14 @@ def drawn(page):
         "document.querySelectorAll('[data-state]').forEach((e) => delete e.dataset.state)"
     )
     page.locator('[data-state]').first.wait_for(state='attached', timeout=PATIENCE_MS)
+
+
+def until(holds, what):
+    """Wait until something holds."""
+    end_s = time.monotonic() + PATIENCE_MS / 1e3
+    while not holds():
+        assert time.monotonic() < end_s, what
+        time.sleep(0.02)
 
 
 def test_the_page_connects_and_shows_each_finger(open_page):
@@ -88,4 +98,25 @@ def test_another_site_in_the_same_browser_cannot_connect(browser):
         assert page.evaluate(outcome, address) == 'refused'
         page.goto('about:blank')
         assert page.evaluate(outcome, address) == 'refused'
+        page.close()
+
+
+def test_a_page_that_is_hidden_looks_at_nothing_and_goes_on_when_it_is_seen_again(open_page):
+    hand = SimulatedHand()
+    with served_beside(hand) as served:
+        page = open_page(served)
+
+        def watched():
+            return served.call(lambda: set(hand.watched))
+
+        until(watched, 'the page to look')
+        hide = """(hidden) => {
+            Object.defineProperty(document, 'hidden', {value: hidden, configurable: true});
+            document.dispatchEvent(new Event('visibilitychange'));
+        }"""
+        page.evaluate(hide, True)
+        until(lambda: not watched(), 'the page to look at nothing')
+        page.evaluate(hide, False)
+        until(watched, 'the page to look again')
+        drawn(page)
         page.close()
