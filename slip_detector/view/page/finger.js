@@ -17,7 +17,7 @@ export function placesOf(positions, width, height) {
   const pitch = smallestDistance(points) || Math.max(across.size, along.size) || 1;
   // The outermost taxels have half a pitch to the edge.
   const scale = Math.min(width / (across.size + pitch), height / (along.size + pitch));
-  const side = Math.min(0.86 * scale * pitch, 56);
+  const side = Math.min(0.96 * scale * pitch - 1, 56);
   return points.map(([x, y]) => ({
     x: width / 2 + scale * (x - across.size / 2), y: height / 2 - scale * (y - along.size / 2), side,
   }));

@@ -343,12 +343,12 @@ export class Traces {
 
   // Under a channel's volts: how near its level is to the threshold.
   paintStrip({context, xOf}, lane) {
-    const {x, curves, stop, base} = this.columns, level = curves.level[lane.channel], volts = curves.low[lane.channel];
+    const {x, curves, stop, base} = this.columns, level = curves.level[lane.channel];
     const {threshold} = this.finger, last = Math.min(stop.levels - base, level.length), most = this.columns.most;
     let without = 0, color = null;
     const colorAt = (i) => {
       // Between two levels that are near each other it is as it was.
-      if (level[i] == null) return ++without <= most ? color : volts[i] == null ? null : hatching(context);
+      if (level[i] == null) return ++without <= most ? color : hatching(context);
       without = 0;
       color = shade(Math.log2(level[i] / threshold));
       return color;

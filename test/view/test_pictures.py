@@ -1,0 +1,177 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The pictures of the live page in the README, made anew: what they show is really on the page.
+
+With ``SLIP_FIGURES`` naming a folder they are written there.
+"""
+
+import contextlib
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.parameter_requests import ParameterRequests
+from slip_detector.view.teaching_requests import TeachingRequests
+from support.simulated_hand import SimulatedHand, served_beside
+
+expect = pytest.importorskip('playwright.sync_api').expect
+image = pytest.importorskip('PIL.Image')
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config' / 'slip_detector.yaml'
+
+#: Seconds of the scene at which the finger slips, and at which it is at rest after a slip.
+IN_SLIP_S, AT_REST_S = 4.9, 8.75
+
+RATE_HZ = 380.0
+
+
+@pytest.fixture
+def opened(open_page, tmp_path):
+    """Return what opens a page on fingers that have played so many seconds of their scene."""
+
+    def open_(played_s, prepare=lambda hand: None):
+        hand = SimulatedHand(tuple(played_s), DetectorConfig.from_yaml(CONFIG))
+        prepare(hand)
+        for seconds, simulated in zip(played_s.values(), hand.simulated.values(), strict=True):
+            simulated.play(seconds)
+
+        def prepare_server(server):
+            ParameterRequests(server, tmp_path)
+            TeachingRequests(server, tmp_path)
+
+        page = open_page(ends.enter_context(served_beside(hand, prepare=prepare_server)))
+        # Before the server ends, which a page would complain of.
+        ends.callback(page.close)
+        return page
+
+    with contextlib.ExitStack() as ends:
+        yield open_
+
+
+def until_s(page, seconds):
+    """Wait until so many seconds of the scene are drawn; its stamps begin at 1000 s."""
+    page.wait_for_function(
+        'seconds => document.getElementById("timeline").dataset.toS > 40 + seconds',
+        arg=seconds,
+        timeout=60_000,
+    )
+
+
+def keep(page, name, tmp_path):
+    """Write what is seen, and look at it: it is drawn, in many colours."""
+    path = Path(os.environ.get('SLIP_FIGURES', tmp_path)) / f'view_{name}.png'
+    # Only the folder is another one than a test's.
+    page.evaluate(
+        """([here, there]) => {
+          const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+          while (texts.nextNode()) {
+            const {currentNode: text} = texts;
+            if (text.data.includes(here)) text.data = text.data.replaceAll(here, there);
+          }
+        }""",
+        [str(tmp_path), '/home/robot/slip_view'],
+    )
+    page.screenshot(path=path)
+    seen = image.open(path).convert('RGB')
+    assert seen.size == (1366, 768)
+    assert len(seen.getcolors(maxcolors=1366 * 768)) > 100
+
+
+def stay_in_slip(simulated):
+    """Let the finger slip until its picture has been made, however long that takes."""
+    play, most = simulated.play, round(6.0 * RATE_HZ)
+
+    def play_on(seconds):
+        if simulated.played % len(simulated.rows) > most:
+            simulated.played -= round(1.5 * RATE_HZ)
+        play(seconds)
+
+    simulated.play = play_on
+
+
+def card(page, label):
+    return page.locator(f'[data-finger="/{label}/slip_detector"]')
+
+
+def test_a_finger_at_rest_after_a_slip(opened, tmp_path):
+    page = opened({'index': AT_REST_S - 2.0})
+    until_s(page, AT_REST_S)
+    expect(card(page, 'index')).to_have_attribute('data-state', 'rest')
+    keep(page, 'rest', tmp_path)
+
+
+def test_a_finger_in_slip(opened, tmp_path):
+    page = opened({'index': IN_SLIP_S - 1.5}, lambda hand: stay_in_slip(*hand.simulated.values()))
+    until_s(page, IN_SLIP_S)
+    expect(card(page, 'index')).to_have_attribute('data-state', 'slip')
+    keep(page, 'slip', tmp_path)
+
+
+def test_a_finger_with_a_dead_channel(opened, tmp_path):
+    def prepare(hand):
+        (simulated,) = hand.simulated.values()
+
+        def disturb(rows):
+            if simulated.played > 7.2 * RATE_HZ:
+                rows[:, 6] = np.nan
+            return rows
+
+        simulated.disturb = disturb
+
+    page = opened({'index': AT_REST_S - 2.0}, prepare)
+    page.get_by_role('button', name='LR', exact=True).click()
+    until_s(page, AT_REST_S)
+    expect(card(page, 'index').locator('.dead')).to_contain_text('ch7 is not valid')
+    keep(page, 'dead', tmp_path)
+
+
+def test_five_fingers(opened, tmp_path):
+    def prepare(hand):
+        simulated = list(hand.simulated.values())
+        stay_in_slip(simulated[0])
+
+        def disturb(rows):
+            rows[:, 6] = np.nan
+            return rows
+
+        simulated[3].disturb = disturb  # The fourth has a dead channel, the last no input.
+        simulated[4].play = lambda seconds: None
+
+    # In the order of their names: index, little, middle, ring, thumb.
+    labels = ('index', 'little', 'middle', 'ring', 'thumb')
+    seconds = (IN_SLIP_S - 1.5, 6.8, 0.5, 7.0, 0.0)
+    page = opened(dict(zip(labels, seconds, strict=True)), prepare)
+    until_s(page, IN_SLIP_S)
+    for label, state in zip(labels, ('slip', 'rest', 'rest', 'rest', 'noInput'), strict=True):
+        expect(card(page, label)).to_have_attribute('data-state', state)
+    keep(page, 'five', tmp_path)
+
+
+def test_teaching(opened, tmp_path):
+    page = opened({'index': 6.5})  # It slips again at 13.4 s.
+    said = page.locator('.teach-now')
+    for seconds in ('1', '2'):
+        page.keyboard.press('r')
+        expect(said).to_contain_text(f': {seconds}.', timeout=60_000)
+        page.keyboard.press('r')
+        expect(said).to_contain_text('Nothing is recorded')
+    page.keyboard.down(' ')
+    until_s(page, 9.6 + IN_SLIP_S)
+    expect(said).to_contain_text('SLIP')
+    keep(page, 'teach', tmp_path)
+    page.keyboard.up(' ')
