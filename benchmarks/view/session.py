@@ -38,10 +38,6 @@ from slip_detector.nodes.health import AGE_KEYS
 
 FINGERS = 5
 
-#: Who looks, in turns: other load of the machine comes and goes, and disturbs each of them alike.
-#: The browser comes last: the memory for what slip_view keeps of each finger is taken by then.
-TURNS = (*('closed', 'elsewhere') * 5, 'here')
-
 #: Before it is measured, the traces fill their window and what is compiled is compiled; a share of
 #: a short measurement.
 SETTLE_S, SETTLE_SHARE = 15.0, 0.2
@@ -50,15 +46,18 @@ SETTLE_S, SETTLE_SHARE = 15.0, 0.2
 HEAP_S = 5.0
 
 
-def run_view(seconds: float, turn_seconds: float) -> dict[str, Any]:
+def run_view(seconds: float, pairs: int, turn_seconds: float) -> dict[str, Any]:
     """Run everything; see :mod:`benchmarks.view.measure`.
+
+    Other load of the machine comes and goes: with and without a page take turns. The browser comes
+    last, when the memory for what slip_view keeps of each finger is taken.
 
     Parameters
     ----------
     seconds
         How long the page is open in the browser.
-    turn_seconds
-        How long each other turn is.
+    pairs, turn_seconds
+        How many pairs of other turns there are before, and how long each is.
 
     Returns
     -------
@@ -85,7 +84,7 @@ def run_view(seconds: float, turn_seconds: float) -> dict[str, Any]:
                 watch = Watch(namespace, processes)
                 turns = Turns(watch, url, {name: each.pid for name, each in processes.items()})
                 turns.start()
-                for who in TURNS:
+                for who in (*('closed', 'elsewhere') * pairs, 'here'):
                     turns.measure(who, seconds if who == 'here' else turn_seconds)
                 return {'fingers': FINGERS, **turns.figures()}
     finally:
@@ -285,6 +284,7 @@ def main() -> int:
     """Run the measurement, and print one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seconds', type=float, default=60.0)
+    parser.add_argument('--pairs', type=int, default=5)
     parser.add_argument('--turn-seconds', type=float, default=20.0)
     words = parser.parse_args()
     return print_figures(lambda: run_view(**vars(words)))

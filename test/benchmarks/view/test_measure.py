@@ -57,9 +57,9 @@ def test_all_figures_are_there_and_each_is_told(capsys):
 @pytest.mark.parametrize(
     ('quick', 'seconds', 'words'),
     [
-        (False, None, ['60.0', '20.0']),
-        (True, None, ['8.0', '4.0']),
-        (False, 3600.0, ['3600.0', '20.0']),
+        (False, None, ['60.0', '5', '20.0']),
+        (True, None, ['8.0', '2', '4.0']),
+        (False, 3600.0, ['3600.0', '5', '20.0']),
     ],
 )
 def test_it_runs_for_its_time_and_the_latency_is_judged_by_the_noise(
@@ -76,7 +76,7 @@ def test_it_runs_for_its_time_and_the_latency_is_judged_by_the_noise(
     monkeypatch.setattr(measure, 'why_no_browser', lambda: '')
     monkeypatch.setattr(measure, 'figures_of_process', figures_of_process)
     wanted = measure.measure_view(quick, seconds)['wanted']
-    arguments = ['--seconds', words[0], '--turn-seconds', words[1]]
+    arguments = ['--seconds', words[0], '--pairs', words[1], '--turn-seconds', words[2]]
     assert ran == [('benchmarks.view.session', arguments, {'ROS_DOMAIN_ID': '101'})]
     ratio = wanted['elsewhere.latency_ratio']
     assert ratio == {'value': 1.3, 'bound': '<= 1.2', 'met': None if quick else False}
