@@ -14,17 +14,35 @@
 
 """Compiles functions with Numba where it is installed; elsewhere they run interpreted."""
 
+import contextlib
 import importlib
 import sys
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+
+@contextlib.contextmanager
+def _as_if_missing(module: str) -> Iterator[None]:
+    """Within a block, let the import of a module fail, unless it has been loaded before."""
+    if module in sys.modules:
+        yield
+        return
+    sys.modules[module] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules[module]
+
+
 try:
-    from numba import njit
+    # Where it is installed Numba loads it too, a tenth of what the start of a node takes, for a
+    # measurement of coverage, which has loaded it before.
+    with _as_if_missing('coverage'):
+        from numba import njit
 
     COMPILED = True
 except ImportError:  # not every robot has Numba
@@ -60,13 +78,9 @@ def load_numba_alone() -> None:
     --------
     >>> load_numba_alone()
     """
-    if not COMPILED or 'scipy.linalg' in sys.modules:
-        return
-    sys.modules['scipy.linalg'] = None  # type: ignore[assignment]  # so that its import fails
-    try:
-        importlib.import_module('numba.np.arraymath')
-    finally:
-        del sys.modules['scipy.linalg']
+    if COMPILED:
+        with _as_if_missing('scipy.linalg'):
+            importlib.import_module('numba.np.arraymath')
 
 
 def on_compiling(say: Callable[[str], None]) -> None:
