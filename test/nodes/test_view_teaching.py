@@ -91,7 +91,7 @@ def opened(bench, browser, view):
     bench.wait_for(lambda: 'http://' in view.log(), 'the address')
     page = browser.new_page()
     page.goto(re.search(r'http://\S+', view.log()).group())
-    expect(page.get_by_role('button', name='Rest')).to_be_enabled(timeout=PATIENCE_MS)
+    expect(page.get_by_role('button', name=re.compile('^Rest'))).to_be_enabled(timeout=PATIENCE_MS)
     return page
 
 

@@ -25,7 +25,8 @@ export class Teach {
     this.labels = {};
     this.locked = false;
     this.told = {fingers: {}, words: '', tuning: null};
-    this.recording = null;
+    // What is recorded now, null where nothing is; undefined until that is told.
+    this.recording = undefined;
     this.held = null;
     this.build(keys);
     connection.on('teaching', (message) => {
@@ -64,6 +65,8 @@ export class Teach {
     for (const [kind, word, key, , advice] of KINDS) {
       const button = this.buttons[kind] = make('button', undefined, 'teach-button');
       button.type = 'button';
+      // Until it is known what there is to teach.
+      button.disabled = true;
       button.ariaPressed = 'false';
       button.ariaKeyShortcuts = key;
       button.append(make('span', word, 'word'), make('kbd', kind === 'slip' ? 'hold Space' : key), make('span', '', 'progress-words'));
@@ -238,6 +241,7 @@ export class Teach {
 
   showRecording() {
     const {recording} = this, mine = recording?.finger === this.finger;
+    if (recording === undefined) return;
     const usable = this.finger in this.labels && !this.locked;
     for (const [kind] of KINDS) {
       const button = this.buttons[kind], runs = mine && recording.kind === kind && !recording.ending;
