@@ -358,7 +358,8 @@ def shut_down(takedowns: Sequence[Callable[[], object]], code: int) -> None:
     bound.daemon = True
     bound.start()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.setitimer(signal.ITIMER_REAL, 2 * SHUTDOWN_S)
+    # Later than the timer even where a starved machine wakes its thread late.
+    signal.setitimer(signal.ITIMER_REAL, 5 * SHUTDOWN_S)
     for takedown in takedowns:
         takedown()
     rclpy.try_shutdown()

@@ -120,7 +120,7 @@ def test_python_sends_what_the_driver_takes(source):
     source, config = source
     names = runpy.run_path(str(EXAMPLE_PYTHON))
     batches = INTEGERS[:60].reshape(20, 3, 16)
-    names['send'](batches.tolist(), 1_000_000, ('127.0.0.1', config.udp_port))
+    names['send'](batches.tolist(), 1_000_000_000, ('127.0.0.1', config.udp_port))
     volts = np.concatenate([source.read(1).volts for _ in batches])
     np.testing.assert_array_equal(volts, config.packet_scale_v * INTEGERS[:60])
     # They are sent at once, each within the time of the one before it.
