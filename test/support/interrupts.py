@@ -79,7 +79,7 @@ def check_interrupted_evaluation(folder, *words):
     """See that an evaluation tells its progress and leaves what was evaluated."""
     paths = [write(folder / f'{name}.npz', seed) for seed, name in enumerate('ab')]
     # Who opens it waits without an end for somebody who writes.
-    endless = folder / 'endless.npz'
+    endless = folder / 'endless.csv'
     os.mkfifo(endless)
     mine, its = pty.openpty()
     fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 80, 0, 0))

@@ -78,7 +78,7 @@ export class Traces {
       this.channels = [...(Object.values(finger.groups)[0] ?? [1])].slice(0, 4).sort((a, b) => a - b);
       this.view = {live: true, window_s: this.view.window_s ?? WINDOW_S.first};
       this.columns = null;
-      this.truth = false;
+      this.truth = this.pauses = false;
     }
     if (other || regrouped) this.fillChooser();
     this.layOut();
@@ -135,12 +135,14 @@ export class Traces {
   // ---- which stretch of time
 
   pauseOrGoOn() {
-    if (this.view.live) this.pause();
+    if (this.view.live && !this.pauses) this.pause();
     else this.goOn();
   }
 
   pause() {
-    if (!this.columns?.last_s) return;
+    // Of a finger that was chosen just now nothing has come yet.
+    this.pauses = !this.columns?.last_s;
+    if (this.pauses) return;
     const [from, to] = this.stretch();
     this.view = {live: false, from, to, window_s: to - from};
     this.held_s = this.columns.last_s;
@@ -150,6 +152,7 @@ export class Traces {
   goOn(window_s = this.view.window_s) {
     this.view = {live: true, window_s: Math.min(Math.max(window_s, WINDOW_S.least), WINDOW_S.most)};
     this.offset = null;
+    this.pauses = false;
     this.ask();
   }
 
@@ -231,6 +234,7 @@ export class Traces {
       this.offset += 0.04 * (this.columns.last_s - DELAY_S - performance.now() / 1000 - this.offset);
     }
     this.truth ||= Boolean(traces.samples.count && arrays.truth.includes(1));
+    if (this.pauses) this.pause();
   }
 
   // ---- drawing
