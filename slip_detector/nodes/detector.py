@@ -26,11 +26,13 @@ from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, LiveChain
 from slip_detector.chain.memory import check_memory
+from slip_detector.chain.result import SlipResult
 from slip_detector.chain.stamps import Arrival, StampGrid
 from slip_detector.nodes.channel_names import ChannelNames
 from slip_detector.nodes.decorators import exclusive, explained
 from slip_detector.nodes.diagnostics import Diagnostics
 from slip_detector.nodes.event_log import EventLog
+from slip_detector.nodes.executor import put_off
 from slip_detector.nodes.health import Health
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs, check_topics
@@ -400,10 +402,17 @@ class Detector(LifecycleNode):
                 topics.announce(flags, stamp_ns, self._frame_id, settled=i >= unsettled)
         age_s = (self._now_ns() - at_ns) * 1e-9
         if listened:
-            topics.show_envelope(at_ns, self._frame_id, result)
+            # The samples of other fingers in this process come first.
+            put_off(self, functools.partial(self._show_envelope, at_ns, frame_id, result))
         self._heard_s = time.monotonic()
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
+
+    @exclusive
+    def _show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
+        """Publish the levels of a sample, unless that has become one of other channels."""
+        if self._running_timers and result.channels.shape[1] == self._running.channels:
+            self._topics.show_envelope(at_ns, frame_id, result)
 
     def _mend(self, rows: NDArray[np.float64], arrival: Arrival) -> NDArray[np.float64]:
         """Bridge a short gap with the last row; restart the chain after a long one."""

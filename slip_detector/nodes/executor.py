@@ -17,7 +17,7 @@
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
 from rclpy.clock import ClockType
@@ -31,6 +31,9 @@ from slip_detector.nodes.rclpy_internals import WaitSet, call_if_due, held, unti
 
 #: Number of messages of a topic taken in a row before other topics and timers have their turn.
 AT_MOST = 32
+
+#: What is put off waits until no message has come for so long, or until so many calls wait.
+PAUSE_NS, MOST_PUT_OFF = 200_000, 64
 
 #: Period at which both threads check whether they have to end. On a signal rclpy first wakes all
 #: waits and then shuts the context down: a wait that begins in between is not woken.
@@ -73,6 +76,7 @@ class SampleExecutor(SingleThreadedExecutor):
         self._others: threading.Thread | None = None
         self._stop = False
         self._failure: Exception | None = None
+        self._put_off: list[Callable[[], object]] = []
         for node in nodes:
             self.add_node(node)
 
@@ -86,6 +90,10 @@ class SampleExecutor(SingleThreadedExecutor):
         if not self._stop:
             self._guard_of_samples.trigger()
         super().wake()
+
+    def put_off(self, call: Callable[[], object]) -> None:
+        """Call a function when no message waits; for callbacks that this executor calls."""
+        self._put_off.append(call)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Wait for messages and timers, and call their callbacks.
@@ -113,9 +121,19 @@ class SampleExecutor(SingleThreadedExecutor):
         due_ns = self._due_ns - time.monotonic_ns()
         if timeout_sec is not None:
             due_ns = min(due_ns, round(timeout_sec * 1e9))
+        put_off = self._put_off
+        if put_off:
+            due_ns = min(due_ns, PAUSE_NS)
         receivers = self._wait_set.wait(max(0, due_ns))
         for receive in receivers:
             receive()
+        if put_off:
+            if not receivers or len(put_off) >= MOST_PUT_OFF:
+                self._put_off = []
+                for call in put_off:
+                    call()
+            if time.monotonic_ns() < self._due_ns:
+                return
         # Checking the context at each message would be a tenth of the cost.
         if not receivers or time.monotonic_ns() >= self._due_ns or self._due_may_move:
             if self._failure is not None:
@@ -174,3 +192,12 @@ class SampleExecutor(SingleThreadedExecutor):
             if self.context.ok():
                 self._failure = failure
                 self._guard_of_samples.trigger()
+
+
+def put_off(node: Node, call: Callable[[], object]) -> None:
+    """Call a function when no message waits; at once where another executor spins the node."""
+    executor = node.executor
+    if isinstance(executor, SampleExecutor):
+        executor.put_off(call)
+    else:
+        call()

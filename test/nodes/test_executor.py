@@ -27,7 +27,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
-from slip_detector.nodes.executor import AT_MOST, SampleExecutor
+from slip_detector.nodes.executor import AT_MOST, MOST_PUT_OFF, SampleExecutor, put_off
 from slip_detector.nodes.messages import event_qos, state_qos
 
 DEADLINE_S = 60.0
@@ -69,6 +69,32 @@ def subscribed(bench, node, taken):
         'both to know each other',
     )
     return publisher
+
+
+def test_what_is_put_off_is_done_when_no_message_waits_or_too_much_was_put_off(bench, spun):
+    said = []
+
+    def taken(message):
+        said.append('message')
+        put_off(spun, lambda: said.append('later'))
+
+    publisher = subscribed(bench, spun, taken)
+    # All of them wait when the executor begins.
+    n = 2 * MOST_PUT_OFF
+    for _ in range(n):
+        publisher.publish(Bool())
+    spun.start()
+    bench.wait_for(lambda: said.count('later') == n, 'all that was put off')
+    assert said.count('message') == n
+    first = said.index('later')
+    assert MOST_PUT_OFF <= first < n
+    assert said[first : first + first] == ['later'] * first
+
+
+def test_where_another_executor_spins_the_node_nothing_is_put_off(bench):
+    said = []
+    put_off(bench.node, lambda: said.append('now'))
+    assert said == ['now']
 
 
 def test_messages_come_in_their_order_with_and_without_information(bench, spun):
