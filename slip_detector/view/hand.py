@@ -81,6 +81,8 @@ class Finger:
     def __post_init__(self) -> None:
         self.groups: NDArray[np.bool_] = np.zeros(len(self.config.groups), np.bool_)
         self.track = Track(self.config)
+        # A detector that is starting may be read before it publishes, which tells that it started.
+        self._channels_at_start = self.config.channels
 
     @property
     def label(self) -> str:
@@ -106,7 +108,8 @@ class Finger:
 
     def started_again(self, config: DetectorConfig) -> None:
         """Note that the detector was started again, with these parameters."""
-        channels, before = config.channels, self.config.channels
+        channels, before = config.channels, self._channels_at_start
+        self._channels_at_start = channels
         self.starts += 1
         self.notice = f'the detector was started again at {time.strftime("%H:%M:%S")}'
         if channels != before:

@@ -61,6 +61,10 @@ def test_a_detector_that_is_started_again_says_so_and_with_which_channels():
     finger.started_again(DetectorConfig(channels=8))
     assert finger.notice.endswith('with 8 channels instead of 16')
     assert finger.starts == 3
+    # Its parameters may be read before it publishes.
+    finger.take_config(DetectorConfig())
+    finger.started_again(DetectorConfig())
+    assert finger.notice.endswith('with 16 channels instead of 8')
 
 
 def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(monkeypatch):
