@@ -341,7 +341,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
 
     async def _answer(self, content: Mapping[str, Any]) -> None:
         answer = await self.server.answer(content)
-        if self.ws_connection is not None:
+        if self._is_open():
             self.write_message(json.dumps(answer, allow_nan=False))
 
     def send_news(self) -> None:
@@ -359,8 +359,12 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             held = self._held[1] if self._held else None
             self._send(self.look.frame(self.server.hand, self._frames, held))
 
+    def _is_open(self) -> bool:
+        """Return whether neither side has begun to close the connection."""
+        return self.ws_connection is not None and not self.ws_connection.is_closing()
+
     def _send(self, content: str | bytes) -> None:
-        if self.ws_connection is not None:
+        if self._is_open():
             self._sending = asyncio.ensure_future(
                 self.write_message(content, binary=isinstance(content, bytes))
             )

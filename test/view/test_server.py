@@ -252,6 +252,23 @@ def test_whatever_a_page_says_the_others_are_served(text):
     served(test)
 
 
+def test_a_connection_that_breaks_while_it_is_sent_to_ends_nothing_else():
+    async def test(it, page):
+        await page.until('hand')
+        broken = await LiveClient.open(it.url)
+        await broken.until('hand')
+        for each in it.server.pages:
+            each.ws_connection.stream.close()
+        it.server.tell('teaching', {'count': 1})
+        it.server.tick()
+        later = await LiveClient.open(it.url)
+        assert (await later.until('teaching'))['count'] == 1
+        for each in (later, broken):
+            each.close()
+
+    served(test)
+
+
 def test_a_look_that_is_not_allowed_is_refused_in_words():
     async def test(it, page):
         await page.say('look', fingers=['/index/slip_detector'], window_s=1e9)
