@@ -16,6 +16,7 @@
 """Writes rows into a bag, piece by piece, as the driver publishes them."""
 
 import contextlib
+import errno
 import sqlite3
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -57,8 +58,10 @@ class BagWriter:
     ------
     ValueError
         When rosbags is not installed.
+    FileExistsError
+        When the folder is there already.
     OSError
-        When the folder cannot be made.
+        When it cannot be made.
 
     Examples
     --------
@@ -95,9 +98,13 @@ class BagWriter:
         self._truth_topic = self._position_topic = None
         self._last: bool | None = None
         plugin = rosbag2.StoragePlugin[PLUGINS[ending]]
-        self._writer = rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin)
+        try:
+            self._writer = rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin)
+            with _as_os_errors():
+                self._writer.open()
+        except rosbag2.WriterError:
+            raise FileExistsError(errno.EEXIST, 'is there already') from None
         with _as_os_errors():
-            self._writer.open()
             self._voltages = self._topic('/voltages', JOINT_STATE, self._samples_quality)
 
     def _topic(self, name: str, msgtype: str, quality: Any) -> Any:
@@ -111,9 +118,11 @@ class BagWriter:
         Raises
         ------
         OSError
-            When the file cannot be written.
+            When the file cannot be written, or an MCAP cannot hold a stamp, as it is negative.
         """
         n = len(piece.volts)
+        if self.path.suffix == '.mcap' and np.any(piece.stamps_ns < 0):
+            raise OSError(errno.EINVAL, 'a stamp is negative, which MCAP has no room for')
         truth = [None] * n if piece.truth is None else piece.truth.tolist()
         positions: list[bytes | None] = [None] * n
         if piece.truth is not None and self._truth_topic is None:

@@ -15,6 +15,8 @@
 
 """Writes what comes from a finger into a bag, row by row as it comes."""
 
+import errno
+import os
 import shutil
 from pathlib import Path
 
@@ -60,13 +62,15 @@ class Recorder:
         self.path, self.finger = path, finger
         self._beginnings = finger.track.beginnings
         self._taken = since
-        self._slipping = False
+        self._slipping = self._slipped = False
         self._first_ns = self._last_ns = 0
         self.slips = self.rows = self.lost_rows = 0
         with write_errors_of(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
                 self._bag = BagWriter(path, finger.config.names, finger.frame_id or 'fingertip')
+            except FileExistsError:  # Somebody else has just made it: it is not ours.
+                raise
             except OSError:
                 shutil.rmtree(path, ignore_errors=True)  # It is empty.
                 raise
@@ -78,8 +82,13 @@ class Recorder:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the stamps were set back, so that nothing that comes belongs to it."""
+        """Whether the track has begun anew, so that nothing that comes belongs to it."""
         return self.finger.track.beginnings != self._beginnings
+
+    @property
+    def kept(self) -> bool:
+        """Whether there is a file with rows: somebody may have taken it away."""
+        return self.rows > 0 and self._bag.path.exists()
 
     def take(self) -> None:
         """Write the rows that have come, with the present label.
@@ -87,7 +96,8 @@ class Recorder:
         Raises
         ------
         ValueError
-            When the disk is full, for example; what was written before is kept.
+            When the disk is full, or the file is there no more, for example; what was written
+            before is kept.
         """
         if self.interrupted:
             return
@@ -102,18 +112,22 @@ class Recorder:
                 volts = rows.field('volts', since=self._taken).astype(np.float64)
                 self._bag.write(Samples(volts, stamps_ns, slip))
                 self._bag.flush()
+                if not self._bag.path.exists():
+                    raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
             except OSError:
-                self._bag.abort()
+                self._abort()
                 raise
         self._taken = rows.appended
         self._first_ns = self._first_ns if self.rows else int(stamps_ns[0])
         self._last_ns = int(stamps_ns[-1])
         self.rows += len(stamps_ns)
+        # One during which no row came is not in the file.
+        self.slips += self._slipping and not self._slipped
+        self._slipped = self._slipping
 
     def label(self, slipping: bool) -> None:
         """Say whether there is slip in what comes from now on."""
         self.take()
-        self.slips += slipping and not self._slipping
         self._slipping = slipping
 
     def close(self) -> None:
@@ -125,8 +139,13 @@ class Recorder:
             When it cannot be written to its end; what was written before is kept.
         """
         if not self.rows:
-            self._bag.abort()
-            shutil.rmtree(self.path, ignore_errors=True)
+            self._abort()
             return
         with write_errors_of(self.path):
             self._bag.close()
+
+    def _abort(self) -> None:
+        """Close the file as it is, and remove one without a row."""
+        self._bag.abort()
+        if not self.rows:
+            shutil.rmtree(self.path, ignore_errors=True)

@@ -106,6 +106,26 @@ def test_a_writer_that_is_killed_loses_nothing_that_was_flushed(tmp_path):
     assert 'cut off' in lost
 
 
+def test_a_folder_that_somebody_else_has_made_is_left_as_it_is(tmp_path):
+    (tmp_path / 'trial').mkdir()
+    (tmp_path / 'trial' / 'mine.txt').write_text('mine')
+    with pytest.raises(FileExistsError, match='is there already'):
+        BagWriter(tmp_path / 'trial', ['a', 'b'])
+    assert [path.name for path in (tmp_path / 'trial').iterdir()] == ['mine.txt']
+
+
+def test_a_negative_stamp_is_refused_where_there_is_no_room_for_it(tmp_path):
+    before_1970 = rows(0)._replace(stamps_ns=rows(-1).stamps_ns)
+    bag = BagWriter(tmp_path / 'trial', ['a', 'b'])
+    with pytest.raises(OSError, match='a stamp is negative'):
+        bag.write(before_1970)
+    bag.abort()
+    bag = BagWriter(tmp_path / 'old', ['a', 'b'], ending='.db3')
+    bag.write(before_1970)
+    bag.close()
+    assert next(open_recording(tmp_path / 'old').rows()).stamps_ns[0] == -1_000_000
+
+
 def test_a_full_disk_raises_and_keeps_what_was_flushed(tmp_path):
     bag = BagWriter(tmp_path / 'trial', ['a', 'b'])
     bag.write(rows(0))

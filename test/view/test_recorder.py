@@ -15,6 +15,9 @@
 
 """A recording that grows with the track of a finger."""
 
+import shutil
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -24,6 +27,7 @@ from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording
 from slip_detector.view.hand import Finger
 from slip_detector.view.recorder import Recorder
+from support.full_disk import full_disk
 
 CONFIG = DetectorConfig(channels=2, groups={'all': (1, 2)}, sample_rate_hz=380.0)
 
@@ -56,6 +60,7 @@ def test_each_row_from_the_first_on_is_written_once_with_the_label_that_was_held
         slipping = slips
     recorder.close()
     assert recorder.rows == len(truth)
+    assert recorder.slips == sum(after > before for before, after in pairwise([False, *truth]))
     if not truth:
         assert not recorder.path.exists()
     if len(truth) < 2:  # A bag of one row has no rate.
@@ -82,3 +87,43 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path):
     (tmp_path / 'file').write_text('')
     with pytest.raises(ValueError, match=r'file/rest_1: cannot be written'):
         Recorder(tmp_path / 'file' / 'rest_1', Finger('/index/slip_detector', CONFIG), 0)
+
+
+def test_a_folder_that_another_process_has_just_made_is_left_to_it(tmp_path):
+    theirs = tmp_path / 'rest_1'
+    theirs.mkdir()
+    (theirs / 'rest_1.mcap').write_text('theirs')
+    with pytest.raises(ValueError, match=r'rest_1: cannot be written \(is there already\)'):
+        Recorder(theirs, Finger('/index/slip_detector', CONFIG), 0)
+    assert (theirs / 'rest_1.mcap').read_text() == 'theirs'
+
+
+def test_a_recording_that_is_taken_away_meanwhile_is_not_kept(tmp_path):
+    finger = Finger('/index/slip_detector', CONFIG)
+    recorder = Recorder(tmp_path / 'rest_1', finger, 0)
+    came(finger, 100)
+    recorder.take()
+    assert recorder.kept
+    shutil.rmtree(tmp_path / 'rest_1')
+    came(finger, 100)
+    with pytest.raises(ValueError, match=r'rest_1: cannot be written .No such file'):
+        recorder.take()
+    assert not recorder.kept
+
+
+def test_where_there_is_no_room_for_the_first_row_nothing_is_left(tmp_path):
+    finger = Finger('/index/slip_detector', CONFIG)
+    recorder = Recorder(tmp_path / 'rest_1', finger, 0)
+    came(finger, 1000)
+    with full_disk(1000), pytest.raises(ValueError, match='File too large'):
+        recorder.take()
+    assert not recorder.kept
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_stamps_that_a_bag_cannot_hold_are_one_line(tmp_path):
+    finger = Finger('/index/slip_detector', CONFIG)
+    recorder = Recorder(tmp_path / 'rest_1', finger, 0)
+    finger.track.take_samples(np.array([-5, 5]), np.zeros((2, 2)), np.zeros(2))
+    with pytest.raises(ValueError, match=r'rest_1: cannot be written .a stamp is negative'):
+        recorder.take()
