@@ -17,6 +17,7 @@
 
 import errno
 import re
+import threading
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,6 +29,9 @@ from slip_detector.tuning.tracks import every_so_many
 #: What is recorded. A recording is called by its kind and a number.
 KINDS = ('rest', 'slip', 'taps')
 _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
+
+#: What is said of a recording of a slip that has none.
+NO_SLIP = 'has no slip'
 
 #: Share of the recordings of each kind that the search does not see.
 HELD_OUT = 1 / 3
@@ -90,16 +94,19 @@ class RecordedFolder:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.recordings: dict[str, Recorded] = {}
+        self._changing = threading.Lock()
 
     def look(self) -> None:
-        """Look what is in the folder; recordings that are known are not read again."""
+        """Look what is in the folder; recordings that are known are not read again.
+
+        This may take long, so a thread may do it while others record or delete.
+        """
         names = [*filter(self._is_bag, self._names())]
         new = {name: self._read(name) for name in names if name not in self.recordings}
-        for recorded in new.values():
-            self.put(recorded)
-        for name in [*self.recordings]:
-            if not self._is_bag(name):
-                del self.recordings[name]
+        with self._changing:
+            # What is known by now was put when it had ended, and may have been read before that.
+            every = {**new, **self.recordings}
+            self._list({name: one for name, one in every.items() if self._is_bag(name)})
 
     def new_path(self, kind: str) -> Path:
         """Return a path that no recording has."""
@@ -108,8 +115,8 @@ class RecordedFolder:
 
     def put(self, recorded: Recorded) -> None:
         """Take a recording that was made just now, which need not be read."""
-        every = {**self.recordings, recorded.name: recorded}
-        self.recordings = {name: every[name] for name in sorted(every, key=_order)}
+        with self._changing:
+            self._list({**self.recordings, recorded.name: recorded})
 
     def path_of(self, name: object) -> Path:
         """Return the folder of a recording, by the name that a page has sent.
@@ -143,7 +150,8 @@ class RecordedFolder:
             path.rmdir()
         except OSError as error:
             raise ValueError(f'{path}: cannot be deleted ({error.strerror})') from None
-        del self.recordings[path.name]
+        with self._changing:
+            self._list({n: one for n, one in self.recordings.items() if n != path.name})
 
     def of_kind(self, kind: str) -> list[str]:
         """Return the names of the recordings of a kind that a search can use, the oldest first."""
@@ -156,6 +164,9 @@ class RecordedFolder:
         """
         by_kind = [every_so_many(self.of_kind(kind), HELD_OUT)[1] for kind in KINDS]
         return [name for held_out in by_kind for name in held_out]
+
+    def _list(self, every: dict[str, Recorded]) -> None:
+        self.recordings = {name: every[name] for name in sorted(every, key=_order)}
 
     def _names(self) -> list[str]:
         try:
@@ -184,6 +195,8 @@ class RecordedFolder:
         except ValueError as error:
             return Recorded(name, 0.0, 0, str(error))
         note = f'was not ended: {recording.counts.lost}' if recording.counts.lost else ''
+        if not slips and name.startswith('slip_'):
+            note = note or NO_SLIP
         return Recorded(name, (end_ns - begin_ns) * 1e-9, slips, note)
 
 

@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
 from slip_detector.recordings import write_recording
-from slip_detector.view.recorded_folder import KINDS, Recorded, RecordedFolder
+from slip_detector.view.recorded_folder import KINDS, NO_SLIP, Recorded, RecordedFolder
 
 
 def written(folder, name, slips=0):
@@ -63,6 +63,34 @@ def test_what_cannot_be_read_is_listed_with_why_and_not_tuned_on(recorded):
     recorded.look()
     assert 'slip_1' in recorded.recordings['slip_1'].note
     assert recorded.of_kind('slip') == []
+
+
+def test_a_slip_without_slip_is_listed_with_that_and_not_tuned_on(recorded):
+    written(recorded.folder, 'slip_1')
+    written(recorded.folder, 'rest_1')
+    recorded.look()
+    notes = {name: one.note for name, one in recorded.recordings.items()}
+    assert notes == {'rest_1': '', 'slip_1': NO_SLIP}
+    assert recorded.of_kind('slip') == []
+
+
+def test_what_ends_while_the_folder_is_looked_at_is_listed_as_it_ended(recorded, monkeypatch):
+    written(recorded.folder, 'rest_1')
+    read = recorded._read
+
+    def read_before_the_end(name):
+        too_early = read(name)._replace(note='was not ended')
+        for ended in ('rest_1', 'rest_2'):
+            recorded.put(Recorded(ended, 9.0, 0))
+        written(recorded.folder, 'rest_2')
+        return too_early
+
+    monkeypatch.setattr(recorded, '_read', read_before_the_end)
+    recorded.look()
+    assert [*recorded.recordings.values()] == [
+        Recorded('rest_1', 9.0, 0),
+        Recorded('rest_2', 9.0, 0),
+    ]
 
 
 def test_a_recording_that_somebody_took_away_is_not_listed_any_more(recorded):
