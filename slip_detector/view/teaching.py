@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.view.hand import Finger, Hand
-from slip_detector.view.recorded_folder import KINDS, Recorded, RecordedFolder
+from slip_detector.view.recorded_folder import KINDS, NO_SLIP, Recorded, RecordedFolder
 from slip_detector.view.recorder import Recorder
 from slip_detector.view.track import Track
 
@@ -42,6 +42,12 @@ SILENT_S = 2.0
 
 #: A recording that nobody ends, ends by itself.
 MOST_S = 600.0
+
+#: What ends a recording that nobody has ended.
+GONE = 'The detector is gone'
+INTERRUPTED = (
+    'The detector has other channels or another rate now, or the clock of the samples was set back'
+)
 
 #: What a finger is called becomes a folder: what ROS allows in names, and nothing else.
 _LABEL = re.compile('[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*')
@@ -72,7 +78,7 @@ class Teaching:
         self._recorder: Recorder | None = None
         self._kind = self._name = ''
         self._slipping = False
-        self._held_at_s = 0.0
+        self._begun_at_s = self._held_at_s = 0.0
         self._ends_ns: int | None = None
         self._ends_at_s = 0.0
         # Of each finger the track and its row at which the last slip ended: the rest before the
@@ -85,6 +91,19 @@ class Teaching:
         """Name of the finger that is recorded, or ''."""
         return self._name if self._recorder else ''
 
+    def finger_of(self, name: object) -> Finger:
+        """Return a finger, by the name that a page has sent.
+
+        Raises
+        ------
+        ValueError
+            When there is no such finger.
+        """
+        finger = self._hand.fingers.get(name) if isinstance(name, str) else None
+        if finger is None:
+            raise ValueError(f'there is no finger {str(name)[:40]!r}')
+        return finger
+
     def folder_of(self, name: object) -> RecordedFolder:
         """Return the recordings of a finger, by the name that a page has sent.
 
@@ -93,7 +112,7 @@ class Teaching:
         ValueError
             When there is no such finger.
         """
-        finger = self._finger(name)
+        finger = self.finger_of(name)
         if finger.name not in self._folders:
             if not _LABEL.fullmatch(finger.label):
                 raise ValueError(
@@ -113,7 +132,7 @@ class Teaching:
         if kind not in KINDS or kind == 'slip':
             raise ValueError(f'{str(kind)[:40]} is not recorded so, allowed: rest, taps')
         self._end_what_ends(name)
-        finger = self._finger(name)
+        finger = self.finger_of(name)
         self._begin(finger, str(kind), finger.track.samples.appended)
         self.words = f'recording {self._path_name()}'
 
@@ -144,15 +163,9 @@ class Teaching:
             self.hold()
             return
         self._end_what_ends(name)
-        finger = self._finger(name)
+        finger = self.finger_of(name)
         self._hand.poll()
-        rows, rate = finger.track.samples, finger.config.sample_rate_hz
-        since = rows.appended - round(BEFORE_S * rate)
-        ended = self._slip_ended.get(finger.name)
-        if ended is not None and ended[0] is finger.track:
-            since = max(since, ended[1])
-        since = max(since, rows.appended - len(rows))
-        before_s = (rows.appended - since) / rate
+        since, before_s = self._rest_before(finger)
         self._begin(finger, 'slip', since)
         assert self._recorder is not None
         recorder = self._recorder
@@ -166,13 +179,25 @@ class Teaching:
                 f'{BEFORE_S:g} s between two slips'
             )
 
+    def _rest_before(self, finger: Finger) -> tuple[int, float]:
+        """Return the first row of the rest before what comes, and how long that has lasted."""
+        rows = finger.track.samples
+        ended = self._slip_ended.get(finger.name)
+        after_slip = ended[1] if ended is not None and ended[0] is finger.track else 0
+        stamps_ns = rows.stamps_ns(since=after_slip)
+        if not len(stamps_ns):
+            return rows.appended, 0.0
+        # By their stamps, as there may have been a pause in which no samples came.
+        rest_ns = stamps_ns[stamps_ns >= stamps_ns[-1] - round(BEFORE_S * 1e9)]
+        return rows.appended - len(rest_ns), (rest_ns[-1] - rest_ns[0]) * 1e-9
+
     def hold(self) -> None:
         """Say that the key is still held."""
         self._held_at_s = time.monotonic()
 
-    def release(self) -> None:
-        """End the slip; its recording goes on for some rest."""
-        if self._slipping and self._recorder is not None:
+    def release(self, name: object) -> None:
+        """End the slip of a finger; its recording goes on for some rest."""
+        if self._slipping and name == self._name:
             self._hand.poll()
             self._let_go()
 
@@ -188,9 +213,10 @@ class Teaching:
     def _tick(self, recorder: Recorder) -> None:
         now_s = time.monotonic()
         finger, rows = recorder.finger, recorder.finger.track.samples
-        if recorder.interrupted or self._hand.fingers.get(self._name) is not finger:
+        gone = self._hand.fingers.get(self._name) is not finger
+        if gone or recorder.interrupted:
             self._end()
-            self.words += '. The detector is gone, or was started again'
+            self.words += f'. {GONE if gone else INTERRUPTED}'
             return
         self._guarded(recorder.take)
         if self._slipping and now_s - self._held_at_s > HELD_S:
@@ -200,7 +226,7 @@ class Teaching:
             came = len(rows) and int(rows.stamps_ns()[-1]) >= self._ends_ns
             if came or now_s > self._ends_at_s:
                 self._end()
-        elif recorder.duration_s > MOST_S:
+        elif now_s - self._begun_at_s > MOST_S:
             self._end()
             self.words += f'. It was ended after {MOST_S / 60:.0f} minutes'
 
@@ -238,6 +264,7 @@ class Teaching:
                         'duration_s': round(one.duration_s, 1),
                         'slips': one.slips,
                         'note': one.note,
+                        'usable': one.usable,
                         'held_out': one.name in held_out,
                     }
                     for one in folder.recordings.values()
@@ -262,12 +289,6 @@ class Teaching:
         folder.delete(recording)
         self.words = f'{recording} is deleted'
 
-    def _finger(self, name: object) -> Finger:
-        finger = self._hand.fingers.get(name) if isinstance(name, str) else None
-        if finger is None:
-            raise ValueError(f'there is no finger {str(name)[:40]!r}')
-        return finger
-
     def _path_name(self) -> str:
         return self._recorder.path.name if self._recorder else ''
 
@@ -275,6 +296,7 @@ class Teaching:
         folder = self.folder_of(finger.name)
         self._recorder = Recorder(folder.new_path(kind), finger, since)
         self._kind, self._name, self._ends_ns = kind, finger.name, None
+        self._begun_at_s = time.monotonic()
 
     def _end_what_ends(self, name: object) -> None:
         """End a slip that only waits for its rest; refuse where anything else is recorded."""
@@ -314,7 +336,10 @@ class Teaching:
             self._put(f'was cut off: {error}')
             raise ValueError(self.words) from None
         lost = recorder.lost_rows
-        self._put(f'{lost} rows are missing: this computer was too slow' if lost else '')
+        note = f'{lost} rows are missing: this computer was too slow' if lost else ''
+        if self._kind == 'slip' and not recorder.slips:
+            note = f'{NO_SLIP}: no sample came while the key was held'
+        self._put(note)
 
     def _put(self, note: str) -> None:
         """Put what was recorded on the list, and record no more."""
@@ -322,8 +347,10 @@ class Teaching:
         assert recorder is not None
         self._recorder, self._slipping, self._ends_ns = None, False, None
         name = recorder.path.name
-        if not recorder.rows:
+        if not recorder.kept:
             self.words = f'{name}: no sample came, so there is no recording'
+            if note:
+                self.words = f'{name} {note}; nothing of it is left'
             return
         recorded = Recorded(name, recorder.duration_s, recorder.slips, note)
         self._folders[self._name].put(recorded)

@@ -17,6 +17,7 @@
 
 import contextlib
 import dataclasses
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,8 @@ from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording
 from slip_detector.view import teaching as teaching_module
 from slip_detector.view.hand import Finger
-from slip_detector.view.teaching import AFTER_S, BEFORE_S, Teaching
+from slip_detector.view.recorded_folder import NO_SLIP
+from slip_detector.view.teaching import AFTER_S, BEFORE_S, GONE, INTERRUPTED, Teaching
 from support.full_disk import full_disk
 from support.simulated_hand import SimulatedHand
 
@@ -58,7 +60,7 @@ class Lesson:
         self.play(before)
         self.teaching.press(FINGER)
         self.play(seconds)
-        self.teaching.release()
+        self.teaching.release(FINGER)
         self.play(after)
 
     def listed(self):
@@ -124,6 +126,39 @@ def test_little_rest_before_a_slip_is_said(lesson):
     assert '0.4 s of rest before' in lesson.teaching.words
 
 
+def test_what_came_before_a_pause_of_the_sensor_is_no_rest_before_a_slip(lesson):
+    lesson.play(5.0)
+    lesson.hand.simulated[FINGER].at_ns += 60_000_000_000
+    lesson.slip(before=0.4)
+    stamps_ns, truth = lesson.read('slip_1')
+    assert (stamps_ns[truth][0] - stamps_ns[0]) * 1e-9 == pytest.approx(0.4, abs=0.01)
+    assert seconds(stamps_ns) < 5.0
+
+
+def test_a_slip_during_which_no_sample_came_is_said_to_be_none(lesson):
+    lesson.play(2.0)
+    lesson.teaching.press(FINGER)
+    lesson.teaching.release(FINGER)
+    lesson.play(AFTER_S + 0.5)
+    assert 'no sample came while the key was held' in lesson.teaching.words
+    _, truth = lesson.read('slip_1')
+    assert not truth.any()
+    listed = lesson.listed()['slip_1']
+    assert listed['slips'] == 0
+    assert listed['note'].startswith(NO_SLIP)
+    assert lesson.teaching.folder_of(FINGER).of_kind('slip') == []
+
+
+def test_who_teaches_another_finger_does_not_end_a_slip(lesson):
+    lesson.hand.add('thumb', DetectorConfig())
+    lesson.play(2.0)
+    lesson.teaching.press(FINGER)
+    with pytest.raises(ValueError, match='slip_1 of index is being recorded'):
+        lesson.teaching.press('/thumb/slip_detector')
+    lesson.teaching.release('/thumb/slip_detector')
+    assert lesson.teaching.recording()['slipping']
+
+
 def test_what_is_recorded_is_what_came_to_the_bit(lesson):
     lesson.teaching.start(FINGER, 'taps')
     lesson.play(3.0)
@@ -148,6 +183,21 @@ def test_a_slip_ends_when_the_page_that_holds_it_is_gone(lesson, monkeypatch):
     assert lesson.listed()['slip_1']['slips'] == 1
 
 
+def test_a_driver_that_is_silent_is_said_until_samples_come(lesson, monkeypatch):
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(1.0)
+    assert lesson.teaching.recording()['silent'] == ''
+    monkeypatch.setattr(teaching_module, 'SILENT_S', -1.0)
+    assert 'no samples come' in lesson.teaching.recording()['silent']
+
+
+def test_nothing_is_kept_of_a_recording_without_a_sample(lesson):
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.teaching.stop()
+    assert lesson.teaching.words == 'rest_1: no sample came, so there is no recording'
+    assert [*(lesson.folder / 'index').iterdir()] == []
+
+
 def test_only_one_thing_is_recorded_at_a_time(lesson):
     lesson.teaching.start(FINGER, 'rest')
     for again in (
@@ -163,8 +213,7 @@ def test_a_recording_ends_where_the_detector_goes(lesson):
     lesson.play(2.0)
     lesson.hand.fingers.pop(FINGER)
     lesson.teaching.tick()
-    assert 'rest_1 has 2.0 s' in lesson.teaching.words
-    assert 'gone' in lesson.teaching.words
+    assert lesson.teaching.words == f'rest_1 has 2.0 s. {GONE}'
     assert seconds(lesson.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
 
 
@@ -174,6 +223,7 @@ def test_a_clock_that_is_set_back_ends_the_recording(lesson):
     lesson.hand.simulated[FINGER].at_ns -= 10_000_000_000
     lesson.play(1.0)
     assert lesson.teaching.recording() is None
+    assert lesson.teaching.words == f'rest_1 has 2.0 s. {INTERRUPTED}'
     assert seconds(lesson.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
 
 
@@ -193,11 +243,12 @@ def test_a_detector_with_another_rate_begins_anew_and_slips_are_recorded_still(l
 
 
 def test_what_nobody_ends_ends_by_itself(lesson, monkeypatch):
-    monkeypatch.setattr(teaching_module, 'MOST_S', 1.0)
     lesson.teaching.start(FINGER, 'rest')
     lesson.play(2.0)
+    monkeypatch.setattr(teaching_module, 'MOST_S', 0.0)
+    lesson.teaching.tick()
     assert lesson.teaching.recording() is None
-    assert 'ended after' in lesson.teaching.words
+    assert lesson.teaching.words == 'rest_1 has 2.0 s. It was ended after 0 minutes'
 
 
 def test_on_a_full_disk_what_was_recorded_is_kept_and_it_is_said(lesson):
@@ -215,6 +266,33 @@ def test_on_a_full_disk_what_was_recorded_is_kept_and_it_is_said(lesson):
     lesson.play(1.0)
     lesson.teaching.stop()
     assert [*lesson.listed()] == ['rest_1', 'rest_2']
+
+
+def test_on_a_disk_that_is_full_from_the_beginning_it_is_said_and_nothing_is_left(lesson):
+    lesson.play(3.0)
+    with (
+        full_disk(1000),
+        pytest.raises(ValueError, match=r'slip_1 was cut off: .*File too large.*; nothing of it'),
+    ):
+        lesson.teaching.press(FINGER)
+    assert lesson.teaching.recording() is None
+    assert not lesson.listed()
+    assert not (lesson.folder / 'index' / 'slip_1').exists()
+
+
+def test_a_recording_whose_folder_disappears_is_said_to_be_lost_and_the_next_is_made(lesson):
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(2.0)
+    shutil.rmtree(lesson.folder / 'index')
+    lesson.play(1.0)
+    assert lesson.teaching.recording() is None
+    assert 'No such file' in lesson.teaching.words
+    assert lesson.teaching.words.endswith('; nothing of it is left')
+    assert not lesson.listed()
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(1.0)
+    lesson.teaching.stop()
+    assert [*lesson.listed()] == ['rest_1']
 
 
 def test_a_folder_that_cannot_be_written_is_said(tmp_path):

@@ -204,7 +204,7 @@ export class Teach {
     if (shown !== this.shown) this.showList(recordings);
     this.shown = shown;
     for (const [kind, , , wanted] of KINDS) {
-      const some = recordings.filter((one) => one.kind === kind);
+      const some = recordings.filter((one) => one.kind === kind && one.usable);
       const seconds = some.reduce((sum, {duration_s: s}) => sum + s, 0);
       const done = some.length >= wanted.recordings && seconds >= (wanted.seconds ?? 0);
       const words = kind === 'slip' ? `${some.length} of ${wanted.recordings}` : `${some.length} of ${wanted.recordings}, ${Math.round(seconds)} s`;
@@ -219,7 +219,7 @@ export class Teach {
 
   showList(recordings) {
     this.scroller.hidden = !recordings.length;
-    this.rows.replaceChildren(...recordings.map(({name, duration_s: seconds, slips, held_out: heldOut, note}) => {
+    this.rows.replaceChildren(...recordings.map(({name, duration_s: seconds, slips, usable, held_out: heldOut, note}) => {
       const row = make('tr'), title = make('th', name), remove = make('button', 'Delete');
       title.scope = 'row';
       remove.type = 'button';
@@ -230,7 +230,7 @@ export class Teach {
       });
       const last = make('td');
       last.append(remove);
-      row.append(title, make('td', `${seconds.toFixed(1)} s`), make('td', String(slips)), make('td', heldOut ? 'held out' : 'tuning'), last);
+      row.append(title, make('td', `${seconds.toFixed(1)} s`), make('td', String(slips)), make('td', heldOut ? 'held out' : usable ? 'tuning' : 'not used'), last);
       if (note) {
         const said = make('p', note, 'notice');
         title.append(said);
