@@ -61,6 +61,10 @@ class TeachingRequests:
             self._run.kill()
             await self._task
 
+    @property
+    def _tunes(self) -> bool:
+        return self._task is not None and not self._task.done()
+
     def _tick(self) -> None:
         self._teaching.tick()
         self._server.wanted['recording'] = {self._teaching.finger} - {''}
@@ -90,7 +94,7 @@ class TeachingRequests:
         elif what == 'hold':
             teaching.hold()
         elif what == 'release':
-            teaching.release()
+            teaching.release(finger)
         elif what == 'stop':
             teaching.stop()
         else:
@@ -98,19 +102,20 @@ class TeachingRequests:
         return {}
 
     async def _delete(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        if self._run is not None and self._run.running:
+        if self._tunes:
             raise ValueError('recordings are being tuned on, allowed: to delete one afterwards')
         self._teaching.delete(message.get('finger'), message.get('recording'))
         return {}
 
     async def _tune(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        if self._run is not None and self._run.running:
-            raise ValueError('tuning runs already, allowed: one at a time')
         name = message.get('finger')
         folder = self._teaching.folder_of(name)
         await asyncio.to_thread(folder.look)
-        self._tuned = str(name)
-        self._run = TuneRun(folder, self._server.hand.fingers[self._tuned].config)
+        # Meanwhile another page may have asked for the same, and the finger may have gone.
+        finger = self._teaching.finger_of(name)
+        if self._tunes:
+            raise ValueError('tuning runs already, allowed: one at a time')
+        self._run, self._tuned = TuneRun(folder, finger.config), finger.name
         self._task = asyncio.create_task(self._run.run())
         return {}
 
@@ -121,10 +126,10 @@ class TeachingRequests:
 
     async def _apply(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Set what was found, all of it or nothing."""
-        if self._run is None or not self._run.changes:
+        if self._run is None or self._run.found is None:
             raise ValueError('there is nothing to apply: tune first')
-        await self._server.hand.change(
-            self._tuned, self._run.changes, f'page {message.get("page")}'
-        )
-        self._teaching.words = f'the detector runs with the {len(self._run.changes)} values found'
+        values = self._run.to_apply(self._teaching.finger_of(self._tuned).config)
+        if values:
+            await self._server.hand.change(self._tuned, values, f'page {message.get("page")}')
+        self._teaching.words = f'the detector runs with what was found: {len(values)} values set'
         return {}

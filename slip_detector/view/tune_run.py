@@ -17,6 +17,7 @@
 
 import asyncio
 import contextlib
+import dataclasses
 import json
 import os
 import re
@@ -60,6 +61,9 @@ NEW_SENSOR: dict[str, Any] = {
     'vote': 2,
 }
 LOW_HZ, LOW_SHARE = 20.0, 0.2
+
+#: What decides when there is slip; the rest of a detector's parameters is as it was.
+OF_THE_CHAIN = {field.name for field in dataclasses.fields(ChainConfig)}
 
 _TRIAL = re.compile(r'^(\d+) of (\d+) trials, (.*)')
 
@@ -106,8 +110,10 @@ class TuneRun:
         Why the run failed, in one line; '' where it did not.
     table : list of Compared
         Empty until it has ended.
-    changes : dict
-        The parameters that differ from those that the detector ran with; empty where none do.
+    found : DetectorConfig or None
+        What was found, once it was compared.
+    changes : int
+        In how many parameters that differs from what the detector ran with.
 
     Raises
     ------
@@ -136,7 +142,8 @@ class TuneRun:
         self.step = self.failed = ''
         self.share = 0.0
         self.table: list[Compared] = []
-        self.changes: dict[str, Any] = {}
+        self.found: DetectorConfig | None = None
+        self.changes = 0
         self.running = False
 
     async def run(self) -> None:
@@ -146,6 +153,8 @@ class TuneRun:
             await self._run()
         except ValueError as error:
             self.failed = str(error)
+        except OSError as error:  # There is no room for another process, for example.
+            self.failed = f'slip_tune cannot be run ({error.strerror or error})'
         finally:
             self.running, self.step = False, ''
 
@@ -166,9 +175,37 @@ class TuneRun:
         self._compares = True
         self.step = 'comparing on what was held out'
         before, after = [await self._figures(file) for file in (given, tuned)]
+        self.found = DetectorConfig.from_yaml(tuned)
+        self.changes = len(self.to_apply(self._config))
         self.table = compared(before, after)
-        was, found = self._config.to_parameters(), DetectorConfig.from_yaml(tuned).to_parameters()
-        self.changes = {name: value for name, value in found.items() if was.get(name) != value}
+
+    def to_apply(self, config: DetectorConfig) -> dict[str, Any]:
+        """Return the parameters that make a detector decide as what was found.
+
+        Parameters
+        ----------
+        config
+            What the detector runs with now, which may have changed since the run began.
+
+        Raises
+        ------
+        ValueError
+            When it has other channels, or another rate, than the one that was taught.
+        """
+        if self.found is None:
+            return {}
+        if (config.names, config.sample_rate_hz) != (self.found.names, self.found.sample_rate_hz):
+            raise ValueError(
+                f'{self.found.channels} channels at {self.found.sample_rate_hz:g} Hz were taught, '
+                f'and the detector has {config.channels} at {config.sample_rate_hz:g} Hz now, or '
+                'others: tune again on recordings of these'
+            )
+        now, found = config.to_parameters(), self.found.to_parameters()
+        return {
+            name: found.get(name)
+            for name in {**now, **found}
+            if name.partition('.')[0] in OF_THE_CHAIN and now.get(name) != found.get(name)
+        }
 
     def stop(self) -> None:
         """Stop the search; what it found is judged and kept."""
@@ -200,7 +237,7 @@ class TuneRun:
             'failed': self.failed,
             'held_out': self.held_out,
             'table': [list(row) for row in self.table],
-            'changes': len(self.changes),
+            'changes': self.changes,
         }
 
     def _beginning(self) -> DetectorConfig:

@@ -17,14 +17,17 @@
 
 import asyncio
 import contextlib
+import dataclasses
 import json
 import os
 import time
 
 import pytest
 
+from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.access import Access
-from slip_detector.view.server import Server
+from slip_detector.view.parameter_requests import ParameterRequests
+from slip_detector.view.server import READ_ONLY, Server
 from slip_detector.view.teaching_requests import TeachingRequests
 from support.lessons import write_lesson
 from support.simulated_hand import SimulatedHand
@@ -131,6 +134,18 @@ def test_a_page_that_may_only_look_changes_nothing(tmp_path):
     asyncio.run(lesson())
 
 
+def test_of_all_requests_only_those_that_look_are_answered_then(tmp_path):
+    async def lesson():
+        async with taught(tmp_path, read_only=True) as one:
+            ParameterRequests(one.server, tmp_path)
+            asked = {kind: await one.ask(kind) for kind in one.server.requests}
+            answered = {kind for kind, refusal in asked.items() if refusal != READ_ONLY}
+            assert answered == {'recordings', 'hold_rest'}
+            assert [*tmp_path.iterdir()] == []
+
+    asyncio.run(lesson())
+
+
 def test_while_it_is_tuned_recordings_stay_and_what_tunes_ends_with_the_server(tmp_path):
     write_lesson(tmp_path / 'index', slips=2)
 
@@ -155,20 +170,84 @@ def test_while_it_is_tuned_recordings_stay_and_what_tunes_ends_with_the_server(t
     asyncio.run(lesson())
 
 
-def test_what_was_found_is_applied_as_one_set_and_the_rest_stays(tmp_path):
+def test_of_two_pages_that_tune_at_once_one_is_refused(tmp_path):
+    write_lesson(tmp_path / 'index', slips=2)
+
     async def lesson():
         async with taught(tmp_path) as one:
-            write_lesson(tmp_path / 'index', slips=2)
-            await one.ask('tune')
-            run = one.requests._run
-            run.kill()
-            await asyncio.wait([one.requests._task])
-            run.changes = {'threshold': 0.25, 'vote': 2}
+            refusals = await asyncio.gather(one.ask('tune'), one.ask('tune'))
+            assert sorted(refusals) == ['', 'tuning runs already, allowed: one at a time']
+
+    asyncio.run(lesson())
+
+
+def test_a_finger_that_goes_while_its_recordings_are_read_is_not_tuned(tmp_path):
+    write_lesson(tmp_path / 'index', slips=2)
+
+    async def lesson():
+        async with taught(tmp_path) as one:
+            asked = asyncio.create_task(one.ask('tune'))
+            await asyncio.sleep(0)
+            one.hand.remove('index')
+            assert 'there is no finger' in await asked
+            assert one.told()['tuning'] is None
+
+    asyncio.run(lesson())
+
+
+@contextlib.asynccontextmanager
+async def tuned(folder, **found):
+    """Someone who has tuned, and found that."""
+    async with taught(folder) as one:
+        write_lesson(folder / 'index', slips=2)
+        await one.ask('tune')
+        run = one.requests._run
+        run.kill()
+        await asyncio.wait([one.requests._task])
+        run.found = dataclasses.replace(one.hand.fingers[FINGER].config, **found)
+        yield one
+
+
+def test_what_was_found_is_applied_as_one_set_and_the_rest_stays(tmp_path):
+    async def lesson():
+        async with tuned(tmp_path, threshold=0.25, groups={'all': tuple(range(1, 17))}) as one:
+            # Meanwhile somebody has changed what was compared, and what decides nothing.
+            await one.hand.change(FINGER, {'gain': 7.0, 'heartbeat_hz': 5.0}, 'page 1')
+            changes = one.hand.panel(FINGER).count
             assert await one.ask('apply_tuning') == ''
+            found = one.requests._run.found
             config = one.hand.fingers[FINGER].config
-            assert (config.threshold, config.vote, config.gain) == (0.25, 2, 100.0)
-            run.changes = {'gain': 7.0, 'threshold': -1.0}
-            assert 'threshold is -1' in await one.ask('apply_tuning')
-            assert one.hand.fingers[FINGER].config.gain == 100.0
+            assert config == dataclasses.replace(found, heartbeat_hz=5.0)
+            assert one.hand.panel(FINGER).count == changes + 1
+            assert await one.ask('apply_tuning') == ''
+            assert one.told()['words'].endswith('0 values set')
+
+    asyncio.run(lesson())
+
+
+def test_what_the_detector_refuses_of_what_was_found_is_told_in_its_words(tmp_path, monkeypatch):
+    async def refused(name, values):
+        return f'parameter threshold is {values["threshold"]}, allowed: more'
+
+    async def lesson():
+        async with tuned(tmp_path, threshold=0.25) as one:
+            monkeypatch.setattr(one.hand, 'set_parameters', refused)
+            refusal = await one.ask('apply_tuning')
+            assert refusal == 'parameter threshold is 0.25, allowed: more'
+
+    asyncio.run(lesson())
+
+
+def test_what_was_found_is_not_applied_to_other_channels_nor_to_a_finger_that_is_gone(tmp_path):
+    async def lesson():
+        async with tuned(tmp_path, threshold=0.25) as one:
+            finger = one.hand.fingers[FINGER]
+            for other in (DetectorConfig(channels=8), DetectorConfig(sample_rate_hz=400.0)):
+                finger.config = other
+                refusal = await one.ask('apply_tuning')
+                assert refusal.startswith('16 channels at 380 Hz were taught')
+                assert finger.config is other
+            one.hand.remove('index')
+            assert 'there is no finger' in await one.ask('apply_tuning')
 
     asyncio.run(lesson())

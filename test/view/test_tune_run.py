@@ -17,6 +17,7 @@
 
 import asyncio
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from pathlib import Path
 import pytest
 
 from slip_detector.parameters import DetectorConfig
+from slip_detector.tuning.noise import LEAST_S
 from slip_detector.view import tune_run
 from slip_detector.view.recorded_folder import RecordedFolder
 from slip_detector.view.tune_run import TuneRun
@@ -85,8 +87,10 @@ def test_a_search_that_is_stopped_keeps_what_it_found_and_is_judged_by_what_was_
     assert rows['slips'].before == rows['slips'].after == '2'
     assert rows['ON without slip [% of the rest]'].change == 'better'
     found = DetectorConfig.from_yaml(run.folder / 'tuned.yaml').to_parameters()
-    assert run.changes['decision'] == 'evidence'
-    assert {**DetectorConfig().to_parameters(), **run.changes} == found
+    changes = run.to_apply(DetectorConfig())
+    assert run.changes == len(changes)
+    assert changes['decision'] == 'evidence'
+    assert {**DetectorConfig().to_parameters(), **changes} == found
 
 
 def test_what_fails_says_why_in_one_line(lesson):
@@ -104,11 +108,32 @@ def test_what_fails_says_why_in_one_line(lesson):
     assert not run.table
 
 
+def test_where_no_process_can_be_made_it_is_said(lesson, monkeypatch):
+    monkeypatch.setattr(tune_run, '_with_low_priority', lambda: ['/no/such/program'])
+    run = TuneRun(looked_at(lesson), DetectorConfig())
+    asyncio.run(finished(run))
+    assert run.failed == 'slip_tune cannot be run (No such file or directory)'
+    assert not run.running
+
+
 def test_a_run_that_is_stopped_before_the_search_found_nothing(lesson):
     run = TuneRun(looked_at(lesson), DetectorConfig())
     asyncio.run(finished(run, run.stop))
     assert run.failed == 'stopped before anything was found'
     assert not run.changes
+
+
+def test_where_neither_rest_nor_taps_were_recorded_it_is_said_what_is_not_learnt(tmp_path):
+    write_lesson(tmp_path, slips=2)
+    for name in ('rest_1', 'rest_2', 'taps_1'):
+        shutil.rmtree(tmp_path / name)
+    run = TuneRun(looked_at(tmp_path), DetectorConfig())
+    asyncio.run(finished(run, lambda: run.kill() if run.step == 'searching' else None))
+    assert run.lines == [
+        f'No noise is learnt: that needs {LEAST_S:g} s of rest',
+        'No impact is learnt: nothing was tapped',
+    ]
+    assert run.failed == 'slip_view has ended'
 
 
 def test_there_have_to_be_two_slips(tmp_path):
