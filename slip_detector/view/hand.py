@@ -196,7 +196,7 @@ class Hand(ABC):
             refusal = await self.set_parameters(name, values)
         finally:
             if refusal:
-                panel.expect(values, '')
+                panel.refused(values, by)
         if refusal:
             raise ValueError(refusal)
 

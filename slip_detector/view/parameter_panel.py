@@ -18,10 +18,11 @@ A page sends texts, as somebody typed them, or numbers, as a plot was dragged. W
 allowed is for the detector to say, whose words are shown.
 """
 
+import contextlib
 import dataclasses
 import re
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple, get_args
 
 from slip_detector.parameters.conversion import shortened
@@ -126,7 +127,7 @@ class ParameterPanel:
         self.history: deque[Change] = deque(maxlen=MOST_CHANGES)
         self.changes: deque[Change] = deque(maxlen=LATELY)
         self.count = self.version = 0
-        self._expected: dict[frozenset[str], str] = {}
+        self._expected: deque[tuple[dict[str, Any], str]] = deque(maxlen=MOST_CHANGES)
         self.file_values = None if file_values is None else dict(file_values)
         self._read_only: frozenset[str] = frozenset()
         self._meanings: dict[str, str] = {}
@@ -141,6 +142,7 @@ class ParameterPanel:
         self.version += 1
         self._read_only, self._meanings = reading.read_only, reading.meanings
         if known:
+            self._expected.clear()
             gone = dict.fromkeys(self.values.keys() - reading.values.keys())
             return self._take({**gone, **reading.values}, RESTART)
         self.values = dict(reading.values)
@@ -148,12 +150,14 @@ class ParameterPanel:
             self.file_values = dict(reading.values)
         return None
 
-    def expect(self, values: Collection[str], by: str) -> None:
-        """Note who asked for a change of these parameters; ``''``: it was refused."""
-        names = frozenset(values)
-        self._expected.pop(names, None)
-        if by:
-            self._expected[names] = by
+    def expect(self, values: Mapping[str, Any], by: str) -> None:
+        """Note who asks for a change."""
+        self._expected.append((dict(values), by))
+
+    def refused(self, values: Mapping[str, Any], by: str) -> None:
+        """Note that a change that somebody asked for does not come."""
+        with contextlib.suppress(ValueError):
+            self._expected.remove((dict(values), by))
 
     def take(self, values: Mapping[str, Any]) -> Change | None:
         """Take values that the detector now has; return the change, None if there is none.
@@ -164,10 +168,23 @@ class ParameterPanel:
             By name; None: the parameter was deleted.
         """
         # They come as an event of this change, or with all others as they are read.
-        given = frozenset(values)
+        given = values.keys()
         changed = {name for name in given if self.values.get(name) != values[name]}
-        asked = next((n for n in self._expected if n == given or changed <= n < given), given)
-        return self._take(values, self._expected.pop(asked, OUTSIDE))
+        asked = [
+            each
+            for each in self._expected
+            if each[0].keys() == given or (changed and changed <= each[0].keys() < given)
+        ]
+        if not asked:
+            return self._take(values, OUTSIDE)
+        # Two pages may have asked for the same parameters at once. Where no values are equal, the
+        # detector has rounded them.
+        equal = (each for each in asked if each[0].items() <= values.items())
+        found = next(equal, asked[0])
+        # What was asked for before it, of the same parameters, has not been heard of.
+        for each in asked[: asked.index(found) + 1]:
+            self._expected.remove(each)
+        return self._take(values, found[1])
 
     def _take(self, values: Mapping[str, Any], by: str) -> Change | None:
         after = {name: value for name, value in values.items() if self.values.get(name) != value}

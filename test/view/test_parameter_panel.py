@@ -173,7 +173,7 @@ def test_who_asked_for_a_change_is_told_with_it_and_no_other():
     panel.expect({'threshold': 0.3, 'gain': 1.0}, 'page 1')
     panel.expect({'vote': 'mean'}, 'page 2')
     panel.expect({'exponent': 7}, 'page 2')
-    panel.expect({'exponent': 7}, '')  # refused
+    panel.refused({'exponent': 7}, 'page 2')
     told = [
         panel.take(values).by
         for values in (
@@ -187,6 +187,36 @@ def test_who_asked_for_a_change_is_told_with_it_and_no_other():
     told.append(panel.take({**panel.values, 'vote': 'mean'}).by)
     assert told == [OUTSIDE, 'page 1', OUTSIDE, OUTSIDE, 'page 2']
     assert [change.by for change in panel.changes] == told
+
+
+@pytest.mark.parametrize('refused', [(), (1,), (2,), (1, 2)])
+def test_two_pages_that_change_the_same_parameter_at_once_are_told_apart(refused):
+    panel = panel_of()
+    asked = {1: {'threshold': 0.2}, 2: {'threshold': 0.3}, 3: {'threshold': 0.4}}
+    for page, values in asked.items():
+        panel.expect(values, f'page {page}')
+    for page in refused:
+        panel.refused(asked[page], f'page {page}')
+    told = {page: panel.take(v).by for page, v in asked.items() if page not in refused}
+    assert told == {page: f'page {page}' for page in asked if page not in refused}
+    assert panel.take({'threshold': 0.5}).by == OUTSIDE
+
+
+def test_what_the_detector_has_rounded_or_did_not_tell_is_of_who_asked_last():
+    panel = panel_of()
+    panel.expect({'threshold': 0.3}, 'page 1')
+    assert panel.take({'threshold': 0.30000001}).by == 'page 1'
+    panel.expect({'threshold': 0.2}, 'page 1')  # Its event is lost.
+    panel.expect({'threshold': 0.4}, 'page 2')
+    assert panel.take({'threshold': 0.4}).by == 'page 2'
+    assert panel.take({'threshold': 0.5}).by == OUTSIDE
+
+
+def test_who_asked_a_detector_that_has_ended_did_not_change_the_next():
+    panel = panel_of()
+    panel.expect({'threshold': 0.3}, 'page 1')
+    panel.read(Reading(VALUES, READ_ONLY, {}))
+    assert panel.take({'threshold': 0.3}).by == OUTSIDE
 
 
 def test_the_version_grows_with_what_is_shown():
