@@ -36,6 +36,10 @@ LOOK_S = 1.0
 #: What was said on ``/diagnostics`` holds for so long: it is said once a second.
 DIAGNOSIS_S = 3.5
 
+#: What was set is told by an event, which comes by itself. It is waited for so long, and looked
+#: for so often.
+EVENT_S, EVENT_LOOK_S = 1.0, 0.01
+
 BOOL, JOINT_STATE = 'std_msgs/msg/Bool', 'sensor_msgs/msg/JointState'
 
 #: Who publishes ``slip_valid`` and has these parameters is a detector.
@@ -110,8 +114,18 @@ class RosHand(Hand):
             topics.poll()
 
     async def set_parameters(self, name: str, values: Mapping[str, Any]) -> str:
-        """Set parameters of a finger's detector, all or none; return why not, or ''."""
-        return await self._client(name).set(values)
+        """Set parameters of a finger's detector, all or none; return why not, or ''.
+
+        When they are set, the panel of a finger that is watched has them: whoever saves next
+        saves these.
+        """
+        refusal = await self._client(name).set(values)
+        panel, until_s = self.panel(name), time.monotonic() + EVENT_S
+        while not refusal and time.monotonic() < until_s:
+            if all(panel.values.get(each) == value for each, value in values.items()):
+                break
+            await asyncio.sleep(EVENT_LOOK_S)
+        return refusal
 
     def close(self) -> None:
         """Let go of everything."""

@@ -171,6 +171,30 @@ def test_parameters_that_are_changed_by_anybody_are_those_of_the_finger(bench):
     watching(bench, test)
 
 
+def test_what_is_saved_after_an_answer_has_what_was_set(bench):
+    async def test(it):
+        start(bench, 'index')
+        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+        it.watched = {INDEX}
+        panel = it.hand.panel(INDEX)
+
+        async def set_threshold(value):
+            polling = asyncio.create_task(it.polls(100_000))
+            try:
+                assert await it.hand.set_parameters(INDEX, {'threshold': value}) == ''
+            finally:
+                polling.cancel()
+
+        tried = iter(range(1, 100))
+        while panel.values['threshold'] < 1.0:  # Until an event is heard.
+            await set_threshold(float(next(tried)))
+        for value in (0.25, 0.75, 0.375):
+            await set_threshold(value)
+            assert panel.config.threshold == value
+
+    watching(bench, test)
+
+
 def test_a_detector_that_ends_is_gone_and_comes_again(bench):
     async def test(it):
         first = start(bench, 'index')
