@@ -23,7 +23,7 @@ from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.reading import read_parameter_file
 from slip_detector.view.parameter_panel import Change, ParameterPanel, typed, words_of
-from slip_detector.view.saving import parameter_file, save
+from slip_detector.view.saving import launch_arguments, parameter_file, save
 from slip_detector.view.server import Server
 
 
@@ -42,7 +42,7 @@ class ParameterRequests:
     """
 
     def __init__(self, server: Server, folder: Path, files: Sequence[Path] = ()) -> None:
-        self._server, self._folder, self._files = server, folder, files
+        self._server, self._folder, self._files = server, folder.resolve(), files
         self._told: dict[str, tuple[int, bool]] = {}
         #: Of each detector what was wrong with its file.
         self._file_errors: dict[str, str] = {}
@@ -164,7 +164,13 @@ class ParameterRequests:
         configs = {name: self._panel(name).config for name in names}
         given = self._file_of(names[0])
         comments = [f'Saved by slip_view: what {" and ".join(configs)} ran with.']
-        document = parameter_file(configs, given)
+        lost = ''
+        try:
+            document = parameter_file(configs, given)
+        except ValueError as error:
+            lost = f'It has nothing for other nodes: {error}'
+            document = parameter_file(configs)
+            comments.append(lost)
         name, replace = message.get('name'), message.get('replace') is True
         if not isinstance(name, str):
             raise ValueError(f'name is {shown(name)}, allowed: a name for the file')
@@ -174,7 +180,7 @@ class ParameterRequests:
             )
         except FileExistsError as error:
             return {'taken': str(error)}
-        return {'path': str(path.resolve())}
+        return {'launch': launch_arguments(configs, path), 'lost': lost}
 
 
 def _inverse(change: Change) -> Change:

@@ -15,10 +15,12 @@
 """Saves what detectors run with as a parameter file that the launch files take."""
 
 import re
-from collections.abc import Iterable, Mapping
+import shlex
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import writable_folder
 from slip_detector.parameters.reading import (
@@ -34,6 +36,7 @@ from slip_detector.parameters.yaml_files import read_yaml
 #: What a page may call a file. With several parameter files, the launch files make namespaces of
 #: their names.
 FILE_NAME = re.compile('(?!.*__)[A-Za-z][A-Za-z0-9_]{0,63}')
+ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 
 
 def parameter_file(
@@ -89,6 +92,35 @@ def _nested(config: DetectorConfig) -> dict[str, Any]:
     return {name: value for name, value in values.items() if '.' not in name}
 
 
+def launch_arguments(names: Collection[str], path: Path) -> str:
+    """Return what ``slip_detector.launch.py`` takes to start detectors with a saved file.
+
+    Parameters
+    ----------
+    names
+        Full names of those that were saved. One can be started as any finger; several are started
+        with their names.
+    path
+        The file.
+
+    Examples
+    --------
+    >>> launch_arguments(['/thumb/slip_detector'], Path('my hand/thumb.yaml'))
+    "'config:=my hand/thumb.yaml'"
+    >>> both = '/left/thumb/slip_detector', '/left/index/slip_detector'
+    >>> launch_arguments(both, Path('left.yaml'))
+    'namespace:=left fingers:=thumb,index config:=left.yaml'
+    """
+    words = [f'config:={path}']
+    found = [re.fullmatch(f'(/.*|)/([^/]+)/{DetectorConfig.NODE}', name) for name in names]
+    fingers = [match.groups() for match in found if match]
+    namespaces = {namespace for namespace, _ in fingers}
+    if 1 < len(fingers) == len(names) and len(namespaces) == 1:
+        words.insert(0, f'fingers:={",".join(finger for _, finger in fingers)}')
+        words[:0] = [f'namespace:={namespace[1:]}' for namespace in namespaces if namespace]
+    return shlex.join(words)
+
+
 def save(
     folder: Path,
     name: str,
@@ -122,12 +154,12 @@ def save(
 
     Examples
     --------
-    >>> save(Path('recordings'), '../thumb', {}, [])
+    >>> save(Path('recordings'), '..', {}, [])
     Traceback (most recent call last):
-    ValueError: name is '../thumb', allowed: a letter, then letters, digits and single _
+    ValueError: name is '..', allowed: a letter, then letters (a-z), digits, single _, at most 64
     """
     if not FILE_NAME.fullmatch(name):
-        raise ValueError(f'name is {name!r}, allowed: a letter, then letters, digits and single _')
+        raise ValueError(f'name is {shown(name)}, allowed: {ALLOWED_NAME}')
     path = writable_folder(folder) / f'{name}.yaml'
     if path.is_symlink():
         raise ValueError(f'{path}: is a link to another file, allowed: a name of its own')

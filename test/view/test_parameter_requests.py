@@ -71,6 +71,15 @@ def test_whatever_changes_something_is_refused_to_pages_that_may_only_look(tmp_p
     assert server.hand.fingers[NAME].config == DetectorConfig()
 
 
+def test_a_refusal_is_not_what_is_undone(tmp_path):
+    server = server_of(tmp_path)
+    assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
+    assert ask(server, type='set', values={'threshold': -1, 'gain': 7.0})['refusal']
+    assert ask(server, type='undo')['refusal'] == ''
+    assert server.hand.fingers[NAME].config == DetectorConfig()
+    assert ask(server, type='undo')['refusal'] == 'there is nothing to undo'
+
+
 def test_of_several_files_each_detector_has_the_one_of_its_namespace(tmp_path):
     files = [tmp_path / 'onset.yaml', tmp_path / 'sure.yaml']
     for file, threshold in zip(files, (0.25, 0.75), strict=True):
@@ -90,6 +99,11 @@ def test_a_file_that_cannot_be_read_is_named_and_nothing_else_fails(tmp_path):
     assert 'none.yaml: cannot be read' in server.told()['parameters']
     assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
     assert 'none.yaml: cannot be read' in ask(server, type='as_in_file')['refusal']
+    answer = ask(server, type='save', fingers=[NAME], name='kept')
+    assert (answer['refusal'], answer['launch']) == ('', f'config:={tmp_path}/saved/kept.yaml')
+    assert 'none.yaml: cannot be read' in answer['lost']
+    saved = tmp_path / 'saved' / 'kept.yaml'
+    assert DetectorConfig.from_yaml(saved) == DetectorConfig(threshold=0.25)
 
 
 def test_what_is_told_changes_with_the_parameters_and_with_nothing_else(tmp_path):

@@ -258,7 +258,7 @@ def test_it_is_saved_in_the_folder_that_is_named_and_nowhere_else(serve, opened,
     expect(saved).to_contain_text('Not saved: ')
     page.get_by_label('What').select_option('all')
     button(page, 'Replace the file').click()
-    expect(saved).to_contain_text('Saved.')
+    expect(saved).to_contain_text(f'fingers:=index,thumb config:={tmp_path}/index.yaml')
     text = (tmp_path / 'index.yaml').read_text(encoding='utf-8')
     assert '/thumb/slip_detector:' in text
     page.get_by_label('File').fill('../index')

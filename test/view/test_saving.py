@@ -14,6 +14,8 @@
 
 """What is saved as a parameter file, and where it may be."""
 
+from pathlib import Path
+
 import pytest
 import yaml
 from hypothesis import given
@@ -22,7 +24,7 @@ from hypothesis import strategies as st
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.reading import read_parameter_file
-from slip_detector.view.saving import FILE_NAME, parameter_file, save
+from slip_detector.view.saving import FILE_NAME, launch_arguments, parameter_file, save
 from support.config_cases import message_of
 from support.full_disk import full_disk
 from support.random_chains import configs
@@ -101,6 +103,29 @@ def test_no_name_leads_out_of_the_folder(tmp_path_factory, name):
         assert 'allowed: a letter' in message_of(save, folder, name, {}, [])
         assert list(folder.iterdir()) == []
     assert list(outer.iterdir()) == [folder]
+
+
+@pytest.mark.parametrize('name', ['-rf', 'Ärmel', '指', 'a' * 65, 'a' * 100_000, 'a__b', ' a'])
+def test_a_name_that_no_namespace_can_have_is_refused_in_a_short_line(tmp_path, name):
+    words = message_of(save, tmp_path, name, {}, [])
+    assert 'letters (a-z)' in words
+    assert len(words) < 400
+
+
+@pytest.mark.parametrize(
+    ('names', 'words'),
+    [
+        (['/slip_detector'], 'config:=a.yaml'),
+        (['/left/thumb/slip_detector'], 'config:=a.yaml'),
+        (['/thumb/slip_detector', '/index/slip_detector'], 'fingers:=thumb,index config:=a.yaml'),
+        # The launch file does not start these together.
+        (['/left/thumb/slip_detector', '/right/thumb/slip_detector'], 'config:=a.yaml'),
+        (['/slip_detector', '/index/slip_detector'], 'config:=a.yaml'),
+        (['/thumb/mine', '/index/mine'], 'config:=a.yaml'),
+    ],
+)
+def test_what_starts_the_same_detectors_again_is_said(names, words):
+    assert launch_arguments(names, Path('a.yaml')) == words
 
 
 def test_a_link_is_not_followed_and_a_file_is_replaced_only_where_that_is_wanted(tmp_path):

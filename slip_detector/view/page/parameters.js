@@ -278,9 +278,9 @@ export class Parameters {
   async write(replace) {
     const all = Object.keys(this.told.fingers).filter((name) => !this.told.fingers[name].gone);
     const fingers = this.scope.value === 'all' ? all : [this.finger];
-    const {refusal, path, taken} = await this.connection.request('save', {fingers, name: this.fileName.value, replace});
+    const {refusal, launch, lost, taken} = await this.connection.request('save', {fingers, name: this.fileName.value, replace});
     this.replace.hidden = !taken;
     this.saved.textContent = refusal || taken
-      ? `Not saved: ${refusal || taken}` : `Saved. ros2 launch slip_detector slip_detector.launch.py config:=${path}`;
+      ? `Not saved: ${refusal || taken}` : `Saved. ${lost && `${lost}. `}ros2 launch slip_detector slip_detector.launch.py ${launch}`;
   }
 }
