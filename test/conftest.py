@@ -61,6 +61,15 @@ def pytest_collection():
         gc.enable()
 
 
+@pytest.fixture(scope='module')
+def browser():
+    """The system's browser; what needs it is skipped where there is none."""
+    from support.browsers import browser_or_skip
+
+    with browser_or_skip() as running:
+        yield running
+
+
 @pytest.fixture
 def bench():
     """A domain with a node of the test's own, for any number of processes."""

@@ -15,43 +15,20 @@
 """The parameters of real detectors on the page of a real slip_view, in a real browser."""
 
 import asyncio
-import os
 import re
 import signal
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from benchmarks.tune import browser as system_browser
 from slip_detector.nodes.view_parameters import ParameterClient
 from slip_detector.parameters.detector import DetectorConfig
-
-try:
-    from playwright.sync_api import expect
-except ImportError:
-    expect = None
-
-MISSING = system_browser.why_no_browser()
-
-pytestmark = pytest.mark.skipif(
-    bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING
-)
-
-#: Discovery takes seconds now and then.
-PATIENCE_MS = 90_000
+from support.browsers import PATIENCE_MS, expect
 
 FILE = """
 /**/slip_driver: {ros__parameters: {source: udp}}
 /**/slip_detector: {ros__parameters: {threshold: 0.25, channels: 3, vote: mean}}
 """
-
-
-@pytest.fixture(scope='module')
-def browser():
-    if MISSING:
-        pytest.fail(f'SLIP_NEED_BROWSER is 1 and the live page {MISSING}')
-    with system_browser.browser() as running:
-        yield running
 
 
 @pytest.fixture

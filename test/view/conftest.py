@@ -15,28 +15,13 @@
 """The live page in a browser without a screen."""
 
 import contextlib
-import os
 
 import pytest
 
-from benchmarks.tune import browser as system_browser
 from slip_detector.view.parameter_requests import ParameterRequests
 from slip_detector.view.teaching_requests import TeachingRequests
 from support.finger_states import Player, QuietHand
 from support.simulated_hand import served_beside
-
-MISSING = system_browser.why_no_browser()
-
-
-@pytest.fixture(scope='module')
-def browser():
-    """Return the system's browser; where it may lack, what needs it is skipped."""
-    if MISSING and os.environ.get('SLIP_NEED_BROWSER') == '1':
-        pytest.fail(f'SLIP_NEED_BROWSER is 1 and the live page {MISSING}')
-    if MISSING:
-        pytest.skip(MISSING)
-    with system_browser.browser() as running:
-        yield running
 
 
 @pytest.fixture

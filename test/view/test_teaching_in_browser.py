@@ -15,64 +15,31 @@
 
 """Rest, slips and taps taught in a real browser, to simulated fingers."""
 
-import os
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.tune import browser as system_browser
 from slip_detector.recordings import open_recording
 from slip_detector.view.access import Access
 from slip_detector.view.teaching_requests import TeachingRequests
+from support.browsers import PATIENCE_MS, expect
 from support.full_disk import full_disk
 from support.lessons import write_lesson
 from support.simulated_hand import SimulatedHand, served_beside
 
-try:
-    from playwright.sync_api import expect
-except ImportError:
-    expect = None
-
-MISSING = system_browser.why_no_browser()
-
-pytestmark = pytest.mark.skipif(
-    bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING
-)
-
-PATIENCE_MS = 120_000
-
-
-@pytest.fixture(scope='module')
-def browser():
-    if MISSING:
-        pytest.fail(f'SLIP_NEED_BROWSER is 1 and the live page {MISSING}')
-    expect.set_options(timeout=PATIENCE_MS)
-    with system_browser.browser() as running:
-        yield running
-    expect.set_options(timeout=None)
-
 
 @pytest.fixture
-def opened(browser):
-    """Return what opens a page; it fails the test if a page complains."""
-    complaints, pages = [], []
+def opened(open_page):
+    """Return what opens a page, and waits until it knows what is recorded."""
 
     def open_(served):
-        page = browser.new_page()
-        pages.append(page)
-        page.on('console', lambda message: complaints.append(message.text))
-        page.on('pageerror', lambda error: complaints.append(str(error)))
-        page.goto(served.url)
-        expect(page.locator('[data-finger]')).to_be_visible(timeout=PATIENCE_MS)
+        page = open_page(served)
         expect(now(page)).not_to_be_empty()
         return page
 
-    yield open_
-    for page in pages:
-        page.close()
-    assert complaints == []
+    return open_
 
 
 def served(tmp_path, **how):
@@ -165,6 +132,18 @@ def test_a_page_that_is_closed_ends_the_slip_that_it_held(opened, tmp_path):
         expect(words(page)).to_contain_text('slip_1 has')
         expect(row(page, 'slip_1')).to_be_visible()
     assert not truth_of(tmp_path / 'index' / 'slip_1')[-1]
+
+
+def test_a_recording_that_cannot_be_used_is_listed_so(opened, tmp_path):
+    write_lesson(tmp_path / 'index', slips=2)
+    (tmp_path / 'index' / 'slip_2' / 'slip_2.mcap').write_bytes(b'no bag')
+    with served(tmp_path) as running:
+        page = opened(running)
+        expect(row(page, 'slip_1')).to_contain_text('tuning')
+        expect(row(page, 'slip_2')).to_contain_text('not used')
+        expect(row(page, 'slip_2')).to_contain_text('is broken')
+        expect(page.get_by_role('button', name=re.compile('^Slip'))).to_contain_text('1 of 20')
+        expect(page.get_by_role('button', name='Tune', exact=True)).to_be_disabled()
 
 
 def test_a_recording_is_deleted_only_when_that_is_confirmed(opened, tmp_path):
