@@ -35,8 +35,8 @@ SPECTRUM_S = 0.2
 #: Stamps that fit 64 bits.
 STAMPS_NS = (-(2.0**62), 2.0**62)
 
-#: Channels of which a page may draw traces at once.
-MOST_CHANNELS = 64
+#: Fingers that a page may show at once, and channels of which it may draw traces.
+MOST_FINGERS, MOST_CHANNELS = 256, 64
 HIGHEST_CHANNEL = 1_000_000
 
 
@@ -72,6 +72,8 @@ class Look:
 
     def __init__(self, message: Mapping[str, Any]) -> None:
         self.fingers = tuple(dict.fromkeys(_texts('fingers', message.get('fingers', []))))
+        if len(self.fingers) > MOST_FINGERS:
+            raise ValueError(f'fingers has {len(self.fingers)}, allowed: at most {MOST_FINGERS}')
         self.finger = str(message.get('finger') or '')
         channels = message.get('channels', [])
         if not isinstance(channels, list) or not all(

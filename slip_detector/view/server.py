@@ -15,6 +15,7 @@
 """The server of the live page: its files, and one connection for each page that is open."""
 
 import asyncio
+import contextlib
 import copy
 import json
 import logging
@@ -39,11 +40,11 @@ FRAME_S = 1 / 30
 #: Period at which the server looks around while nobody watches.
 IDLE_S = 0.2
 
-#: A page that does not answer for so long is gone.
+#: A page is asked so often whether it is there, and gone when it does not answer until the next.
 PING_S = 10.0
 
-#: Pages that may be open at once.
-MOST_PAGES = 20
+#: Pages that may be open at once, and requests of a page that are not answered yet.
+MOST_PAGES, MOST_REQUESTS = 20, 100
 
 #: Longest message of a page.
 MOST_BYTES = 1 << 20
@@ -135,6 +136,7 @@ class Server:
                 ('/.*', File, {'server': self, 'files': page_files()}),
             ],
             websocket_ping_interval=PING_S,
+            websocket_ping_timeout=PING_S,  # Older versions of tornado wait for three times that.
             websocket_max_message_size=MOST_BYTES,
             log_function=lambda handler: None,
         )
@@ -234,9 +236,10 @@ class _Guarded(web.RequestHandler):
         """Return why the request is refused, or ''."""
         access = self.server.access
         refusal = access.refusal(self.request.host, self.request.headers.get('Origin'))
-        if not refusal and token and not access.knows(self.get_query_argument('token', '')):
-            refusal = NO_TOKEN
-        return refusal
+        if refusal or not token:
+            return refusal
+        given = self.get_query_argument('token', '', strip=False)
+        return '' if access.knows(given) else NO_TOKEN
 
     def refuse(self, why: str) -> None:
         """Answer with the reason."""
@@ -319,6 +322,9 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self._drawn = self._frames
         elif content.get('type') == 'look':
             self._take_look(content)
+        elif len(self._answers) >= MOST_REQUESTS:
+            # It does not read the answers, which are kept until it does.
+            self.close(1008, f'more than {MOST_REQUESTS} requests wait for an answer')
         else:
             task = asyncio.get_running_loop().create_task(self._answer(content))
             self._answers.add(task)
@@ -341,8 +347,9 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
 
     async def _answer(self, content: Mapping[str, Any]) -> None:
         answer = await self.server.answer(content)
-        if self._is_open():
-            self.write_message(json.dumps(answer, allow_nan=False))
+        # A page that has closed meanwhile is no error.
+        with contextlib.suppress(websocket.WebSocketClosedError):
+            await self.write_message(json.dumps(answer, allow_nan=False))
 
     def send_news(self) -> None:
         """Send what is new, unless the page is still at what it was sent before."""

@@ -112,6 +112,7 @@ def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
         ({'pixels': 1e9}, 'pixels is'),
         ({'spectrum': 'all'}, 'spectrum is all, allowed: 1 to'),
         ({'until_ns': 1e30}, 'until_ns is 1e'),
+        ({'fingers': [f'/f{k}' for k in range(300)]}, 'fingers has 300, allowed: at most 256'),
         ({'fingers': [3]}, 'fingers is no list of names'),
     ],
 )

@@ -28,6 +28,14 @@ from support.simulated_hand import ServedHand, SimulatedHand
 
 DEADLINE_S = 60.0
 
+#: Headers that ask for a connection.
+UPGRADE = {
+    'Upgrade': 'websocket',
+    'Connection': 'Upgrade',
+    'Sec-WebSocket-Version': '13',
+    'Sec-WebSocket-Key': 'AAAAAAAAAAAAAAAAAAAAAA==',
+}
+
 
 def served(test, hand=None, **how):
     """Run a test with a server and one page; it gets what is served, and the page."""
@@ -62,13 +70,7 @@ async def status_of(request):
 
 async def refused(url, **headers):
     """Return the status with which a connection is refused."""
-    upgrade = {
-        'Upgrade': 'websocket',
-        'Connection': 'Upgrade',
-        'Sec-WebSocket-Version': '13',
-        'Sec-WebSocket-Key': 'AAAAAAAAAAAAAAAAAAAAAA==',
-    }
-    return (await status_of(HTTPRequest(url, headers={**upgrade, **headers})))[0]
+    return (await status_of(HTTPRequest(url, headers={**UPGRADE, **headers})))[0]
 
 
 def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
@@ -269,6 +271,47 @@ def test_a_connection_that_breaks_while_it_is_sent_to_ends_nothing_else():
     served(test)
 
 
+def test_a_page_that_sleeps_is_given_up_and_the_others_are_served(monkeypatch):
+    monkeypatch.setattr(server, 'PING_S', 0.2)
+
+    async def test(it, page):
+        await page.until('hand')
+        port = int(it.url.rpartition(':')[2].strip('/'))
+        reader, writer = await asyncio.open_connection('127.0.0.1', port, limit=1 << 24)
+        headers = {'Host': f'127.0.0.1:{port}', **UPGRADE}
+        lines = ('GET /live HTTP/1.1', *(f'{name}: {value}' for name, value in headers.items()))
+        writer.write('\r\n'.join((*lines, '', '')).encode())
+        # It takes part in nothing: not in the end of the connection either, which takes seconds.
+        await reader.readuntil(b'ping timed out')
+        for k in range(3):
+            it.server.tell('teaching', {'count': k})
+            await page.until('teaching', lambda told, k=k: told['count'] == k)
+        writer.close()
+
+    served(test)
+
+
+def test_a_page_that_asks_and_reads_no_answer_is_closed(monkeypatch):
+    monkeypatch.setattr(server, 'MOST_REQUESTS', 3)
+    asked = []
+
+    async def wait(message):
+        asked.append(message['id'])
+        await asyncio.Event().wait()
+
+    async def test(it, page):
+        other = await LiveClient.open(it.url)
+        for k in range(5):
+            await other.say('wait', id=k)
+        while await other._socket.read_message() is not None:
+            pass
+        assert other._socket.close_reason == 'more than 3 requests wait for an answer'
+        assert asked == [0, 1, 2]
+        await page.until('hand')
+
+    served(test, prepare=lambda of: of.on_request('wait', wait))
+
+
 def test_a_look_that_is_not_allowed_is_refused_in_words():
     async def test(it, page):
         await page.say('look', fingers=['/index/slip_detector'], window_s=1e9)
@@ -313,7 +356,7 @@ def test_beyond_loopback_the_address_needs_its_token():
     async def test(it, page):
         await page.until('hand')  # With the token.
         base, _, _ = it.url.partition('?')
-        for query in ('', '?token=', '?token=wrong', '?Token=right'):
+        for query in ('', '?token=', '?token=wrong', '?Token=right', '?token=%20right'):
             code, said = await status_of(base + query)
             assert (code, said.strip()) == (403, server.NO_TOKEN)
             assert await refused(f'{base}live{query}') == 403
