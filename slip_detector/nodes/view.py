@@ -143,6 +143,8 @@ def _check(arguments: argparse.Namespace) -> None:
     from slip_detector.scenes.scene_files import find_scene
 
     arguments.configs = [Path(name.strip()) for name in arguments.config.split(',') if name]
+    if not arguments.token.isprintable():
+        raise ValueError('--token has a character that cannot be seen, allowed: printable ones')
     for path in arguments.configs:
         if not path.is_file():
             raise ValueError(f'--config is {str(path)!r}, allowed: the path of a parameter file')
@@ -201,9 +203,10 @@ async def _serve(
     MarkerTopic(node, server)
     try:
         port = server.listen(arguments.port)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
         raise ValueError(
-            f'--host {arguments.host} --port {arguments.port} cannot be had ({error.strerror}), '
+            f'--host {arguments.host} --port {arguments.port} cannot be had ({why}), '
             'allowed: an address of this machine and a port that is free'
         ) from None
     gc.freeze()

@@ -105,20 +105,21 @@ def page_address(host: str, port: int, token: str = '') -> str:
     ('http://127.0.0.1:8470/', 'http://[::1]:80/?token=a%26b')
     """
     if host in ('', '0.0.0.0', '::'):
-        host = _own_address()
+        host = _own_address(socket.AF_INET6 if host == '::' else socket.AF_INET)
     name = f'[{host}]' if ':' in host else host
     return f'http://{name}:{port}/' + (f'?token={quote(token, safe="")}' if token else '')
 
 
-def _own_address() -> str:
+def _own_address(family: socket.AddressFamily) -> str:
     """Return the address from which this machine reaches others; its name where it has none."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
+    elsewhere = '2001:db8::1' if family == socket.AF_INET6 else '10.255.255.255'
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
             # Nothing is sent: a datagram's socket only chooses the way.
-            probe.connect(('10.255.255.255', 9))
+            probe.connect((elsewhere, 9))
             return str(probe.getsockname()[0])
-        except OSError:
-            return socket.gethostname()
+    except OSError:
+        return socket.gethostname()
 
 
 def host_name(host: str) -> str | None:

@@ -173,6 +173,8 @@ def test_with_read_only_a_page_changes_nothing(bench):
         (['--port', '70000'], 2, "argument --port: is '70000', allowed: a whole number, 0 to"),
         (['--prot', '0'], 2, 'unrecognized arguments: --prot 0'),
         (['--config', 'none.yaml'], 1, "--config is 'none.yaml', allowed: the path of a"),
+        (['--token', 'a\tb'], 1, '--token has a character that cannot be seen, allowed:'),
+        (['--host', 'a..b'], 1, '--host a..b --port 8470 cannot be had ('),
         (['--scene', 'plate'], 1, "no scene 'plate', allowed: "),
         (['--host', '192.0.2.1'], 1, '--host 192.0.2.1 --port 8470 cannot be had (Cannot assign'),
         (['--ros-args', '-r', 'a b'], 1, "Couldn't parse remap rule: '-r a b'"),
