@@ -136,6 +136,8 @@ class FingerTopics:
         if config.publish_groups:
             for g, name in enumerate(config.groups):
                 topics.add(Bool, f'{slip}/group/{name}', states, self._on_group(g))
+        else:
+            self._finger.groups[:] = False  # What they said last would stay.
 
     def _subscribe_to_samples(self, names: Topics) -> None:
         """Subscribe to the input; where that cannot be had, the finger is shown without."""
@@ -177,7 +179,8 @@ class FingerTopics:
         # One that does not fit is counted and told by the detector.
         with contextlib.suppress(ValueError):
             sample = source.read(raw, info)
-            if sample.rows.shape[1] == self._config.channels:
+            n, channels = sample.rows.shape
+            if n and channels == self._config.channels:
                 self._samples.append((info['source_timestamp'], sample))
 
     def _on_truth(self, message: Bool, info: dict[str, Any]) -> None:

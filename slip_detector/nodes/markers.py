@@ -201,7 +201,7 @@ def _state_words(finger: Finger, level: NDArray[np.float64]) -> str:
         words = 'not valid'
     elif finger.slip:
         groups = [name for name, on in zip(config.groups, finger.groups, strict=True) if on]
-        words = f'{SLIP} {listed(groups, MOST_NAMED)}'
+        words = f'{SLIP} {listed(groups, MOST_NAMED)}'.rstrip()  # Without publish_groups none is.
     disabled = set(config.disabled_channels)
     names = [
         name

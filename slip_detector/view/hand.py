@@ -96,13 +96,14 @@ class Finger:
     def take_config(self, config: DetectorConfig) -> None:
         """Go on with other parameters of the detector; what fits to them is kept.
 
-        Other channels, or another rate, begin a new track.
+        Other channels, or another rate, begin a new track, and what was held as rest is let go.
         """
         before, self.config = self.config, config
         if (config.channels, config.sample_rate_hz) != (before.channels, before.sample_rate_hz):
             beginnings = self.track.beginnings
             self.track = Track(config)
             self.track.beginnings = beginnings + 1
+            self.rest = None
         if list(config.groups) != list(before.groups):
             self.groups = np.zeros(len(config.groups), np.bool_)
 

@@ -81,9 +81,11 @@ def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | No
     rows = min(rows, len(volts))
     if rows < FEWEST_ROWS:
         return None
-    frequencies_hz, power = signal.welch(
-        _without_gaps(volts), sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
-    )
+    # The square of what a broken sensor sends may be infinite.
+    with np.errstate(over='ignore', invalid='ignore'):
+        frequencies_hz, power = signal.welch(
+            _without_gaps(volts), sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
+        )
     density_db = 10.0 * np.log10(np.maximum(power[1:], LEAST_V2_HZ))
     return Spectrum(float(frequencies_hz[1]), density_db.T.astype(np.float32))
 

@@ -83,8 +83,10 @@ class Rows:
             self._move_to_the_beginning()
         place = slice(self._end, self._end + len(taken))
         self._stamps_ns[place] = stamps_ns[taken]
-        for name, values in fields.items():
-            self._fields[name][place] = np.asarray(values)[taken]
+        # What a broken sensor sends may be beyond float32, or a NaN of the signalling kind.
+        with np.errstate(over='ignore', invalid='ignore'):
+            for name, values in fields.items():
+                self._fields[name][place] = np.asarray(values)[taken]
         self._end += len(taken)
         self.appended += len(taken)
 
@@ -136,7 +138,8 @@ class Rows:
         edges = np.searchsorted(self._stamps_ns[: self._end], edges_ns)
         filled = np.flatnonzero(np.diff(edges))
         if len(filled) and len(channels):
-            values = self._fields[name][edges[0] : edges[-1], channels].astype(np.float32)
+            with np.errstate(over='ignore', invalid='ignore'):  # as above
+                values = self._fields[name][edges[0] : edges[-1], channels].astype(np.float32)
             begins = edges[filled] - edges[0]
             # Of a value that is no number and one that is, fmin and fmax return the latter.
             low[:, filled] = np.fmin.reduceat(values, begins, axis=0).T

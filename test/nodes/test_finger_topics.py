@@ -14,6 +14,8 @@
 
 """What comes from one finger: samples, levels, and the states beside them."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -184,11 +186,27 @@ def test_a_type_that_is_not_installed_here_is_said_and_the_decisions_are_shown(s
     sensor.until(lambda: sensor.finger.valid, 'slip_valid')
 
 
+def test_groups_that_are_published_no_more_are_not_on(sensor):
+    finger = sensor.finger
+    sensor.group.publish(Bool(data=True))
+    sensor.until(lambda: finger.groups[0], 'the group')
+    finger.take_config(dataclasses.replace(TWO, publish_groups=False))
+    sensor.topics.poll()
+    assert not finger.groups[0]
+
+
 def test_a_batch_has_its_rows_a_period_apart(bench):
     config = DetectorConfig(
         channels=2, input_type='std_msgs/msg/Float32MultiArray', input_field='data'
     )
     sensor = Sensor(bench, config)
+    # Nothing was sampled between two messages.
+    empty = Float32MultiArray()
+    empty.layout.dim = [
+        MultiArrayDimension(label='sample', size=0, stride=0),
+        MultiArrayDimension(label='channel', size=2, stride=2),
+    ]
+    sensor.voltages.publish(empty)
     message = Float32MultiArray(data=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     message.layout.dim = [
         MultiArrayDimension(label='sample', size=3, stride=6),

@@ -133,6 +133,7 @@ def test_a_channel_that_is_not_valid_and_one_that_is_disabled_have_shapes_of_the
 def test_the_text_says_slip_and_which_groups():
     finger = finger_with([2, 0, 0, 0], slip=True, groups=(True, False))
     assert text_of(finger) == 'index: SLIP left'
+    assert text_of(finger_with([2, 0, 0, 0], slip=True)) == 'index: SLIP'
     assert text_of(finger_with([0, 0, 0, 0])) == 'index: rest'
     assert rgb(finger_markers(finger)[0]) == rgb(bars(finger)[0])
 

@@ -60,6 +60,13 @@ def test_rows_that_are_no_numbers_hold_the_one_before():
     assert np.array_equal(spectrum(volts, 380.0).density_db, spectrum(held, 380.0).density_db)
 
 
+def test_a_value_whose_square_is_infinite_spoils_its_own_channel_only():
+    volts = np.random.default_rng(1).normal(size=(800, 2))
+    alone = spectrum(volts[:, 1:], 380.0).density_db[0]
+    volts[700, 0] = 1e300
+    assert spectrum(volts, 380.0).density_db[1] == pytest.approx(alone, abs=1e-3)
+
+
 def test_a_channel_without_a_number_has_nothing():
     found = spectrum(np.full((500, 1), np.nan), 380.0)
     assert found.density_db.max() == pytest.approx(-300.0)
@@ -78,3 +85,8 @@ def test_rest_is_held_of_all_channels_or_refused():
     finger.track.take_samples(1 + np.arange(800), volts, np.zeros(800))
     finger.hold_rest()
     assert finger.rest.density_db.shape == (16, 380)
+    finger.take_config(DetectorConfig(threshold=0.25))
+    assert finger.rest is not None
+    # Other channels, of which nothing is known.
+    finger.take_config(DetectorConfig(channels=8))
+    assert finger.rest is None

@@ -98,6 +98,15 @@ def test_columns_stay_as_they_are_when_the_page_scrolls():
         assert np.array_equal(part[0], whole[0, begin : begin + 7], equal_nan=True)
 
 
+def test_values_beyond_float32_are_infinite_and_no_warning():
+    rows = rows_of([1, 2, 3], [1e300, -1e300, 1.0])
+    low, high = rows.columns('volts', 0, 1, 10, np.array([0]))
+    assert (low[0, 0], high[0, 0]) == (-np.inf, np.inf)
+    levels = Rows(2, {'level': (np.float32, 1)})
+    levels.append(np.array([1]), level=[[1e300]])
+    assert levels.field('level').tolist() == [[np.inf]]
+
+
 def test_a_clock_that_is_set_back_begins_a_new_track_and_a_late_message_does_not():
     track = Track(ChainConfig(channels=2))
     volts, truth = np.zeros((2, 2)), np.zeros(2)
