@@ -27,6 +27,7 @@ from rclpy.node import Node, NodeNameNonExistentError
 from slip_detector.nodes.finger_topics import FingerTopics, Topics
 from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.polled_topics import PolledTopics
+from slip_detector.nodes.senders import publishing_nodes
 from slip_detector.nodes.view_parameters import ParameterClient, changes_in
 from slip_detector.view.hand import Diagnosis, Finger, Hand
 
@@ -40,9 +41,12 @@ DIAGNOSIS_S = 3.5
 #: for so often.
 EVENT_S, EVENT_LOOK_S = 1.0, 0.01
 
-BOOL, JOINT_STATE = 'std_msgs/msg/Bool', 'sensor_msgs/msg/JointState'
+#: Of so many fingers that have gone it is known what they had.
+MOST_GONE = 20
 
-#: Who publishes ``slip_valid`` and has these parameters is a detector.
+HEADER = 'std_msgs/msg/Header'
+
+#: Who publishes ``slip_onset`` and has these parameters is a detector.
 OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
 
 #: The middleware's word for a node that it does not know yet.
@@ -59,7 +63,7 @@ class Reading(NamedTuple):
 class RosHand(Hand):
     """The fingers of all detectors that can be reached.
 
-    A node that publishes a topic ``slip_valid`` and has the parameters of a detector is one.
+    A node that publishes a topic ``slip_onset`` and has the parameters of a detector is one.
     Nothing is subscribed to for a finger that is not watched.
 
     Parameters
@@ -74,10 +78,13 @@ class RosHand(Hand):
         self._clients: dict[str, ParameterClient] = {}
         # The publishers of each detector: a new one is a detector that was started again.
         self._publishers: dict[str, set[bytes]] = {}
-        # Fingers that have gone: what changes with a restart is told when they come again.
+        # Fingers that have gone, the latest last: what changes with a restart is told when they
+        # come again.
         self._past: dict[str, Finger] = {}
         self._readings: dict[str, Reading] = {}
         self._watched: dict[str, FingerTopics] = {}
+        # Who publishes the samples of a finger that is watched: what they say is shown too.
+        self._senders: dict[str, list[str]] = {}
         self._shared = PolledTopics(node)
         self._said: dict[tuple[str, str], tuple[float, Diagnosis]] = {}
         self._looked_s = float('-inf')
@@ -142,7 +149,8 @@ class RosHand(Hand):
         """Notice detectors that have come, were started again, or have gone."""
         found: dict[str, set[bytes]] = {}
         for topic, types in self._node.get_topic_names_and_types():
-            if types == [BOOL] and topic.rpartition('/')[2] == 'slip_valid':
+            # With another heartbeat_hz slip and slip_valid have other publishers, this has not.
+            if types == [HEADER] and topic.rpartition('/')[2] == 'slip_onset':
                 for each in self._node.get_publishers_info_by_topic(topic):
                     if each.node_name != UNKNOWN:
                         name = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
@@ -157,6 +165,11 @@ class RosHand(Hand):
             names = self._topics_of(name)
             if names != topics.names:
                 topics.subscribe(names)
+        self._senders = {
+            name: publishing_nodes(self._node, topics.names.voltages)
+            for name, topics in self._watched.items()
+            if topics.names.voltages
+        }
 
     def _forget(self, name: str) -> None:
         del self._publishers[name]
@@ -169,6 +182,8 @@ class RosHand(Hand):
         if name in self.fingers:
             finger = self._past[name] = self.fingers.pop(name)
             self.gone[name] = finger.label
+            for oldest in [*self._past][:-MOST_GONE]:
+                del self._past[oldest], self.gone[oldest], self.panels[oldest]
 
     def _topics_of(self, name: str) -> Topics:
         """Return the topics of a detector as they are in the graph, where they may be remapped."""
@@ -263,16 +278,13 @@ class RosHand(Hand):
     # What they say of themselves.
 
     def _on_diagnostics(self, array: DiagnosticArray) -> None:
-        """Take what detectors say of themselves, and other nodes of their namespaces."""
+        """Take what detectors say of themselves, and the nodes that publish their samples."""
         now_s = time.monotonic()
         for status in array.status:
             node, _, part = status.name.partition(': ')
             name = f'/{node.lstrip("/")}'
-            own = name in self.fingers
             for finger in self._watched:
-                namespace = self._watched[finger].names.voltages.rpartition('/')[0]
-                beside = not own and name.rpartition('/')[0] == namespace
-                if name == finger or beside:
+                if name == finger or name in self._senders.get(finger, ()):
                     label = part if name == finger else f'{name.rpartition("/")[2]}: {part}'
                     diagnosis = Diagnosis(status.level[0], label, status.message)
                     self._said[finger, label] = now_s, diagnosis

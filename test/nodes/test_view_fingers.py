@@ -22,12 +22,15 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
-from std_msgs.msg import Bool  # noqa: E402
+from std_msgs.msg import Header  # noqa: E402
 
-from slip_detector.nodes.messages import sensor_qos, state_qos, time_message  # noqa: E402
-from slip_detector.nodes.view_fingers import RosHand  # noqa: E402
+from slip_detector.nodes.messages import event_qos, sensor_qos, time_message  # noqa: E402
+from slip_detector.nodes.view_fingers import MOST_GONE, RosHand  # noqa: E402
+from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
+from slip_detector.view.hand import Finger  # noqa: E402
 from support.harness import DEADLINE_S  # noqa: E402
 
 INDEX, THUMB = '/index/slip_detector', '/thumb/slip_detector'
@@ -195,6 +198,61 @@ def test_what_is_saved_after_an_answer_has_what_was_set(bench):
     watching(bench, test)
 
 
+def test_another_heartbeat_is_no_start(bench):
+    async def test(it):
+        start(bench, 'index')
+        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+
+        def publishers():
+            found = it.node.get_publishers_info_by_topic('/index/slip_valid')
+            return {bytes(each.endpoint_gid) for each in found}
+
+        before = publishers()
+        assert await it.hand.set_parameters(INDEX, {'heartbeat_hz': 20.0}) == ''
+        await it.until(lambda: publishers() and not publishers() & before, 'other publishers')
+        it.hand._look_around()
+        await it.until(lambda: not it.hand._readings, 'the parameters')
+        assert it.hand.fingers[INDEX].starts == 1
+        assert it.hand.fingers[INDEX].notice == ''
+
+    watching(bench, test)
+
+
+def test_who_publishes_the_samples_is_heard_too_and_no_other_node_of_the_namespace(bench):
+    async def test(it):
+        start(bench, 'index', channels=2)
+        send(bench, 'index', 2)
+        publisher = bench.node.create_publisher(DiagnosticArray, '/diagnostics', event_qos())
+        names = ('bench: sensor', 'index/camera: frames')
+        array = DiagnosticArray(status=[DiagnosticStatus(name=name) for name in names])
+        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+        it.watched = {INDEX}
+
+        def said():
+            publisher.publish(array)
+            return {each.name for each in it.hand.fingers[INDEX].diagnostics}
+
+        await it.until(lambda: {'bench: sensor', 'input'} <= said(), 'what both say')
+        assert 'camera: frames' not in said()
+
+    watching(bench, test)
+
+
+def test_of_many_fingers_that_have_gone_the_latest_are_known(bench):
+    async def test(it):
+        names = [f'/finger_{k}/slip_detector' for k in range(MOST_GONE + 5)]
+        for name in names:
+            it.hand.panel(name)
+            it.hand.fingers[name] = Finger(name, DetectorConfig())
+            it.hand._publishers[name] = set()
+            it.hand._look_around()
+        assert not it.hand.fingers
+        for known in (it.hand.gone, it.hand.panels, it.hand._past):
+            assert list(known) == names[5:]
+
+    watching(bench, test)
+
+
 def test_a_detector_that_ends_is_gone_and_comes_again(bench):
     async def test(it):
         first = start(bench, 'index')
@@ -246,11 +304,11 @@ def test_a_detector_that_is_killed_is_silent_and_one_with_other_channels_takes_i
     watching(bench, test)
 
 
-def test_another_node_that_publishes_slip_valid_is_no_finger(bench):
+def test_another_node_that_publishes_slip_onset_is_no_finger(bench):
     async def test(it):
         node = Node('relay', context=bench.context)
         bench.executor.add_node(node)
-        node.create_publisher(Bool, 'slip_valid', state_qos())
+        node.create_publisher(Header, 'slip_onset', event_qos())
         start(bench, 'index')
         await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
 
