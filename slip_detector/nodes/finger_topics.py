@@ -60,8 +60,9 @@ class Topics(NamedTuple):
 class States:
     """A state that changes, put beside the rows of a stream.
 
-    A state and the rows are messages of one publisher. So the state of a row is the one that was
-    published last before it.
+    A state and the rows are messages of one process. So the state of a row is the one that was
+    published last before it. Where a detector is busy its levels come after the next samples: then
+    a change stands a row or some before its own.
 
     Examples
     --------
