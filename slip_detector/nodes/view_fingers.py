@@ -243,8 +243,12 @@ class RosHand(Hand):
         else:
             gone = dict.fromkeys(panel.values.keys() - reading.values.keys())
             panel.take({**gone, **reading.values})
-        with contextlib.suppress(ValueError):  # A detector of another version of this package.
+        try:
             self._take_config(name, started)
+        except ValueError as error:
+            self._node.get_logger().warning(
+                f'{name} has parameters that this version of slip_view does not know: {error}'
+            )
 
     def _take_config(self, name: str, started: bool) -> None:
         config = self.panel(name).config

@@ -176,7 +176,12 @@ class Server:
         self.tell('hand', {**hand_description(self.hand), 'read_only': self.access.read_only})
         self.tell('diagnostics', diagnostics(self.hand))
         for page in list(self.pages):
-            page.send_news()
+            try:
+                page.send_news()
+            except Exception:
+                # The others go on, and what is recorded; the log has where it is.
+                logging.getLogger(__name__).exception('a page cannot be sent to')
+                page.close(1011, 'slip_view has failed at this page, its log says where')
 
     async def close(self) -> None:
         """Stop listening, and close the connections."""

@@ -304,6 +304,30 @@ def test_a_detector_that_is_killed_is_silent_and_one_with_other_channels_takes_i
     watching(bench, test)
 
 
+def test_a_detector_of_another_version_is_told_on_the_log(bench, capfd):
+    async def test(it):
+        node = Node('slip_detector', namespace='index', context=bench.context)
+        bench.executor.add_node(node)
+        for name in ('sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'):
+            node.declare_parameter(name, -1.0)
+        node.create_publisher(Header, 'slip_onset', event_qos())
+        said = ''
+
+        def told():
+            nonlocal said
+            bench.executor.spin_once(timeout_sec=0.01)
+            said += capfd.readouterr().err
+            return f'{INDEX} has parameters that this version of slip_view does not know: ' in said
+
+        await it.until(told, 'the words')
+        assert 'allowed: ' in said
+        assert not it.hand.fingers
+        bench.executor.remove_node(node)
+        node.destroy_node()
+
+    watching(bench, test)
+
+
 def test_another_node_that_publishes_slip_onset_is_no_finger(bench):
     async def test(it):
         node = Node('relay', context=bench.context)

@@ -22,6 +22,7 @@ from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 
 from slip_detector.view import server
 from slip_detector.view.access import Access
+from slip_detector.view.look import Look
 from slip_detector.view.taxels import drawn_positions
 from support.live_client import LiveClient
 from support.simulated_hand import ServedHand, SimulatedHand
@@ -267,6 +268,30 @@ def test_a_connection_that_breaks_while_it_is_sent_to_ends_nothing_else():
         assert (await later.until('teaching'))['count'] == 1
         for each in (later, broken):
             each.close()
+
+    served(test)
+
+
+def test_a_page_that_cannot_be_drawn_is_closed_and_the_others_are_served(monkeypatch, caplog):
+    frame = Look.frame
+
+    def fail(look, *words):
+        if not look.finger:
+            raise ZeroDivisionError('in a frame')
+        return frame(look, *words)
+
+    monkeypatch.setattr(Look, 'frame', fail)
+
+    async def test(it, page):
+        await page.look()
+        other = await LiveClient.open(it.url)
+        await other.look(finger='')
+        while await other._socket.read_message() is not None:
+            pass
+        assert 'has failed at this page' in other._socket.close_reason
+        assert 'in a frame' in caplog.text
+        await page.drawn_frame()
+        await page.drawn_frame()
 
     served(test)
 
