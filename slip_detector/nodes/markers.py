@@ -62,6 +62,9 @@ ON, NOT_VALID, DISABLED = (0.835, 0.369, 0.0), (0.612, 0.176, 0.471), (0.6, 0.6,
 
 DISABLED_OPACITY = 0.4
 
+#: Markers of many fingers take long: they get this share of the time, the pages the rest.
+SHARE = 0.2
+
 
 def finger_markers(finger: Finger) -> list[Marker]:
     """Return the markers of one finger as it is now: a bar for each channel, and its state.
@@ -140,8 +143,8 @@ class MarkerTopic:
     node
         The node that publishes.
     server
-        With each of its ticks, at most 30 a second, the markers are published; as long as they
-        are, it watches all fingers.
+        With its ticks, at most 30 a second, the markers are published; as long as they are, it
+        watches all fingers.
     """
 
     def __init__(self, node: Node, server: Server) -> None:
@@ -149,6 +152,7 @@ class MarkerTopic:
         self._publisher = node.create_publisher(MarkerArray, '~/taxels', event_qos(depth=1))
         self._subscribers = subscriber_counter(self._publisher)
         self._shown = MarkersShown()
+        self._due_s = float('-inf')
         server.each_tick.append(self._publish)
 
     def _publish(self) -> None:
@@ -158,9 +162,13 @@ class MarkerTopic:
             self._shown = MarkersShown()
             return
         self._server.wanted['markers'] = set(fingers)
+        begin_s = time.monotonic()
+        if begin_s < self._due_s:
+            return
         message = self._shown.message(fingers.values())
         if message.markers:
             self._publisher.publish(message)
+        self._due_s = begin_s + (time.monotonic() - begin_s) / SHARE
 
 
 def _silence(finger: Finger) -> str:

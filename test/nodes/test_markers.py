@@ -14,6 +14,8 @@
 
 """The taxels of fingers as markers."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -27,6 +29,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from slip_detector.nodes.markers import (
     LIFETIME_S,
     NO_FRAME,
+    SHARE,
     MarkersShown,
     MarkerTopic,
     finger_markers,
@@ -242,6 +245,34 @@ def test_all_fingers_are_watched_and_published_while_somebody_subscribes(bench):
 
     bench.node.destroy_subscription(subscription)
     bench.wait_for(lambda: ticked(lambda: not hand.watched), 'nobody to be watched')
+
+
+def test_markers_that_take_long_leave_time_for_the_pages(bench, monkeypatch):
+    now_s, made_s = 100.0, []
+
+    def slow(shown, fingers):
+        nonlocal now_s
+        made_s.append(now_s)
+        now_s += 0.1
+        return MarkerArray()
+
+    clock = SimpleNamespace(monotonic=lambda: now_s)
+    monkeypatch.setattr('slip_detector.nodes.markers.time', clock)
+    monkeypatch.setattr(MarkersShown, 'message', slow)
+    server = Server(SimulatedHand(), Access())
+    MarkerTopic(bench.node, server)
+    bench.listen(MarkerArray, 'bench/taxels', event_qos())
+
+    def asked_for():
+        server.tick()
+        return made_s
+
+    bench.wait_for(asked_for, 'somebody to subscribe')
+    for _ in range(100):
+        now_s += 0.02
+        server.tick()
+    assert len(made_s) > 3
+    assert np.diff(made_s) == pytest.approx(0.1 / SHARE, abs=0.021)
 
 
 def test_slip_view_shows_a_real_finger_in_the_frame_of_its_samples_and_the_loss_of_them(bench):
