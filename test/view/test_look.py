@@ -15,6 +15,7 @@
 """What a page looks at: columns of frames that follow each other, and stretches that are past."""
 
 import copy
+import functools
 
 import numpy as np
 import pytest
@@ -101,6 +102,49 @@ def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
     assert np.array_equal(rest, arrays['spectrum'])
     none = unpacked(look(spectrum=99).frame(hand, 1))
     assert none[0]['spectrum'] == {'name': NAME, 'channel': 99}
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=5,
+)
+#: By name what a page may send, and what it may not.
+SENT = {
+    'fingers': JSON | st.lists(st.sampled_from([NAME, '/gone'])),
+    'finger': JSON | st.just(NAME),
+    'channels': JSON | st.lists(st.integers(-1, 10**7), max_size=70),
+    'window_s': JSON | st.floats(0.02, 60.0),
+    'pixels': JSON | st.integers(10, 4000),
+    'spectrum': JSON | st.integers(1, 10**6),
+    'until_ns': JSON | st.integers(-(2**62), 2**62),
+}
+
+
+def look_or_why_not(message):
+    try:
+        return Look(message), ''
+    except ValueError as error:
+        return None, str(error)
+
+
+@settings(deadline=None)
+@given(st.fixed_dictionaries({}, optional=SENT))
+def test_whatever_a_page_sends_is_drawn_or_refused_in_some_words(message):
+    looked, why = look_or_why_not(message)
+    if looked is None:
+        assert 0 < len(why) < 200
+        return
+    hand = hand_after_two_seconds()
+    for number in (1, 2):
+        header, _ = unpacked(looked.frame(hand, number))
+        assert header['frame'] == number
+        assert ('traces' in header) == (looked.finger in hand.fingers)
+
+
+@functools.cache
+def hand_after_two_seconds():
+    return hand_after(2.0)
 
 
 @pytest.mark.parametrize(
