@@ -45,7 +45,7 @@ class Access:
     --------
     >>> access = Access('127.0.0.1')
     >>> access.refusal('localhost:8080', None), access.refusal('evil.example:8080', None)
-    ('', 'Host is evil.example:8080, allowed: an address or a name of this machine')
+    ('', 'Host is evil.example:8080, allowed: localhost, 127.0.0.1, [::1]')
     >>> access.refusal('localhost:8080', 'http://evil.example')
     'Origin is http://evil.example, allowed: http://localhost:8080'
     """
@@ -67,7 +67,10 @@ class Access:
         """
         name = host_name(host)
         if name is None or not self._is_ours(name):
-            return f'Host is {host[:100]}, allowed: an address or a name of this machine'
+            allowed = 'an address or name of this machine'
+            if is_loopback(self.host):
+                allowed = 'localhost, 127.0.0.1, [::1]'
+            return f'Host is {host[:100]}, allowed: {allowed}'
         if origin is not None and origin.lower() != f'http://{host.lower()}':
             return f'Origin is {origin[:100]}, allowed: http://{host}'
         return ''
