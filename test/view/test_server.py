@@ -290,6 +290,7 @@ def test_a_page_that_cannot_be_drawn_is_closed_and_the_others_are_served(monkeyp
             pass
         assert 'has failed at this page' in other._socket.close_reason
         assert 'in a frame' in caplog.text
+        other.close()
         await page.drawn_frame()
         await page.drawn_frame()
 
@@ -336,6 +337,7 @@ def test_a_page_that_asks_and_reads_no_answer_is_closed(monkeypatch):
             pass
         assert other._socket.close_reason == 'more than 3 requests wait for an answer'
         assert asked == [0, 1, 2]
+        other.close()
         await page.until('hand')
 
     served(test, prepare=lambda of: of.on_request('wait', wait))
