@@ -206,7 +206,8 @@ def test_a_batch_has_its_rows_a_period_apart(bench):
         MultiArrayDimension(label='sample', size=0, stride=0),
         MultiArrayDimension(label='channel', size=2, stride=2),
     ]
-    sensor.voltages.publish(empty)
+    for _ in range(3):
+        sensor.voltages.publish(empty)
     message = Float32MultiArray(data=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     message.layout.dim = [
         MultiArrayDimension(label='sample', size=3, stride=6),
