@@ -36,6 +36,23 @@ FIGURES = {
 }
 
 
+def figure_text(name: str, value: float | None) -> str:
+    """Return one of the figures as text.
+
+    A latency below 0 is no early detection but a ``slip`` that was ON before its label, as of an
+    alarm that has nothing to do with it; that is said in words.
+
+    Examples
+    --------
+    >>> figure_text('latency_median_ms', 41.25), figure_text('latency_median_ms', -96.3)
+    ('41.2', 'ON 96.3 before')
+    """
+    form = FIGURES[name][1]
+    if name.startswith('latency') and value is not None and value < 0.0:
+        return f'ON {number_text(-value, form)} before'
+    return number_text(value, form)
+
+
 def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
     """Return the figures of the given and of the tuned chain beside each other, as text.
 
@@ -51,8 +68,8 @@ def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
       recall                                         0.800  0.950
     """
     rows = [('', 'given', 'tuned')]
-    for name, (title, form) in FIGURES.items():
+    for name, (title, _) in FIGURES.items():
         if name == 'auc_moving' and given[name] is None:
             continue
-        rows.append((title, number_text(given[name], form), number_text(tuned[name], form)))
+        rows.append((title, figure_text(name, given[name]), figure_text(name, tuned[name])))
     return text_table(rows)

@@ -34,8 +34,7 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import writable_folder
 from slip_detector.parameters.writing import write_file
-from slip_detector.report.text_table import number_text
-from slip_detector.report.tuning_table import FIGURES
+from slip_detector.report.tuning_table import FIGURES, figure_text
 from slip_detector.tuning.noise import LEAST_S
 from slip_detector.view.recorded_folder import RecordedFolder
 
@@ -368,14 +367,16 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Compar
     [('recall', '0.800', '0.950', 'better')]
     """
     rows = []
-    for name, (title, form) in FIGURES.items():
+    for name, (title, _) in FIGURES.items():
         was, now = before[name], after[name]
         if name == 'auc_moving' and was is None and now is None:
             continue
         change = ''
-        if was is not None and now is not None and was != now and name != 'slips':
+        known = was is not None and now is not None and was != now and name != 'slips'
+        # That slip was ON before it slipped is neither.
+        if known and not (name.startswith('latency') and min(was, now) < 0.0):
             change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
-        rows.append(Compared(title, number_text(was, form), number_text(now, form), change))
+        rows.append(Compared(title, figure_text(name, was), figure_text(name, now), change))
     return rows
 
 

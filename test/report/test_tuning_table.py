@@ -31,3 +31,11 @@ def test_the_area_over_rows_of_motion_is_left_out_where_nobody_says_what_moves()
     figures = dict.fromkeys(FIGURES, 1)
     assert 'rows of motion' in comparison_table(figures, figures)
     assert 'rows of motion' not in comparison_table({**figures, 'auc_moving': None}, figures)
+
+
+def test_a_latency_below_zero_says_that_slip_was_on_before():
+    figures = {**dict.fromkeys(FIGURES, 1), 'latency_worst_ms': -120.0, 'recall': -1}
+    lines = comparison_table(figures, {**figures, 'latency_worst_ms': 0.0}).splitlines()
+    (worst,) = [line for line in lines if 'worst' in line]
+    assert worst.split('  ')[-3:] == ['ON 120.0 before', '', ' 0.0']
+    assert [line.split()[-1] for line in lines if line.startswith('  recall')] == ['-1.000']

@@ -27,6 +27,7 @@ from pathlib import Path
 import pytest
 
 from slip_detector.parameters import DetectorConfig
+from slip_detector.report.tuning_table import FIGURES
 from slip_detector.tuning.noise import LEAST_S
 from slip_detector.view import tune_run
 from slip_detector.view.recorded_folder import RecordedFolder
@@ -177,3 +178,12 @@ def _runs(process):
         return (process / 'stat').read_text().rsplit(')', 1)[1].split()[0] != 'Z'
     except OSError:
         return False
+
+
+def test_that_slip_was_on_before_its_label_is_neither_better_nor_worse():
+    before = {**dict.fromkeys(FIGURES, 1.0), 'latency_median_ms': -96.3, 'slips': 3}
+    after = {**before, 'latency_median_ms': 41.25, 'latency_p90_ms': 2.0}
+    rows = {row.title: row for row in tune_run.compared(before, after)}
+    title = FIGURES['latency_median_ms'][0]
+    assert rows[title] == (title, 'ON 96.3 before', '41.2', '')
+    assert rows[FIGURES['latency_p90_ms'][0]].change == 'worse'
