@@ -142,18 +142,18 @@ class FingerTopics:
 
     def _subscribe_to_samples(self, names: Topics) -> None:
         """Subscribe to the input; where that cannot be had, the finger is shown without."""
-        kind = self._config.input_type
+        kind, self._finger.no_volts = self._config.input_type, ''
         try:
             source = Input(self._config)
         except ValueError:
-            self._finger.notice = f'no volts are shown: {kind} is not installed here'
+            self._finger.no_volts = f'no volts are shown: {kind} is not installed here'
             return
         take = functools.partial(self._on_voltages, source)
         try:
             self._topics.add(source.message_class, names.voltages, sensor_qos(), take, raw=True)
         except ROS_ERROR:
             # A process has a topic with one type only.
-            self._finger.notice = (
+            self._finger.no_volts = (
                 f'no volts are shown: {names.voltages} was of a type other than {kind}'
             )
             return

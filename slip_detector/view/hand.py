@@ -31,6 +31,9 @@ from slip_detector.view.track import Track
 #: A detector that has not been heard for so many of its heartbeats has died or hangs.
 SILENT_BEATS = 3.0
 
+#: For so long it is told that a detector was started again.
+RESTART_TOLD_S = 600.0
+
 
 class Diagnosis(NamedTuple):
     """One line of a detector's diagnostics: 0 is all well, 1 a warning, 2 an error.
@@ -75,14 +78,15 @@ class Finger:
     diagnostics: tuple[Diagnosis, ...] = ()
     #: Of all channels at rest, as it was held to compare with.
     rest: Spectrum | None = None
-    #: What happened to the detector, in words: it was started again, with other channels.
-    notice: str = ''
+    #: Why no volts are shown, in words; empty where they are.
+    no_volts: str = ''
 
     def __post_init__(self) -> None:
         self.groups: NDArray[np.bool_] = np.zeros(len(self.config.groups), np.bool_)
         self.track = Track(self.config)
         # A detector that is starting may be read before it publishes, which tells that it started.
         self._channels_at_start = self.config.channels
+        self._restart, self._restart_s = '', float('-inf')
 
     @property
     def label(self) -> str:
@@ -92,6 +96,15 @@ class Finger:
         """
         namespace, _, node = self.name.strip('/').rpartition('/')
         return '/'.join(filter(None, (namespace, '' if node == 'slip_detector' else node))) or node
+
+    @property
+    def notice(self) -> str:
+        """What is to be known of the detector beside its state, in words; empty where nothing is.
+
+        That it was started again, and with other channels, is told for some minutes.
+        """
+        recent = time.monotonic() - self._restart_s < RESTART_TOLD_S
+        return '; '.join(filter(None, (self.no_volts, self._restart if recent else '')))
 
     def take_config(self, config: DetectorConfig) -> None:
         """Go on with other parameters of the detector; what fits to them is kept.
@@ -112,9 +125,10 @@ class Finger:
         channels, before = config.channels, self._channels_at_start
         self._channels_at_start = channels
         self.starts += 1
-        self.notice = f'the detector was started again at {time.strftime("%H:%M:%S")}'
+        self._restart_s = time.monotonic()
+        self._restart = f'the detector was started again at {time.strftime("%H:%M:%S")}'
         if channels != before:
-            self.notice += f', with {channels} channels instead of {before}'
+            self._restart += f', with {channels} channels instead of {before}'
         self.take_config(config)
         self.slip = self.valid = False
         self.groups[:] = False

@@ -184,6 +184,9 @@ def test_a_type_that_is_not_installed_here_is_said_and_the_decisions_are_shown(s
     assert sensor.finger.notice == wanted
     sensor.valid.publish(Bool(data=True))
     sensor.until(lambda: sensor.finger.valid, 'slip_valid')
+    sensor.finger.take_config(DetectorConfig(channels=2))
+    sensor.topics.poll()
+    assert sensor.finger.notice == ''
 
 
 def test_groups_that_are_published_no_more_are_not_on(sensor):

@@ -67,6 +67,16 @@ def test_a_detector_that_is_started_again_says_so_and_with_which_channels():
     assert finger.notice.endswith('with 16 channels instead of 8')
 
 
+def test_that_a_detector_was_started_again_is_no_news_for_ever(monkeypatch):
+    finger = Finger('/slip_detector', DetectorConfig())
+    finger.no_volts = 'no volts are shown'
+    finger.started_again(DetectorConfig())
+    assert finger.notice.startswith('no volts are shown; the detector was started again at ')
+    now_s = time.monotonic()
+    monkeypatch.setattr(hand.time, 'monotonic', lambda: now_s + hand.RESTART_TOLD_S)
+    assert finger.notice == 'no volts are shown'
+
+
 def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(monkeypatch):
     finger = Finger('/slip_detector', DetectorConfig(heartbeat_hz=1.0))
     now_s = time.monotonic()
