@@ -14,7 +14,9 @@
 
 """Traces in a real browser: they scroll, stand still, and tell the very samples; the threshold."""
 
+import asyncio
 import re
+import threading
 
 import numpy as np
 import pytest
@@ -92,6 +94,47 @@ def test_time_goes_on_and_never_back(page):
     assert steps.sum() > 0
 
 
+def test_where_nothing_comes_the_axis_stands_still(served, page):
+    play_seconds(page, 1.0)
+    served.call(setattr, served.hand, 'real_time', False)
+    ends = page.evaluate("""async () => {
+      const {dataset} = document.getElementById('timeline'), ends = [];
+      const begin = performance.now();
+      while (performance.now() < begin + 2500) {
+        await new Promise(requestAnimationFrame);
+        ends.push(Number(dataset.toS));
+      }
+      return ends;
+    }""")
+    assert (np.diff(ends) >= 0).all()
+    assert ends[-1] - ends[0] < 1.0
+    assert ends[-1] == ends[len(ends) // 2]
+    served.call(setattr, served.hand, 'real_time', True)
+    until(page, f'data.toS > {ends[-1]}')
+
+
+def test_after_a_long_silence_the_columns_begin_anew(page):
+    x, curve = page.evaluate("""async () => {
+      const {Columns} = await import('/page/columns.js');
+      const columns = new Columns({width_ns: 1e7, channels: [1]}, 100, 0.01, null);
+      const take = (first, count) => {
+        const stream = {first, count, last_ns: (first + count) * 1e7};
+        const values = new Float32Array(count).fill(1), bits = new Uint8Array(count);
+        columns.take({samples: stream, levels: stream}, {
+          'volts/low': values, 'volts/high': values, 'level/high': values, truth: bits, slip: bits,
+        });
+      };
+      take(1000, 90);
+      take(1090, 20);
+      // Three days later.
+      take(1090 + 3 * 86400 * 100, 2);
+      return [columns.x, columns.curves.low[0]];
+    }""")
+    assert len(x) < 100
+    assert x[0] > 3 * 86400
+    assert curve == [1, 1]
+
+
 def test_slip_and_truth_are_bands_and_the_channels_of_the_first_group_have_traces(page):
     names = page.locator('.lane-name')
     play_seconds(page, 5.0)  # It slips from 3.8 s on.
@@ -154,6 +197,44 @@ def test_paused_it_stands_still_can_be_moved_and_zoomed_and_goes_on(page):
     until(page, f'data.toS > {before[1]}')
     page.keyboard.press('Home')
     expect(page.locator('#trace-span')).to_have_text('10 s')
+
+
+def test_paused_it_stands_still_though_the_detector_starts_again(served, page):
+    # A minute later than that in which the times of the page begin.
+    served.call(served.hand.simulated[NAME].play, 30.0)
+    play_seconds(page, 31.0)
+    page.keyboard.press('p')
+    expect(page.locator('#trace-span')).to_contain_text('paused')
+    before = stretch(page)
+    finger = served.hand.fingers[NAME]
+    served.call(finger.started_again, finger.config)
+    expect(page.locator('.finger .notice')).to_contain_text('started again')
+    page.evaluate("""async () => {
+      for (let i = 0; i < 20; i++) await new Promise(requestAnimationFrame);
+    }""")
+    assert stretch(page) == before
+    box = page.locator('#timeline').bounding_box()
+    page.mouse.move(box['x'] + box['width'] - 120, box['y'] + 60)
+    expect(page.locator('#traces .readout')).to_contain_text(' V')
+
+
+def test_values_are_read_by_keys_too(page):
+    play_seconds(page, 2.0)
+    page.keyboard.press('p')
+    page.focus('#timeline')
+    readout = page.locator('#traces .readout')
+    page.keyboard.press('Shift+ArrowLeft')
+    expect(readout).to_have_text(re.compile(r'^[\d.]+ s · ch9 · [\d.]+ V.* · level'))
+    first = readout.inner_text()
+    for _ in range(5):
+        page.keyboard.press('Shift+ArrowLeft')
+    assert readout.inner_text().partition(' s')[0] < first.partition(' s')[0]
+    page.keyboard.press('Shift+ArrowDown')
+    expect(readout).to_contain_text(' ch11 ')
+    expect(readout).to_have_attribute('aria-live', 'polite')
+    page.keyboard.press('p')
+    # What changes all the time is not read aloud.
+    expect(readout).to_have_attribute('aria-live', 'off')
 
 
 def test_a_stretch_is_chosen_and_stays_though_it_is_no_longer_kept(served, page):
@@ -232,6 +313,28 @@ def test_the_threshold_is_moved_by_keys(served, page):
     assert threshold(served) == 0.814
     page.keyboard.press('ArrowDown')  # It is set when no key was pressed for a while, too.
     expect(page.locator('#parameters .changes')).to_contain_text('to 0.775')
+
+
+def test_until_the_detector_has_it_the_line_stays_where_it_was_let_go(served, page):
+    gone_on = threading.Event()
+    set_parameters = served.hand.set_parameters
+
+    async def set_later(name, values):
+        await asyncio.to_thread(gone_on.wait, 60.0)
+        return await set_parameters(name, values)
+
+    served.hand.set_parameters = set_later
+    line(page).focus()
+    page.keyboard.press('PageUp')
+    page.keyboard.press('Enter')
+    page.evaluate("""async () => {
+      for (let i = 0; i < 20; i++) await new Promise(requestAnimationFrame);
+    }""")
+    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.814')
+    assert threshold(served) == 0.5
+    gone_on.set()
+    expect(page.locator('#parameters .changes')).to_contain_text('to 0.814')
+    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.814')
 
 
 def test_a_refusal_is_shown_in_its_own_words(served, page):

@@ -96,6 +96,13 @@ class Timeline {
     });
   }
 
+  // Show the line of the pointer at a time, in a lane, as if the pointer were there; null: nowhere.
+  showPointer(seconds, lane) {
+    this.plot?.setCursor(seconds === null ? {left: -10, top: -10} : {
+      left: this.plot.valToPos(seconds, 'x'), top: lane.top + lane.height / 2 - AXIS_HEIGHT,
+    });
+  }
+
   options(width) {
     const stepped = uPlot.paths.stepped({align: 1, alignGaps: 1}), linear = uPlot.paths.linear({alignGaps: 1});
     const paths = (...stretch) => (this.steps ? stepped : linear)(...stretch);

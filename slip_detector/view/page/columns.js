@@ -13,11 +13,15 @@ export class Columns {
     this.kept = kept;
     this.most = Math.max(1, Math.ceil(JOINED_PERIODS * period_s / this.width_s));
     this.channels = channels;
-    this.base = null;
     this.last_s = null;
     this.begun_s = begun_s;
+    this.clear();
+  }
+
+  clear() {
+    this.base = null;
     this.x = [];
-    const curves = () => channels.map(() => []);
+    const curves = () => this.channels.map(() => []);
     this.curves = {low: curves(), high: curves(), level: curves()};
     this.bits = {slip: [], truth: []};
     // Of each curve the last column with a value, counted from base.
@@ -27,15 +31,14 @@ export class Columns {
 
   // Take a frame's traces and their arrays.
   take({samples, levels}, arrays) {
-    for (const [name, stream] of Object.entries({samples, levels})) {
-      if (!stream.count) continue;
-      if (this.base === null) {
-        this.base = Math.min(...[samples, levels].filter(({count}) => count).map(({first}) => first));
-        this.begun_s ??= 60 * Math.floor(this.base * this.width_s / 60);
-      }
-      this.stop[name] = stream.first + stream.count;
-    }
+    const came = Object.entries({samples, levels}).filter(([, {count}]) => count);
+    const stop = Math.max(...came.map(([, {first, count}]) => first + count));
+    // After hours in which the page was not seen, or nothing came, there is nothing to go on from.
+    if (this.base !== null && stop > this.base + this.x.length + this.kept) this.clear();
+    if (came.length) this.base ??= Math.max(Math.min(...came.map(([, {first}]) => first)), stop - this.kept);
     if (this.base === null) return;
+    this.begun_s ??= 60 * Math.floor(this.base * this.width_s / 60);
+    for (const [name, {first, count}] of came) this.stop[name] = first + count;
     this.last_s = Math.max(samples.last_ns, levels.last_ns) / 1e9 - this.begun_s;
     for (let k = this.base + this.x.length; k <= Math.max(this.stop.samples, this.stop.levels); k++) {
       this.x.push(k * this.width_s - this.begun_s);

@@ -2,12 +2,14 @@
 
 // A change by keys is made when no key was pressed for so long, or Enter was.
 const KEYS_MS = 700;
+// When a change was answered, what it brought is shown within this time.
+const SHOWN_MS = 500;
 
 export class Slider {
   // vertical: whether the line is moved up and down, else to the left and right.
   // valueOf(pixel): the value at a pixel of the slider's parent. words(value): how it is said.
-  // step(value, steps): so many steps up or down. onMove(value): while it moves. onSet(value): it
-  // was let go there. onLeft(): moved, but not set.
+  // step(value, steps): so many steps up or down. onMove(): it stands elsewhere. onSet(value): it was
+  // let go there; resolves when that was answered.
   constructor({name, vertical, valueOf, words, step, onMove, onSet}) {
     Object.assign(this, {vertical, valueOf, words, step, onMove, onSet});
     this.root = make('div', undefined, `slider ${vertical ? 'vertical' : 'horizontal'}`);
@@ -17,27 +19,37 @@ export class Slider {
     this.root.ariaOrientation = vertical ? 'vertical' : 'horizontal';
     this.label = make('span', '', 'label');
     this.root.append(this.label);
-    this.moved = null;
+    // Where the user has it, and where it was let go, until that is shown or refused.
+    this.moved = this.sent = null;
     this.timer = null;
+    // Ends what the pointer does, while it holds the line.
+    this.gripped = null;
     this.root.addEventListener('pointerdown', (event) => this.grip(event));
     this.root.addEventListener('keydown', (event) => this.onKey(event));
     this.root.addEventListener('blur', () => this.timer && this.set());
   }
 
-  // Whether the user moves it: then it does not follow what is shown.
   get held() {
     return this.moved !== null;
   }
 
-  // Show a value, unless the user is about to choose another one, and stand at a pixel.
+  // What the user has chosen, as long as it does not hold yet; else null.
+  get chosen() {
+    return this.moved ?? this.sent?.value ?? null;
+  }
+
+  // Show a value, unless the user has chosen another one; returns which.
   show(value, least, most) {
-    if (!this.held) this.value = value;
-    const shown = this.held ? this.moved : value;
-    Object.assign(this.root, {
-      ariaValueNow: String(shown), ariaValueMin: String(least), ariaValueMax: String(most), ariaValueText: this.words(shown),
-    });
-    const label = this.words(shown);
-    if (this.label.textContent !== label) this.label.textContent = label;
+    if (this.sent && value !== this.sent.before) this.sent = null;
+    this.value = value;
+    const shown = this.chosen ?? value, words = this.words(shown), described = [shown, least, most, words].join();
+    if (described !== this.described) {
+      this.described = described;
+      this.label.textContent = words;
+      Object.assign(this.root, {
+        ariaValueNow: String(shown), ariaValueMin: String(least), ariaValueMax: String(most), ariaValueText: words,
+      });
+    }
     return shown;
   }
 
@@ -47,26 +59,50 @@ export class Slider {
 
   move(value) {
     this.moved = value;
-    this.onMove(value);
+    this.onMove();
   }
 
   set() {
-    clearTimeout(this.timer);
-    this.timer = null;
     const value = this.moved;
-    this.moved = null;
-    if (value !== null && value !== this.value) {
-      // Until the detector says what it has, the line stays where it was put.
-      this.value = value;
-      this.onSet(value);
-    }
-    this.onMove(this.value);
+    this.letGo();
+    if (value !== null && value !== (this.sent?.value ?? this.value)) this.send(value);
+    this.onMove();
+  }
+
+  // Until the detector says what it has, the line stays where it was put.
+  async send(value) {
+    const sent = this.sent = {value, before: this.value};
+    await this.onSet(value);
+    setTimeout(() => {
+      if (this.sent !== sent) return;
+      this.sent = null;
+      this.onMove();
+    }, SHOWN_MS);
   }
 
   leave() {
+    this.letGo();
+    this.sent = null;
+    this.onMove();
+  }
+
+  // Before it shows something else: what was chosen by keys is set, what is still dragged is not.
+  settle() {
+    if (this.timer) this.set();
+    this.letGo();
+    this.sent = null;
+  }
+
+  letGo() {
     clearTimeout(this.timer);
-    this.timer = this.moved = null;
-    this.onMove(this.value);
+    this.gripped?.abort();
+    this.gripped = this.timer = this.moved = null;
+  }
+
+  // Take it away.
+  close() {
+    this.letGo();
+    this.root.remove();
   }
 
   grip(event) {
@@ -79,28 +115,18 @@ export class Slider {
       const box = this.root.parentElement.getBoundingClientRect();
       return this.valueOf(this.vertical ? moved.clientY - box.top : moved.clientX - box.left);
     };
-    const gripped = new AbortController(), {signal} = gripped;
+    this.gripped = new AbortController();
+    const {signal} = this.gripped;
     this.root.addEventListener('pointermove', (moved) => this.move(at(moved)), {signal});
-    this.root.addEventListener('pointerup', () => {
-      gripped.abort();
-      this.set();
-    }, {signal});
-    this.root.addEventListener('pointercancel', () => {
-      gripped.abort();
-      this.leave();
-    }, {signal});
-    this.root.addEventListener('keydown', ({key}) => {
-      if (key !== 'Escape') return;
-      gripped.abort();
-      this.leave();
-    }, {signal});
+    this.root.addEventListener('pointerup', () => this.set(), {signal});
+    for (const lost of ['pointercancel', 'lostpointercapture']) this.root.addEventListener(lost, () => this.leave(), {signal});
   }
 
   onKey(event) {
     const steps = {ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10}[event.key];
-    if (this.root.ariaDisabled === 'true') return;
+    if (this.root.ariaDisabled === 'true' || event.ctrlKey || event.metaKey || event.altKey) return;
     if (steps) {
-      this.move(this.step(this.moved ?? this.value, steps));
+      this.move(this.step(this.chosen ?? this.value, steps));
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.set(), KEYS_MS);
     } else if (event.key === 'Enter') {

@@ -1,24 +1,22 @@
 // Volts and levels of the chosen channels over the last seconds, which scroll, or stand still to be
 // looked at. Times are seconds since a whole minute before the first column.
 
+import {ChannelChooser} from './channel_chooser.js';
 import {Columns} from './columns.js';
 import {Slider, rounded} from './slider.js';
+import {Stretch} from './stretch.js';
 
-const WINDOW_S = {least: 0.5, most: 60, first: 10}, LEAST_STRETCH_S = 0.02;
 // Lines are told apart by lightness, too.
 const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
-// The newest column is drawn so much after its time, so that there is always one to be drawn.
-const DELAY_S = 0.08;
 const SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 190};
 
 export class Traces {
   // panel: an empty element. onLook(changes): what is to be asked of the server. onSet(values):
-  // parameters are to be set; resolves with a refusal, or ''.
+  // parameters are to be set; resolves when that was answered.
   constructor(panel, {onLook, onSet}) {
-    this.onLook = onLook;
-    this.onSet = onSet;
-    this.view = {live: true, window_s: WINDOW_S.first};
-    this.offset = null;
+    Object.assign(this, {onLook, onSet});
+    this.stretch = new Stretch();
+    this.columns = null;
     this.ranges = new Map();
     this.pointed = null;
     this.truth = false;
@@ -40,13 +38,13 @@ export class Traces {
     this.span = make('span', '', 'span');
     this.span.id = 'trace-span';
     bar.append(this.span);
-    this.chooser = make('div', undefined, 'chooser');
+    this.chooser = new ChannelChooser(() => this.layOut());
     this.frame = make('div', undefined, 'trace-frame');
     this.root = make('div');
     this.root.id = 'timeline';
     this.root.tabIndex = 0;
     this.root.role = 'group';
-    this.root.ariaLabel = 'Traces of the chosen channels over time; keys: plus, minus, arrows, Home';
+    this.root.ariaLabel = 'Traces of the chosen channels over time; keys: plus, minus, arrows, Home; values: Shift and arrows';
     this.line = new Slider({
       name: 'Threshold', vertical: true, words: (value) => `threshold ${rounded(value)}${this.unit}`,
       valueOf: (y) => rounded(this.levelAt(y)), step: (value, steps) => rounded(value * 1.05 ** steps),
@@ -55,7 +53,7 @@ export class Traces {
     });
     this.frame.append(this.root, this.line.root);
     this.readout = make('p', '\u00a0', 'readout');
-    panel.append(bar, this.chooser, this.frame, this.readout);
+    panel.append(bar, this.chooser.root, this.frame, this.readout);
     this.timeline = new Timeline(this.root, {
       tickText: (seconds, step) => this.tickText(seconds, step),
       onLook: (from, to, how) => this.look(from, to, how),
@@ -63,24 +61,24 @@ export class Traces {
       onClick: () => {},
     });
     this.root.addEventListener('pointerleave', () => this.point(null));
+    this.root.addEventListener('blur', () => {
+      this.timeline.showPointer(null);
+      this.point(null);
+    });
     this.root.addEventListener('keydown', (event) => this.onKey(event));
     new ResizeObserver(() => this.layOut()).observe(this.root);
   }
 
   // Show another finger, or the same with other parameters.
   show(finger) {
-    const other = finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length;
-    const regrouped = JSON.stringify([finger.groups, finger.disabled, finger.channels])
-      !== JSON.stringify([this.finger?.groups, this.finger?.disabled, this.finger?.channels]);
+    if (finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length) {
+      this.columns = null;
+      this.stretch.begin();
+      this.truth = false;
+    }
     this.finger = finger;
     this.unit = finger.decision === 'evidence' ? ' dB s' : '';
-    if (other) {
-      this.channels = [...(Object.values(finger.groups)[0] ?? [1])].slice(0, 4).sort((a, b) => a - b);
-      this.view = {live: true, window_s: this.view.window_s ?? WINDOW_S.first};
-      this.columns = null;
-      this.truth = this.pauses = false;
-    }
-    if (other || regrouped) this.fillChooser();
+    this.chooser.show(finger);
     this.layOut();
   }
 
@@ -89,119 +87,50 @@ export class Traces {
     this.line.root.ariaDisabled = String(!allowed);
   }
 
-  // ---- which channels
+  // Nothing that was begun for this finger is done to another one.
+  settle() {
+    this.line.settle();
+  }
 
-  fillChooser() {
-    const {groups, channels, disabled} = this.finger, grouped = new Set(Object.values(groups).flat());
-    const left = channels.map((_, c) => c + 1).filter((c) => !grouped.has(c) && !disabled.includes(c));
-    const sets = [...Object.entries(groups), ...(left.length ? [['no group', left]] : [])];
-    this.chooser.role = 'group';
-    this.chooser.ariaLabel = 'Channels with traces';
-    this.chooser.replaceChildren(...sets.map(([name, members]) => {
-      const set = make('span', undefined, 'channel-set'), whole = make('button', name, 'whole-set');
-      whole.title = `The traces of ${name} and of no other`;
-      whole.addEventListener('click', () => this.choose(members.slice(0, 64)));
-      set.append(whole, ...members.map((c) => {
-        const one = make('button', String(c));
-        one.dataset.channel = c;
-        one.ariaLabel = `Traces of ${channels[c - 1]}`;
-        one.title = channels[c - 1];
-        one.addEventListener('click', () => this.toggle(c));
-        return one;
-      }));
-      return set;
-    }));
-    this.markChosen();
+  get channels() {
+    return this.chooser.channels;
   }
 
   toggle(channel) {
-    const chosen = this.channels.includes(channel);
-    if (chosen && this.channels.length === 1) return;
-    this.choose(chosen ? this.channels.filter((c) => c !== channel) : [...this.channels, channel]);
-  }
-
-  choose(channels) {
-    this.channels = [...channels].sort((a, b) => a - b);
-    this.markChosen();
-    this.layOut();
-  }
-
-  markChosen() {
-    for (const one of this.chooser.querySelectorAll('[data-channel]')) {
-      one.ariaPressed = String(this.channels.includes(Number(one.dataset.channel)));
-    }
+    this.chooser.toggle(channel);
   }
 
   // ---- which stretch of time
 
   pauseOrGoOn() {
-    if (this.view.live && !this.pauses) this.pause();
-    else this.goOn();
-  }
-
-  pause() {
-    // Of a finger that was chosen just now nothing has come yet.
-    this.pauses = !this.columns?.last_s;
-    if (this.pauses) return;
-    const [from, to] = this.stretch();
-    this.view = {live: false, from, to, window_s: to - from};
-    this.held_s = this.columns.last_s;
-    this.ask();
-  }
-
-  goOn(window_s = this.view.window_s) {
-    this.view = {live: true, window_s: Math.min(Math.max(window_s, WINDOW_S.least), WINDOW_S.most)};
-    this.offset = null;
-    this.pauses = false;
+    this.stretch.pauseOrGoOn();
     this.ask();
   }
 
   zoom(factor) {
-    const [from, to] = this.stretch(), middle = (from + to) / 2, half = factor * (to - from) / 2;
+    const [from, to] = this.stretch.ends(), middle = (from + to) / 2, half = factor * (to - from) / 2;
     this.look(middle - half, middle + half, 'zoom');
   }
 
   look(from, to, how) {
-    if (how === 'whole') {
-      this.goOn(WINDOW_S.first);
-      return;
-    }
-    if (this.view.live && how === 'zoom') {
-      this.goOn(to - from);
-      return;
-    }
-    if (this.view.live) this.pause();
-    if (this.view.live) return;
-    const span = Math.min(Math.max(to - from, LEAST_STRETCH_S), WINDOW_S.most), middle = (from + to) / 2;
-    // Nothing lies after the pause began, nor longer ago than is kept.
-    const end = Math.min(Math.max(middle + span / 2, this.held_s - WINDOW_S.most + span), this.held_s + 0.05 * span);
-    this.view = {live: false, from: end - span, to: end, window_s: span};
+    this.stretch.look(from, to, how);
     this.ask();
   }
 
   onKey(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target !== this.root) return;
-    const [from, to] = this.stretch(), tenth = (to - from) / 10, move = (by) => this.look(from + by, to + by, 'move');
-    const act = {
-      '+': () => this.zoom(0.5), '=': () => this.zoom(0.5), '-': () => this.zoom(2), Home: () => this.look(0, 0, 'whole'),
+    const [from, to] = this.stretch.ends(), tenth = (to - from) / 10, move = (by) => this.look(from + by, to + by, 'move');
+    const act = (event.shiftKey ? {
+      ArrowLeft: () => this.pointElsewhere(-0.01, 0), ArrowRight: () => this.pointElsewhere(0.01, 0),
+      ArrowUp: () => this.pointElsewhere(0, -1), ArrowDown: () => this.pointElsewhere(0, 1),
+    } : {
       ArrowLeft: () => move(-tenth), ArrowRight: () => move(tenth), PageUp: () => move(-9 * tenth), PageDown: () => move(9 * tenth),
+    })[event.key] ?? {
+      '+': () => this.zoom(0.5), '=': () => this.zoom(0.5), '-': () => this.zoom(2), Home: () => this.look(0, 0, 'whole'),
     }[event.key];
     if (!act) return;
     event.preventDefault();
     act();
-  }
-
-  // From when to when is drawn.
-  stretch() {
-    if (!this.view.live) return [this.view.from, this.view.to];
-    const {columns} = this, {window_s} = this.view;
-    if (columns?.last_s == null) return [0, window_s];
-    const now_s = performance.now() / 1000, newest = columns.last_s - DELAY_S;
-    // Frames come unevenly; the axis goes on evenly, and follows slowly where clocks differ.
-    if (this.offset === null || Math.abs(newest - now_s - this.offset) > 0.5) this.offset = newest - now_s;
-    // Whole columns, so that each is drawn the same way wherever it is.
-    const to = Math.floor((now_s + this.offset) / columns.width_s) * columns.width_s;
-    return [to - window_s, to];
   }
 
   // ---- what the server is asked, and what comes
@@ -209,32 +138,38 @@ export class Traces {
   ask() {
     if (!this.finger) return;
     const pixels = Math.max(10, Math.min(4000, this.root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN));
-    const {live, window_s, to} = this.view;
+    const {live, window_s, to} = this.stretch;
     this.onLook({
       channels: this.channels, window_s, pixels,
       until_ns: live || !this.columns ? null : Math.round((to + this.columns.begun_s) * 1e9),
     });
     this.pauseButton.textContent = live ? 'Pause' : 'Go on';
     this.span.textContent = `${rounded(window_s)} s${live ? '' : ', paused'}`;
+    // While it scrolls the values under the pointer change all the time.
+    this.readout.ariaLive = live ? 'off' : 'polite';
     this.draw();
   }
 
   take(traces, arrays) {
     if (traces.name !== this.finger?.name) return;
     const key = JSON.stringify([traces.name, traces.beginning, traces.width_ns, traces.channels, traces.until_ns ?? null]);
-    if (key !== this.key) {
-      const same = traces.name === this.shown?.name && String(traces.beginning) === String(this.shown.beginning);
-      const kept = Math.ceil(this.view.window_s * 1e9 / traces.width_ns) + 4;
-      this.columns = new Columns(traces, kept, 1 / this.finger.sample_rate_hz, same ? this.columns?.begun_s : null);
-      [this.key, this.shown] = [key, traces];
+    if (key !== this.key || !this.columns) {
+      // What stands still is that which was there, though another beginning may have followed it.
+      const goesOn = this.columns !== null && (!this.stretch.live || String(traces.beginning) === String(this.beginning));
+      const kept = Math.ceil(this.stretch.window_s * 1e9 / traces.width_ns) + 4;
+      this.columns = new Columns(traces, kept, 1 / this.finger.sample_rate_hz, goesOn ? this.columns.begun_s : null);
+      this.stretch.of(this.columns, goesOn);
+      [this.key, this.beginning] = [key, traces.beginning];
     }
     const before = this.columns.last_s;
     this.columns.take(traces, arrays);
-    if (this.view.live && this.offset !== null && this.columns.last_s !== before) {
-      this.offset += 0.04 * (this.columns.last_s - DELAY_S - performance.now() / 1000 - this.offset);
-    }
+    if (this.columns.last_s !== before) this.stretch.follow();
+    this.came ||= traces.samples.count + traces.levels.count > 0;
     this.truth ||= Boolean(traces.samples.count && arrays.truth.includes(1));
-    if (this.pauses) this.pause();
+    if (this.stretch.pauses) {
+      this.stretch.pause();
+      this.ask();
+    }
   }
 
   // ---- drawing
@@ -260,8 +195,17 @@ export class Traces {
       ...this.volts, this.levels,
     ]);
     this.laidOut = this.truth;
+    // Its lane is no more.
+    this.pointed = null;
     this.root.style.height = `${this.timeline.height}px`;
     this.ask();
+  }
+
+  // With each frame: draw what has changed, which in a long stretch is not much more often than there
+  // is a new column.
+  refresh() {
+    const [from, to] = this.stretch.ends(), {dataset} = this.root;
+    if (this.came || Number(dataset.fromS) !== from || Number(dataset.toS) !== to) this.draw();
   }
 
   // Draw what holds now. A panel that is hidden is not drawn.
@@ -269,7 +213,8 @@ export class Traces {
     const {columns} = this;
     if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(this.channels)) return;
     if (this.laidOut !== this.truth) this.layOut();
-    const [from, to] = this.stretch(), [first, stop] = columns.within(from, to);
+    this.came = false;
+    const [from, to] = this.stretch.ends(), [first, stop] = columns.within(from, to);
     const {low, high, level} = columns.curves;
     const curves = this.volts.map((_, i) => ({
       rows: [], low: low[i], high: high[i], range: this.steady(`volts ${this.channels[i]}`, Columns.range([low[i], high[i]], first, stop)),
@@ -301,7 +246,7 @@ export class Traces {
   // threshold.
   levelScale(first, stop) {
     const found = Columns.range(this.columns.curves.level, first, stop) ?? [this.finger.threshold, this.finger.threshold];
-    const threshold = this.line.held ? this.line.moved : this.finger.threshold;
+    const threshold = this.line.chosen ?? this.finger.threshold;
     const most = Math.log10(Math.max(found[1], threshold)), least = Math.log10(Math.max(Math.min(found[0], threshold), 10 ** (most - 5)));
     const before = this.ranges.get('level');
     const whole = [Math.floor(2 * (least - 0.1)) / 2, Math.ceil(2 * (most + 0.1)) / 2];
@@ -389,9 +334,18 @@ export class Traces {
   }
 
   point(seconds, lane) {
-    const [from, to] = this.stretch();
-    this.pointed = seconds === null || seconds === undefined ? null : {share: (seconds - from) / (to - from), lane};
-    if (!this.view.live) this.readOut(from, to);
+    const [from, to] = this.stretch.ends();
+    this.pointed = seconds === null ? null : {share: (seconds - from) / (to - from), lane};
+    if (!this.stretch.live) this.readOut(from, to);
+  }
+
+  // What the pointer does, by keys: so much of the stretch to the right, so many lanes down.
+  pointElsewhere(share, down) {
+    const {lanes} = this.timeline, [from, to] = this.stretch.ends(), at = lanes.indexOf(this.pointed?.lane);
+    const lane = lanes[at < 0 ? lanes.indexOf(this.volts[0]) : Math.min(Math.max(at + down, 0), lanes.length - 1)];
+    const there = Math.min(Math.max((this.pointed?.share ?? 0.9) + share, 0), 1);
+    this.timeline.showPointer(from + there * (to - from), lane);
+    this.point(from + there * (to - from), lane);
   }
 
   readOut(from, to) {

@@ -1,0 +1,71 @@
+// Which channels of a finger have traces: a button for each, under its group.
+
+// So many channels the server sends at once.
+const MOST_CHANNELS = 64;
+
+export class ChannelChooser {
+  // onChoose(): other channels are chosen.
+  constructor(onChoose) {
+    this.onChoose = onChoose;
+    this.root = make('div', undefined, 'chooser');
+    this.root.role = 'group';
+    this.root.ariaLabel = 'Channels with traces';
+    // Counted from 1, in their order; and those of each finger by its name.
+    this.channels = [];
+    this.kept = new Map();
+  }
+
+  // Show the channels of a finger: those that were chosen before, else its first group.
+  show({name, channels, groups, disabled}) {
+    const described = JSON.stringify([name, channels, groups, disabled]);
+    if (described === this.described) return;
+    this.described = described;
+    this.name = name;
+    const kept = this.kept.get(name) ?? [];
+    const chosen = kept.length && kept.at(-1) <= channels.length ? kept : (Object.values(groups)[0] ?? [1]).slice(0, 4);
+    this.fill(channels, groups, disabled);
+    this.take(chosen);
+  }
+
+  fill(channels, groups, disabled) {
+    const grouped = new Set(Object.values(groups).flat());
+    const left = channels.map((_, c) => c + 1).filter((c) => !grouped.has(c) && !disabled.includes(c));
+    const sets = [...Object.entries(groups), ...(left.length ? [['no group', left]] : [])];
+    this.root.replaceChildren(...sets.map(([name, members]) => {
+      const set = make('span', undefined, 'channel-set'), whole = make('button', name, 'whole-set');
+      whole.title = `The traces of ${name} and of no other`;
+      whole.addEventListener('click', () => this.choose(members));
+      set.append(whole, ...members.map((c) => {
+        const one = make('button', String(c));
+        one.dataset.channel = c;
+        one.ariaLabel = `Traces of ${channels[c - 1]}`;
+        one.title = channels[c - 1];
+        one.addEventListener('click', () => this.toggle(c));
+        return one;
+      }));
+      return set;
+    }));
+  }
+
+  // One channel more, or one less; but one stays.
+  toggle(channel) {
+    const rest = this.channels.filter((c) => c !== channel);
+    if (rest.length === this.channels.length) rest.push(channel);
+    if (rest.length && rest.length <= MOST_CHANNELS) this.choose(rest);
+  }
+
+  choose(channels) {
+    this.take(channels);
+    this.onChoose();
+  }
+
+  take(channels) {
+    this.channels = channels.slice(0, MOST_CHANNELS).sort((a, b) => a - b);
+    this.kept.set(this.name, this.channels);
+    for (const one of this.root.querySelectorAll('[data-channel]')) {
+      const chosen = this.channels.includes(Number(one.dataset.channel));
+      one.ariaPressed = String(chosen);
+      one.disabled = !chosen && this.channels.length === MOST_CHANNELS;
+    }
+  }
+}
