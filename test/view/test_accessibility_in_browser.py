@@ -163,6 +163,22 @@ def test_keys_alone_choose_a_finger_look_at_it_and_change_its_threshold(played):
     assert served.call(lambda: thumb.config.threshold) == 0.307
 
 
+def test_what_was_moved_for_one_finger_is_not_set_for_another(played):
+    served, page = played({'index': rest_rows(), 'thumb': STATES['slip']})
+    expect(page.locator('[data-state=slip]')).to_be_visible(timeout=60_000)
+    line = page.get_by_role('slider', name='Threshold')
+    line.focus()
+    page.keyboard.press('PageDown')
+    page.keyboard.press('2')
+    page.keyboard.press('1')
+    expect(page.locator('#parameters .changes')).to_contain_text('threshold from 0.5 to 0.307')
+    page.keyboard.press('2')
+    expect(line).to_have_attribute('aria-valuetext', 'threshold 0.5')
+    fingers = served.hand.fingers
+    assert served.call(lambda: fingers['/index/slip_detector'].config.threshold) == 0.307
+    assert served.call(lambda: fingers['/thumb/slip_detector'].config.threshold) == 0.5
+
+
 def test_letters_that_are_typed_are_no_keys(played):
     _, page = played({'index': rest_rows()})
     page.get_by_role('tab', name='Parameters').click()

@@ -14,6 +14,7 @@
 
 """The connection of the live page in a real browser, with simulated fingers."""
 
+import threading
 import time
 
 import pytest
@@ -47,7 +48,7 @@ def test_the_page_connects_and_shows_each_finger(open_page):
     with served_beside(SimulatedHand(('index', 'thumb'))) as served:
         page = open_page(served)
         for label in ('index', 'thumb'):
-            expect(page.get_by_role('heading', name=label)).to_be_visible()
+            expect(page.get_by_role('heading', name=label, exact=True)).to_be_visible()
         expect(page.locator('[data-finger]').first).to_contain_text('valid', timeout=PATIENCE_MS)
 
 
@@ -59,11 +60,37 @@ def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(brows
     words = page.locator('#connection')
     expect(words).to_contain_text('slip_view was stopped', timeout=PATIENCE_MS)
     expect(words).to_contain_text('slip_view cannot be reached', timeout=PATIENCE_MS)
+    # What is shown of the finger is old, and it does not look as if it were not.
+    card = page.locator('[data-finger]')
+    expect(card).to_have_attribute('data-state', 'lost')
+    expect(card).to_contain_text('not connected')
     port = int(served.url.split(':')[2].partition('/')[0])
     with served_beside(SimulatedHand(('thumb',)), access=Access(token='word'), port=port):
         expect(words).to_have_text('connected', timeout=PATIENCE_MS)
-        expect(page.get_by_role('heading', name='thumb')).to_be_visible(timeout=PATIENCE_MS)
+        expect(page.get_by_role('heading', name='thumb', exact=True)).to_be_visible(
+            timeout=PATIENCE_MS
+        )
         drawn(page)
+    with served_beside(SimulatedHand(), access=Access(token='another'), port=port):
+        expect(words).to_contain_text(NO_TOKEN, timeout=PATIENCE_MS)
+        page.close()
+
+
+def test_a_slip_view_that_hangs_is_told_from_one_that_has_nothing_new(open_page):
+    with served_beside(SimulatedHand()) as served:
+        page = open_page(served)
+        words, card = page.locator('#connection'), page.locator('[data-finger]')
+        goes_on = threading.Event()
+        hanging = threading.Thread(target=served.call, args=(goes_on.wait, PATIENCE_MS / 1e3))
+        hanging.start()
+        try:
+            expect(words).to_have_text('slip_view does not answer', timeout=PATIENCE_MS)
+            expect(card).to_have_attribute('data-state', 'lost')
+        finally:
+            goes_on.set()
+            hanging.join()
+        expect(words).to_have_text('connected', timeout=PATIENCE_MS)
+        expect(card).not_to_have_attribute('data-state', 'lost')
         page.close()
 
 

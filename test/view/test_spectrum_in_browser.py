@@ -85,6 +85,18 @@ def test_the_strongest_line_of_a_channel_is_found_and_read(page):
     expect(readout).not_to_contain_text('rest')
 
 
+def test_frequencies_are_read_by_keys_too(page):
+    expect(picture(page)).to_have_accessible_name(re.compile('strongest at 31 Hz'), timeout=60_000)
+    picture(page).focus()
+    readout = page.locator('#spectrum .readout')
+    page.keyboard.press('ArrowRight')
+    expect(readout).to_contain_text('31 Hz · ')
+    page.keyboard.press('ArrowRight')
+    expect(readout).to_contain_text('31.5 Hz · ')
+    page.keyboard.press('PageDown')
+    expect(readout).to_contain_text('21.5 Hz · ')
+
+
 def test_rest_is_held_as_a_shadow_and_what_is_above_it_is_read(served, page):
     rest = lines_at()
     served.call(setattr, served.hand.simulated[NAME], 'rows', rest)

@@ -12,11 +12,17 @@ import {Traces} from './traces.js';
 const connection = new Connection((words) => {
   element('connection').textContent = words || 'connected';
   element('connection').classList.toggle('lost', Boolean(words));
+  if (words) for (const card of cards.values()) card.lose();
+  else refuse('');
 });
 const news = new News(element('news'));
 const parameters = new Parameters(connection, element('parameters'));
-const teach = new Teach(connection, element('teach'), element('keys'));
-let chosen = null;
+const teach = new Teach(connection, element('teach'), element('key-list'));
+// The finger whose signals are shown, and the one that the user has chosen, which the address has for
+// when the page is loaded again.
+let chosen = null, wanted = new URLSearchParams(location.hash.slice(1)).get('finger');
+// Labels of those that were there, by name.
+let gone = {};
 const cards = new Map();
 // What is dragged in a drawing is set like what is typed; a refusal stands above, as the panel of
 // parameters may be hidden.
@@ -33,19 +39,32 @@ function refuse(words) {
 }
 
 function choose(name) {
+  wanted = name;
+  history.replaceState(null, '', `#${new URLSearchParams({finger: name})}`);
+  show(name);
+}
+
+function show(name) {
+  for (const part of [traces, spectrum]) part.settle();
   chosen = name;
-  for (const [each, card] of cards) card.mark(each === name);
+  refuse('');
   connection.look({finger: name ?? ''});
-  if (name) showSignals();
   parameters.choose(name);
   teach.choose(name);
+  showChosen();
 }
 
-function showSignals() {
-  for (const part of [traces, spectrum]) part.show(cards.get(chosen).finger);
+// Of several fingers it is said which one it is about.
+function showChosen() {
+  for (const [name, card] of cards) card.mark(name === chosen);
+  const finger = cards.get(chosen)?.finger, label = finger?.label ?? `${gone[chosen]}, which is gone`;
+  element('signals-title').textContent = `Signals of ${label}`;
+  element('tools-title').textContent = `Set up ${label}`;
+  if (finger) for (const part of [traces, spectrum]) part.show(finger);
 }
 
-connection.on('hand', ({fingers, gone, read_only: readOnly}) => {
+connection.on('hand', ({fingers, gone: labels, read_only: readOnly}) => {
+  gone = labels;
   const names = fingers.map(({name}) => name);
   for (const [name, card] of cards) {
     if (names.includes(name)) continue;
@@ -74,9 +93,14 @@ connection.on('hand', ({fingers, gone, read_only: readOnly}) => {
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.look({fingers: names});
   for (const part of [traces, spectrum]) part.allowChanges(!readOnly);
-  if (!names.includes(chosen)) choose(names[0] ?? null);
-  else showSignals();
+  // One that is gone may come back: meanwhile nothing is done to another one in its place.
+  const next = [wanted, chosen].find((name) => names.includes(name)) ?? (chosen in gone ? chosen : names[0] ?? null);
+  if (next !== chosen) show(next);
+  else showChosen();
 });
+
+// What the page looks at cannot be shown.
+connection.on('refused', ({why}) => refuse(why));
 
 connection.on('diagnostics', ({fingers}) => {
   for (const [name, lines] of Object.entries(fingers)) cards.get(name)?.tellDiagnostics(lines);
@@ -90,7 +114,7 @@ connection.onFrame(({header, arrays}) => {
     news.tell(card.finger.label, card.words);
   });
   if (header.traces) traces.take(header.traces, arrays);
-  traces.draw();
+  traces.refresh();
   if (header.spectrum) spectrum.take(header.spectrum, arrays);
 });
 
@@ -112,11 +136,13 @@ const KEY_WORDS = [
   ['1 to 9', 'show the signals of that finger'], ['P', 'pause the traces, and go on'],
   ['arrows, Page Up and Down', 'move a line of a drawing; Enter sets it, Escape leaves it'],
   ['+ \u2212 \u2190 \u2192 Home', 'in the traces: zoom, move, back to now'],
+  ['Shift and arrows', 'in the traces: values elsewhere, of another lane'],
+  ['\u2190 \u2192 Page Up and Down', 'in the spectrum: values at another frequency'],
   ['wheel, drag, Shift and drag', 'in the traces: zoom, move, choose a stretch; double click: back to now'],
   ['?', 'show these keys, and hide them'],
 ];
 
-element('keys').append(...KEY_WORDS.map(([keys, words]) => {
+element('key-list').append(...KEY_WORDS.map(([keys, words]) => {
   const row = make('div');
   row.append(make('dt', keys), make('dd', words));
   return row;
@@ -129,6 +155,8 @@ element('keys-button').addEventListener('click', ({currentTarget}) => {
 
 document.addEventListener('keydown', (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input, select, textarea')) return;
+  // Who speaks to the computer, or strikes keys unawares, has no use for them.
+  if (!element('keys-act').checked) return;
   const act = KEYS[event.key] ?? KEYS[event.key.toLowerCase()];
   if (!act) return;
   event.preventDefault();

@@ -1,10 +1,11 @@
 // The card of one finger: its picture, its groups, and how it is in words.
 
-import {paintFinger, placesOf} from './finger.js';
+import {paintFinger, pictureOf, placesOf} from './finger.js';
 
 // What each state is called and looks like; the first that holds is shown. An own shape each, so that
 // they can be told apart without colours.
 const STATES = {
+  lost: {mark: '\u2715', words: 'not connected'},
   silent: {mark: '\u2715', words: 'detector silent'},
   noInput: {mark: '\u2715', words: 'no input'},
   notValid: {mark: '?', words: 'not valid'},
@@ -38,6 +39,7 @@ export class FingerCard {
     this.onset = make('p', undefined, 'onset');
     this.notice = make('p', undefined, 'notice');
     this.diagnostics = make('ul', undefined, 'diagnostics');
+    this.diagnostics.ariaLabel = 'Diagnostics';
     this.inWords = make('details');
     const list = make('ul');
     list.tabIndex = 0;
@@ -91,6 +93,11 @@ export class FingerCard {
     this.layOut();
   }
 
+  // Nothing more is heard of it: what is shown is old.
+  lose() {
+    if (this.state) this.tellState('lost');
+  }
+
   layOut() {
     const {clientWidth: width, clientHeight: height} = this.picture;
     if (!this.finger || !width || !height) return;
@@ -98,6 +105,7 @@ export class FingerCard {
     Object.assign(this.canvas, {width: Math.round(width * ratio), height: Math.round(height * ratio)});
     this.canvas.getContext('2d').setTransform(ratio, 0, 0, ratio, 0, 0);
     this.size = {width, height};
+    this.painted = null;
     this.places = placesOf(this.finger.positions_m, width - 8, height - 8);
     for (const place of this.places) {
       place.x += 4;
@@ -155,7 +163,7 @@ export class FingerCard {
       this.badge.firstChild.ariaHidden = 'true';
     }
     const veil = {
-      silent, noInput: age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`,
+      lost: 'as it was last', silent, noInput: age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`,
     }[name] ?? '';
     text(this.veil, veil);
     this.veil.hidden = !veil;
@@ -191,6 +199,8 @@ export class FingerCard {
       line.append(mark, ` ${name}: ${message}`);
       return line;
     }));
+    // What does not fit is scrolled to, by keys too.
+    this.diagnostics.tabIndex = this.diagnostics.scrollHeight > this.diagnostics.clientHeight ? 0 : -1;
   }
 
   mark(chosen) {
@@ -200,6 +210,9 @@ export class FingerCard {
 
   paint() {
     if (!this.state || !this.places) return;
+    const picture = pictureOf(this.places, this.channels, this.marked);
+    if (picture === this.painted) return;
+    this.painted = picture;
     const context = this.canvas.getContext('2d');
     context.clearRect(0, 0, this.size.width, this.size.height);
     paintFinger(context, this.places, this.channels, this.marked);

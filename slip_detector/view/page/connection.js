@@ -3,11 +3,16 @@
 import {readFrame} from './frames.js';
 
 const AGAIN_MS = 1000;
+// Frames come many times a second. After so many looks without one, slip_view hangs.
+const LOOK_MS = 1000, MOST_LOOKS = 3;
+const UNREACHABLE = 'slip_view cannot be reached';
 
 export class Connection {
   // onState(words): connected ('') or why not.
   constructor(onState) {
     this.onState = onState;
+    this.words = null;
+    this.looks = 0;
     this.takers = new Map();
     this.drawers = [];
     this.answers = new Map();
@@ -17,6 +22,23 @@ export class Connection {
     this.waits = false;
     // A hidden page looks at nothing.
     document.addEventListener('visibilitychange', () => this.sendLook());
+    setInterval(() => this.lookForFrames(), LOOK_MS);
+  }
+
+  say(words) {
+    if (words !== this.words) this.onState(words);
+    this.words = words;
+  }
+
+  // Whether frames come, where they should and none waits to be drawn.
+  lookForFrames() {
+    const due = this.isOpen && !document.hidden && this.looked.fingers?.length && !this.waits;
+    this.looks = due ? this.looks + 1 : 0;
+    if (this.looks > MOST_LOOKS) this.say('slip_view does not answer');
+  }
+
+  get isOpen() {
+    return this.socket?.readyState === WebSocket.OPEN;
   }
 
   // take(message): called with each message of this type.
@@ -38,20 +60,42 @@ export class Connection {
     const socket = this.socket = new WebSocket(address);
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => {
-      this.onState('');
+      this.say('');
       this.sendLook();
     };
     socket.onmessage = ({data}) => this.take(data);
     socket.onclose = ({reason}) => {
       for (const {resolve} of this.answers.values()) resolve({refusal: 'the connection to slip_view was lost'});
       this.answers.clear();
-      this.onState(`${reason || 'slip_view cannot be reached'}; trying again`);
+      this.tellWhy(reason);
       setTimeout(() => this.open(), AGAIN_MS);
     };
   }
 
+  // Say why there is no connection.
+  async tellWhy(reason) {
+    const say = (why) => this.say(`${why}; trying again`);
+    if (reason || !this.words) say(reason || UNREACHABLE);
+    if (reason) return;
+    const refusal = await this.refusal();
+    // Meanwhile it may be there again.
+    if (!this.isOpen) say(refusal || UNREACHABLE);
+  }
+
+  // Why it is refused, in words, which a WebSocket does not pass on; '' where it is not.
+  async refusal() {
+    try {
+      const answer = await fetch(`/live${location.search}`);
+      return answer.status === 403 ? (await answer.text()).trim() : '';
+    } catch {
+      return '';
+    }
+  }
+
   take(data) {
     if (typeof data !== 'string') {
+      this.looks = 0;
+      this.say('');
       this.frame = readFrame(data);
       if (!this.waits) requestAnimationFrame(() => this.draw());
       this.waits = true;
@@ -67,6 +111,8 @@ export class Connection {
 
   draw() {
     this.waits = false;
+    // What came before the connection was lost is old.
+    if (!this.isOpen) return;
     const frame = this.frame;
     // The next frame is made while this one is drawn.
     this.send({type: 'drawn', frame: frame.header.frame});
@@ -87,8 +133,8 @@ export class Connection {
 
   // Ask for something; resolves with the answer, whose refusal is '' or says why not.
   request(type, content = {}) {
-    if (this.socket?.readyState !== WebSocket.OPEN) {
-      return Promise.resolve({refusal: 'slip_view cannot be reached'});
+    if (!this.isOpen) {
+      return Promise.resolve({refusal: UNREACHABLE});
     }
     const id = ++this.requests;
     return new Promise((resolve) => {
@@ -98,6 +144,6 @@ export class Connection {
   }
 
   send(message) {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+    if (this.isOpen) this.socket.send(JSON.stringify(message));
   }
 }

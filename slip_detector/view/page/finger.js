@@ -38,6 +38,16 @@ function smallestDistance(points) {
 // How high a level stands in its taxel: 0 at 1/32 of the threshold or less, 1 at the threshold.
 export const fillOf = (level) => Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES));
 
+// What a picture shows, as text: where it is the same, nothing has to be painted.
+export function pictureOf(places, states, marked) {
+  const taxels = states.map(({level, on, valid, disabled}, c) => {
+    if (disabled) return 'd';
+    if (!valid) return 'x';
+    return on ? 'o' : Math.round(2 * places[c].side * fillOf(level));
+  });
+  return `${taxels} ${[...marked]}`;
+}
+
 // Draw all taxels of a finger. states[c]: {level, on, valid, disabled}, level as a ratio to the
 // threshold. marked: a set of channels, counted from 1, that get a frame of their own.
 export function paintFinger(context, places, states, marked) {

@@ -16,6 +16,7 @@ export class SpectrumPanel {
     this.channel = null;
     this.shown = false;
     this.lines = new Map();
+    this.keyed = null;
     const bar = make('div', undefined, 'trace-bar');
     const label = make('span', 'Channel ');
     this.choice = make('select');
@@ -40,6 +41,9 @@ export class SpectrumPanel {
     this.frame = make('div', undefined, 'spectrum-frame');
     this.root = make('div', undefined, 'spectrum-plot');
     this.root.role = 'img';
+    this.root.tabIndex = 0;
+    this.root.addEventListener('keydown', (event) => this.onKey(event));
+    for (const kind of ['blur', 'pointermove']) this.root.addEventListener(kind, () => this.keyed !== null && this.keyAt(null));
     this.frame.append(this.root);
     this.removers = make('p', undefined, 'removers');
     this.readout = make('p', '\u00a0', 'readout');
@@ -76,6 +80,11 @@ export class SpectrumPanel {
     this.channel = channel;
     this.choice.value = channel;
     this.ask();
+  }
+
+  // Nothing that was begun for this finger is done to another one.
+  settle() {
+    for (const line of this.lines.values()) line.settle();
   }
 
   ask() {
@@ -117,7 +126,7 @@ export class SpectrumPanel {
     const edges = this.edges(), names = edges.map(({name}) => name);
     for (const [name, line] of this.lines) {
       if (names.includes(name)) continue;
-      line.root.remove();
+      line.close();
       this.lines.delete(name);
     }
     for (const {name, short, open, whole} of edges) {
@@ -162,8 +171,7 @@ export class SpectrumPanel {
 
   // Where an edge is now: where it is being dragged to, or what the detector has.
   at(name, value) {
-    const line = this.lines.get(name);
-    return line?.held ? line.moved : value;
+    return this.lines.get(name)?.chosen ?? value;
   }
 
   // ---- drawing
@@ -296,25 +304,46 @@ export class SpectrumPanel {
 
   tell() {
     const name = this.finger.channels[this.channel - 1], {passband_hz: [low, high]} = this.finger;
-    const peak = this.now && this.now.density.reduce((best, value, i, all) => (value > all[best] ? i : best), 0);
     const words = `Spectrum of ${name}${this.rest ? ', with the one at rest behind it' : ''}; pass-band ${low} to ${high || 'all above'} Hz`
-      + (this.now ? `; strongest at ${rounded((peak + 1) * this.now.step)} Hz` : '; too few samples yet');
+      + (this.now ? `; strongest at ${rounded((this.strongest() + 1) * this.now.step)} Hz` : '; too few samples yet');
     if (this.root.ariaLabel !== words && !(Date.now() - this.toldAt < 1000)) {
       this.root.ariaLabel = words;
       this.toldAt = Date.now();
     }
   }
 
+  // By keys a frequency is read as the pointer reads it, beginning with the strongest one.
+  onKey(event) {
+    const step = {ArrowLeft: -1, ArrowRight: 1, PageUp: 20, PageDown: -20}[event.key];
+    if (!step || event.ctrlKey || event.metaKey || event.altKey || !this.now || !this.plot) return;
+    event.preventDefault();
+    const i = this.keyed === null ? this.strongest() : this.keyed + step;
+    this.keyAt(Math.min(Math.max(i, 0), this.now.density.length - 1));
+    this.readout.textContent = this.wordsAt(this.keyed);
+  }
+
+  // i: counted from 0; null: keys read nothing more.
+  keyAt(i) {
+    this.keyed = i;
+    this.readout.ariaLive = i === null ? 'off' : 'polite';
+    this.plot?.setCursor(i === null ? {left: -10, top: -10} : {left: this.plot.valToPos((i + 1) * this.now.step, 'x'), top: 0});
+  }
+
+  strongest() {
+    return this.now.density.reduce((best, value, i, all) => (value > all[best] ? i : best), 0);
+  }
+
   readOut(plot) {
-    const {left} = plot.cursor;
-    if (left < 0 || !this.now) {
-      this.readout.textContent = '\u00a0';
-      return;
-    }
-    const i = Math.min(Math.max(Math.round(plot.posToVal(left, 'x') / this.now.step) - 1, 0), this.now.density.length - 1);
+    // What was read by keys stays until the next key: it is read aloud.
+    if (this.keyed !== null) return;
+    const {left} = plot.cursor, i = Math.round(plot.posToVal(left, 'x') / (this.now?.step ?? 1)) - 1;
+    this.readout.textContent = left < 0 || !this.now ? '\u00a0' : this.wordsAt(Math.min(Math.max(i, 0), this.now.density.length - 1));
+  }
+
+  wordsAt(i) {
     const hz = (i + 1) * this.now.step, words = [`${rounded(hz)} Hz`, `${this.now.density[i].toFixed(1)} dB`];
     const rest = this.rest?.density[Math.round(hz / this.rest.step) - 1];
     if (rest !== undefined) words.push(`at rest ${rest.toFixed(1)} dB`, `${(this.now.density[i] - rest).toFixed(1)} dB above`);
-    this.readout.textContent = words.join(' \u00b7 ');
+    return words.join(' \u00b7 ');
   }
 }

@@ -34,6 +34,8 @@ export class Teach {
       this.show();
     });
     connection.on('recording', ({recording}) => {
+      // Where the slip was ended for another reason, nothing is held any more.
+      if (this.recording?.slipping && !recording?.slipping) this.letGo();
       this.recording = recording;
       this.showRecording();
     });
@@ -76,7 +78,7 @@ export class Teach {
       button.title = advice;
       row.append(button, said);
       const shown = make('div');
-      shown.append(make('dt', kind === 'slip' ? 'Space, held' : key), make('dd', {rest: 'record rest; again: end it', slip: 'record a slip, as long as it is held', taps: 'record taps; again: end it'}[kind]));
+      shown.append(make('dt', kind === 'slip' ? 'Space, held' : key), make('dd', {rest: 'record rest; again: end it', slip: 'record a slip, as long as it is held; on its button Enter begins and ends one', taps: 'record taps; again: end it'}[kind]));
       keys.append(shown);
     }
     this.advice = make('ol', undefined, 'hint');
@@ -126,13 +128,23 @@ export class Teach {
     });
     for (const end of ['pointerup', 'pointercancel']) slip.addEventListener(end, () => this.release());
     slip.addEventListener('contextmenu', (event) => event.preventDefault());
+    // A click without a pointer is one by Enter, or by a screen reader, which can hold nothing: one begins
+    // the slip, the next one ends it.
+    slip.addEventListener('click', ({detail}) => {
+      if (detail) return;
+      if (this.held === null) this.press();
+      else this.release();
+    });
     // After a click the space bar is for slips again, and does not click once more.
-    this.root.addEventListener('click', ({detail, target}) => {
-      if (detail && target.closest('button')) target.closest('button').blur();
+    document.addEventListener('click', ({detail, target}) => {
+      if (detail && !this.root.hidden) target.closest('button, summary')?.blur();
     });
     document.addEventListener('keydown', (event) => this.onKey(event));
-    document.addEventListener('keyup', ({key}) => {
-      if (key === ' ') this.release();
+    document.addEventListener('keyup', (event) => {
+      if (event.key !== ' ') return;
+      // Or some browsers would click, too.
+      if (event.target === slip) event.preventDefault();
+      this.release();
     });
     // What is not seen any more is not held either.
     window.addEventListener('blur', () => this.release());
@@ -142,7 +154,10 @@ export class Teach {
   onKey(event) {
     if (this.root.hidden || event.ctrlKey || event.altKey || event.metaKey) return;
     const {target} = event;
+    // A key that is kept down is one press.
+    if (event.repeat && target.matches('.teach-button')) event.preventDefault();
     if (target.matches('input, select, textarea, [contenteditable]')) return;
+    if (!element('keys-act').checked && target !== this.buttons.slip) return;
     if (event.key === ' ') {
       // On another control the space bar does what it always does there.
       if (target.matches('button, summary, a, [role=slider], [role=tab]') && target !== this.buttons.slip) return;
