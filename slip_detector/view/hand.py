@@ -31,6 +31,9 @@ from slip_detector.view.track import Track
 #: A detector that has not been heard for so many of its heartbeats has died or hangs.
 SILENT_BEATS = 3.0
 
+#: A page calls itself what it likes; with each change so many characters of that are kept.
+LONGEST_NAME = 64
+
 #: For so long it is told that a detector was started again.
 RESTART_TOLD_S = 600.0
 
@@ -204,7 +207,7 @@ class Hand(ABC):
         ValueError
             When they are refused, in the words of the detector.
         """
-        panel = self.panel(name)
+        panel, by = self.panel(name), by[:LONGEST_NAME]
         panel.expect(values, by)
         refusal = 'it could not be asked'
         try:

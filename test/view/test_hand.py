@@ -14,6 +14,7 @@
 
 """What is known of a finger: its name for people, its state over a restart, its silence."""
 
+import asyncio
 import time
 
 import numpy as np
@@ -22,6 +23,7 @@ import pytest
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view import hand
 from slip_detector.view.hand import Finger
+from support.simulated_hand import SimulatedHand
 
 
 @pytest.mark.parametrize(
@@ -87,3 +89,15 @@ def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(mon
     assert finger.silent_words() == (
         'the detector has not been heard for 4 s: was it killed, or stopped?'
     )
+
+
+def test_of_the_name_of_a_page_no_more_is_kept_than_pages_have():
+    simulated = SimulatedHand(real_time=False)
+    (name,) = simulated.fingers
+    by = f'page {"x" * 10_000}'
+    asyncio.run(simulated.change(name, {'threshold': 0.25}, by))
+    assert simulated.panel(name).changes[-1].by == by[: hand.LONGEST_NAME]
+    with pytest.raises(ValueError, match='threshold is -1'):
+        asyncio.run(simulated.change(name, {'threshold': -1}, by))
+    asyncio.run(simulated.change(name, {'threshold': 0.5}, 'page 7'))
+    assert simulated.panel(name).changes[-1].by == 'page 7'
