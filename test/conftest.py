@@ -61,15 +61,6 @@ def pytest_collection():
         gc.enable()
 
 
-@pytest.fixture(scope='module')
-def browser():
-    """The system's browser; what needs it is skipped where there is none."""
-    from support.browsers import browser_or_skip
-
-    with browser_or_skip() as running:
-        yield running
-
-
 @pytest.fixture
 def bench():
     """A domain with a node of the test's own, for any number of processes."""
@@ -78,3 +69,14 @@ def bench():
     bench = Bench()
     yield bench
     bench.close()
+
+
+@pytest.fixture(scope='module')
+def browser():
+    """A browser without a screen; where it may lack, what needs it is skipped."""
+    from benchmarks.tune import browser as system_browser
+    from support.browsers import require_browser
+
+    require_browser()
+    with system_browser.browser() as running:
+        yield running

@@ -14,42 +14,34 @@
 
 """What happens to real nodes, on the page of a real slip_view, in a real browser."""
 
-import os
 import re
 import signal
 
 import pytest
 
+from support.browsers import expect
+
 pytest.importorskip('rclpy', reason='needs rclpy')
-expect = pytest.importorskip('playwright.sync_api').expect
-
-from benchmarks.tune import browser as system_browser  # noqa: E402
-
-MISSING = system_browser.why_no_browser()
-
-pytestmark = pytest.mark.skipif(
-    bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING
-)
 
 #: Discovery takes seconds now and then.
 PATIENCE_MS = 90_000
 
 
 @pytest.fixture
-def page(bench):
+def page(bench, browser):
     """The page of a slip_view; what it complains of, or asks of others, fails the test."""
     view = bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0')
     bench.wait_for(lambda: 'http://' in view.log(), 'the address')
     address = re.search(r'http://\S+', view.log()).group()
     complaints = []
-    with system_browser.browser() as browser:
-        page = browser.new_page(viewport={'width': 1366, 'height': 768})
-        page.set_default_timeout(PATIENCE_MS)
-        page.on('console', lambda message: complaints.append(message.text))
-        page.on('pageerror', lambda error: complaints.append(str(error)))
-        page.on('request', lambda r: r.url.startswith(address) or complaints.append(r.url))
-        page.goto(address)
-        yield page
+    page = browser.new_page(viewport={'width': 1366, 'height': 768})
+    page.set_default_timeout(PATIENCE_MS)
+    page.on('console', lambda message: complaints.append(message.text))
+    page.on('pageerror', lambda error: complaints.append(str(error)))
+    page.on('request', lambda r: r.url.startswith(address) or complaints.append(r.url))
+    page.goto(address)
+    yield page
+    page.close()
     assert complaints == []
     assert 'Traceback' not in view.log()
 

@@ -14,36 +14,16 @@
 
 """A report in a real browser, without a screen: it draws, it zooms, nothing fails."""
 
-import os
 import re
 
 import pytest
 
-from benchmarks.tune import browser as system_browser
 from slip_detector.report import page as report
 from support import report_scenes as scenes
-
-try:
-    from playwright.sync_api import expect
-except ImportError:
-    expect = None
-
-MISSING = system_browser.why_no_browser()
-
-pytestmark = pytest.mark.skipif(
-    bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING
-)
+from support.browsers import expect
 
 #: Pixels of the names at the left and of the margin at the right, as in timeline.js.
 NAMES_WIDTH, RIGHT_MARGIN = 92, 16
-
-
-@pytest.fixture(scope='module')
-def browser():
-    if MISSING:
-        pytest.fail(f'SLIP_NEED_BROWSER is 1 and the report {MISSING}')
-    with system_browser.browser() as running:
-        yield running
 
 
 @pytest.fixture(scope='module')

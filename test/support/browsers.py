@@ -12,38 +12,44 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The system's browser, without a screen, for tests that open pages in it.
+"""What tests of pages in a browser need; the fixture ``browser`` runs one."""
 
-The fixture ``browser`` in ``test/conftest.py`` gives it to a test.
-"""
-
-import contextlib
 import os
 
 import pytest
 
-from benchmarks.tune import browser as system_browser
+from benchmarks.tune.browser import why_no_browser
+
+#: For so long a page may take to show something: machines are busy, discovery takes seconds.
+PATIENCE_MS = 120_000
 
 try:
     from playwright.sync_api import expect
-except ImportError:  # The fixture skips, or fails, before it is needed.
+except ImportError:  # Then no test gets as far as to need it: see require_browser.
     expect = None
+else:
+    expect.set_options(timeout=PATIENCE_MS)
 
-#: Discovery takes seconds now and then, and a page waits for its turn beside other tests.
-PATIENCE_MS = 120_000
+__all__ = ['PATIENCE_MS', 'complaints_of', 'expect', 'require_browser']
 
 
-@contextlib.contextmanager
-def browser_or_skip():
-    """Run the browser; where there is none skip the test, or fail it where one has to be."""
-    missing = system_browser.why_no_browser()
+def require_browser():
+    """Skip a test that no browser is there for; where SLIP_NEED_BROWSER is 1, fail it."""
+    missing = why_no_browser()
     if missing and os.environ.get('SLIP_NEED_BROWSER') == '1':
-        pytest.fail(f'SLIP_NEED_BROWSER is 1 and the page {missing}')
+        pytest.fail(f'SLIP_NEED_BROWSER is 1 and the test {missing}')
     if missing:
         pytest.skip(missing)
-    expect.set_options(timeout=PATIENCE_MS)
-    try:
-        with system_browser.browser() as running:
-            yield running
-    finally:
-        expect.set_options(timeout=None)
+
+
+def complaints_of(page, allowed):
+    """Return a list that what a page complains of is put on, and what it asks of others.
+
+    ``allowed`` is how the addresses begin that it may ask for something.
+    """
+    complaints = []
+    page.on('console', lambda message: complaints.append(message.text))
+    page.on('pageerror', lambda error: complaints.append(str(error)))
+    page.on('requestfailed', lambda request: complaints.append(request.url))
+    page.on('request', lambda r: r.url.startswith(allowed) or complaints.append(r.url))
+    return complaints

@@ -20,9 +20,8 @@ from pathlib import Path
 import pytest
 
 from slip_detector.view.access import Access
+from support.browsers import expect
 from support.finger_states import STATES, rest_rows
-
-expect = pytest.importorskip('playwright.sync_api').expect
 
 #: Rules of WCAG 2.2 up to level AA, contrast among them, and what is good practice beyond.
 RULES = ('wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice')

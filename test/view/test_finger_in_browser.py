@@ -23,9 +23,8 @@ import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.hand import Diagnosis
+from support.browsers import expect
 from support.finger_states import STATES, Player, rest_rows, slip_rows
-
-expect = pytest.importorskip('playwright.sync_api').expect
 
 
 def card(page, label):

@@ -17,13 +17,10 @@
 import threading
 import time
 
-import pytest
-
 from slip_detector.view.access import Access
 from slip_detector.view.server import NO_TOKEN
+from support.browsers import expect
 from support.simulated_hand import SimulatedHand, served_beside
-
-expect = pytest.importorskip('playwright.sync_api').expect
 
 PATIENCE_MS = 60_000
 

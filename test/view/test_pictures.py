@@ -27,9 +27,9 @@ import pytest
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameter_requests import ParameterRequests
 from slip_detector.view.teaching_requests import TeachingRequests
+from support.browsers import expect
 from support.simulated_hand import SimulatedHand, served_beside
 
-expect = pytest.importorskip('playwright.sync_api').expect
 image = pytest.importorskip('PIL.Image')
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config' / 'slip_detector.yaml'

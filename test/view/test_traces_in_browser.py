@@ -23,9 +23,8 @@ import pytest
 
 from slip_detector.view.access import Access
 from slip_detector.view.parameter_requests import ParameterRequests
+from support.browsers import expect
 from support.simulated_hand import SimulatedHand, served_beside
-
-expect = pytest.importorskip('playwright.sync_api').expect
 
 NAME = '/index/slip_detector'
 

@@ -14,13 +14,8 @@
 
 """The browser that opens pages."""
 
-import os
-
-import pytest
-
 from benchmarks.tune import browser
-
-MISSING = browser.why_no_browser()
+from support.browsers import require_browser
 
 
 def test_a_system_without_a_browser_is_told_which_would_do(monkeypatch):
@@ -34,8 +29,8 @@ def test_a_python_without_playwright_is_told_so(monkeypatch):
     assert browser.why_no_browser() == 'needs the Python package playwright'
 
 
-@pytest.mark.skipif(bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING)
 def test_the_time_until_a_page_is_drawn_is_what_the_page_says(tmp_path):
+    require_browser()
     page = tmp_path / 'page.html'
     page.write_text('<html data-ready-ms="12.5"><body>drawn</body></html>')
     assert browser.ready_ms(page) == 12.5

@@ -14,18 +14,12 @@
 
 """The measurement of a report's size and of the time until it is drawn."""
 
-import os
-
-import pytest
-
 from benchmarks.tune import browser, report_size
+from support.browsers import require_browser
 
-MISSING = browser.why_no_browser()
 
-
-@pytest.mark.skipif(bool(MISSING) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=MISSING)
 def test_the_report_of_minutes_is_small_and_opens():
-    assert MISSING == ''
+    require_browser()
     result = report_size.measure_report(180.0)
     assert 1e6 < result['bytes'] < 10e6
     assert result['ready_ms'] > 0.0

@@ -15,24 +15,21 @@
 """The live page measured for a short time, with real nodes and a real browser."""
 
 import json
-import os
 
 import pytest
 
-from benchmarks.tune.browser import why_no_browser
 from benchmarks.view import measure
 from benchmarks.view.table import view_table
 from support.benchmarks import run
+from support.browsers import require_browser
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
 pytestmark = pytest.mark.nodes
 
 
-@pytest.mark.skipif(
-    bool(why_no_browser()) and os.environ.get('SLIP_NEED_BROWSER') != '1', reason=why_no_browser()
-)
 def test_all_figures_are_there_and_each_is_told(capsys):
+    require_browser()
     code, output, errors = run('view', '--quick', '--json')
     assert code == 0, errors
     figures = json.loads(output)
