@@ -17,12 +17,11 @@
 ros2 launch slip_detector grasp.launch.py seed:=7
 """
 
-import shlex
 from pathlib import Path
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.conditions import IfCondition
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -56,34 +55,21 @@ def nodes(context):
     if source != 'none':
         executables['slip_driver'] = given
         executables['grasp_controller'] = commands_of_a_scene()
-    namespace = LaunchConfiguration('namespace')
-    view = Node(
-        package='slip_detector',
-        executable='slip_view',
-        namespace=namespace,
-        arguments=[
-            *('--config', config),
-            *shlex.split(LaunchConfiguration('view_options').perform(context)),
-        ],
-        output='screen',  # It prints the address of the page.
-        condition=IfCondition(LaunchConfiguration('view')),
-    )
     return [
-        *(
-            Node(
-                package='slip_detector',
-                executable=executable,
-                namespace=namespace,
-                parameters=[config, parameters],
-            )
-            for executable, parameters in executables.items()
-        ),
-        view,
+        Node(
+            package='slip_detector',
+            executable=executable,
+            namespace=LaunchConfiguration('namespace'),
+            parameters=[config, parameters],
+        )
+        for executable, parameters in executables.items()
     ]
 
 
 def generate_launch_description():
-    own_config = PathJoinSubstitution([FindPackageShare('slip_detector'), 'config', 'grasp.yaml'])
+    share = FindPackageShare('slip_detector')
+    own_config = PathJoinSubstitution([share, 'config', 'grasp.yaml'])
+    view = PathJoinSubstitution([share, 'launch', 'view.launch.py'])
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -106,16 +92,10 @@ def generate_launch_description():
                 'file.',
             ),
             DeclareLaunchArgument('seed', default_value='', description='Seed of its noise.'),
-            DeclareLaunchArgument(
-                'view',
-                default_value='false',
-                choices=['true', 'false'],
-                description='Whether slip_view serves a live page of all fingers.',
-            ),
-            DeclareLaunchArgument(
-                'view_options',
-                default_value='',
-                description='Its options, as --host 0.0.0.0 or --read-only.',
+            # First, so that no controller starts where an argument of the page is refused.
+            IncludeLaunchDescription(
+                PythonLaunchDescriptionSource(view),
+                launch_arguments=[('configs', LaunchConfiguration('config'))],
             ),
             OpaqueFunction(function=nodes),
         ]

@@ -20,13 +20,17 @@ With several parameter files there is a detector for each, in a namespace of the
 driver has the first one.
 """
 
-import shlex
 from pathlib import Path
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration
+from launch.actions import (
+    DeclareLaunchArgument,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    SetLaunchConfiguration,
+)
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -44,16 +48,27 @@ def find_config(name, share):
     )
 
 
+def find_configs(context):
+    """Return the paths of all parameter files."""
+    names = LaunchConfiguration('config').perform(context) or 'slip_detector.yaml'
+    share = Path(FindPackageShare('slip_detector').perform(context)) / 'config'
+    return [find_config(name.strip(), share) for name in names.split(',')]
+
+
+def set_configs(context):
+    """Set ``configs`` for the live page."""
+    return [SetLaunchConfiguration('configs', ','.join(find_configs(context)))]
+
+
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
-    names, source, recording = (
+    config, source, recording = (
         LaunchConfiguration(name).perform(context) for name in ('config', 'source', 'recording')
     )
-    share = Path(FindPackageShare('slip_detector').perform(context)) / 'config'
-    if not names:
+    configs = find_configs(context)
+    if not config:
         # The demonstration: a sensor has a parameter file, or is named.
-        names, source = 'slip_detector.yaml', source or 'scene'
-    configs = [find_config(name.strip(), share) for name in names.split(',')]
+        source = source or 'scene'
     namespace = LaunchConfiguration('namespace')
     fingers = LaunchConfiguration('fingers').perform(context)
     arguments = ['--fingers', fingers] if fingers else []
@@ -78,25 +93,16 @@ def nodes(context):
         arguments=arguments,
         parameters=[configs[0], given],
     )
-    view = Node(
-        package='slip_detector',
-        executable='slip_view',
-        namespace=namespace,
-        arguments=[
-            *('--config', ','.join(configs)),
-            *shlex.split(LaunchConfiguration('view_options').perform(context)),
-        ],
-        output='screen',  # It prints the address of the page.
-        condition=IfCondition(LaunchConfiguration('view')),
-    )
-    return [detector, view] if source == 'none' else [detector, driver, view]
+    return [detector] if source == 'none' else [detector, driver]
 
 
 def generate_launch_description():
+    share = FindPackageShare('slip_detector')
+    view = PathJoinSubstitution([share, 'launch', 'view.launch.py'])
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                'namespace', default_value='', description='Namespace of both nodes.'
+                'namespace', default_value='', description='Namespace of all nodes.'
             ),
             DeclareLaunchArgument(
                 'fingers',
@@ -107,7 +113,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'config',
                 default_value='',
-                description='Parameter file of both nodes: a path, or the name of one of the '
+                description='Parameter file of all nodes: a path, or the name of one of the '
                 'package. Several, with commas between: a detector for each, in a namespace of '
                 'its name. Empty: slip_detector.yaml, and a simulated scene unless source is '
                 'given.',
@@ -116,23 +122,15 @@ def generate_launch_description():
                 'source',
                 default_value='',
                 choices=['', 'scene', 'recording', 'serial', 'udp', 'none'],
-                description='What the driver plays or listens to; none: no driver, your sensor '
-                'publishes; empty: as in the parameter file.',
+                description='What the drivers play or listen to; none: no driver, your sensors '
+                'publish; empty: as in the parameter file.',
             ),
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'
             ),
-            DeclareLaunchArgument(
-                'view',
-                default_value='false',
-                choices=['true', 'false'],
-                description='Whether slip_view serves a live page of all fingers.',
-            ),
-            DeclareLaunchArgument(
-                'view_options',
-                default_value='',
-                description='Its options, as --host 0.0.0.0 or --read-only.',
-            ),
+            # First, so that no node starts where an argument of the page is refused.
+            OpaqueFunction(function=set_configs),
+            IncludeLaunchDescription(PythonLaunchDescriptionSource(view)),
             OpaqueFunction(function=nodes),
         ]
     )

@@ -39,6 +39,7 @@ SHARE = package_share()
         ('scene:=plate', "no scene 'plate', allowed: dead_channel, "),
         ('seed:=-1', "seed is '-1', allowed: a whole number from 0"),
         ('config:=none.yaml', "config is 'none.yaml', allowed: the path of a parameter file"),
+        ('view:=maybe', "Valid options are: ['true', 'false']"),
     ],
 )
 def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(argument, words):

@@ -146,14 +146,22 @@ def test_shipped_scenes_are_found_by_name():
     assert (shared_folder() / 'package.xml').is_file()
 
 
-@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
-def test_launch_files_offer_the_documented_arguments(path):
-    tree = ast.parse(path.read_text())
-    declared = {
-        node.args[0].value: {keyword.arg: keyword.value for keyword in node.keywords}
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'DeclareLaunchArgument'
-    }
+def declared_arguments(path):
+    """Return the arguments of a launch file, those of the launch files that it includes too."""
+    declared = {}
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'DeclareLaunchArgument':
+            declared[node.args[0].value] = {
+                keyword.arg: keyword.value for keyword in node.keywords
+            }
+        elif isinstance(node, ast.Constant) and path.with_name(str(node.value)) in LAUNCH_FILES:
+            declared = declared_arguments(path.with_name(node.value)) | declared
+    return declared
+
+
+@pytest.mark.parametrize('name', ['slip_detector', 'hand', 'grasp'])
+def test_launch_files_offer_the_documented_arguments(name):
+    declared = declared_arguments(ROOT / 'launch' / f'{name}.launch.py')
     assert {'namespace', 'config', 'source', 'view', 'view_options'} <= declared.keys()
     # A name alone would also be that of a file in the folder in which somebody launches; empty
     # is none.

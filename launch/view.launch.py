@@ -1,0 +1,59 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The live page, where ``view`` is true: included by the other launch files.
+
+They have set ``namespace``, and ``configs`` to the paths of the detectors' parameter files, with
+commas between.
+"""
+
+import shlex
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+
+def page(context):
+    """Start the node that serves the page."""
+    options = LaunchConfiguration('view_options').perform(context)
+    node = Node(
+        package='slip_detector',
+        executable='slip_view',
+        namespace=LaunchConfiguration('namespace'),
+        arguments=['--config', LaunchConfiguration('configs'), *shlex.split(options)],
+        output='screen',  # It prints the address of the page.
+    )
+    return [node]
+
+
+def generate_launch_description():
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                'view',
+                default_value='false',
+                choices=['true', 'false'],
+                description='Whether slip_view serves a live page of all fingers.',
+            ),
+            DeclareLaunchArgument(
+                'view_options',
+                default_value='',
+                description='Its options, as --host 0.0.0.0 or --read-only.',
+            ),
+            OpaqueFunction(function=page, condition=IfCondition(LaunchConfiguration('view'))),
+        ]
+    )
