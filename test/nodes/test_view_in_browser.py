@@ -19,12 +19,9 @@ import signal
 
 import pytest
 
-from support.browsers import expect
+from support.browsers import PATIENCE_MS, expect
 
 pytest.importorskip('rclpy', reason='needs rclpy')
-
-#: Discovery takes seconds now and then.
-PATIENCE_MS = 90_000
 
 
 @pytest.fixture
@@ -47,7 +44,7 @@ def page(bench, browser):
 
 
 def words(place, text):
-    expect(place).to_contain_text(text, timeout=PATIENCE_MS)
+    expect(place).to_contain_text(text)
 
 
 def test_each_fault_of_driver_and_detector_is_told_in_words(bench, page):
@@ -74,7 +71,7 @@ def test_each_fault_of_driver_and_detector_is_told_in_words(bench, page):
     words(card.locator('.diagnostics'), 'dropped: not as many channels as configured')
     expect(card.locator('.group .name')).to_have_text('all')
     again.signal(signal.SIGINT)
-    expect(card).to_have_count(0, timeout=PATIENCE_MS)
+    expect(card).to_have_count(0)
     words(page.locator('#gone'), 'index: its detector has ended')
     bench.start('slip_detector', *index)
     words(card.locator('.badge'), 'SLIP')

@@ -46,7 +46,7 @@ def opened(bench, browser, tmp_path):
         pages.append(browser.new_page())
         pages[-1].goto(address)
         pages[-1].get_by_role('tab', name='Parameters').click(timeout=PATIENCE_MS)
-        expect(field(pages[-1], 'threshold')).to_have_value('0.25', timeout=PATIENCE_MS)
+        expect(field(pages[-1], 'threshold')).to_have_value('0.25')
         return pages[-1]
 
     yield open_
@@ -136,7 +136,7 @@ def test_a_detector_that_dies_and_comes_again_is_told_and_what_was_changed_can_b
     process.wait()
     started(bench, tmp_path)
     expect(changes(page).locator('li').last).to_have_text(
-        'The detector was started again, with: threshold from 0.125 to 0.25.', timeout=PATIENCE_MS
+        'The detector was started again, with: threshold from 0.125 to 0.25.'
     )
     button(page, 'Discard').click()
     button(page, 'Undo').click()
