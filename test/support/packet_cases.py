@@ -1,0 +1,58 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Packets of three channels for the tests, and what a decoder makes of them."""
+
+import numpy as np
+
+from slip_detector.sources.cobs import cobs_encode
+from slip_detector.sources.packets import PacketDecoder, encode
+
+PERIOD_US = 1000
+
+
+def decoder(channels=3, values='int16', scale_v=1e-3, offset_v=0.0):
+    return PacketDecoder(channels, values, scale_v, offset_v)
+
+
+def packets(n, channels=3, first=0, samples=1):
+    """Make packets whose integers differ all over; one a millisecond."""
+    return [
+        encode(
+            (np.arange(samples * channels).reshape(samples, channels) + 7 * k) % 30000 - 9,
+            'int16',
+            k,
+            (k * samples * PERIOD_US) % 2**32,
+            PERIOD_US * 1000,
+        )
+        for k in range(first, first + n)
+    ]
+
+
+def on_the_line(sent):
+    return b''.join(cobs_encode(packet) + b'\0' for packet in sent)
+
+
+def rows(received, channels=3):
+    return np.concatenate([np.empty((0, channels)), *(r.volts for r in received)])
+
+
+def integers(received, channels=3):
+    """Return the integers that were sent, as scale and offset are 1e-3 and 0."""
+    return np.round(rows(received, channels) / 1e-3).astype(int).tolist()
+
+
+def sent_by(*some):
+    """Return what a decoder of its own makes of packets, one by one."""
+    return integers([decoder().decode(packet) for packet in some])
