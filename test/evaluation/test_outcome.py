@@ -22,35 +22,20 @@ from slip_detector.evaluation.events import FALSE, TRUE
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig
-
-RATE_HZ = 400.0
-CONFIG = ChainConfig(
-    sample_rate_hz=RATE_HZ,
-    channels=2,
-    passband_hz=(20.0, 100.0),
-    stopbands_hz=(),
-    gain=1.0,
-    envelope_window_s=0.02,
-    decision_window_s=0.02,
-    threshold=0.3,
-)
+from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 
-def ridges(*bursts, n=2000):
-    """Return rows with ridges, and as their label all bursts but those of less than 100 rows."""
-    volts, truth = 1e-3 * np.random.default_rng(0).normal(size=(n, 2)), np.zeros(n, bool)
-    time_s = np.arange(n) / RATE_HZ
-    for start, end in bursts:
-        volts[start:end] += 2.0 * np.sin(2 * np.pi * 50.0 * time_s[start:end, np.newaxis])
-        truth[start:end] = end - start >= 100
+def labelled(*slips, others=()):
+    """Return rows with ridges, of which the label calls only some slip."""
+    volts, _ = ridges(*slips, *others)
+    _, truth = ridges(*slips)
     return LabelledRows(volts, truth)
 
 
 def test_figures_of_several_are_those_of_their_events_and_rows_together():
     replay = Replay(CONFIG)
     slips = (400, 600), (1400, 1600)
-    a, b = replay.run([ridges(*slips)]), replay.run([ridges(*slips, (900, 950))])
+    a, b = replay.run([labelled(*slips)]), replay.run([labelled(*slips, others=[(900, 950)])])
     pooled = figures_of_merit([a, b])
     assert pooled['slips'] == 4
     assert [alarm.kind for alarm in b.alarms] == [TRUE, FALSE, TRUE]
@@ -70,7 +55,7 @@ def test_figures_of_several_are_those_of_their_events_and_rows_together():
 
 
 def test_the_paper_counts_each_row_without_slip_and_false_time_those_of_the_rest():
-    outcome = Replay(CONFIG).run([ridges((400, 600))])
+    outcome = Replay(CONFIG).run([labelled((400, 600))])
     figures = figures_of_merit([outcome])
     # After the slip the chain is ON while its windows hold it, which is not false.
     assert figures['false_positive_percent'] == 100.0 * outcome.on_rows / 1800 > 0.0
@@ -79,7 +64,7 @@ def test_the_paper_counts_each_row_without_slip_and_false_time_those_of_the_rest
 
 def test_nothing_is_lost_with_a_recording_without_rows():
     replay = Replay(CONFIG)
-    whole, empty = replay.run([ridges((400, 600))]), replay.run([])
+    whole, empty = replay.run([labelled((400, 600))]), replay.run([])
     assert figures_of_merit([whole, empty]) == figures_of_merit([whole])
     nothing = figures_of_merit([empty])
     for name in ('recall', 'auc_all', 'success_percent', 'false_positive_percent'):

@@ -50,6 +50,16 @@ class Replayed(Detected):
     def tick(self, at_ns):
         self._clock.publish(Clock(clock=time_message(at_ns)))
 
+    def fall_silent(self, at_ns):
+        """Let the clock run on from here without samples until slip_valid falls."""
+        ticks = itertools.count(at_ns, 10_000_000)
+
+        def fallen():
+            self.tick(next(ticks))
+            return not self.valid[-1].data
+
+        self.bench.wait_for(fallen, 'slip_valid to fall')
+
     def play(self, rows, at_ns, speed):
         """Send rows at a speed and wait for the decision on the last one."""
         begin_s, begin_ns, known = time.monotonic(), at_ns, len(self.envelope)
@@ -100,13 +110,7 @@ def test_the_timeout_follows_the_clock(bench):
     beats = len(replayed.valid)
     bench.wait_for(lambda: len(replayed.valid) > beats + 10, 'ten beats')
     assert replayed.valid[-1].data
-    ticks = itertools.count(0, 10_000_000)
-
-    def fallen():
-        replayed.tick(end_ns + next(ticks))
-        return not replayed.valid[-1].data
-
-    bench.wait_for(fallen, 'slip_valid to fall')
+    replayed.fall_silent(end_ns)
 
 
 def test_a_recording_that_starts_again_goes_on(bench):
@@ -120,14 +124,7 @@ def test_a_recording_that_starts_again_goes_on(bench):
     last_ns = begin_ns + 99 * PERIOD_NS
     bench.wait_for(lambda: replayed.answered(last_ns), 'the decision')
     bench.wait_for(lambda: replayed.valid[-1].data, 'slip_valid')
-    end_ns = last_ns + PERIOD_NS
-    ticks = itertools.count(0, 10_000_000)
-
-    def fallen():
-        replayed.tick(end_ns + next(ticks))
-        return not replayed.valid[-1].data
-
-    bench.wait_for(fallen, 'slip_valid to fall')
+    replayed.fall_silent(last_ns + PERIOD_NS)
 
 
 def test_a_negative_time_on_the_clock_is_ignored_and_named(bench):

@@ -29,14 +29,9 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Overview, events_of
 from slip_detector.report.signal_codes import level_codes
+from support import report_scenes as scenes
 
-CONFIG = ChainConfig(
-    channels=3,
-    sample_rate_hz=200.0,
-    stopbands_hz=(),
-    threshold=0.3,
-    groups={'a': (1, 2), 'b': (3,)},
-)
+CONFIG = scenes.THREE_CHANNELS
 
 
 def rows_of(n=1000, seed=0):

@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.signal_codes import (
     THRESHOLD_CODE,
     level_codes,
@@ -30,13 +29,7 @@ from slip_detector.report.signal_codes import (
 )
 from support import report_scenes as scenes
 
-CONFIG = ChainConfig(
-    channels=3,
-    sample_rate_hz=200.0,
-    stopbands_hz=(),
-    threshold=0.3,
-    groups={'a': (1, 2), 'b': (3,)},
-)
+CONFIG = scenes.THREE_CHANNELS
 
 
 def test_codes_are_above_the_threshold_where_and_only_where_the_channel_is_on():

@@ -24,6 +24,14 @@ from slip_detector.report.page_data import SearchTrial, Variant
 GIVEN = ChainConfig()
 TUNED = ChainConfig(passband_hz=(10.0, 60.0), stopbands_hz=(), threshold=1.0, vote='mean')
 
+THREE_CHANNELS = ChainConfig(
+    channels=3,
+    sample_rate_hz=200.0,
+    stopbands_hz=(),
+    threshold=0.3,
+    groups={'a': (1, 2), 'b': (3,)},
+)
+
 #: It takes the tap of :func:`tapped` for an impact.
 EVIDENCE = ChainConfig(
     decision='evidence',
