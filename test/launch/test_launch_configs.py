@@ -25,15 +25,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos
-from support.harness import launched, package_share
-
-reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
-launch_testing = pytest.importorskip('launch_testing', reason=reason)
-pytest.importorskip('launch_ros', reason=reason)
-
-from launch_testing.asserts import assertExitCodes  # noqa: E402
-
-package_share()
+from support.launching import check_ends, launch_testing, launched
 
 
 @pytest.mark.launch_test
@@ -43,7 +35,7 @@ def generate_test_description():
     # One of the package by its name, and one by its path.
     configs = f'slip_detector.yaml,{own}'
     arguments = {'namespace': 'index', 'source': 'scene', 'config': configs}
-    return launched('slip_detector.launch.py', arguments)
+    return launched('slip_detector', arguments)
 
 
 class TestTopics(unittest.TestCase):
@@ -60,6 +52,4 @@ class TestTopics(unittest.TestCase):
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
     def test_both_processes_end_with_exit_code_0(self, proc_info, bench):
-        bench.close()
-        assert len(proc_info.process_names()) == 2
-        assertExitCodes(proc_info)
+        check_ends(bench, proc_info, 2)

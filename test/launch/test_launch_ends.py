@@ -26,14 +26,8 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos
-from support.harness import DEADLINE_S, package_share
+from support.harness import DEADLINE_S
 from support.launching import launching
-
-reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
-pytest.importorskip('launch', reason=reason)
-pytest.importorskip('launch_ros', reason=reason)
-
-FILE = package_share() / 'launch' / 'slip_detector.launch.py'
 
 
 def living(group):
@@ -64,7 +58,7 @@ def test_a_signal_leaves_no_node_behind(bench, tmp_path, send, number, code):
     valid = bench.listen(Bool, 'slip_valid', state_qos())
     with (tmp_path / 'log').open('w') as log:
         launched = subprocess.Popen(
-            launching(FILE, 'source:=scene'),
+            launching('slip_detector', 'source:=scene'),
             env={**os.environ, 'ROS_DOMAIN_ID': str(bench.domain)},
             stdout=log,
             stderr=subprocess.STDOUT,

@@ -25,20 +25,15 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.parameters.grasp import GraspConfig
-from support.harness import launched, package_share, patient_qos
+from support.harness import patient_qos
+from support.launching import SHARE, check_ends, launch_testing, launched
 
-reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
-launch_testing = pytest.importorskip('launch_testing', reason=reason)
-pytest.importorskip('launch_ros', reason=reason)
-
-from launch_testing.asserts import assertExitCodes  # noqa: E402
-
-CONFIG = package_share() / 'config' / 'grasp.yaml'
+CONFIG = SHARE / 'config' / 'grasp.yaml'
 
 
 @pytest.mark.launch_test
 def generate_test_description():
-    return launched('grasp.launch.py', {'namespace': 'hand', 'seed': '3'})
+    return launched('grasp', {'namespace': 'hand', 'seed': '3'})
 
 
 class TestGrasp(unittest.TestCase):
@@ -59,6 +54,4 @@ class TestGrasp(unittest.TestCase):
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
     def test_all_three_nodes_end_with_exit_code_0(self, proc_info, bench):
-        bench.close()
-        assert len(proc_info.process_names()) == 3
-        assertExitCodes(proc_info)
+        check_ends(bench, proc_info, 3)

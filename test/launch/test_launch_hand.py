@@ -24,22 +24,15 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos
-from support.harness import launched, package_share, patient_qos
-
-reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
-launch_testing = pytest.importorskip('launch_testing', reason=reason)
-pytest.importorskip('launch_ros', reason=reason)
-
-from launch_testing.asserts import assertExitCodes  # noqa: E402
-
-package_share()
+from support.harness import patient_qos
+from support.launching import check_ends, launch_testing, launched
 
 FINGERS = ('thumb', 'index')
 
 
 @pytest.mark.launch_test
 def generate_test_description():
-    return launched('hand.launch.py', {'namespace': 'left', 'fingers': ', '.join(FINGERS)})
+    return launched('hand', {'namespace': 'left', 'fingers': ', '.join(FINGERS)})
 
 
 class TestTopics(unittest.TestCase):
@@ -54,6 +47,4 @@ class TestTopics(unittest.TestCase):
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
     def test_both_processes_end_with_exit_code_0(self, proc_info, bench):
-        bench.close()
-        assert len(proc_info.process_names()) == 2
-        assertExitCodes(proc_info)
+        check_ends(bench, proc_info, 2)

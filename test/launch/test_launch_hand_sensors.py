@@ -26,16 +26,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos
-from support.harness import launched, package_share, patient_qos
+from support.harness import patient_qos
+from support.launching import check_ends, launch_testing, launched
 from support.sensors import SCALE_V, Sender, free_udp_port, make_packets, sending, vibration
-
-reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
-launch_testing = pytest.importorskip('launch_testing', reason=reason)
-pytest.importorskip('launch_ros', reason=reason)
-
-from launch_testing.asserts import assertExitCodes  # noqa: E402
-
-package_share()
 
 RATE_HZ = 380.0
 
@@ -54,7 +47,7 @@ def generate_test_description():
     path = Path(folder.name) / 'hand.yaml'
     path.write_text('/**/slip_detector:\n  ros__parameters: {}\n' + CONFIG)
     arguments = {'namespace': 'left', 'fingers': ','.join(PORTS), 'source': 'udp'}
-    description, context = launched('hand.launch.py', {**arguments, 'config': str(path)})
+    description, context = launched('hand', {**arguments, 'config': str(path)})
     return description, {**context, 'folder': folder}
 
 
@@ -77,7 +70,5 @@ class TestTopics(unittest.TestCase):
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
     def test_all_nodes_end_with_exit_code_0(self, proc_info, bench, folder):
-        bench.close()
         folder.cleanup()
-        assert len(proc_info.process_names()) == 2  # one of all drivers, one of all detectors
-        assertExitCodes(proc_info)
+        check_ends(bench, proc_info, 2)  # one of all drivers, one of all detectors

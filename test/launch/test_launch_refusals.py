@@ -22,14 +22,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from support.harness import DEADLINE_S, package_share
+from support.harness import DEADLINE_S
 from support.launching import launching
-
-reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
-pytest.importorskip('launch', reason=reason)
-pytest.importorskip('launch_ros', reason=reason)
-
-SHARE = package_share()
 
 
 @pytest.mark.parametrize(
@@ -43,7 +37,7 @@ SHARE = package_share()
     ],
 )
 def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(argument, words):
-    command = launching(SHARE / 'launch' / 'grasp.launch.py', argument)
+    command = launching('grasp', argument)
     ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     said = ended.stdout + ended.stderr
     assert ended.returncode == 1, said
@@ -72,11 +66,10 @@ def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(a
 def test_no_simulation_takes_the_place_of_a_sensor(bench, tmp_path, text, arguments, words):
     config = tmp_path / 'robot.yaml'
     config.write_text(text)
-    file = SHARE / 'launch' / 'slip_detector.launch.py'
     log = tmp_path / 'log'
     with log.open('w') as output:
         launched = subprocess.Popen(
-            launching(file, f'config:={config}', *arguments),
+            launching('slip_detector', f'config:={config}', *arguments),
             env={**os.environ, 'ROS_DOMAIN_ID': str(bench.domain)},
             stdout=output,
             stderr=subprocess.STDOUT,

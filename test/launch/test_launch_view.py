@@ -22,16 +22,9 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from support.harness import DEADLINE_S, launched, package_share
+from support.harness import DEADLINE_S
+from support.launching import SHARE, check_ends, launch_testing, launched
 from support.live_client import LiveClient
-
-reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
-launch_testing = pytest.importorskip('launch_testing', reason=reason)
-pytest.importorskip('launch_ros', reason=reason)
-
-from launch_testing.asserts import assertExitCodes  # noqa: E402
-
-SHARE = package_share()
 
 ARGUMENTS = {
     'namespace': 'left',
@@ -43,7 +36,7 @@ ARGUMENTS = {
 
 @pytest.mark.launch_test
 def generate_test_description():
-    return launched('hand.launch.py', ARGUMENTS)
+    return launched('hand', ARGUMENTS)
 
 
 class TestPage(unittest.TestCase):
@@ -75,6 +68,4 @@ class TestPage(unittest.TestCase):
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
     def test_all_processes_end_with_exit_code_0(self, proc_info, bench):
-        bench.close()
-        assert len(proc_info.process_names()) == 3
-        assertExitCodes(proc_info)
+        check_ends(bench, proc_info, 3)

@@ -304,29 +304,3 @@ def ended_quietly(process, number=signal.SIGINT):
     log = process.log()
     assert code == 0, log
     assert 'Traceback' not in log
-
-
-def package_share():
-    """Return the folder of the installed package; skip the module where it is not installed."""
-    from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
-
-    try:
-        return Path(get_package_share_directory('slip_detector'))
-    except PackageNotFoundError:
-        pytest.skip('the package is not built and sourced', allow_module_level=True)
-
-
-def launched(file, arguments):
-    """Describe a test of a launch file of the installed package, in a domain of its own."""
-    from launch import LaunchDescription
-    from launch.actions import IncludeLaunchDescription
-    from launch.launch_description_sources import PythonLaunchDescriptionSource
-    from launch_testing.actions import ReadyToTest
-
-    bench = Bench()
-    os.environ['ROS_DOMAIN_ID'] = str(bench.domain)
-    included = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(str(package_share() / 'launch' / file)),
-        launch_arguments=arguments.items(),
-    )
-    return LaunchDescription([included, ReadyToTest()]), {'bench': bench}

@@ -12,10 +12,43 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `ros2 launch` does, as a process; the command itself comes with ROS 2 only."""
+"""Launch files of the installed package, in a test of launch_testing or as a process.
 
+A module that imports this one is skipped where launch or the installed package is missing.
+"""
+
+import os
 import sys
+from pathlib import Path
 
+import pytest
+
+from support.harness import Bench
+
+reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
+launch_testing = pytest.importorskip('launch_testing', reason=reason)
+pytest.importorskip('launch_ros', reason=reason)
+
+from ament_index_python.packages import (  # noqa: E402
+    PackageNotFoundError,
+    get_package_share_directory,
+)
+from launch import LaunchContext, LaunchDescription  # noqa: E402
+from launch.actions import IncludeLaunchDescription  # noqa: E402
+from launch.launch_description_sources import PythonLaunchDescriptionSource  # noqa: E402
+from launch.utilities import perform_substitutions  # noqa: E402
+from launch_testing.actions import ReadyToTest  # noqa: E402
+from launch_testing.asserts import assertExitCodes  # noqa: E402
+
+__all__ = ['SHARE', 'check_ends', 'defaults_of', 'launch_testing', 'launched', 'launching']
+
+try:
+    #: The folder of the installed package.
+    SHARE = Path(get_package_share_directory('slip_detector'))
+except PackageNotFoundError:
+    pytest.skip('the package is not built and sourced', allow_module_level=True)
+
+#: What ``ros2 launch`` does; the command itself comes with ROS 2 only.
 LAUNCH = """
 import sys
 from launch import LaunchDescription, LaunchService
@@ -34,6 +67,38 @@ sys.exit(service.run())
 """
 
 
-def launching(file, *arguments):
+def launch_file(name):
+    """Return the path of an installed launch file."""
+    return str(SHARE / 'launch' / f'{name}.launch.py')
+
+
+def launching(name, *arguments):
     """Return the command that launches a file with arguments as ``name:=value``."""
-    return [sys.executable, '-c', LAUNCH, str(file), *arguments]
+    return [sys.executable, '-c', LAUNCH, launch_file(name), *arguments]
+
+
+def defaults_of(name):
+    """Return the defaults of a launch file's arguments, found without running it."""
+    source = PythonLaunchDescriptionSource(launch_file(name))
+    description = source.try_get_launch_description_without_context()
+    return {
+        argument.name: perform_substitutions(LaunchContext(), argument.default_value)
+        for argument in description.get_launch_arguments()
+    }
+
+
+def launched(name, arguments):
+    """Describe a test of a launch file, in a domain of its own."""
+    bench = Bench()
+    os.environ['ROS_DOMAIN_ID'] = str(bench.domain)
+    included = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(launch_file(name)), launch_arguments=arguments.items()
+    )
+    return LaunchDescription([included, ReadyToTest()]), {'bench': bench}
+
+
+def check_ends(bench, proc_info, count):
+    """Check that so many processes were launched, and that each has ended with exit code 0."""
+    bench.close()
+    assert len(proc_info.process_names()) == count
+    assertExitCodes(proc_info)
