@@ -44,6 +44,9 @@ MOST_EXPLICIT_STEPS = 5e6
 #: start of the motion.
 ONSET_M = 10e-6
 
+#: Steps of the live stepper that are kept in memory at a time.
+ROWS_PER_READ = 20_000
+
 
 class Solution(NamedTuple):
     """The solution of a scene by an integrator.
@@ -225,7 +228,7 @@ def _solver(ode: Ode, method: str, rtol: float, t: float, y: Floats, end: float)
     return getattr(integrate, method)(ode.rates, t, y, end, **options)
 
 
-def live_onset_s(scene: Scene, ode: Ode, rows_per_read: int = 20_000) -> Floats:
+def live_onset_s(scene: Scene, ode: Ode) -> Floats:
     """Return when each taxel begins to slip in the live stepper.
 
     Parameters
@@ -235,8 +238,6 @@ def live_onset_s(scene: Scene, ode: Ode, rows_per_read: int = 20_000) -> Floats:
         one step.
     ode
         The differential equation of the same scene.
-    rows_per_read
-        How many steps are kept in memory at a time.
 
     Returns
     -------
@@ -249,7 +250,7 @@ def live_onset_s(scene: Scene, ode: Ode, rows_per_read: int = 20_000) -> Floats:
     before: tuple[float, Floats] | None = None
     stiffness_n_m = scene.constants.skin.stiffness_n_m
     while math.isfinite(moving_s):
-        time_s, shear_n, position_m, _ = scene.clean(rows_per_read)
+        time_s, shear_n, position_m, _ = scene.clean(ROWS_PER_READ)
         if not len(time_s):
             break
         passed_m = position_m[:, np.newaxis] - shear_n / stiffness_n_m

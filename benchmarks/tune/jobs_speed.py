@@ -31,7 +31,6 @@
 import resource
 import tempfile
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +57,6 @@ def measure_jobs(
     recordings: int = RECORDINGS,
     minutes: float = MINUTES,
     rounds: int = ROUNDS,
-    jobs: Sequence[int] = JOBS,
 ) -> dict[str, Any]:
     """Evaluate the same recordings with different numbers of jobs.
 
@@ -71,8 +69,6 @@ def measure_jobs(
     rounds
         How often they are evaluated with each number of jobs. A round before these is not counted:
         in it the processes start and the files get into the page cache.
-    jobs
-        Numbers of jobs to measure.
     """
     result: dict[str, Any] = {
         'recordings': recordings,
@@ -87,12 +83,12 @@ def measure_jobs(
             for k in range(recordings):
                 write_labelled_noise(Path(folder) / f'{k}.{ending}', 60.0 * minutes)
             on_disk = sum(path.stat().st_size for path in Path(folder).iterdir())
-            measured = [_evaluate(folder, number, rounds) for number in jobs]
+            measured = [_evaluate(folder, number, rounds) for number in JOBS]
         result[ending] = {
             'bytes_per_hour': on_disk / hours,
             'hours_per_s': {
                 str(number): hours / least_s
-                for number, (least_s, _, _) in zip(jobs, measured, strict=True)
+                for number, (least_s, _, _) in zip(JOBS, measured, strict=True)
             },
             'processor_s_per_hour': measured[0][1] / rounds / hours,
         }

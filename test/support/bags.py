@@ -28,8 +28,8 @@ ENDINGS = ['.mcap', '.db3', '', '.npz', '.csv']
 START_NS = 1_700_000_000_123_456_789
 
 
-def stamps(n, rate_hz=380.0):
-    return START_NS + np.rint(np.arange(n) * 1e9 / rate_hz).astype(np.int64)
+def stamps(n):
+    return START_NS + np.rint(np.arange(n) * 1e9 / 380.0).astype(np.int64)
 
 
 def rows(n=600, channels=3, seed=0, truth=True):

@@ -60,6 +60,6 @@ def quick_evidence(**values):
     return dataclasses.replace(QUICK_EVIDENCE, **values)
 
 
-def tone(n, size=1.0, channels=4):
+def tone(n, size=1.0):
     """A sine amid the quick chain's band, on all channels."""
-    return size * np.sqrt(2) * np.repeat(sine(n)[:, None], channels, axis=1)
+    return size * np.sqrt(2) * np.repeat(sine(n)[:, None], 4, axis=1)

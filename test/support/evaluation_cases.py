@@ -96,15 +96,15 @@ def expected_scores(path):
         return result.vote_statistic[:, 0], file['slip']
 
 
-def bag(path, n=600, truth=True):
+def bag(path, truth=True):
     """Write the recording of :func:`write` as a bag."""
     pytest.importorskip('rosbags', reason='needs rosbags')
     source = write(path.parents[1] / 'source' / 'a.npz')
     with np.load(source) as file:
         rows = Samples(
-            file['volts'][:n],
-            np.rint(np.arange(n) * 1e9 / RATE_HZ).astype(np.int64),
-            file['slip'][:n] if truth else None,
+            file['volts'],
+            np.rint(np.arange(600) * 1e9 / RATE_HZ).astype(np.int64),
+            file['slip'] if truth else None,
         )
     write_recording(path, [rows], RATE_HZ, [f'ch{i + 1}' for i in range(16)])
     return source

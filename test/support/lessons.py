@@ -54,9 +54,9 @@ def tapped(duration_s):
     }
 
 
-def slipping(plate='plate_400um'):
+def slipping():
     """A plate that slides once, after two seconds at rest."""
-    return {**read_yaml(find_scene(plate)), **HAND}
+    return {**read_yaml(find_scene('plate_400um')), **HAND}
 
 
 def samples(description, duration_s, seed):

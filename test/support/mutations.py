@@ -41,10 +41,10 @@ def mutated_bytes(draw, originals, most=4):
 
 
 @st.composite
-def mutated_text(draw, originals, pieces, most=4):
-    """Draw one of some texts with up to so many pieces taken out, doubled or put in."""
+def mutated_text(draw, originals, pieces):
+    """Draw one of some texts with up to four pieces taken out, doubled or put in."""
     text = draw(st.sampled_from(originals))
-    for _ in range(draw(st.integers(0, most))):
+    for _ in range(draw(st.integers(0, 4))):
         begin = draw(st.integers(0, len(text)))
         end = min(len(text), begin + draw(st.sampled_from([0, 1, 3, 20])))
         put = draw(st.one_of(st.sampled_from(pieces), st.text(max_size=4)))

@@ -22,15 +22,15 @@ from slip_detector.sources.packets import PacketDecoder, encode
 PERIOD_US = 1000
 
 
-def decoder(channels=3, values='int16', scale_v=1e-3, offset_v=0.0):
-    return PacketDecoder(channels, values, scale_v, offset_v)
+def decoder(channels=3):
+    return PacketDecoder(channels, 'int16', scale_v=1e-3, offset_v=0.0)
 
 
-def packets(n, channels=3, first=0, samples=1):
+def packets(n, first=0, samples=1):
     """Make packets whose integers differ all over; one a millisecond."""
     return [
         encode(
-            (np.arange(samples * channels).reshape(samples, channels) + 7 * k) % 30000 - 9,
+            (np.arange(samples * 3).reshape(samples, 3) + 7 * k) % 30000 - 9,
             'int16',
             k,
             (k * samples * PERIOD_US) % 2**32,
@@ -44,13 +44,10 @@ def on_the_line(sent):
     return b''.join(cobs_encode(packet) + b'\0' for packet in sent)
 
 
-def rows(received, channels=3):
-    return np.concatenate([np.empty((0, channels)), *(r.volts for r in received)])
-
-
-def integers(received, channels=3):
-    """Return the integers that were sent, as scale and offset are 1e-3 and 0."""
-    return np.round(rows(received, channels) / 1e-3).astype(int).tolist()
+def integers(received):
+    """Return the integers that were sent, by row."""
+    volts = np.concatenate([np.empty((0, 3)), *(r.volts for r in received)])
+    return np.round(volts / 1e-3).astype(int).tolist()
 
 
 def sent_by(*some):

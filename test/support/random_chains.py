@@ -83,9 +83,9 @@ def configs(draw, **fixed):
 
 
 @st.composite
-def recordings(draw, config, rows=None):
+def recordings(draw, config):
     """Draw rows with baselines, hum, noise, bad samples, late starters and still stretches."""
-    n = rows or draw(st.integers(1, MOST_ROWS), label='rows')
+    n = draw(st.integers(1, MOST_ROWS), label='rows')
     c = config.channels
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label='seed'))
     phases = rng.uniform(0.01, 0.4, c) * np.arange(n)[:, None] + rng.uniform(0, 1, c)
@@ -139,14 +139,14 @@ def log_score(config, level, valid):
     return scores
 
 
-def assert_same_votes(config, result, groups, level, rounding=1e-9):
+def assert_same_votes(config, result, groups, level):
     """Compare the groups' decisions, but for mean votes that round-off decides.
 
     ``level`` is what the vote is about.
     """
     differ = result.groups != groups
     if config.vote == 'mean':
-        differ &= np.abs(log_score(config, level, result.valid)) > rounding
+        differ &= np.abs(log_score(config, level, result.valid)) > 1e-9
     assert not differ.any()
     assert np.array_equal(result.slip, result.groups.any(axis=1))
 

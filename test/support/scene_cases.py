@@ -37,5 +37,5 @@ def shipped(name, seed=0):
     return load_scene(find_scene(name), np.random.default_rng(seed)).read(ALL)
 
 
-def times_s(samples, rate_hz=380.0):
-    return np.arange(len(samples.volts)) / rate_hz
+def times_s(samples):
+    return np.arange(len(samples.volts)) / 380.0

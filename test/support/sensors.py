@@ -106,10 +106,10 @@ def make_packets(integers, rate_hz, samples=1, first=0):
     ]
 
 
-def vibration(n, rate_hz, channels=16):
-    """Return rows of millivolts that every slip chain takes for slip: 25 Hz, 0.1 V."""
+def vibration(n, rate_hz):
+    """Return rows of 16 channels in millivolts that every chain takes for slip: 25 Hz, 0.1 V."""
     wave = 100 * np.sin(2 * np.pi * 25 * np.arange(n) / rate_hz)
-    return np.repeat(np.round(wave).astype(int)[:, None], channels, axis=1)
+    return np.repeat(np.round(wave).astype(int)[:, None], 16, axis=1)
 
 
 #: How many samples a sender may be ahead of what was heard: neither a socket nor the middleware

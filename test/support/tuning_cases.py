@@ -82,8 +82,8 @@ def write(path, seed, label=True, **what):
     return str(path)
 
 
-def problem(tracks, given_chain=CHAIN, config=None):
-    config = config or TuneConfig()
+def problem(tracks, given_chain=CHAIN):
+    config = TuneConfig()
     before = Objective(tracks, EvaluationConfig(), config).as_it_is(given_chain)
     return Problem(tracks, given_chain, before.figures, EvaluationConfig(), config)
 
