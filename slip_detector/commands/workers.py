@@ -188,12 +188,11 @@ class Workers:
             self._client: Any = Client(address, timeout=CONNECT_TIMEOUT_S)
         except (OSError, ValueError) as error:
             raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
-        # A call that is cancelled, or a connection that is closed, while a result is on the way is
-        # an error on the log, with a traceback: not for who pressed Ctrl-C, and who lost a cluster
-        # is told so.
+        # Dask logs a traceback when a call is cancelled or the connection closes while a result is
+        # on its way. Who pressed Ctrl-C does not need it, and a lost cluster is reported anyway.
         logging.getLogger('tornado.application').addFilter(_is_not_of_leaving)
         self._executor = self._client.get_executor(pure=False)
-        # A call that killed its workers, and one on a worker that lacks this package.
+        # The call killed its workers, or a worker lacks this package.
         self._given_up = (KilledWorker, ImportError)
 
 

@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
-#: The median latency of all slips is told from this much better than chance on.
+#: The median latency of all slips is given where ``sooner_than_chance`` is at least this.
 HALF = 0.5
 
 

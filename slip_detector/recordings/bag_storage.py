@@ -44,7 +44,7 @@ BAG_ENDINGS = tuple(_DAMAGED)
 #: Ending of a file that the recorder has compressed as a whole.
 _COMPRESSED = '.zstd'
 
-#: How many times its size a compressed file may have beside what may be held.
+#: A compressed file may unpack to this many times its size, beside the bytes that may be held.
 MOST_RATIO = 100
 
 #: Bytes that are copied at a time.
@@ -72,7 +72,7 @@ def load_rosbags() -> Any:
         from rosbags.rosbag2 import storage_mcap
     except ImportError:
         raise ValueError('bags need the package rosbags: pip install rosbags') from None
-    # rosbags itself would decompress a chunk to any length and compare it then.
+    # rosbags itself would decompress a chunk to any length before it compares that.
     for name in ('zstd', 'lz4'):
         storage_mcap.DECOMPRESSORS[name] = partial(_chunk_content, name)
     return rosbag2

@@ -89,7 +89,7 @@ def decompressed(data: bytes, compression: str, most_bytes: int) -> bytes:
         stream = decompressor(compression)
         try:
             part = stream.decompress(data, left + 1)
-        except Exception as error:  # Each library has its own.
+        except Exception as error:  # Each library has errors of its own.
             raise ValueError(f'is damaged ({error})') from None
         left -= len(part)
         if left < 0:

@@ -189,7 +189,7 @@ class NpzRecording(Recording):
 def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
     """Open the archive; an error names the file."""
     try:
-        # zipfile would keep a file that it has opened itself open with an open member.
+        # A file that zipfile opens itself stays open for as long as a member is open.
         with open(path, 'rb') as stream, zipfile.ZipFile(stream) as archive:
             yield archive
     except _BROKEN:

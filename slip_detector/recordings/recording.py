@@ -36,7 +36,7 @@ Stamps = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-#: What the stamp and the place of a row that bridges a gap take.
+#: Bytes that the stamp and the place of a row that bridges a gap take.
 STAMP_BYTES = 80
 
 

@@ -30,10 +30,10 @@ LOBES = 16
 #: below -70 dB.
 EDGE = 0.8
 
-#: Largest factor between the two rates; what a row takes grows with it.
+#: Largest factor between the two rates; the input that one row needs grows with it.
 MOST_FACTOR = 1000
 
-#: Number of output rows that are made at a time; what they take in memory is known so.
+#: Number of output rows that are made at a time, which bounds their memory.
 MOST_ROWS = 8192
 
 

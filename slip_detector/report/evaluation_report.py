@@ -39,7 +39,7 @@ def overview_factory(
     recordings
         How many recordings the report has; they share its cells.
     """
-    # Of a function that other processes find by its name.
+    # A function of the module: other processes must find it by its name.
     return partial(_overview, config, cells_of_each(recordings))
 
 

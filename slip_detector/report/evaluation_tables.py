@@ -140,7 +140,7 @@ TABLE_SECTIONS = (
     ),
 )
 
-#: Of a recording, one line each.
+#: The texts about a recording; each is printed as a line.
 NOTES = ('lost', 'doubts')
 
 #: Printed where the last section is left out.

@@ -202,7 +202,7 @@ def _floors(variants: Sequence[Variant]) -> str:
     if max(map(len, columns)) <= 1:
         return ''
     names = variants[0].overviews[0].channel_names
-    # One floor is for all channels.
+    # A single floor holds for all channels.
     cells = [floors * len(names) if len(floors) == 1 else floors for floors in columns]
     rows = [
         [name, *(_value(floors[c]) if floors else UNDEFINED for floors in cells)]

@@ -115,7 +115,7 @@ class UdpSource(Source):
     def _decoded(self) -> DecodedSamples | None:
         assert self._socket is not None, 'reading begins after start()'
         try:
-            # With one byte more than allowed a datagram that is too long can be told.
+            # One byte more than allowed shows that a datagram is too long.
             packet, sender = self._socket.recvfrom(LONGEST_BYTES + 1)
         except TimeoutError:
             return None

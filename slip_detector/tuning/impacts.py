@@ -27,15 +27,16 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: A knock is where the step is so many times what nine in ten steps are below, or the least step.
+#: A knock has a step above this many times the noise, which is the step that this share of all
+#: steps stays below.
 KNOCK = 4.0
 NOISE_SHARE = 0.9
 
-#: Of the knocks this share is to be told from slips, each by at least this ratio.
+#: This share of the knocks must have steps at least this many times as large as those of slips.
 TOLD_SHARE = 0.9
 LEAST_RATIO = 1.5
 
-#: What shakes for this long after a knock belongs to it.
+#: Large steps with no longer pause between them are one knock.
 KNOCK_S = 0.5
 
 

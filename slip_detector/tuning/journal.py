@@ -62,7 +62,7 @@ def mend_journal(path: Path) -> str:
         return ''
     if not path.is_file():
         raise ValueError('is no file, allowed: a file that slip_tune has written')
-    # The lock that Optuna takes to append, so that no line that is being written is cut.
+    # Optuna takes this lock to append: a line that is being written is not cut.
     lock = JournalFileSymlinkLock(str(path))
     lock.acquire()
     try:

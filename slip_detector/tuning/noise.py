@@ -29,17 +29,18 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: The share of rest that is below a floor that is learnt. Of noise this is about the mean power,
-#: whatever the window, so noise alone makes no evidence. With the tenth at which a floor that
-#: follows settles, it would: an envelope of one sample is 12 dB above that on average.
+#: A learnt floor is the level that this share of rest stays below. Of noise it is about the mean
+#: power, whatever the window, so noise alone makes no evidence. Above a floor that only a tenth
+#: stays below, where one that follows settles, it would: by 12 dB on average with an envelope of
+#: one sample.
 BELOW_FLOOR = 2 / 3
 
 #: How far a floor that was learnt may rise.
 LEARNT_RANGE_DB = 15.0
 
-#: Floors are learnt on so many rows, the first ones of each recording: more rows make them hardly
-#: surer and every trial of a search longer. But each recording takes part for so long at least,
-#: and one alone has to last for it.
+#: Floors are learnt from this many rows, the first ones of each recording: more rows hardly make
+#: them surer, and make each trial of a search longer. Of each recording at least this many seconds
+#: are used; a single recording has to last that long.
 MOST_ROWS, LEAST_S = 60_000, 5.0
 
 #: Mains frequencies in the world, and how many of their multiples are looked at.
@@ -52,13 +53,13 @@ LEAST_LINE_DB = 12.0
 #: Window of the spectra, which makes a line some 0.5 Hz wide.
 SPECTRUM_S = 4.0
 
-#: A line is looked for within so much of where it should be: the mains strays.
+#: A line is looked for this far around its nominal frequency, as that of the mains wanders.
 STRAYS_HZ = 0.5
 
-#: What is beside a line, from so far off to so far off, is noise.
+#: The noise beside a line is measured from the first to the second of these distances.
 BESIDE_HZ = (1.0, 6.0)
 
-#: Lines below this are not told from drift.
+#: Below this frequency a line cannot be told from drift.
 LOWEST_LINE_HZ = 2.0
 
 

@@ -62,7 +62,7 @@ LEAST_SHARING = 3
 #: Degrees of the pass-band, beside the given one; a band-pass has the next even one.
 DEGREES = (1, 2, 4)
 
-#: Ranges of what evidence is made with: the factor on the noise floors, in amplitude, how far and
+#: Ranges of the parameters of evidence: the factor on the noise floors, in amplitude, how far and
 #: how fast they rise, the offset, the cap above it, the limit, and how long an impact is held for.
 FLOOR_SCALE, FLOOR_RANGE_DB, FLOOR_RATE_DB_S = (0.1, 10.0), (0.0, 60.0), (0.02, 5.0)
 OFFSET_DB, CAP_ABOVE_DB, LIMIT_DB_S = (0.5, 12.0), (1.0, 30.0), (0.02, 5.0)
