@@ -71,6 +71,16 @@ def bench():
     bench.close()
 
 
+@pytest.fixture
+def port(tmp_path):
+    """A serial port that a sensor is plugged into."""
+    from support.sensors import Port
+
+    port = Port(tmp_path / 'tty')
+    yield port
+    port.unplug()
+
+
 @pytest.fixture(scope='module')
 def browser():
     """A browser without a screen; where it may lack, what needs it is skipped."""

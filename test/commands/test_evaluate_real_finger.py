@@ -21,29 +21,14 @@ import pytest
 import yaml
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.labelled_rows import REST, SLIP
-from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
-from support.evaluation_cases import report_of
+from support.evaluation_cases import report_of, roc_auc
 
 ROOT = Path(__file__).parents[2]
-
-
-TALLY = ScoreTally()
-
-
-def roc_auc(score, label):
-    TALLY.add(score, np.where(label, SLIP, REST))
-    return TALLY.take().auc()
-
-
 XELA_CONFIG = ROOT / 'config' / 'xela_uskin.yaml'
-
-
 XELA = ROOT.parent / 'shared' / 'data' / 'xela_uskin_slip'
-
 
 needs_xela = pytest.mark.skipif(not XELA.is_dir(), reason=f'no recordings at {XELA}')
 

@@ -24,15 +24,10 @@ import optuna
 import pytest
 import yaml
 
-from slip_detector.commands.tune import main
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.tuning.problem import searched
 from support.full_disk import full_disk
-from support.tuning_cases import CHAIN, PARAMETERS, journal, slips, trials_of, write
-
-
-def run(*words, code=0):
-    assert main([str(word) for word in words]) == code
+from support.tuning_cases import CHAIN, PARAMETERS, journal, run, slips, trials_of, write
 
 
 def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):

@@ -19,12 +19,7 @@ from pathlib import Path
 import pytest
 
 from slip_detector.commands.tune import main
-from support.tuning_cases import PARAMETERS, write
-
-
-def run(*words, code=0):
-    assert main([str(word) for word in words]) == code
-
+from support.tuning_cases import PARAMETERS, run, write
 
 ERRORS = {
     'no recording': (['--out', 'o.yaml'], 'are required: RECORDING', 2),

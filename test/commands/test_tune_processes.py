@@ -19,14 +19,9 @@ import signal
 import optuna
 import pytest
 
-from slip_detector.commands.tune import main
 from slip_detector.parameters.detector import DetectorConfig
 from support.interrupts import DEADLINE_S, check_interrupted_search, start_tune, wait_for
-from support.tuning_cases import journal, trials_of
-
-
-def run(*words, code=0):
-    assert main([str(word) for word in words]) == code
+from support.tuning_cases import journal, run, trials_of
 
 
 @pytest.mark.parametrize('kind', ['journal', 'sqlite'])

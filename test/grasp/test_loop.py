@@ -31,9 +31,6 @@ from slip_detector.parameters.grasp import GraspConfig
 FILE = Path(__file__).resolve().parents[2] / 'config' / 'grasp.yaml'
 CHAIN, GRASP = ChainConfig.from_yaml(FILE), GraspConfig.from_yaml(FILE)
 
-#: Others than either.
-SEEDS = range(5000, 5003)
-
 
 @functools.cache
 def caught():

@@ -25,10 +25,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import heartbeat_qos
-from support.harness import Detected
-
-PERIOD_NS = round(1e9 / 380)
-START_NS = 1_700_000_000 * 10**9
+from support.harness import PERIOD_NS, START_NS, Detected
 
 
 class Watched(Detected):

@@ -22,10 +22,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import sensor_qos, state_qos
-from support.harness import Detected
-
-PERIOD_NS = round(1e9 / 380)
-START_NS = 1_700_000_000 * 10**9
+from support.harness import PERIOD_NS, START_NS, Detected
 
 
 def ask(bench, service_type, service, request):

@@ -35,10 +35,7 @@ from slip_detector.nodes.health import COUNT_KEYS
 from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import default_of
-from support.harness import Detected
-
-PERIOD_NS = round(1e9 / 380)
-START_NS = 1_700_000_000 * 10**9
+from support.harness import PERIOD_NS, START_NS, Detected
 
 
 def ask(bench, service_type, service, request):

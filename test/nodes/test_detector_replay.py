@@ -24,10 +24,7 @@ from std_msgs.msg import Header
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import event_qos, stamp_ns, time_message
-from support.harness import Detected, ended_quietly
-
-PERIOD_NS = round(1e9 / 380)
-START_NS = 1_700_000_000 * 10**9
+from support.harness import PERIOD_NS, START_NS, Detected, ended_quietly
 
 #: So many samples at most are on their way at a time, whatever the speed.
 IN_FLIGHT = 50

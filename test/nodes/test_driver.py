@@ -273,11 +273,7 @@ def test_signals_end_a_driver_that_still_waits(bench, scene, number):
     ],
 )
 def test_a_wrong_parameter_or_file_stops_the_start_with_one_line(bench, parameters, words):
-    process = bench.start('slip_driver', parameters=parameters)
-    line = process.refusal()
-    assert line.startswith('slip_driver: ')
-    for word in words:
-        assert word in line
+    bench.check_refused('slip_driver', parameters, words)
 
 
 def test_a_broken_recording_is_named_in_one_line(bench, recording):

@@ -301,8 +301,4 @@ def test_signals_end_the_controller_cleanly(bench, number):
     ],
 )
 def test_a_wrong_parameter_stops_the_start_with_one_line(bench, parameters, words):
-    process = bench.start('grasp_controller', parameters=parameters)
-    line = process.refusal()
-    assert line.startswith('grasp_controller: ')
-    for word in words:
-        assert word in line
+    bench.check_refused('grasp_controller', parameters, words)

@@ -28,8 +28,6 @@ from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.resample import MOST_ROWS, Resampler
 from support.recorded import save_rows
 
-PERIOD_NS = 10_000_000
-
 
 def resampled(path, rate_hz, piece_rows=8192):
     recording = open_recording(path, RecordingConfig(recording_resample=True))

@@ -22,22 +22,10 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import page as report
-from slip_detector.report import page_pictures
 from slip_detector.report.page_data import SearchTrial, Variant
 from slip_detector.report.page_sections import UNDEFINED
 from support import report_scenes as scenes
 from support.html_page import HtmlPage
-
-
-@pytest.fixture(scope='module')
-def variants():
-    return scenes.variants()
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave the pictures out, for tests that look at words and numbers."""
-    monkeypatch.setattr(page_pictures, 'svg', lambda figure: '')
 
 
 def read(path):

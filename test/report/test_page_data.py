@@ -18,7 +18,6 @@ import base64
 import zlib
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,11 +25,6 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.report import page_data as report_data
 from slip_detector.report.page_data import SearchTrial, trade_off_front
 from support import report_scenes as scenes
-
-
-@pytest.fixture(scope='module')
-def variants():
-    return scenes.variants()
 
 
 def unplaned(data, n, size):

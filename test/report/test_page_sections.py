@@ -19,7 +19,6 @@ import dataclasses
 import pytest
 
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report import page_pictures
 from slip_detector.report.page_data import Variant
 from slip_detector.report.page_sections import UNDEFINED, figures_text, sections
 from support import report_scenes as scenes
@@ -31,14 +30,7 @@ FLOORS = tuple(1e-4 * (k + 1) for k in range(16))
 SWAPPED = (FLOORS[0], FLOORS[2], FLOORS[1], *FLOORS[3:])
 
 
-@pytest.fixture(scope='module')
-def variants():
-    return scenes.variants()
-
-
-@pytest.fixture(autouse=True)
-def _undrawn(monkeypatch):
-    monkeypatch.setattr(page_pictures, 'svg', lambda figure: '')
+pytestmark = pytest.mark.usefixtures('undrawn')
 
 
 def text_of(variants, trials=()):

@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
 from slip_detector.scenes.electronics import Electronics, Frontend
+from support.disturbance_cases import RefusingGenerator
 
 PERIOD_S = 1 / 380.0
 ACROSS = np.array(PAPER_GROUPS['TP'] + PAPER_GROUPS['TD']) - 1
@@ -33,19 +34,6 @@ NEAT = {'noise_v': 0.0, 'rails_v': [-1000.0, 1000.0]}
 
 #: All that sampling can do, at once.
 FULL = {'drift_v': 0.2, 'noise_v': 0.01, 'rails_v': [0.0, 5.0], 'adc_bits': 12}
-
-
-class Refusing(np.random.Generator):
-    """A generator that draws nothing, and whose children do not either."""
-
-    def __init__(self):
-        super().__init__(np.random.PCG64(0))
-
-    def standard_normal(self, *args, **keywords):
-        raise AssertionError('something was drawn')
-
-    def spawn(self, n_children):
-        return [Refusing() for _ in range(n_children)]
 
 
 def frontend(seed=0, **parameters):
@@ -126,10 +114,10 @@ def test_leaving_out_drift_or_noise_leaves_the_bits_of_the_other():
 
 def test_nothing_is_drawn_for_parts_that_are_zero():
     clean_v = rows(20)
-    neat = Frontend(Electronics(**NEAT), Refusing())
+    neat = Frontend(Electronics(**NEAT), RefusingGenerator())
     np.testing.assert_array_equal(neat.sample(clean_v, PERIOD_S), clean_v)
     for part in ({'noise_v': 1e-3}, {'drift_v': 1e-3}):
-        named = Frontend(Electronics(**{**NEAT, **part}), Refusing())
+        named = Frontend(Electronics(**{**NEAT, **part}), RefusingGenerator())
         with pytest.raises(AssertionError, match='something was drawn'):
             named.sample(clean_v, PERIOD_S)
 

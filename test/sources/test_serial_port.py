@@ -33,13 +33,6 @@ DEADLINE_S = 60.0
 INTEGERS = np.random.default_rng(4).integers(-30000, 30000, (60, 4))
 
 
-@pytest.fixture
-def port(tmp_path):
-    port = Port(tmp_path / 'tty')
-    yield port
-    port.unplug()
-
-
 def source_at(path, **parameters):
     config = DriverConfig(source='serial', serial_port=str(path), channels=4, **parameters)
     source = open_source(config)

@@ -51,6 +51,9 @@ ASK_AGAIN_S = 1.0
 
 ROOT = Path(__file__).resolve().parents[2]
 
+#: Stamp of a first sample, and the time from sample to sample at the rate of the paper.
+START_NS, PERIOD_NS = 1_700_000_000 * 10**9, round(1e9 / 380)
+
 
 class Process:
     """A command, its output kept."""
@@ -157,6 +160,12 @@ class Bench:
         process = Process(sys.executable, *words, domain=self.domain, output=output)
         self.processes.append(process)
         return process
+
+    def check_refused(self, name, parameters, words):
+        """Check that a node ends at its start with one line, which has all the words in it."""
+        line = self.start(name, parameters=parameters).refusal()
+        assert line.startswith(f'{name}: ')
+        assert [word for word in words if word not in line] == [], line
 
     def start_driver(self, *words, parameters=None, others=0):
         """Start a driver that plays when all subscriptions of the test know it.

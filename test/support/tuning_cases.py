@@ -17,6 +17,7 @@
 import numpy as np
 import optuna
 
+from slip_detector.commands.tune import main
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -80,6 +81,11 @@ def write(path, seed, label=True, **what):
     volts, truth = slips(seed, **what)
     np.savez(path, volts=volts, sample_rate_hz=RATE_HZ, **({'label': truth} if label else {}))
     return str(path)
+
+
+def run(*words, code=0):
+    """Run ``slip_tune``, and check its exit code."""
+    assert main([str(word) for word in words]) == code
 
 
 def problem(tracks, given_chain=CHAIN):

@@ -25,7 +25,7 @@ from benchmarks.chain.rivals import WITH_RUNNING_SUMS
 from slip_detector.chain.filters import design
 from slip_detector.parameters.chain_checks import LOWEST_EDGE
 from slip_detector.parameters.detector import ChainConfig
-from support.benchmarks import gains
+from support.benchmarks import gains, keys_of
 
 
 @pytest.mark.parametrize('rate_hz', RATES)
@@ -107,12 +107,6 @@ def test_the_error_does_not_grow_with_the_rows(chain_precision):
     errors = chain_precision['long_run']['methods']['chain']['errors']
     assert len(errors) == len(chain_precision['long_run']['rows']) >= 2
     assert max(errors) <= WANTED['long_run.error'].high
-
-
-def keys_of(part):
-    if isinstance(part, dict):
-        return set(part).union(*map(keys_of, part.values()))
-    return set().union(*map(keys_of, part)) if isinstance(part, list) else set()
 
 
 def test_every_key_is_documented(chain_precision):

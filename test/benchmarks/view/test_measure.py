@@ -28,7 +28,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 pytestmark = pytest.mark.nodes
 
 
-def test_all_figures_are_there_and_each_is_told(capsys):
+def test_all_figures_are_there_and_each_is_told():
     require_browser()
     code, output, errors = run('view', '--quick', '--json')
     assert code == 0, errors
