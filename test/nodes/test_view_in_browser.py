@@ -19,7 +19,7 @@ import signal
 
 import pytest
 
-from support.browsers import PATIENCE_MS, expect
+from support.browsers import PATIENCE_MS, complaints_of, expect
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
@@ -30,12 +30,9 @@ def page(bench, browser):
     view = bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0')
     bench.wait_for(lambda: 'http://' in view.log(), 'the address')
     address = re.search(r'http://\S+', view.log()).group()
-    complaints = []
     page = browser.new_page(viewport={'width': 1366, 'height': 768})
     page.set_default_timeout(PATIENCE_MS)
-    page.on('console', lambda message: complaints.append(message.text))
-    page.on('pageerror', lambda error: complaints.append(str(error)))
-    page.on('request', lambda r: r.url.startswith(address) or complaints.append(r.url))
+    complaints = complaints_of(page, address)
     page.goto(address)
     yield page
     page.close()

@@ -20,7 +20,7 @@ import pytest
 
 from slip_detector.report import page as report
 from support import report_scenes as scenes
-from support.browsers import expect
+from support.browsers import complaints_of, expect
 
 #: Pixels of the names at the left and of the margin at the right, as in timeline.js.
 NAMES_WIDTH, RIGHT_MARGIN = 92, 16
@@ -60,30 +60,19 @@ def unlabelled():
 @pytest.fixture
 def opened(browser, folder):
     """Return what opens a report; whatever the page complains of fails the test at its end."""
-    complaints, pages = [], []
+    opened = []
 
     def open_(name, anchor='', width=1280):
         page = browser.new_page(viewport={'width': width, 'height': 900})
-        pages.append(page)
-        page.on('console', lambda message: complaints.append(message.text))
-        page.on('pageerror', lambda error: complaints.append(str(error)))
-        page.on('requestfailed', lambda request: complaints.append(request.url))
-        page.on(
-            'request',
-            lambda request: (
-                None
-                if request.url.startswith(('file://', 'data:'))
-                else complaints.append(request.url)
-            ),
-        )
+        opened.append((page, complaints_of(page, ('file://', 'data:'))))
         page.goto((folder / name).as_uri() + anchor)
         page.locator('html[data-ready-ms]').wait_for(state='attached')
         return page
 
     yield open_
-    for page in pages:
+    for page, _ in opened:
         page.close()
-    assert complaints == []
+    assert [complaints for _, complaints in opened if complaints] == []
 
 
 def settle(page):

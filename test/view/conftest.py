@@ -20,6 +20,7 @@ import pytest
 
 from slip_detector.view.parameter_requests import ParameterRequests
 from slip_detector.view.teaching_requests import TeachingRequests
+from support.browsers import complaints_of
 from support.finger_states import Player, QuietHand
 from support.simulated_hand import served_beside
 
@@ -30,24 +31,19 @@ def open_page(browser):
 
     Nothing may be asked of any other address.
     """
-    complaints, pages = [], []
+    opened = []
 
     def open_(served, width=1366, height=768):
         page = browser.new_page(viewport={'width': width, 'height': height})
-        pages.append(page)
-        origin = served.url.partition('?')[0]
-        page.on('console', lambda message: complaints.append(message.text))
-        page.on('pageerror', lambda error: complaints.append(str(error)))
-        page.on('requestfailed', lambda request: complaints.append(request.url))
-        page.on('request', lambda r: r.url.startswith(origin) or complaints.append(r.url))
+        opened.append((page, complaints_of(page, served.url.partition('?')[0])))
         page.goto(served.url)
         page.locator('[data-state]').first.wait_for(state='attached', timeout=60_000)
         return page
 
     yield open_
-    for page in pages:
+    for page, _ in opened:
         page.close()
-    assert complaints == []
+    assert [complaints for _, complaints in opened if complaints] == []
 
 
 @pytest.fixture
