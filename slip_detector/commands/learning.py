@@ -34,19 +34,19 @@ from slip_detector.tuning.noise import (
 from slip_detector.tuning.tracks import Track
 
 
-class Learnt(NamedTuple):
-    """What was learnt.
+class Lesson(NamedTuple):
+    """What a recording at rest or of knocks teaches.
 
     Attributes
     ----------
     parameters : dict
         Parameters of the chain by name, as ROS has them.
     lines : list of str
-        What to tell.
+        What to print of it.
 
     Examples
     --------
-    >>> Learnt({'threshold': 2.2}, ['On rest.npz, without slip: threshold 2.2']).parameters
+    >>> Lesson({'threshold': 2.2}, ['On rest.npz, without slip: threshold 2.2']).parameters
     {'threshold': 2.2}
     """
 
@@ -54,7 +54,7 @@ class Learnt(NamedTuple):
     lines: list[str]
 
 
-def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Learnt:
+def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Lesson:
     """Learn the noise floors and the mains of a recording without slip, and set the threshold.
 
     The threshold is set where a rate of false alarms is given; floors and mains are set where
@@ -121,10 +121,10 @@ def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLo
         names.append('threshold')
         lines.append(f'On {track.name}, without slip: {found}')
     learnt = chain.to_parameters()
-    return Learnt({name: learnt[name] for name in names}, lines)
+    return Lesson({name: learnt[name] for name in names}, lines)
 
 
-def learn_from_taps(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Learnt:
+def learn_from_taps(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Lesson:
     """Set the step that is an impact from a recording of knocks and labelled slips.
 
     Parameters are those of :func:`learn_from_quiet`.
@@ -142,7 +142,7 @@ def learn_from_taps(options: Namespace, chain: ChainConfig, loader: RecordingLoa
     knocks, lines = _only(options.taps, loader)
     tracks, more_lines = load_tracks(options.recordings, loader)
     found = impact_step(chain, knocks, tracks)
-    return Learnt({'impact_v': found.impact_v}, [*lines, *more_lines, f'{knocks.name}: {found}'])
+    return Lesson({'impact_v': found.impact_v}, [*lines, *more_lines, f'{knocks.name}: {found}'])
 
 
 def _only(path: str, loader: RecordingLoader) -> tuple[Track, list[str]]:
