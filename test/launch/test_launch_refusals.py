@@ -26,6 +26,16 @@ from support.harness import DEADLINE_S
 from support.launching import launching
 
 
+def refused(name, argument):
+    """Launch a file that is to end without having started a node; return what it says."""
+    command = launching(name, argument)
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    said = ended.stdout + ended.stderr
+    assert ended.returncode == 1, said
+    assert 'process started' not in said
+    return said
+
+
 @pytest.mark.parametrize(
     ('argument', 'words'),
     [
@@ -33,18 +43,18 @@ from support.launching import launching
         ('scene:=plate', "no scene 'plate', allowed: dead_channel, "),
         ('seed:=-1', "seed is '-1', allowed: a whole number from 0"),
         ('config:=none.yaml', "config is 'none.yaml', allowed: the path of a parameter file"),
-        ('view:=maybe', "Valid options are: ['true', 'false']"),
     ],
 )
 def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(argument, words):
-    command = launching('grasp', argument)
-    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
-    said = ended.stdout + ended.stderr
-    assert ended.returncode == 1, said
+    said = refused('grasp', argument)
     (line,) = [line for line in said.splitlines() if 'ERROR' in line]
     assert words in line
-    assert 'process started' not in said
     assert 'Traceback' not in said
+
+
+@pytest.mark.parametrize('name', ['slip_detector', 'hand', 'grasp'])
+def test_no_node_starts_where_an_argument_of_the_page_is_refused(name):
+    assert "Valid options are: ['true', 'false']" in refused(name, 'view:=maybe')
 
 
 @pytest.mark.parametrize(

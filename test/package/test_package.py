@@ -148,14 +148,15 @@ def test_shipped_scenes_are_found_by_name():
 
 def declared_arguments(path):
     """Return the arguments of a launch file, those of the launch files that it includes too."""
+    files = {file.name: file for file in LAUNCH_FILES}
     declared = {}
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'DeclareLaunchArgument':
             declared[node.args[0].value] = {
                 keyword.arg: keyword.value for keyword in node.keywords
             }
-        elif isinstance(node, ast.Constant) and path.with_name(str(node.value)) in LAUNCH_FILES:
-            declared = declared_arguments(path.with_name(node.value)) | declared
+        elif isinstance(node, ast.Constant) and node.value in files:
+            declared = declared_arguments(files[node.value]) | declared
     return declared
 
 
