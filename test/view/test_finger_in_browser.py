@@ -187,6 +187,8 @@ def test_names_are_shown_as_text_whatever_they_are_and_however_long(played, open
         assert each.title() == 'slip_view'
         width = each.viewport_size['width']
         assert each.evaluate('document.documentElement.scrollWidth') <= width
+    # Before the server ends, which a page would complain of.
+    narrow.close()
 
 
 def test_many_channels_have_their_places_and_as_many_traces_as_are_sent_at_once(played):

@@ -18,9 +18,8 @@ import re
 
 import pytest
 
+from support.browsers import expect
 from support.finger_states import rest_rows
-
-expect = pytest.importorskip('playwright.sync_api').expect
 
 
 @pytest.fixture
