@@ -14,6 +14,8 @@
 
 """Tiles of sixteen channels: which columns they hold, and arrays with a value for each lane."""
 
+import contextlib
+import mmap
 from collections.abc import Callable
 
 import numpy as np
@@ -25,9 +27,15 @@ from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
 
+#: The C library may use freed memory again, except for arrays larger than this.
+REUSED_BYTES = 2**25
+
+#: Of the processors that have pages so large.
+HUGE_PAGE_BYTES = 2**21
+
 
 def aligned(new: Callable[[int], Floats], shape: tuple[int, ...]) -> Floats:
-    """Return an array that begins where a cache line does.
+    """Return an array that begins where a cache line does; a large one has memory of its own.
 
     Parameters
     ----------
@@ -43,9 +51,22 @@ def aligned(new: Callable[[int], Floats], shape: tuple[int, ...]) -> Floats:
     ((3, 8), 0)
     """
     size = int(np.prod(shape))
-    values = new(size + LINE)
+    values = new(size + LINE) if 8 * size <= REUSED_BYTES else _in_huge_pages(size)
     skip = -(values.ctypes.data // values.itemsize) % LINE
     return values[skip : skip + size].reshape(shape)
+
+
+def _in_huge_pages(size: int) -> Floats:
+    """Return zeros in whole huge pages, where the system has them.
+
+    The system clears a page when it is first used, and 512 small ones take longer than a huge
+    one. NumPy asks for huge ones too, but has small ones where its arrays begin and end.
+    """
+    pages = -(-8 * size // HUGE_PAGE_BYTES)
+    memory = mmap.mmap(-1, pages * HUGE_PAGE_BYTES, flags=mmap.MAP_PRIVATE)
+    with contextlib.suppress(AttributeError, OSError):  # The system has none.
+        memory.madvise(mmap.MADV_HUGEPAGE)
+    return np.frombuffer(memory, count=size)
 
 
 def tile_bases_of(config: ChainConfig) -> list[int]:

@@ -15,14 +15,15 @@
 """Which columns tiles hold, and arrays with a value for each lane."""
 
 import itertools
+import mmap
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.lanes import LANES
-from slip_detector.chain.tiles import aligned, least_floors_db, tile_bases_of
+from slip_detector.chain.lanes import LANES, LINE
+from slip_detector.chain.tiles import REUSED_BYTES, aligned, least_floors_db, tile_bases_of
 from support.tiled_chains import configs, enabled_of
 
 
@@ -49,6 +50,17 @@ def test_each_tile_has_the_least_floors_of_its_channels_in_decibels(config):
     for base, tile in zip(tile_bases_of(config), floors, strict=True):
         given_floors = config.noise_floors[base : base + LANES]
         assert tile[: len(given_floors)] == pytest.approx(20 * np.log10(given_floors), abs=1e-9)
+
+
+@pytest.mark.parametrize('huge_pages', [True, False])
+def test_a_large_array_has_memory_of_its_own(huge_pages, monkeypatch):
+    if not huge_pages:
+        monkeypatch.delattr(mmap, 'MADV_HUGEPAGE', raising=False)
+    array = aligned(np.empty, (REUSED_BYTES // 64 + 1, LINE))
+    assert array.ctypes.data % mmap.PAGESIZE == 0
+    assert not array[[0, -1]].any()
+    array[-1] = 1.0
+    assert array[-2:].sum() == LINE
 
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=3))
