@@ -23,7 +23,7 @@ A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane
 
 import numpy as np
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.compiled import compiled, compiled_in_place
 from slip_detector.chain.lanes import LANES, is_number, load, select, store
 from slip_detector.chain.stages import COMMON_V, FIRST, FIRST_ROW, HIGH, LOW, NO_ROW, WORD_ROWS
 
@@ -35,7 +35,7 @@ COMMON_MODE_NUMBERS = {'none': NO_COMMON_MODE, 'mean': MEAN, 'median': MEDIAN}
 EXCHANGED_CHANNELS = 32
 
 
-@compiled
+@compiled_in_place
 def _all_valid(rows, seats, tiles, valid):
     """Return whether all channels have started and are valid in all rows."""
     whole = ~NO_ROW >> np.uint64(WORD_ROWS - rows)
@@ -45,7 +45,7 @@ def _all_valid(rows, seats, tiles, valid):
     return True
 
 
-@compiled
+@compiled_in_place
 def _medians(volts, start, rows, columns, seats, tiles, deviations, common_v):
     """Write the medians of rows in which all channels are valid.
 
@@ -87,7 +87,7 @@ def _of_row(kind, values, before_v):
     return 0.5 * (values[(n - 1) // 2] + values[n // 2])
 
 
-@compiled
+@compiled_in_place
 def find_common_mode(
     volts, start, rows, kind, bases, columns, seats, ranges, tiles, valid, deviations, common_v
 ):

@@ -117,10 +117,11 @@ def as_silent(function: Callable[..., Any]) -> Callable[..., Any]:
     return function if COMPILED else np.errstate(all='ignore')(function)
 
 
-def compiled(function: Callable[..., Any], forceinline: bool = False) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
     """Compile a function with Numba where it is installed, with a cache on disk.
 
-    With ``forceinline`` its code always becomes part of the functions that call it.
+    The options are Numba's: with ``forceinline=True`` the function's code always becomes part of
+    the functions that call it.
 
     Numba uses a cached function as long as its own file is unchanged, even where functions of
     other files that are compiled into it have changed. Therefore the name in the cache depends on
@@ -130,6 +131,39 @@ def compiled(function: Callable[..., Any], forceinline: bool = False) -> Callabl
         return function
     function.__qualname__ += f'_{FINGERPRINT}'
     # Divisions by zero as in NumPy: a check of each division would take a tenth of a scene's time.
-    options = {'cache': True, 'error_model': 'numpy', 'forceinline': forceinline}
-    kept: Callable[..., Any] = njit(**options)(function)
+    # Without the last one a function is compiled as the one that calls it.
+    common = {'cache': True, 'error_model': 'numpy', '_nrt': True}
+    kept: Callable[..., Any] = njit(**common | options)(function)
+    return kept
+
+
+def compiled_in_place(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
+    """Compile a function that makes no array and no list, so that little is done to call it.
+
+    Numba counts no references in it. Elsewhere it makes an object for each array of a call from
+    Python that keeps the array alive, and each function counts all arrays that it is given, those
+    within tuples too.
+
+    A function that does make an array is refused when it is compiled. What is returned to Python
+    must be numbers, no arrays.
+    """
+    return compiled(function, _nrt=False, **options)
+
+
+def compiled_for(signature: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a compiled function for calls from Python with arguments of these types alone.
+
+    Elsewhere Numba looks up the types of the arguments at each call. Here nobody does: memory
+    that is of another type is read and written wrongly.
+
+    Parameters
+    ----------
+    signature
+        The types, in Numba's words, such as ``(float64[:, ::1], int64)``.
+    function
+        Of :func:`compiled` or :func:`compiled_in_place`. It is compiled, or loaded, at once.
+    """
+    if not COMPILED:
+        return function
+    kept: Callable[..., Any] = function.compile(signature)  # type: ignore[attr-defined]
     return kept

@@ -24,7 +24,7 @@ channel has any excess.
 
 import numpy as np
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.compiled import compiled_in_place
 from slip_detector.chain.lanes import LANES, absolute, is_number, load, select, spread, store
 from slip_detector.chain.logarithms import root_decibels
 from slip_detector.chain.stages import (
@@ -39,6 +39,7 @@ from slip_detector.chain.stages import (
     LOW,
     NO_ROW,
     count_up,
+    keep,
 )
 from slip_detector.chain.votes import rows_of_count
 
@@ -49,7 +50,7 @@ QUANTILE = 0.1
 LEAST_EXCESS_DB = -8.7
 
 
-@compiled
+@compiled_in_place
 def _find_steps(volts, start, rows, column, tile_range, impact_v, tile, steps, seat):
     """Write the rows in which a channel steps by more than ``impact_v`` as words, by seat.
 
@@ -66,7 +67,7 @@ def _find_steps(volts, start, rows, column, tile_range, impact_v, tile, steps, s
     store(found, steps, seat)
 
 
-@compiled
+@compiled_in_place
 def rows_of_impact(volts, start, rows, settings, ranges, layout, tiles, steps, digits):
     """Return the rows that an impact is held for, as a word.
 
@@ -105,7 +106,7 @@ def rows_of_impact(volts, start, rows, settings, ranges, layout, tiles, steps, d
     return held
 
 
-@compiled
+@compiled_in_place
 def gains_of_evidence(
     block, rows, settings, least_db, settle_rows, valid, held, tile, signals, start, floor_column,
     excess_column,
@@ -160,19 +161,24 @@ def gains_of_evidence(
     store(floor, tile, (FLOOR, 0))
 
 
-@compiled
-def sum_evidence(block, rows, limit, tile):
-    """Replace what each row adds to the evidence by the evidence, from 0 to ``limit``."""
+@compiled_in_place
+def sum_evidence(block, rows, limit, tile, signals, start, column, past_caches):
+    """Replace what each row adds to the evidence by the evidence, from 0 to ``limit``.
+
+    Where ``column`` is not negative it is kept there.
+    """
     evidence = load(tile, (EVIDENCE, 0))
     for k in range(rows):
         evidence = evidence + load(block, (k, 0))
         evidence = select(evidence > 0.0, evidence, 0.0)
         evidence = select(evidence < limit, evidence, limit)
         store(evidence, block, (k, 0))
+        if column >= 0:
+            keep(evidence, signals, (start + k, column), past_caches)
     store(evidence, tile, (EVIDENCE, 0))
 
 
-@compiled
+@compiled_in_place
 def hold_evidence(block, rows, tile):
     """Replace evidence by the number that is above a threshold exactly where the channel is ON.
 

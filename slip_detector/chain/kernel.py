@@ -22,10 +22,12 @@ that is computed for a row depends on where a block, a chunk or a call begins, h
 the rows gives the same bits.
 """
 
+from functools import cache
+
 import numpy as np
 
 from slip_detector.chain.common_mode import NO_COMMON_MODE, find_common_mode
-from slip_detector.chain.compiled import as_silent, compiled
+from slip_detector.chain.compiled import as_silent, compiled_for, compiled_in_place
 from slip_detector.chain.evidence import (
     gains_of_evidence,
     hold_evidence,
@@ -44,7 +46,6 @@ from slip_detector.chain.stages import (
     NO_ROW,
     WORD_ROWS,
     check_samples,
-    keep,
     keep_roots,
     load_deviations,
     rectified_power,
@@ -70,11 +71,16 @@ CACHED_VALUES = 2**18
 #: Bits of the signals that are kept, in their order.
 KEEP_ENVELOPE, KEEP_LEVEL, KEEP_FLOOR, KEEP_EXCESS = 1, 2, 4, 8
 
+#: The types of the arguments of :func:`run`.
+SIGNATURE = (
+    '(float64[:, ::1], boolean[:, ::1], float64[:, ::1], float64[:, :, ::1], float64[::1], int64)'
+)
+
 #: The vote ``mean`` alone, in the form that :func:`raise_to_votes` takes.
 MEAN_ALONE = np.array([VOTE_MEAN])
 
 
-@compiled
+@compiled_in_place
 def _decide(rows, vote, threshold, on, valid, layout, scratch):
     """Let each group's valid channels vote (Table 1) and take the OR of the groups."""
     n_groups, slip = layout.bounds.size - 1, NO_ROW
@@ -106,7 +112,7 @@ def _decide(rows, vote, threshold, on, valid, layout, scratch):
         scratch.decisions[first + channels + c] = valid[seat]
 
 
-@compiled
+@compiled_in_place
 def _write_flags(decisions, flags, start, rows):
     """Write each word as one column of flags, with a byte for each of its rows."""
     width = flags.shape[1]
@@ -125,7 +131,7 @@ def _write_flags(decisions, flags, start, rows):
             row = row + row
 
 
-@compiled
+@compiled_in_place
 def _write_statistics(rows, layout, threshold, scratch, signals, start):
     """Write the statistic of each vote, ON above 1, to the last columns of ``signals``."""
     scratch.statistics[:] = 0.0
@@ -139,7 +145,7 @@ def _write_statistics(rows, layout, threshold, scratch, signals, start):
             signals[start + k, column + v] = scratch.statistics[v, k]
 
 
-@compiled
+@compiled_in_place
 def _take_all_channels(volts, chunk, end, settings, ranges, layout, tiles, scratch):
     """Check the samples of a chunk, and find what takes all channels of a row.
 
@@ -164,7 +170,7 @@ def _take_all_channels(volts, chunk, end, settings, ranges, layout, tiles, scrat
             )  # fmt: skip
 
 
-@compiled
+@compiled_in_place
 def _column(kept, signal, column, width):
     """Return where a signal that is kept begins, -1 for one that is not.
 
@@ -176,7 +182,7 @@ def _column(kept, signal, column, width):
     return column + width * ((before & 1) + ((before >> 1) & 1) + (before >> 2))
 
 
-@compiled
+@compiled_in_place
 def _run_tile(
     volts, chunk, end, t, settings, checked, tile_range, least_db, sections, layout, tile, scratch,
     signals, kept, past_caches,
@@ -208,8 +214,9 @@ def _run_tile(
         rectified_power(block, rows, settings.full_wave != 0.0, int(settings.exponent))
         if settings.evidence:
             window_means(
-                block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail, False
-            )
+                block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail,
+                False, signals, start, -1, False,
+            )  # fmt: skip
             if envelope_column >= 0:
                 keep_roots(block, rows, signals, start, envelope_column)
             gains_of_evidence(
@@ -219,25 +226,26 @@ def _run_tile(
                 _column(kept, KEEP_FLOOR, column, width),
                 _column(kept, KEEP_EXCESS, column, width),
             )  # fmt: skip
-            sum_evidence(block, rows, settings.limit_db_s, tile)
-            if level_column >= 0:
-                keep(block, rows, signals, start, level_column, past_caches)
+            sum_evidence(
+                block, rows, settings.limit_db_s, tile, signals, start, level_column,
+                past_caches and level_column % LINE == 0,
+            )  # fmt: skip
             hold_evidence(block, rows, tile)
         else:
             window_means(
-                block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail, True
-            )
-            if envelope_column >= 0:
-                keep(block, rows, signals, start, envelope_column, past_caches)
-            window_means(block, rows, level_rows, tile, LEVEL_ROW, LEVEL_HEAD, level_tail, False)
-            if level_column >= 0:
-                keep(block, rows, signals, start, level_column, past_caches)
+                block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail,
+                True, signals, start, envelope_column, past_caches and envelope_column % LINE == 0,
+            )  # fmt: skip
+            window_means(
+                block, rows, level_rows, tile, LEVEL_ROW, LEVEL_HEAD, level_tail,
+                False, signals, start, level_column, past_caches and level_column % LINE == 0,
+            )  # fmt: skip
         rows_above(block, rows, settings.threshold, scratch.on, at)
         if scratch.levels.size:
             gather_levels(block, rows, scratch.valid, at, scratch.levels, layout.places)
 
 
-@compiled
+@compiled_in_place
 def _write_held(held, signals, column, start, rows):
     """Write the rows that an impact is held for as numbers, 1 or 0."""
     for k in range(start, start + rows):
@@ -246,7 +254,7 @@ def _write_held(held, signals, column, start, rows):
 
 
 @as_silent
-@compiled
+@compiled_in_place
 def run(volts, flags, signals, tiles, plan, kept):
     """Run all stages over all rows, from ``volts`` to ``flags`` and ``signals``.
 
@@ -297,3 +305,12 @@ def run(volts, flags, signals, tiles, plan, kept):
                 _write_held(scratch.held[w], signals, column, start, rows)
             if layout.votes.size:
                 _write_statistics(rows, layout, settings.threshold, scratch, signals, start)
+
+
+@cache
+def kernel():
+    """Return :func:`run` for calls from Python, compiled or loaded at the first time.
+
+    Nobody looks at the types of what it is given; they are those of :data:`SIGNATURE`.
+    """
+    return compiled_for(SIGNATURE, run)

@@ -262,8 +262,8 @@ else:
     def _part_as(element):
         """Return a function of an array of 64-bit values, a place in it, and a shape.
 
-        It returns the part that begins there, with this type of element. Unlike a slice, the part
-        keeps no reference to the array, which would cost 25 ns: it must not outlive the array.
+        It returns the part that begins there, with this type of element. The part keeps no
+        reference to the array, which it must not outlive.
         """
 
         @intrinsic

@@ -20,7 +20,7 @@ they take a fraction of the time.
 
 import numpy as np
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.compiled import compiled_in_place
 from slip_detector.chain.lanes import floats_of, spread, words_of
 
 # The parts of a float64: the bits of the fraction and their number, the bits of 1.0, and the bias
@@ -55,25 +55,25 @@ DECIBEL_ERROR = 7e-6
 LEAST_DB, MOST_DB = -BIAS * OCTAVE_DB, (BIAS + 1.0) * OCTAVE_DB
 
 
-@compiled
+@compiled_in_place
 def exponents(values):
     """Return the exponents of float64, as float64."""
     return floats_of((words_of(values) >> FRACTION_BITS) | LARGE_BITS) - (LARGE + BIAS)
 
 
-@compiled
+@compiled_in_place
 def fractions(values):
     """Return the fractions of float64, from 1 to below 2."""
     return floats_of((words_of(values) & FRACTION) | ONE)
 
 
-@compiled
+@compiled_in_place
 def powers_of_2(exponent):
     """Return 2 to the power of integers from -1022 to 1023."""
     return floats_of(words_of(exponent + (LARGE + BIAS)) << FRACTION_BITS)
 
 
-@compiled
+@compiled_in_place
 def polynomial(coefficients, x):
     """Return the value of a polynomial whose highest power comes first."""
     value = spread(coefficients[0])
@@ -82,7 +82,7 @@ def polynomial(coefficients, x):
     return value
 
 
-@compiled
+@compiled_in_place
 def root_decibels(squares):
     """Return the decibels of the roots of numbers that are not negative: 10 log10 of them.
 

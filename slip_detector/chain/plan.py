@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.common_mode import COMMON_MODE_NUMBERS, NO_COMMON_MODE
-from slip_detector.chain.compiled import COMPILED, compiled
+from slip_detector.chain.compiled import COMPILED, compiled_in_place
 from slip_detector.chain.evidence import floor_steps_db
 from slip_detector.chain.lanes import LANES, LINE, float_part, integer_part, word_part
 from slip_detector.chain.stages import WORD_ROWS
@@ -182,7 +182,7 @@ class Scratch(NamedTuple):
     statistics: Floats
 
 
-@compiled
+@compiled_in_place
 def settings_of(plan):
     """Return the settings of a plan."""
     return Settings(
@@ -192,7 +192,7 @@ def settings_of(plan):
     )  # fmt: skip
 
 
-@compiled
+@compiled_in_place
 def filters_of(plan, settings):
     """Return the ranges of good samples, (t, 2, 16), and what the filters and floors begin with.
 
@@ -209,7 +209,7 @@ def filters_of(plan, settings):
     return ranges, least_db, float_part(plan, begin, (sections, 6)), begin + sections * 6
 
 
-@compiled
+@compiled_in_place
 def layout_of(plan, settings, bases):
     """Return the layout of a plan, which begins with ``bases``, and where it ends."""
     enabled, tiles = int(settings.enabled), int(settings.tiles)
@@ -234,7 +234,7 @@ def layout_of(plan, settings, bases):
     return layout, wanted + votes
 
 
-@compiled
+@compiled_in_place
 def _scratch_bounds(settings, begin):
     """Return where the parts of the scratch memory begin, and where the last one ends."""
     enabled, votes = int(settings.enabled), int(settings.votes)
@@ -265,7 +265,7 @@ def _scratch_bounds(settings, begin):
     )  # fmt: skip
 
 
-@compiled
+@compiled_in_place
 def scratch_of(plan, settings, begin):
     """Return the scratch memory of a plan, from the first cache line at or after ``begin`` on."""
     (
@@ -320,7 +320,8 @@ def _parts_of(plan):
 
 
 if COMPILED:
-    parts_of = compiled(_parts_of, forceinline=True)  # so many values are costly to return
+    # So many values are costly to return.
+    parts_of = compiled_in_place(_parts_of, forceinline=True)
 else:
 
     def parts_of(plan):

@@ -26,7 +26,7 @@ from slip_detector.chain.kernel import (
     CACHED_VALUES,
     KEEP_EXCESS,
     KEEP_FLOOR,
-    run,
+    kernel,
 )
 from slip_detector.chain.lanes import LANES
 from slip_detector.chain.memory import check_memory, state_shape
@@ -221,7 +221,7 @@ class SlipChain:
         >>> bool(np.all(result.slip == (result.vote_statistic[:, 0] > 1)))
         True
         """
-        if votes != self._votes and tuple(votes) != self._votes:
+        if votes is not self._votes and tuple(votes) != self._votes:
             self._plan = plan_of(self.config, self._sections, votes)
             self._votes = tuple(votes)
         rows = np.ascontiguousarray(volts, np.float64)
@@ -232,9 +232,6 @@ class SlipChain:
             padded = np.zeros((len(rows), LANES))
             padded[:, :channels] = rows
             rows = padded
-        elif not rows.flags.writeable:
-            # To Numba this is another type, for which it would compile again.
-            rows = rows.copy()
         n, many = len(rows), len(votes)
         kept = envelope | level << 1  # KEEP_ENVELOPE and KEEP_LEVEL
         signal_columns = self._columns * (envelope + level) + many
@@ -249,5 +246,5 @@ class SlipChain:
             signals = aligned(self._new_signals, shape)
         else:
             signals = self._new_signals(shape)
-        run(rows, flags, signals, self.state, self._plan, kept)
+        kernel()(rows, flags, signals, self.state, self._plan, kept)
         return SlipResult(flags, signals, (self._groups, channels, many), kept)

@@ -23,9 +23,8 @@ What a stage computes for a row does not depend on which row of a block it is.
 
 import numpy as np
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.compiled import compiled_in_place
 from slip_detector.chain.lanes import (
-    LINE,
     absolute,
     is_number,
     load,
@@ -70,7 +69,7 @@ NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
 LOW, HIGH = 0, 1
 
 
-@compiled
+@compiled_in_place
 def check_samples(volts, start, rows, column, tile_range, flat_rows, tile, words, at):
     """Write the rows with a good sample that is not flat to ``words`` from ``at`` on.
 
@@ -92,7 +91,7 @@ def check_samples(volts, start, rows, column, tile_range, flat_rows, tile, words
     store(valid, words, at)
 
 
-@compiled
+@compiled_in_place
 def load_deviations(volts, start, rows, column, tile_range, common_v, tile, block):
     """Write the filters' input to ``block``: deviations from each channel's first good sample.
 
@@ -112,13 +111,13 @@ def load_deviations(volts, start, rows, column, tile_range, common_v, tile, bloc
     store(held, tile, (HELD, 0))
 
 
-@compiled
+@compiled_in_place
 def count_up(age, valid, row):
     """Return the rows since each channel's first valid one, that one included; 0 before it."""
     return select(((valid & row) != NO_ROW) | (age > 0.0), age + 1.0, age)
 
 
-@compiled
+@compiled_in_place
 def take_off_mains(block, rows, comb_rows, valid, tile, tail):
     """Take off each row what it was ``comb_rows`` before: whole periods of the mains.
 
@@ -139,25 +138,25 @@ def take_off_mains(block, rows, comb_rows, valid, tile, tail):
     store(age, tile, (COMB_AGE, 0))
 
 
-@compiled
+@compiled_in_place
 def _coefficients(sections, s):
     return sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
 
 
-@compiled
+@compiled_in_place
 def _delays(tile, s):
     at = FIXED_SLOTS + 2 * s
     return load(tile, (at, 0)), load(tile, (at + 1, 0))
 
 
-@compiled
+@compiled_in_place
 def _store_delays(delays, tile, s):
     at = FIXED_SLOTS + 2 * s
     store(delays[0], tile, (at, 0))
     store(delays[1], tile, (at + 1, 0))
 
 
-@compiled
+@compiled_in_place
 def _section(u, coefficients, delays):
     """Return the output of a second-order section (transposed direct form II), and its delays."""
     b0, b1, b2, a1, a2 = coefficients
@@ -165,7 +164,7 @@ def _section(u, coefficients, delays):
     return y, ((b1 * u + delays[1]) - a1 * y, b2 * u - a2 * y)
 
 
-@compiled
+@compiled_in_place
 def run_filters(block, rows, sections, tile):
     """Run rows through the second-order sections, in place.
 
@@ -189,7 +188,7 @@ def run_filters(block, rows, sections, tile):
         _store_delays(of_last, tile, n - 1)
 
 
-@compiled
+@compiled_in_place
 def rectified_power(block, rows, full_wave, exponent):
     """Rectify (Eq. 3) and raise to the exponent (Eq. 5), then square for the RMS (Eq. 6)."""
     for k in range(rows):
@@ -204,14 +203,32 @@ def rectified_power(block, rows, full_wave, exponent):
         store(power * power, block, (k, 0))
 
 
-@compiled
-def window_means(block, rows, window, tile, row_slot, head_slot, tail, take_root):
+@compiled_in_place
+def keep(values, signals, at, past_caches):
+    """Write the values of a tile's row to the result.
+
+    ``past_caches`` tells whether the result is large and the place begins where a cache line does.
+    """
+    if past_caches:
+        store_past_caches(values, signals, at)
+    else:
+        store(values, signals, at)
+
+
+@compiled_in_place
+def window_means(
+    block, rows, window, tile, row_slot, head_slot, tail, take_root, signals, start, column,
+    past_caches,
+):  # fmt: skip
     """Replace each value by the mean of the last ``window`` values, zeros before the first.
 
     Time is cut into stretches of ``window`` rows. A window is the head of the present stretch and
     the tail of the one before; the sums of all tails are computed once, when a stretch ends. Terms
     are added and never subtracted: so a huge value leaves no error behind. ``tail`` is the slot of
     the first tail. With ``take_root`` the result is the root of the mean.
+
+    Where ``column`` is not negative the means are kept there. Kept one by one, they are on their
+    way to memory while the next ones are computed.
     """
     position, head, per = int(tile[row_slot, 0]), load(tile, (head_slot, 0)), 1.0 / window
     for k in range(rows):
@@ -221,6 +238,8 @@ def window_means(block, rows, window, tile, row_slot, head_slot, tail, take_root
         mean = (head + load(tile, (tail + position + 1, 0))) * per
         mean = square_root(mean) if take_root else mean
         store(mean, block, (k, 0))
+        if column >= 0:
+            keep(mean, signals, (start + k, column), past_caches)
         position += 1
         if position == window:
             position, head, total = 0, spread(0.0), spread(0.0)
@@ -231,28 +250,14 @@ def window_means(block, rows, window, tile, row_slot, head_slot, tail, take_root
     store(head, tile, (head_slot, 0))
 
 
-@compiled
-def keep(block, rows, signals, start, column, past_caches):
-    """Copy a tile's values to the result, from ``column`` on.
-
-    ``past_caches`` tells whether the result is large and its rows begin where cache lines do.
-    """
-    if past_caches and column % LINE == 0:
-        for k in range(rows):
-            store_past_caches(load(block, (k, 0)), signals, (start + k, column))
-    else:
-        for k in range(rows):
-            store(load(block, (k, 0)), signals, (start + k, column))
-
-
-@compiled
+@compiled_in_place
 def keep_roots(block, rows, signals, start, column):
     """Copy the roots of a tile's values to the result, from ``column`` on."""
     for k in range(rows):
         store(square_root(load(block, (k, 0))), signals, (start + k, column))
 
 
-@compiled
+@compiled_in_place
 def rows_above(block, rows, threshold, words, at):
     """Write the rows whose value is above the threshold to ``words`` from ``at`` on."""
     above, row = spread(NO_ROW), spread(FIRST_ROW)

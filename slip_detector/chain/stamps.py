@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.compiled import compiled_in_place
 
 #: The grid is a line that is fitted to the stamps of about this many samples: after a start, and
 #: in the long run. A long memory averages jitter and still follows a drift.
@@ -58,7 +58,7 @@ FIRST_JITTER = 0.75
 PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS = range(6)
 
 
-@compiled
+@compiled_in_place
 def _follow(line, behind, rows):
     """Move the line towards the stamp of a message that is ``behind`` it.
 
@@ -81,7 +81,7 @@ def _follow(line, behind, rows):
     line[UNTIL_NEXT_NS] = on_line_ns + period_ns
 
 
-@compiled
+@compiled_in_place
 def _follow_all(line, steps_ns):
     """Follow samples as long as each is the next one; return whether all were."""
     for i in range(steps_ns.size):

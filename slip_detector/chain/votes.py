@@ -33,7 +33,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import as_silent, compiled
+from slip_detector.chain.compiled import as_silent, compiled_in_place
 from slip_detector.chain.lanes import (
     LANES,
     floor,
@@ -104,7 +104,7 @@ def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
     return np.array(numbers, dtype=np.int64)
 
 
-@compiled
+@compiled_in_place
 def rows_of_all(members, on, valid):
     """Return the rows in which all valid members are ON, and there is one."""
     able, against = NO_ROW, NO_ROW
@@ -114,7 +114,7 @@ def rows_of_all(members, on, valid):
     return able & ~against
 
 
-@compiled
+@compiled_in_place
 def rows_of_any(members, valid):
     """Return the rows in which any member is valid."""
     able = NO_ROW
@@ -123,7 +123,7 @@ def rows_of_any(members, valid):
     return able
 
 
-@compiled
+@compiled_in_place
 def rows_of_count(count, members, words, valid, digits):
     """Return the rows in which at least ``count`` valid members have their bit in ``words``.
 
@@ -145,7 +145,7 @@ def rows_of_count(count, members, words, valid, digits):
     return more | equal
 
 
-@compiled
+@compiled_in_place
 def gather_levels(block, rows, valid, at, levels, places):
     """Copy the levels of a tile to ``levels``, which has a row for each member of a group.
 
@@ -167,14 +167,14 @@ def gather_levels(block, rows, valid, at, levels, places):
                 own[k] = block[k, lane]
 
 
-@compiled
+@compiled_in_place
 def _raise(number, able, statistics, at):
     """Raise a statistic of sixteen rows to a number where that is larger and the group votes."""
     before = load(statistics, at)
     store(select(able & (number > before), number, before), statistics, at)
 
 
-@compiled
+@compiled_in_place
 def _extremes(levels, first, end, k):
     """Return the least valid level of sixteen rows and the largest.
 
@@ -188,7 +188,7 @@ def _extremes(levels, first, end, k):
     return least, most
 
 
-@compiled
+@compiled_in_place
 def _plain_product(levels, first, end, k):
     """Return how many levels of sixteen rows are valid, and their product."""
     count, product = spread(0.0), spread(1.0)
@@ -200,7 +200,7 @@ def _plain_product(levels, first, end, k):
     return count, product
 
 
-@compiled
+@compiled_in_place
 def _product(levels, first, end, k):
     """Return how many levels of sixteen rows are valid, and their product in two parts.
 
@@ -223,7 +223,7 @@ def _product(levels, first, end, k):
     return count, exponent + exponents(product), fractions(product)
 
 
-@compiled
+@compiled_in_place
 def _mean_logarithm(count, exponent, product):
     """Return the mean logarithm of sixteen rows in two parts.
 
@@ -240,7 +240,7 @@ def _mean_logarithm(count, exponent, product):
     return whole, ((exponent - whole * count) * LN_2 + logarithm) / count
 
 
-@compiled
+@compiled_in_place
 def _raise_to_mean(count, exponent, product, least, most, statistics, at):
     """Raise a statistic to the geometric mean of a group's valid levels of sixteen rows.
 
@@ -262,7 +262,7 @@ def _raise_to_mean(count, exponent, product, least, most, statistics, at):
     _raise(mean, most >= 0.0, statistics, at)
 
 
-@compiled
+@compiled_in_place
 def _raise_to_means(levels, bounds, k, statistics, v):
     """Raise a statistic of sixteen rows to the geometric means of groups.
 
@@ -296,7 +296,7 @@ def _raise_to_means(levels, bounds, k, statistics, v):
         )
 
 
-@compiled
+@compiled_in_place
 def _sort(levels, first, end, count, k):
     """Bring the ``count`` largest levels of sixteen rows to the front, the largest first."""
     for i in range(first, first + count):
@@ -310,7 +310,7 @@ def _sort(levels, first, end, count, k):
 
 
 @as_silent
-@compiled
+@compiled_in_place
 def raise_to_votes(levels, bounds, rows, votes, statistics):
     """Raise the statistic of each vote to the largest number of the groups, where that is larger.
 

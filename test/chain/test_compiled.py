@@ -16,6 +16,7 @@
 
 import importlib.util
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -30,7 +31,7 @@ PACKAGE = Path(compiled.__file__).parents[1]
 COMPILED_FILES = [
     path.relative_to(PACKAGE)
     for path in sorted(PACKAGE.rglob('*.py'))
-    if '@compiled\n' in path.read_text(encoding='utf-8')
+    if re.search('^@compiled', path.read_text(encoding='utf-8'), re.MULTILINE)
 ]
 
 OUTER = """
@@ -175,6 +176,46 @@ def test_what_is_compiled_is_told_and_what_is_in_the_cache_is_not(tmp_path):
 
     assert told() == ['slip_detector.chain.stamps']
     assert told() == []
+
+
+COUNTED = """
+import numba
+import numpy as np
+from numba.core.runtime import rtsys
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.stamps import StampGrid
+
+chain, grid = SlipChain(), StampGrid(0.01, 0.1)
+for k in range(3):
+    before = rtsys.get_allocation_stats()
+    chain.update(np.random.default_rng(k).normal(size=(100, 16)), votes=['all', 'mean', 2])
+    grid.arrive(k * 10_000_000)
+assert rtsys.get_allocation_stats() == before
+numba.njit(lambda values: values.size)(np.zeros(3))
+assert rtsys.get_allocation_stats().mi_alloc == before.mi_alloc + 1
+"""
+
+
+@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
+def test_nothing_keeps_the_arrays_of_a_call_of_a_function_that_works_in_place():
+    done = subprocess.run(
+        [sys.executable, '-c', COUNTED],
+        env={**os.environ, 'NUMBA_NRT_STATS': '1'},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
+def test_a_function_that_makes_an_array_does_not_work_in_place():
+    from numba.core.errors import NumbaError
+
+    @compiled.compiled_in_place
+    def sum_of_ones(n):
+        return np.ones(n).sum()
+
+    with pytest.raises(NumbaError, match='Only accept returning of array passed'):
+        sum_of_ones(3)
 
 
 def test_interpreted_functions_overflow_as_silently_as_compiled_ones(monkeypatch):

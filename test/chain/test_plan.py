@@ -21,7 +21,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.compiled import COMPILED
+from slip_detector.chain.compiled import COMPILED, compiled
 from slip_detector.chain.filters import design
 from slip_detector.chain.lanes import LANES
 from slip_detector.chain.plan import (
@@ -35,10 +35,15 @@ from support.tiled_chains import configs, enabled_of
 SECTIONS = design(ChainConfig())
 
 
+@compiled
+def _parts_for_python(plan):
+    return parts_of(plan)
+
+
 def plan_and_parts(config, votes=()):
     plan = plan_of(config, SECTIONS, votes)
     # Parts are no references: the plan has to stay.
-    return plan, *parts_of(plan)
+    return plan, *_parts_for_python(plan)
 
 
 @given(configs())

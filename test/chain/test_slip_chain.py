@@ -23,6 +23,7 @@ import pytest
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.kernel import CACHED_VALUES
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.tiles import REUSED_BYTES
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from support.chain_cases import bits, noise
 
@@ -88,6 +89,9 @@ INPUTS = {
     'Fortran order': np.asfortranarray,
     'every other column': lambda volts: np.repeat(volts, 2, axis=1)[:, ::2],
     'backwards in memory': lambda volts: volts[::-1].copy()[::-1],
+    'not aligned': lambda volts: np.ndarray(
+        volts.shape, np.float64, b'    ' + volts.tobytes(), offset=4
+    ),
     'read-only': lambda volts: np.frombuffer(volts.tobytes()).reshape(volts.shape),
 }
 
@@ -115,7 +119,15 @@ def test_flags_hold_all_decisions_side_by_side():
 @pytest.mark.parametrize('channels', [3, 16, 20, 33])
 @pytest.mark.parametrize('votes', [(), ['all']])
 def test_results_larger_than_the_caches_are_those_of_small_calls(channels, votes):
-    rows = CACHED_VALUES // channels + 100
+    assert_same_in_pieces(CACHED_VALUES // channels + 100, channels, votes)
+
+
+@pytest.mark.skipif(not COMPILED, reason='interpreted it takes minutes')
+def test_results_in_memory_of_their_own_are_those_of_small_calls():
+    assert_same_in_pieces(REUSED_BYTES // (8 * 2 * 16) + 100, 16, ())
+
+
+def assert_same_in_pieces(rows, channels, votes):
     volts = noise(35, rows, channels)
     config = ChainConfig(channels=channels, threshold=0.01)
     whole, chain = SlipChain(config).update(volts, votes=votes), SlipChain(config)

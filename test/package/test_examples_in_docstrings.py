@@ -40,7 +40,8 @@ REASONS = {
         'scenes/texture.py': {'RidgeNumbers'},
     },
     'it compiles': {
-        'chain/compiled.py': {'as_silent', 'compiled'},
+        'chain/compiled.py': {'as_silent', 'compiled', 'compiled_for', 'compiled_in_place'},
+        'chain/kernel.py': {'kernel'},
         'commands/compile.py': {'compile_all'},
     },
     'a command, which README and docs show and test/docs runs': {
