@@ -82,10 +82,10 @@ def write_lesson(folder, slips=6):
         write_recording(folder / name, [rows], RATE_HZ, names)
 
 
-def pulled(slips, seed_of_pauses=0):
+def pulled(slips, slip_s=1.0, seed_of_pauses=0):
     """An object that is pulled through the fingers a number of times, with rest in between."""
     pauses_s = np.random.default_rng(seed_of_pauses).uniform(2.4, 3.0, slips)
     steps = [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 1.0}]
     for pause_s in pauses_s.tolist():
-        steps += [{'duration_s': pause_s}, {'duration_s': 1.0, 'velocity_m_s': 8.0e-3}]
+        steps += [{'duration_s': pause_s}, {'duration_s': slip_s, 'velocity_m_s': 8.0e-3}]
     return {**held(1.0), 'steps': [*steps, {'duration_s': 3.0}]}
