@@ -43,6 +43,9 @@ IDLE_S = 0.2
 #: A page is asked so often whether it is there, and gone when it does not answer until the next.
 PING_S = 10.0
 
+#: A connection that asks for nothing is closed after this time; by default it would be an hour.
+UNASKED_S = 60.0
+
 #: Pages that may be open at once, and requests of a page that are not answered yet.
 MOST_PAGES, MOST_REQUESTS = 20, 100
 
@@ -144,7 +147,9 @@ class Server:
         for name in ('tornado.access', 'tornado.general'):
             logging.getLogger(name).setLevel(logging.ERROR)
         sockets = bind_sockets(port, self.access.host)
-        self._http = HTTPServer(application, max_body_size=MOST_BYTES)
+        self._http = HTTPServer(
+            application, max_body_size=MOST_BYTES, idle_connection_timeout=UNASKED_S
+        )
         self._http.add_sockets(sockets)
         return int(sockets[0].getsockname()[1])
 

@@ -52,6 +52,10 @@ def served(test, hand=None, **how):
     asyncio.run(run())
 
 
+def port_of(it):
+    return int(it.url.rpartition(':')[2].strip('/'))
+
+
 async def ticks(it, n):
     """Wait until the server has looked around n times."""
     seen = []
@@ -302,7 +306,7 @@ def test_a_page_that_sleeps_is_given_up_and_the_others_are_served(monkeypatch):
 
     async def test(it, page):
         await page.until('hand')
-        port = int(it.url.rpartition(':')[2].strip('/'))
+        port = port_of(it)
         _, writer = await asyncio.open_connection('127.0.0.1', port)
         headers = {'Host': f'127.0.0.1:{port}', **UPGRADE}
         lines = ('GET /live HTTP/1.1', *(f'{name}: {value}' for name, value in headers.items()))
@@ -317,6 +321,20 @@ def test_a_page_that_sleeps_is_given_up_and_the_others_are_served(monkeypatch):
         assert (await told)['count'] == 1
         await ticks(it, 3)
         writer.close()
+
+    served(test)
+
+
+def test_a_connection_that_asks_for_nothing_is_closed_and_pages_stay(monkeypatch):
+    monkeypatch.setattr(server, 'UNASKED_S', 0.1)
+
+    async def test(it, page):
+        await page.until('hand')
+        reader, writer = await asyncio.open_connection('127.0.0.1', port_of(it))
+        assert await reader.read() == b''
+        writer.close()
+        it.server.tell('teaching', {'count': 1})
+        await page.until('teaching')
 
     served(test)
 
@@ -369,7 +387,7 @@ def test_the_page_and_its_files_are_served_and_nothing_else():
 
 def test_no_other_site_reaches_the_page_or_its_connection():
     async def test(it, page):
-        port = it.url.rpartition(':')[2].strip('/')
+        port = port_of(it)
         evil = {'Host': f'evil.example:{port}'}
         code, said = await status_of(HTTPRequest(it.url, headers=evil))
         assert code == 403
