@@ -15,67 +15,15 @@
 """The server with simulated fingers, and clients that are no browser."""
 
 import asyncio
-import json
 
-import pytest
-from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
+from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 
 from slip_detector.view import server
 from slip_detector.view.access import Access
-from slip_detector.view.look import Look
 from slip_detector.view.taxels import drawn_positions
 from support.live_client import LiveClient
+from support.served_pages import DEADLINE_S, port_of, refused, served, status_of, ticks
 from support.simulated_hand import ServedHand, SimulatedHand
-
-DEADLINE_S = 60.0
-
-#: Headers that ask for a connection.
-UPGRADE = {
-    'Upgrade': 'websocket',
-    'Connection': 'Upgrade',
-    'Sec-WebSocket-Version': '13',
-    'Sec-WebSocket-Key': 'AAAAAAAAAAAAAAAAAAAAAA==',
-}
-
-
-def served(test, hand=None, **how):
-    """Run a test with a server and one page; it gets what is served, and the page."""
-
-    async def run():
-        async with ServedHand(hand or SimulatedHand(), **how) as it:
-            page = await LiveClient.open(it.url)
-            try:
-                await asyncio.wait_for(test(it, page), DEADLINE_S)
-            finally:
-                page.close()
-
-    asyncio.run(run())
-
-
-def port_of(it):
-    return int(it.url.rpartition(':')[2].strip('/'))
-
-
-async def ticks(it, n):
-    """Wait until the server has looked around n times."""
-    seen = []
-    it.server.each_tick.append(lambda: seen.append(None))
-    while len(seen) < n:
-        await asyncio.sleep(0.005)
-
-
-async def status_of(request):
-    """Return the status and the text of an answer."""
-    try:
-        answer = await AsyncHTTPClient().fetch(request)
-    except HTTPClientError as error:
-        answer = error.response
-    return answer.code, answer.body.decode()
-
-
-async def refused(url, **headers):
-    """Return the status with which a connection is refused."""
-    return (await status_of(HTTPRequest(url, headers={**UPGRADE, **headers})))[0]
 
 
 def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
@@ -136,35 +84,6 @@ def test_the_next_frame_waits_until_the_one_before_was_drawn():
         assert (await page.next_frame())[0]['frame'] == 2
 
     served(test)
-
-
-def test_a_page_that_reads_nothing_holds_up_no_other_and_is_told_the_latest_only():
-    async def test(it, page):
-        await page.until('hand')
-        other = await LiveClient.open(it.url)
-        await other.until('hand')
-        # The stream of this page is full, and stays so.
-        asleep, _ = sorted(it.server.pages, key=lambda each: each is not first_of(it))
-        stuck = asyncio.get_running_loop().create_future()
-        asleep._sending = stuck
-        for k in range(50):
-            it.server.tell('teaching', {'count': k})
-            await other.until('teaching', lambda told, k=k: told['count'] == k)
-        assert json.loads(asleep.news['teaching'])['count'] == 49
-        assert len(asleep.news) <= 3
-        stuck.set_result(None)
-        assert (await page.until('teaching'))['count'] == 49
-        other.close()
-
-    def first_of(it):
-        return it.first
-
-    async def with_first(it, page):
-        await page.until('hand')
-        (it.first,) = it.server.pages
-        await test(it, page)
-
-    served(with_first)
 
 
 def test_what_was_told_is_told_to_a_page_that_is_opened_later_and_again_only_when_it_changes():
@@ -242,125 +161,6 @@ def test_with_read_only_nothing_is_changed_and_all_is_shown():
     served(test, access=Access(read_only=True), prepare=prepare)
 
 
-@pytest.mark.parametrize(
-    'text',
-    ['', 'words', '[]', '{', '[' * 100_000, '{"type": ["look"]}', '{"type": "look", "fingers": 3}',
-     '{"type": "look", "fingers": ["x"], "channels": [1e400]}', b'\xff'],
-)  # fmt: skip
-def test_whatever_a_page_says_the_others_are_served(text):
-    async def test(it, page):
-        await page.look()
-        other = await LiveClient.open(it.url)
-        await other._socket.write_message(text, binary=isinstance(text, bytes))
-        for _ in range(5):
-            await page.drawn_frame()
-        other.close()
-
-    served(test)
-
-
-def test_a_connection_that_breaks_while_it_is_sent_to_ends_nothing_else():
-    async def test(it, page):
-        await page.until('hand')
-        broken = await LiveClient.open(it.url)
-        await broken.until('hand')
-        for each in it.server.pages:
-            each.ws_connection.stream.close()
-        it.server.tell('teaching', {'count': 1})
-        it.server.tick()
-        later = await LiveClient.open(it.url)
-        assert (await later.until('teaching'))['count'] == 1
-        for each in (later, broken):
-            each.close()
-
-    served(test)
-
-
-def test_a_page_that_cannot_be_drawn_is_closed_and_the_others_are_served(monkeypatch, caplog):
-    frame = Look.frame
-
-    def fail(look, *words):
-        if not look.finger:
-            raise ZeroDivisionError('in a frame')
-        return frame(look, *words)
-
-    monkeypatch.setattr(Look, 'frame', fail)
-
-    async def test(it, page):
-        await page.look()
-        other = await LiveClient.open(it.url)
-        await other.look(finger='')
-        while await other._socket.read_message() is not None:
-            pass
-        assert 'has failed at this page' in other._socket.close_reason
-        assert 'in a frame' in caplog.text
-        other.close()
-        await page.drawn_frame()
-        await page.drawn_frame()
-
-    served(test)
-
-
-def test_a_page_that_sleeps_is_given_up_and_the_others_are_served(monkeypatch):
-    monkeypatch.setattr(server, 'PING_S', 0.2)
-
-    async def test(it, page):
-        await page.until('hand')
-        port = port_of(it)
-        _, writer = await asyncio.open_connection('127.0.0.1', port)
-        headers = {'Host': f'127.0.0.1:{port}', **UPGRADE}
-        lines = ('GET /live HTTP/1.1', *(f'{name}: {value}' for name, value in headers.items()))
-        writer.write('\r\n'.join((*lines, '', '')).encode())
-        # A page that reads answers when it is asked whether it is there.
-        told = asyncio.create_task(page.until('teaching'))
-        # The other takes part in nothing, not in the end of the connection either: that takes
-        # seconds, in which there is something to tell.
-        while not any(each.ws_connection.is_closing() for each in it.server.pages):
-            await asyncio.sleep(0.01)
-        it.server.tell('teaching', {'count': 1})
-        assert (await told)['count'] == 1
-        await ticks(it, 3)
-        writer.close()
-
-    served(test)
-
-
-def test_a_connection_that_asks_for_nothing_is_closed_and_pages_stay(monkeypatch):
-    monkeypatch.setattr(server, 'UNASKED_S', 0.1)
-
-    async def test(it, page):
-        await page.until('hand')
-        reader, writer = await asyncio.open_connection('127.0.0.1', port_of(it))
-        assert await reader.read() == b''
-        writer.close()
-        it.server.tell('teaching', {'count': 1})
-        await page.until('teaching')
-
-    served(test)
-
-
-def test_a_page_that_asks_and_reads_no_answer_is_closed(monkeypatch):
-    monkeypatch.setattr(server, 'MOST_REQUESTS', 3)
-    asked = []
-
-    async def wait(message):
-        asked.append(message['id'])
-        await asyncio.Event().wait()
-
-    async def test(it, page):
-        other = await LiveClient.open(it.url)
-        for k in range(5):
-            await other.say('wait', id=k)
-        while await other._socket.read_message() is not None:
-            pass
-        assert other._socket.close_reason == 'more than 3 requests wait for an answer'
-        assert asked == [0, 1, 2]
-        other.close()
-        await page.until('hand')
-
-    served(test, prepare=lambda of: of.on_request('wait', wait))
-
-
 def test_a_look_that_is_not_allowed_is_refused_in_words():
     async def test(it, page):
         await page.say('look', fingers=['/index/slip_detector'], window_s=1e9)
@@ -410,16 +210,6 @@ def test_beyond_loopback_the_address_needs_its_token():
         assert (await status_of(it.url))[0] == 200
 
     served(test, access=Access('0.0.0.0', token='right'))
-
-
-def test_no_more_pages_than_the_server_can_serve(monkeypatch):
-    monkeypatch.setattr(server, 'MOST_PAGES', 1)
-
-    async def test(it, page):
-        await page.until('hand')
-        assert await refused(f'{it.url}live') == 403
-
-    served(test)
 
 
 def test_when_it_stops_the_pages_are_told_so():
