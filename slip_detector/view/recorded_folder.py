@@ -126,7 +126,8 @@ class RecordedFolder:
         ValueError
             When no recording has this name.
         """
-        if not isinstance(name, str) or name not in self.recordings:
+        # Somebody may have put a link in its place.
+        if not isinstance(name, str) or name not in self.recordings or not self._is_bag(name):
             raise ValueError(
                 f'there is no recording {str(name)[:40]!r}, allowed: those of the list'
             )

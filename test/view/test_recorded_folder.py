@@ -119,6 +119,18 @@ def test_labels_that_a_person_wrote_are_counted_and_deleted_with_their_recording
     assert [*recorded.folder.iterdir()] == []
 
 
+def test_a_link_that_took_the_place_of_a_recording_is_not_followed(recorded, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp('elsewhere')
+    written(elsewhere, 'slip_1', slips=1)
+    written(recorded.folder, 'slip_1', slips=1)
+    recorded.look()
+    (recorded.folder / 'slip_1').rename(recorded.folder / 'away')
+    (recorded.folder / 'slip_1').symlink_to(elsewhere / 'slip_1')
+    with pytest.raises(ValueError, match='there is no recording'):
+        recorded.delete('slip_1')
+    assert (elsewhere / 'slip_1' / 'slip_1.mcap').exists()
+
+
 def test_what_somebody_put_beside_a_recording_is_not_deleted(recorded):
     written(recorded.folder, 'slip_1', slips=1)
     recorded.look()
