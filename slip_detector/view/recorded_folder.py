@@ -44,6 +44,7 @@ class Recorded(NamedTuple):
     ----------
     name : str
     duration_s : float
+        Time of its rows, gaps left out.
     slips : int
     note : str
         What is wrong with it, in words; empty where nothing is.
@@ -183,12 +184,9 @@ class RecordedFolder:
         """Read how long a recording is, and how many slips it has."""
         rows = slips = 0
         slipping = False
-        begin_ns = end_ns = 0
         try:
             recording = open_recording(self.folder / name)
             for piece in recording.rows():
-                begin_ns = begin_ns if rows else int(piece.stamps_ns[0])
-                end_ns = int(piece.stamps_ns[-1])
                 rows += len(piece.stamps_ns)
                 for slip in [] if piece.truth is None else piece.truth.tolist():
                     slips += slip and not slipping
@@ -198,7 +196,7 @@ class RecordedFolder:
         note = f'was not ended: {recording.counts.lost}' if recording.counts.lost else ''
         if not slips and name.startswith('slip_'):
             note = note or NO_SLIP
-        return Recorded(name, (end_ns - begin_ns) * 1e-9, slips, note)
+        return Recorded(name, rows / recording.sample_rate_hz, slips, note)
 
 
 def _order(name: str) -> tuple[int, int]:

@@ -63,7 +63,7 @@ class Recorder:
         self._beginnings = finger.track.beginnings
         self._taken = since
         self._slipping = self._slipped = False
-        self._first_ns = self._last_ns = 0
+        self._rate_hz = finger.config.sample_rate_hz
         self.slips = self.rows = self.lost_rows = 0
         with write_errors_of(path):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -77,8 +77,8 @@ class Recorder:
 
     @property
     def duration_s(self) -> float:
-        """How long it is so far."""
-        return (self._last_ns - self._first_ns) * 1e-9
+        """How long it is so far, gaps left out."""
+        return self.rows / self._rate_hz
 
     @property
     def interrupted(self) -> bool:
@@ -118,8 +118,6 @@ class Recorder:
                 self._abort()
                 raise
         self._taken = rows.appended
-        self._first_ns = self._first_ns if self.rows else int(stamps_ns[0])
-        self._last_ns = int(stamps_ns[-1])
         self.rows += len(stamps_ns)
         # One during which no row came is not in the file.
         self.slips += self._slipping and not self._slipped

@@ -45,7 +45,7 @@ def test_recordings_are_listed_in_the_order_in_which_they_were_made(recorded):
         written(recorded.folder, name, slips=3 * name.startswith('slip'))
     recorded.look()
     assert [*recorded.recordings] == ['rest_1', 'slip_9', 'slip_10', 'taps_1']
-    assert recorded.recordings['slip_9'] == Recorded('slip_9', pytest.approx(0.99), 3)
+    assert recorded.recordings['slip_9'] == Recorded('slip_9', pytest.approx(1.0), 3)
 
 
 def test_what_is_no_recording_is_not_listed(recorded):

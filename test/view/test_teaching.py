@@ -227,6 +227,18 @@ def test_a_clock_that_is_set_back_ends_the_recording(lesson):
     assert seconds(lesson.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
 
 
+def test_a_clock_that_is_set_forward_makes_a_recording_no_longer(lesson):
+    lesson.teaching.start(FINGER, 'rest')
+    lesson.play(1.0)
+    lesson.hand.simulated[FINGER].at_ns += 3_600_000_000_000
+    lesson.play(1.0)
+    lesson.teaching.stop()
+    assert lesson.teaching.words == 'rest_1 has 2.0 s'
+    again = Lesson(lesson.folder).teaching.folder_of(FINGER)
+    again.look()
+    assert again.recordings['rest_1'].duration_s == pytest.approx(2.0, abs=0.01)
+
+
 def test_a_detector_with_another_rate_begins_anew_and_slips_are_recorded_still(lesson):
     lesson.slip()
     lesson.teaching.start(FINGER, 'rest')
