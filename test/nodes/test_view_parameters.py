@@ -27,7 +27,7 @@ from slip_detector.nodes import view_parameters
 from slip_detector.nodes.view_parameters import ParameterClient, changes_in
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameter_panel import Reading, typed
-from slip_detector.view.saving import parameter_file, save
+from slip_detector.view.saving import launch_arguments, parameter_file, save
 
 
 @pytest.fixture
@@ -202,3 +202,20 @@ def test_what_is_saved_starts_a_detector_that_is_equal(bench, client_of, tmp_pat
     assert config_of(after) == before
     assert before.groups == {'on': (3, 1, 2)}
     assert before.heartbeat_hz == 5.0
+
+
+def test_what_is_saved_of_several_starts_them_with_what_the_page_says(bench, client_of, tmp_path):
+    configs = {
+        '/left/thumb/slip_detector': DetectorConfig(threshold=0.2),
+        '/left/index/slip_detector': DetectorConfig(threshold=0.3),
+    }
+    path = save(tmp_path, 'left', parameter_file(configs), ['Saved.'])
+    said = dict(word.split(':=') for word in launch_arguments(configs, path).split())
+    assert said.keys() == {'namespace', 'fingers', 'config'}
+    # As the launch file starts them.
+    bench.start(
+        'slip_detector', '--params-file', said['config'], '-r', f'__ns:=/{said["namespace"]}',
+        '--', '--fingers', said['fingers'],
+    )  # fmt: skip
+    for name, config in configs.items():
+        assert config_of(read(client_of(name))) == config
