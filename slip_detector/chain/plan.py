@@ -14,8 +14,8 @@
 
 """The plan: all that the kernel needs beside samples and state, in one array.
 
-A call of compiled code takes 100 ns for each array that it is given, and a microsecond for a tuple
-of arrays. Therefore a *plan* is one array of float64, and the kernel divides it into its parts:
+A call of compiled code takes 260 ns longer with a tuple of all these arrays and numbers than with
+one array. Therefore a *plan* is one array of float64, and the kernel divides it into its parts:
 :class:`Settings`, then the tiles' ranges of good samples and least noise floors and the filters'
 sections, then :class:`Layout` as the bits of integers, then :class:`Scratch`. Without Numba
 dividing it would cost each call time: there a plan is its :class:`Parts`.
