@@ -17,7 +17,7 @@ ROS ?= jazzy
 VENV := .venv$(if $(filter-out jazzy,$(ROS)),-$(ROS))
 EXTRA := ros$(if $(filter-out jazzy,$(ROS)),-$(ROS))
 BIN := $(VENV)/bin
-# Ubuntu 24.04's NumPy and SciPy, for the tests of all that computes.
+# Ubuntu 24.04's NumPy and SciPy, and a Numba of that time, for the tests of all that computes.
 OLDER := .venv-numpy1
 CHECKS := build/checks-$(ROS)
 COLCON := build/colcon-$(ROS)
@@ -86,7 +86,8 @@ $(VENV)/installed: setup.py
 $(OLDER)/installed: setup.py
 	$(PYTHON) -m venv $(OLDER)
 	$(OLDER)/bin/python -m pip install --quiet --editable '.[bags,numba,tune]' 'numpy==1.26.*' \
-		'scipy==1.11.*' hypothesis 'pytest<9' pytest-timeout pytest-xdist
+		'scipy==1.11.*' "numba==0.58.*; python_version < '3.12'" \
+		"numba==0.59.*; python_version >= '3.12'" hypothesis 'pytest<9' pytest-timeout pytest-xdist
 	touch $@
 
 $(CHECKS):
@@ -113,7 +114,7 @@ $(CHECKS)/nodes: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
 $(CHECKS)/numpy1: $(PACKAGE) $(TESTS) | $(CHECKS)
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
 		$(MAKE) --no-print-directory $(OLDER)/installed && \
-		echo 'All that computes, with NumPy 1.26 and SciPy 1.11:' && \
+		echo 'All that computes, with NumPy 1.26, SciPy 1.11 and Numba 0.58:' && \
 		SLIP_NEED_BROWSER= $(OLDER)/bin/python $(PYTEST) $(COMPUTING_TESTS); \
 	else echo 'NumPy 1.26 is left out: it needs Python 3.12 or older.'; fi
 	touch $@

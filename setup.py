@@ -59,7 +59,7 @@ setup(
     ],
     extras_require={
         # A robot may lack Numba: the chain then runs interpreted.
-        'numba': ['numba>=0.57'],
+        'numba': ['numba>=0.58'],
         # It reads and writes bags; npz and csv need none of it.
         'bags': ['rosbags>=0.11'],
         'ros': ros_wheels('jazzy'),

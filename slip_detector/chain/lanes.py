@@ -27,6 +27,7 @@ Every operation is rounded as IEEE 754 demands, and a multiplication is never fu
 addition: with and without Numba, and on any processor, the bits are the same.
 """
 
+import inspect
 import operator
 
 import numpy as np
@@ -107,6 +108,9 @@ else:
     from numba.core import cgutils, types
     from numba.extending import intrinsic, models, overload, register_model
     from numba.np.arrayobj import populate_array
+
+    #: Since llvmlite 0.44, of Numba 0.61, a pointer does not know what it points to.
+    NEEDS_TYPE = 'typ' in inspect.signature(ir.IRBuilder.load).parameters
 
     class Lanes(types.Type):
         """Numba's type of a vector.
@@ -221,7 +225,8 @@ else:
         def codegen(context, builder, signature, args):
             address = _address(context, builder, *signature.args, *args)
             vector = ir.VectorType(kind.bits, LANES)
-            return builder.load(builder.bitcast(address, vector.as_pointer()), align=8, typ=vector)
+            pointer = builder.bitcast(address, vector.as_pointer())
+            return builder.load(pointer, align=8, **({'typ': vector} if NEEDS_TYPE else {}))
 
         return kind(array, at), codegen
 
