@@ -402,6 +402,8 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
         sections=len(sections),
         votes=len(wanted),
     )
+    # With other types Numba would compile again.
+    settings = Settings(*map(float, settings))
     least_db = least_floors_db(config)
     integers = np.concatenate(layout).view(np.float64)
     told = np.concatenate([settings, ranges.ravel(), least_db.ravel(), sections.ravel(), integers])

@@ -247,11 +247,17 @@ def runs_here(words):
     return ' '.join(words) not in RUN_BY and bool(of_the_package(words))
 
 
+def launch_arguments(name):
+    """Return what a launch file declares, and those that it includes."""
+    text = (ROOT / 'launch' / name).read_text(encoding='utf-8')
+    declared = set(re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", text))
+    return declared.union(*map(launch_arguments, re.findall(r"'(\w+\.launch\.py)'", text)))
+
+
 def run_by(words):
     """Return the key of :data:`RUN_BY` for a command; fail where its arguments are not right."""
     if words[:3] == ['ros2', 'launch', 'slip_detector']:
-        text = (ROOT / 'launch' / words[3]).read_text(encoding='utf-8')
-        declared = set(re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", text))
+        declared = launch_arguments(words[3])
         assert {word.split(':=')[0] for word in words[4:]} <= declared, words
         return ' '.join(words[:4])
     if words[:3] == ['python', '-m', 'benchmarks']:
