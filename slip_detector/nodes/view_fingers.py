@@ -53,7 +53,7 @@ OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
 
-class Reading(NamedTuple):
+class ReadTask(NamedTuple):
     """Parameters that are being read, and whether that is because a detector was started."""
 
     task: asyncio.Task[None]
@@ -81,7 +81,7 @@ class RosHand(Hand):
         # Fingers that have gone, the latest last: what changes with a restart is told when they
         # come again.
         self._past: dict[str, Finger] = {}
-        self._readings: dict[str, Reading] = {}
+        self._readings: dict[str, ReadTask] = {}
         self._watched: dict[str, FingerTopics] = {}
         # Who publishes the samples of a finger that is watched: what they say is shown too.
         self._senders: dict[str, list[str]] = {}
@@ -219,7 +219,7 @@ class RosHand(Hand):
             before.task.cancel()
             started |= before.started
         task = asyncio.get_running_loop().create_task(self._take_parameters(name, started))
-        self._readings[name] = Reading(task, started)
+        self._readings[name] = ReadTask(task, started)
 
     async def _take_parameters(self, name: str, started: bool) -> None:
         try:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameter_panel import ParameterPanel
 from slip_detector.view.spectrum import Spectrum, spectrum
-from slip_detector.view.track import Track
+from slip_detector.view.track import LiveTrack
 
 #: A detector that has not been heard for so many of its heartbeats has died or hangs.
 SILENT_BEATS = 3.0
@@ -86,7 +86,7 @@ class Finger:
 
     def __post_init__(self) -> None:
         self.groups: NDArray[np.bool_] = np.zeros(len(self.config.groups), np.bool_)
-        self.track = Track(self.config)
+        self.track = LiveTrack(self.config)
         # A detector that is starting may be read before it publishes, which tells that it started.
         self._channels_at_start = self.config.channels
         self._restart, self._restart_s = '', float('-inf')
@@ -117,7 +117,7 @@ class Finger:
         before, self.config = self.config, config
         if (config.channels, config.sample_rate_hz) != (before.channels, before.sample_rate_hz):
             beginnings = self.track.beginnings
-            self.track = Track(config)
+            self.track = LiveTrack(config)
             self.track.beginnings = beginnings + 1
             self.rest = None
         if list(config.groups) != list(before.groups):

@@ -24,7 +24,7 @@ import numpy as np
 from slip_detector.view.frames import packed
 from slip_detector.view.hand import Finger, Hand
 from slip_detector.view.spectrum import spectrum
-from slip_detector.view.track import Track
+from slip_detector.view.track import LiveTrack
 
 #: Seconds that a page may show at once, and pixels over which.
 WINDOW_S, PIXELS = (0.02, 60.0), (10, 4000)
@@ -105,7 +105,7 @@ class Look:
         """Names of all fingers that are looked at."""
         return {*self.fingers, *filter(None, [self.finger])}
 
-    def frame(self, hand: Hand, number: int, held: Track | None = None) -> bytes:
+    def frame(self, hand: Hand, number: int, held: LiveTrack | None = None) -> bytes:
         """Return the next frame.
 
         Parameters
@@ -161,7 +161,7 @@ class Look:
             'silent': silent,
         }
 
-    def _traces(self, finger: Finger, track: Track, arrays: dict[str, Any]) -> dict[str, Any]:
+    def _traces(self, finger: Finger, track: LiveTrack, arrays: dict[str, Any]) -> dict[str, Any]:
         """Add the columns of volts, levels, slip and truth that were completed meanwhile."""
         channels = self._channels[self._channels < track.channels]
         beginning = finger.starts, track.beginnings

@@ -37,7 +37,7 @@ NO_SLIP = 'has no slip'
 HELD_OUT = 1 / 3
 
 
-class Recorded(NamedTuple):
+class RecordingSummary(NamedTuple):
     """A recording that was made on the live page.
 
     Attributes
@@ -51,7 +51,7 @@ class Recorded(NamedTuple):
 
     Examples
     --------
-    >>> taught = Recorded('slip_1', duration_s=20.0, slips=0)
+    >>> taught = RecordingSummary('slip_1', duration_s=20.0, slips=0)
     >>> taught.kind, taught.usable
     ('slip', False)
     """
@@ -83,7 +83,8 @@ class RecordedFolder:
     Attributes
     ----------
     recordings : dict
-        Each :class:`Recorded` by its name, those of a kind in the order in which they were made.
+        Each :class:`RecordingSummary` by its name; those of a kind in the order in which they
+        were made.
 
     Examples
     --------
@@ -94,7 +95,7 @@ class RecordedFolder:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.recordings: dict[str, Recorded] = {}
+        self.recordings: dict[str, RecordingSummary] = {}
         self._changing = threading.Lock()
 
     def look(self) -> None:
@@ -114,7 +115,7 @@ class RecordedFolder:
         numbers = [_order(name)[1] for name in self._names() if name.startswith(f'{kind}_')]
         return self.folder / f'{kind}_{max(numbers, default=0) + 1}'
 
-    def put(self, recorded: Recorded) -> None:
+    def put(self, recorded: RecordingSummary) -> None:
         """Take a recording that was made just now, which need not be read."""
         with self._changing:
             self._list({**self.recordings, recorded.name: recorded})
@@ -167,7 +168,7 @@ class RecordedFolder:
         by_kind = [every_so_many(self.of_kind(kind), HELD_OUT)[1] for kind in KINDS]
         return [name for held_out in by_kind for name in held_out]
 
-    def _list(self, every: dict[str, Recorded]) -> None:
+    def _list(self, every: dict[str, RecordingSummary]) -> None:
         self.recordings = {name: every[name] for name in sorted(every, key=_order)}
 
     def _names(self) -> list[str]:
@@ -180,7 +181,7 @@ class RecordedFolder:
         path = self.folder / name
         return not path.is_symlink() and (path / f'{name}.mcap').is_file()
 
-    def _read(self, name: str) -> Recorded:
+    def _read(self, name: str) -> RecordingSummary:
         """Read how long a recording is, and how many slips it has."""
         rows = slips = 0
         slipping = False
@@ -192,11 +193,11 @@ class RecordedFolder:
                     slips += slip and not slipping
                     slipping = slip
         except ValueError as error:
-            return Recorded(name, 0.0, 0, str(error))
+            return RecordingSummary(name, 0.0, 0, str(error))
         note = f'was not ended: {recording.counts.lost}' if recording.counts.lost else ''
         if not slips and name.startswith('slip_'):
             note = note or NO_SLIP
-        return Recorded(name, rows / recording.sample_rate_hz, slips, note)
+        return RecordingSummary(name, rows / recording.sample_rate_hz, slips, note)
 
 
 def _order(name: str) -> tuple[int, int]:

@@ -32,7 +32,7 @@ from slip_detector.view.description import diagnostics, hand_description
 from slip_detector.view.hand import Finger, Hand
 from slip_detector.view.look import Look
 from slip_detector.view.pages import page_files
-from slip_detector.view.track import Track
+from slip_detector.view.track import LiveTrack
 
 #: Shortest time between two frames.
 FRAME_S = 1 / 30
@@ -289,7 +289,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.server = server
         self.look: Look | None = None
         # The finger and its last minute as it was when the page began to look at the past.
-        self._held: tuple[Finger, Track] | None = None
+        self._held: tuple[Finger, LiveTrack] | None = None
         self.news: dict[str, str] = {}
         self._frames = self._drawn = 0
         self._sent_s = float('-inf')

@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.view.hand import Finger, Hand
-from slip_detector.view.recorded_folder import KINDS, NO_SLIP, Recorded, RecordedFolder
+from slip_detector.view.recorded_folder import KINDS, NO_SLIP, RecordedFolder, RecordingSummary
 from slip_detector.view.recorder import Recorder
-from slip_detector.view.track import Track
+from slip_detector.view.track import LiveTrack
 
 #: Rest in the recording of a slip: before the label, from what came before the key was pressed,
 #: and after it. With less a chain has not settled before the slip, which then is not scored.
@@ -83,7 +83,7 @@ class Teaching:
         self._ends_at_s = 0.0
         # Of each finger the track and its row at which the last slip ended: the rest before the
         # next one is not older.
-        self._slip_ended: dict[str, tuple[Track, int]] = {}
+        self._slip_ended: dict[str, tuple[LiveTrack, int]] = {}
         self.words = ''
 
     @property
@@ -352,7 +352,7 @@ class Teaching:
             if note:
                 self.words = f'{name} {note}; nothing of it is left'
             return
-        recorded = Recorded(name, recorder.duration_s, recorder.slips, note)
+        recorded = RecordingSummary(name, recorder.duration_s, recorder.slips, note)
         self._folders[self._name].put(recorded)
         self.words = f'{name} has {recorded.duration_s:.1f} s'
         if note:

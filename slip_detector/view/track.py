@@ -157,7 +157,7 @@ class Rows:
         self._end = n
 
 
-class Track:
+class LiveTrack:
     """What came from one finger in the last minute.
 
     Samples and what the detector says of them come in messages of their own, and keep rows of
@@ -181,7 +181,7 @@ class Track:
 
     Examples
     --------
-    >>> track = Track(ChainConfig(channels=2))
+    >>> track = LiveTrack(ChainConfig(channels=2))
     >>> track.take_samples(np.array([5, 9]), np.full((2, 2), 4.3), truth=np.array([0, 1]))
     >>> track.samples.field('truth')[:, 0].tolist()
     [False, True]

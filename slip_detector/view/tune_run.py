@@ -67,12 +67,12 @@ OF_THE_CHAIN = {field.name for field in dataclasses.fields(ChainConfig)}
 _TRIAL = re.compile(r'^(\d+) of (\d+) trials, (.*)')
 
 
-class Compared(NamedTuple):
+class Comparison(NamedTuple):
     """A figure of the detector as it runs and as it was tuned, on what was held out.
 
     Examples
     --------
-    >>> Compared('missed slips', '3 of 20', '1 of 20', 'better').after
+    >>> Comparison('missed slips', '3 of 20', '1 of 20', 'better').after
     '1 of 20'
     """
 
@@ -107,7 +107,7 @@ class TuneRun:
         Which share of the search is done.
     failed : str
         Why the run failed, in one line; '' where it did not.
-    table : list of Compared
+    table : list of Comparison
         Empty until it has ended.
     found : DetectorConfig or None
         What was found, once it was compared.
@@ -140,7 +140,7 @@ class TuneRun:
         self.lines: list[str] = []
         self.step = self.failed = ''
         self.share = 0.0
-        self.table: list[Compared] = []
+        self.table: list[Comparison] = []
         self.found: DetectorConfig | None = None
         self.changes = 0
         self.running = False
@@ -357,7 +357,7 @@ class TuneRun:
                 os.killpg(self._process.pid, number)
 
 
-def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Compared]:
+def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Comparison]:
     """Return two sets of figures side by side.
 
     Examples
@@ -376,7 +376,7 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Compar
         # That slip was ON before it slipped is neither.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
             change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
-        rows.append(Compared(title, figure_text(name, was), figure_text(name, now), change))
+        rows.append(Comparison(title, figure_text(name, was), figure_text(name, now), change))
     return rows
 
 

@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
 from slip_detector.recordings import write_recording
-from slip_detector.view.recorded_folder import KINDS, NO_SLIP, Recorded, RecordedFolder
+from slip_detector.view.recorded_folder import KINDS, NO_SLIP, RecordedFolder, RecordingSummary
 
 
 def written(folder, name, slips=0):
@@ -45,7 +45,7 @@ def test_recordings_are_listed_in_the_order_in_which_they_were_made(recorded):
         written(recorded.folder, name, slips=3 * name.startswith('slip'))
     recorded.look()
     assert [*recorded.recordings] == ['rest_1', 'slip_9', 'slip_10', 'taps_1']
-    assert recorded.recordings['slip_9'] == Recorded('slip_9', pytest.approx(1.0), 3)
+    assert recorded.recordings['slip_9'] == RecordingSummary('slip_9', pytest.approx(1.0), 3)
 
 
 def test_what_is_no_recording_is_not_listed(recorded):
@@ -81,15 +81,15 @@ def test_what_ends_while_the_folder_is_looked_at_is_listed_as_it_ended(recorded,
     def read_before_the_end(name):
         too_early = read(name)._replace(note='was not ended')
         for ended in ('rest_1', 'rest_2'):
-            recorded.put(Recorded(ended, 9.0, 0))
+            recorded.put(RecordingSummary(ended, 9.0, 0))
         written(recorded.folder, 'rest_2')
         return too_early
 
     monkeypatch.setattr(recorded, '_read', read_before_the_end)
     recorded.look()
     assert [*recorded.recordings.values()] == [
-        Recorded('rest_1', 9.0, 0),
-        Recorded('rest_2', 9.0, 0),
+        RecordingSummary('rest_1', 9.0, 0),
+        RecordingSummary('rest_2', 9.0, 0),
     ]
 
 
@@ -146,7 +146,7 @@ def test_what_somebody_put_beside_a_recording_is_not_deleted(recorded):
 def test_of_each_kind_some_are_held_out_and_some_are_not(kinds):
     recorded = RecordedFolder(None)
     for number, kind in enumerate(kinds, start=1):
-        recorded.put(Recorded(f'{kind}_{number}', 1.0, int(kind == 'slip')))
+        recorded.put(RecordingSummary(f'{kind}_{number}', 1.0, int(kind == 'slip')))
     held_out = recorded.held_out()
     for kind in KINDS:
         n, held = kinds.count(kind), sum(name.startswith(kind) for name in held_out)

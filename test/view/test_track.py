@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.view.track import KEPT_S, MOST_BYTES, SET_BACK_NS, Rows, Track
+from slip_detector.view.track import KEPT_S, MOST_BYTES, SET_BACK_NS, LiveTrack, Rows
 
 VALUES = st.floats(-1e3, 1e3, width=32) | st.just(np.nan)
 
@@ -108,7 +108,7 @@ def test_values_beyond_float32_are_infinite_and_no_warning():
 
 
 def test_a_clock_that_is_set_back_begins_a_new_track_and_a_late_message_does_not():
-    track = Track(ChainConfig(channels=2))
+    track = LiveTrack(ChainConfig(channels=2))
     volts, truth = np.zeros((2, 2)), np.zeros(2)
     at_ns = 10**18
     track.take_samples(np.array([at_ns, at_ns + 5]), volts, truth)
@@ -122,7 +122,7 @@ def test_a_clock_that_is_set_back_begins_a_new_track_and_a_late_message_does_not
 
 @pytest.mark.parametrize(('channels', 'rate_hz'), [(16, 380.0), (1000, 380.0), (10**6, 380.0)])
 def test_a_minute_is_kept_or_as_much_as_memory_allows(channels, rate_hz):
-    track = Track(ChainConfig(channels=channels, sample_rate_hz=rate_hz))
+    track = LiveTrack(ChainConfig(channels=channels, sample_rate_hz=rate_hz))
     size = sum(
         values.nbytes
         for rows in (track.samples, track.levels)
