@@ -186,7 +186,8 @@ class ServedHand:
 def served_beside(hand, **how):
     """Serve a hand in a thread of its own, for a browser; gives what is served.
 
-    ``call(function)`` runs a function in that thread, as the hand is only touched there.
+    ``call(function)`` runs a function in that thread, as the hand is only touched there, and
+    ``before_end(function)`` is called before the server ends.
     """
     begun = queue.Queue()
 
@@ -215,7 +216,9 @@ def served_beside(hand, **how):
 
     served.call = call
     try:
-        yield served
+        with contextlib.ExitStack() as pages:
+            served.before_end = pages.callback
+            yield served
     finally:
         loop.call_soon_threadsafe(end.set)
         thread.join()

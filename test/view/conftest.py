@@ -35,15 +35,14 @@ def open_page(browser):
 
     def open_(served, width=1366, height=768):
         page = browser.new_page(viewport={'width': width, 'height': height})
-        opened.append((page, complaints_of(page, served.url.partition('?')[0])))
+        opened.append(complaints_of(page, served.url.partition('?')[0]))
+        served.before_end(page.close)  # It would complain of the end.
         page.goto(served.url)
         page.locator('[data-state]').first.wait_for(state='attached', timeout=60_000)
         return page
 
     yield open_
-    for page, _ in opened:
-        page.close()
-    assert [complaints for _, complaints in opened if complaints] == []
+    assert [complaints for complaints in opened if complaints] == []
 
 
 @pytest.fixture
@@ -66,10 +65,7 @@ def played(open_page, tmp_path):
             TeachingRequests(server, tmp_path)
 
         served = ends.enter_context(served_beside(hand, access=access, prepare=prepare_server))
-        page = open_page(served)
-        # Before the server ends, which a page would complain of.
-        ends.callback(page.close)
-        return served, page
+        return served, open_page(served)
 
     with contextlib.ExitStack() as ends:
         yield open_

@@ -89,7 +89,6 @@ def test_axe_finds_nothing_on_a_narrow_page_that_may_change_nothing(played, viol
     page = open_page(served, width=420, height=900)
     expect(page.locator('[data-state=rest]')).to_be_visible(timeout=60_000)
     assert violations(page) == []
-    page.close()
 
 
 def test_each_part_has_a_role_and_a_name(played):

@@ -88,7 +88,6 @@ def test_a_slip_view_that_hangs_is_told_from_one_that_has_nothing_new(open_page)
             hanging.join()
         expect(words).to_have_text('connected', timeout=PATIENCE_MS)
         expect(card).not_to_have_attribute('data-state', 'lost')
-        page.close()
 
 
 def test_a_page_that_was_loaded_again_goes_on(open_page):
@@ -97,7 +96,6 @@ def test_a_page_that_was_loaded_again_goes_on(open_page):
         for _ in range(3):
             page.reload()
             drawn(page)
-        page.close()
 
 
 def test_without_its_token_the_page_is_not_shown(browser):
@@ -143,4 +141,3 @@ def test_a_page_that_is_hidden_looks_at_nothing_and_goes_on_when_it_is_seen_agai
         page.evaluate(hide, False)
         until(watched, 'the page to look again')
         drawn(page)
-        page.close()

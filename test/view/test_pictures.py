@@ -54,10 +54,7 @@ def opened(open_page, tmp_path):
             ParameterRequests(server, tmp_path)
             TeachingRequests(server, tmp_path)
 
-        page = open_page(ends.enter_context(served_beside(hand, prepare=prepare_server)))
-        # Before the server ends, which a page would complain of.
-        ends.callback(page.close)
-        return page
+        return open_page(ends.enter_context(served_beside(hand, prepare=prepare_server)))
 
     with contextlib.ExitStack() as ends:
         yield open_
