@@ -48,6 +48,9 @@ POLL_S = 0.02
 #: Period at which it checks whether everything has been played.
 LOOK_S = 0.1
 
+#: A driver that has played everything stays for so long.
+LINGER_S = 0.5
+
 
 class Driver(Node):
     """Publishes each sample when it is due, however late the samples before it were.
@@ -168,6 +171,8 @@ class Driver(Node):
             source = open_source(self.config, repetition)
             gripped_n = None
         self.get_logger().info(f'played all {played} samples')
+        # Who has not received the last samples loses them when their publisher goes.
+        yield time.monotonic() + LINGER_S
 
     def _moment(self) -> tuple[float, int]:
         """Return one moment on the clock of :func:`time.monotonic` and, in ns, on the node's.
