@@ -48,8 +48,8 @@ POLL_S = 0.02
 #: Period at which it checks whether everything has been played.
 LOOK_S = 0.1
 
-#: A driver that has played everything stays for so long.
-LINGER_S = 0.5
+#: A driver that has played everything stays for so long; no detector misses samples meanwhile.
+LINGER_S = 0.2
 
 
 class Driver(Node):
