@@ -12,28 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The checks of a chain's parameters against each other.
+"""Checks of a chain's parameters against each other.
 
-Each takes a ``ChainConfig`` and raises a ValueError of one line, with the parameter, its value
-and what is allowed.
+Each check takes a ``ChainConfig`` and raises a ValueError of one line: the parameter, its value
+and the allowed values.
 """
 
 from typing import Any
 
 from slip_detector.parameters.conversion import check_once
 
-#: Lowest band edge as a share of the sample rate: a filter with a lower one is lost to round-off.
+#: Lowest band edge, as a fraction of the sample rate; below it, round-off ruins the filter.
 LOWEST_EDGE = 1e-5
 
-#: Each stop-band is a filter of its own, which every row goes through.
+#: Most stop-bands: each one adds a filter to the computation of every row.
 MOST_STOPBANDS = 32
 
-#: Longest time that mains periods may take to be whole in rows.
+#: Longest delay of the mains comb; it must be whole in both rows and mains periods.
 LONGEST_COMB_S = 0.25
 
 
 def check_channels(config: Any) -> None:
-    """Check names and disabled channels against their number.
+    """Check the channel names and the disabled channels against the number of channels.
 
     Examples
     --------
@@ -101,7 +101,7 @@ def check_groups(config: Any) -> None:
 
 
 def check_evidence(config: Any) -> None:
-    """Check what the decision by evidence needs; with another one only the number of floors.
+    """Check the parameters of the evidence decision; without it, only the number of floors.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def check_evidence(config: Any) -> None:
 
 
 def check_filters(config: Any) -> None:
-    """Check the edges and degrees of the filters, and the mains, against the sample rate.
+    """Check the edges and degrees of the filters, and the mains frequency, at the sample rate.
 
     Examples
     --------
@@ -187,7 +187,7 @@ def check_filters(config: Any) -> None:
 
 
 def _check_edge(config: Any, name: str, edge_hz: float) -> None:
-    # 1e-5 of a rate is often a last digit above what a person writes for it.
+    # Rounding can put 1e-5 times the rate one last digit above the number that a user writes.
     lowest = LOWEST_EDGE * config.sample_rate_hz * (1 - 1e-12)
     nyquist = config.sample_rate_hz / 2
     if not lowest <= edge_hz < nyquist:
@@ -206,7 +206,7 @@ def _check_order(name: str, low_hz: float, high_hz: float) -> None:
 
 
 def check_windows(config: Any) -> None:
-    """Check the windows and the range of samples.
+    """Check the windows and the valid range of the samples.
 
     Examples
     --------

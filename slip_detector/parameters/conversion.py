@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Conversion of values from YAML, ROS or Python to the types of their parameters."""
+"""Conversion of values from YAML, ROS or Python to parameter types, and their form in messages."""
 
 import contextlib
 import dataclasses
@@ -24,15 +24,15 @@ from typing import Any, get_args
 
 from slip_detector.parameters.fields import allowed, default_of
 
-#: Names of channels and groups, which become parts of topic names.
+#: Allowed names of channels and groups; they become parts of topic names.
 NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 
-#: Number of characters of a value in a message.
+#: Most characters of a value that a message shows.
 LONGEST_SHOWN = 200
 
 
 def shown(value: Any) -> str:
-    """Return a value as it is shown in a message, which is one line that can be read.
+    """Return the representation of a value for a message, shortened to keep that readable.
 
     Examples
     --------
@@ -43,7 +43,7 @@ def shown(value: Any) -> str:
 
 
 def shortened(text: str) -> str:
-    """Return a text as it is, or its beginning where it is too long for a message.
+    """Return a text, cut off with ``...`` if it is too long for a message.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def shortened(text: str) -> str:
 
 
 def shown_name(name: str) -> str:
-    """Return a name that somebody gave as it is shown in a message: in quotes where it is odd.
+    """Return a user's name for a message: in quotes if it is long or has unprintable characters.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def shown_name(name: str) -> str:
 
 
 def listed(names: Sequence[str], most: int = 40) -> str:
-    """Return a list of names as text; of many names only the first ones.
+    """Return names as a comma-separated text; of a long list only the first ones.
 
     Examples
     --------
@@ -77,10 +77,10 @@ def listed(names: Sequence[str], most: int = 40) -> str:
 
 
 def _number(value: Any, kind: type, where: str) -> Any:
-    """Return a value as int or float; raise a ValueError where it is not such a number."""
+    """Return a value as int or float; raise a ValueError if it is not a number of that type."""
     if isinstance(value, str) and value.isascii() and '_' not in value and kind is float:
-        # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number; neither has
-        # the 1_0 of Python.
+        # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number. Python's 1_0
+        # is a number in neither.
         with contextlib.suppress(ValueError):
             value = float(value)
     wanted = 'a whole number' if kind is int else 'a number'
@@ -105,7 +105,7 @@ def _check_range(value: float, field: 'dataclasses.Field[Any]', where: str) -> N
 
 
 def converted(value: Any, field: 'dataclasses.Field[Any]', where: str) -> Any:
-    """Return a value from YAML, ROS or Python as the type of its parameter.
+    """Convert a value from YAML, ROS or Python to the type of its parameter.
 
     Parameters
     ----------
@@ -204,12 +204,12 @@ def _names(value: Any, where: str) -> tuple[str, ...]:
 
 
 def check_once(values: Sequence[Any], where: str, what: str) -> None:
-    """Check that no value is there twice.
+    """Check that no value occurs twice.
 
     Raises
     ------
     ValueError
-        When one is; names the first in their order.
+        When one does; names the smallest of them.
 
     Examples
     --------

@@ -20,19 +20,19 @@ from slip_detector.parameters import chain_checks
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
-#: Periods of the mains are whole to so much of one, which leaves -44 dB of it: the mains itself
-#: strays as far.
+#: Tolerance of a whole number of mains periods, in periods. It leaves -44 dB of the hum; the
+#: mains frequency itself deviates by as much.
 WHOLE_PERIODS = 1e-3
 
-#: The values of the parameter ``common_mode``.
+#: Allowed values of the parameter ``common_mode``.
 COMMON_MODES = ('none', 'median', 'mean')
 
-#: Channels of the paper's fingertip.
+#: Number of channels of the paper's fingertip.
 PAPER_CHANNELS = 16
 
-#: The paper's Table 1. We read its letters as follows. T: units that feel shear across the finger,
-#: of the proximal (P) or the distal (D) sensors. L: units that feel shear along the finger, of the
-#: radial (R) or the ulnar (U) sensors.
+#: The paper's Table 1. The paper does not explain the letters; our reading: T are units that sense
+#: shear across the finger, of the proximal (P) or the distal (D) sensors; L are units that sense
+#: shear along the finger, of the radial (R) or the ulnar (U) sensors.
 PAPER_GROUPS: dict[str, tuple[int, ...]] = {
     'TP': (14, 16, 11, 9),
     'TD': (1, 3, 8, 6),
@@ -42,7 +42,7 @@ PAPER_GROUPS: dict[str, tuple[int, ...]] = {
 
 
 def default_channel_names(channels: int) -> tuple[str, ...]:
-    """Return the names of channels that have none of their own.
+    """Return the names of the channels where none are configured.
 
     Examples
     --------
@@ -79,12 +79,12 @@ class ChainConfig(ParameterSet):
     channels: int = parameter(16, 'Number of channels in a sample.', low=1, high=1_000_000)
     channel_names: tuple[str, ...] = parameter(
         (),
-        'Names the input must carry; empty: ch1, ch2, ... and any names are taken.',
+        'Names of the channels in the input; empty: ch1, ch2, ..., and the input may have any.',
         allows='letters, digits, _',
     )
     disabled_channels: tuple[int, ...] = parameter(
         (),
-        'Channels (counted from 1) that are neither computed nor asked to vote.',
+        'Channels (counted from 1) that are not computed and do not vote.',
         allows='1 to the number of channels',
     )
     valid_range_v: tuple[float, float] = parameter(
@@ -96,7 +96,7 @@ class ChainConfig(ParameterSet):
     )
     flat_after_s: float = parameter(
         1.0,
-        'A channel that repeats one value this long leaves the vote; 0: no such check.',
+        'A channel that repeats one value for this long leaves the vote; 0: no such check.',
         unit='s',
         low=0.0,
         high=3600.0,
@@ -110,13 +110,14 @@ class ChainConfig(ParameterSet):
     )
     common_mode: str = parameter(
         'none',
-        'What all channels share and is taken off each row: none, median or mean.',
+        'What is subtracted from each row as common to all channels: none, median or mean.',
         choices=COMMON_MODES,
         heading='Interference',
     )
     mains_hz: float = parameter(
         0.0,
-        'Mains whose hum is taken off: each row less the one whole periods before; 0: none.',
+        'Mains frequency whose hum is removed: from each row the row a whole number of periods '
+        'earlier is subtracted; 0: none.',
         unit='Hz',
         low=0.0,
         high=1000.0,
@@ -139,7 +140,7 @@ class ChainConfig(ParameterSet):
     gain: float = parameter(100.0, 'Factor on the filtered signal.', low=1e-6, high=1e6)
     stopbands_hz: tuple[tuple[float, float], ...] = parameter(
         ((0.5, 7.0), (50.0, 180.0)),
-        'Edges low, high of each stop-band (Eq. 4), where the ripple ends; [] for none.',
+        'Low and high edge of each stop-band (Eq. 4), where the ripple ends; [] for none.',
         unit='Hz',
         allows='as passband_hz; at most 32 pairs',
     )
@@ -177,39 +178,41 @@ class ChainConfig(ParameterSet):
     )
     decision: str = parameter(
         'mean',
-        'What is held against the threshold: the mean of the envelope, or the evidence for slip '
-        '(docs/method.md); what follows is for evidence.',
+        'What is compared with the threshold: the mean of the envelope, or the evidence for slip '
+        '(docs/method.md); the parameters from here to impact_hold_s are for evidence only.',
         choices=('mean', 'evidence'),
         heading='Decision',
     )
     noise_floor: tuple[float, ...] = parameter(
         (),
-        'Least envelope that noise has: one number, or one a channel; evidence needs it.',
+        'Smallest envelope of the noise: one number, or one per channel; evidence needs it.',
         low=1e-30,
         high=1e30,
         allows='1e-30 to 1e+30; one number, or one for each channel',
     )
     noise_floor_learnt: bool = parameter(
         False,
-        'Whether the floor begins at noise_floor; else at the first envelope, but not below it.',
+        'Whether the floor begins at noise_floor; else it begins at the first envelope, but not '
+        'below noise_floor.',
     )
     noise_floor_range_db: float = parameter(
         60.0,
-        'How far above noise_floor the floor may rise; 15 dB suits a learnt one.',
+        'How far above noise_floor the floor may rise; 15 dB suits a learnt noise_floor.',
         unit='dB',
         low=0.0,
         high=300.0,
     )
     noise_floor_rate_db_s: float = parameter(
         0.43,
-        'How fast the floor follows a louder envelope; nine times as fast a quieter one.',
+        'How fast the floor rises while the envelope is above it; it falls nine times as fast '
+        'while the envelope is below.',
         unit='dB/s',
         low=0.0,
         high=1000.0,
     )
     evidence_cap_db: float = parameter(
         13.0,
-        'The most that the envelope counts above the floor.',
+        'Largest excess of the envelope over the floor that counts.',
         unit='dB',
         low=0.0,
         high=300.0,
@@ -224,7 +227,7 @@ class ChainConfig(ParameterSet):
     )
     evidence_limit_db_s: float = parameter(
         1.3,
-        'The most evidence that there is: it bounds how long slip stays ON.',
+        'Upper limit of the evidence: it bounds how long slip stays ON after its end.',
         unit='dB s',
         low=1e-6,
         high=1e6,
@@ -232,7 +235,7 @@ class ChainConfig(ParameterSet):
     impact_v: float = parameter(
         0.0,
         'A step of more than this from one sample to the next, on impact_channels at once, is an '
-        'impact; 0: none is.',
+        'impact; 0: no impacts.',
         unit='V',
         low=0.0,
         high=1e12,
@@ -240,21 +243,22 @@ class ChainConfig(ParameterSet):
     )
     impact_channels: int = parameter(
         2,
-        'Number of channels that such a step takes.',
+        'Number of channels that must step at once.',
         low=1,
         high=1_000_000,
         allows='1 to the number of enabled channels',
     )
     impact_hold_s: float = parameter(
         0.3,
-        'How long no channel counts as above its floor, from an impact on.',
+        'For this time after an impact no channel counts as above its floor.',
         unit='s',
         low=0.0,
         high=60.0,
     )
     threshold: float = parameter(
         0.5,
-        'Level above which a channel is ON; with evidence in dB s, and OFF at half of it.',
+        'Level above which a channel is ON; with evidence in dB s, and the channel is OFF again '
+        'below half of it.',
         low=1e-30,
         high=1e30,
         heading='Threshold and vote',
@@ -294,7 +298,7 @@ class ChainConfig(ParameterSet):
 
     @property
     def mains_rows(self) -> int:
-        """The fewest rows that hold whole periods of the mains; 0 where there are none.
+        """The fewest rows that hold whole mains periods; 0 if ``mains_hz`` is 0 or none do.
 
         Examples
         --------
@@ -311,7 +315,7 @@ class ChainConfig(ParameterSet):
 
     @property
     def noise_floors(self) -> tuple[float, ...]:
-        """The least noise floor of each channel."""
+        """Lower limit of each channel's noise floor."""
         floors = self.noise_floor
         return floors * self.channels if len(floors) == 1 else floors
 
@@ -326,7 +330,7 @@ class ChainConfig(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class DetectorConfig(ChainConfig):
-    """Parameters of the detector node: the chain's and those of its input and topics.
+    """Parameters of the detector node: those of the chain, and those of its input and topics.
 
     Examples
     --------
@@ -345,12 +349,12 @@ class DetectorConfig(ChainConfig):
     )
     input_field: str = parameter(
         'position',
-        'Where in it the channels are.',
-        allows='a field, or a path as wrench.force.x, pillars[].fz or tactiles[0].pressure',
+        'Field of the message that has the channels.',
+        allows='a field, or a path such as wrench.force.x, pillars[].fz or tactiles[0].pressure',
     )
     input_timeout_s: float = parameter(
         0.5,
-        'slip_valid falls within this time of the last sample.',
+        'slip_valid becomes false within this time after the last sample.',
         unit='s',
         low=0.01,
         high=3600.0,
@@ -365,8 +369,8 @@ class DetectorConfig(ChainConfig):
     )
     taxel_positions_m: tuple[float, ...] = parameter(
         (),
-        "Where the channels are drawn: x, y, z of each in the frame of the samples, ch1's first; "
-        'empty: in a grid.',
+        'Where the channels are drawn: x, y, z of each, channel 1 first, in the frame of the '
+        'samples; empty: in a grid.',
         unit='m',
         low=-10.0,
         high=10.0,
@@ -375,7 +379,7 @@ class DetectorConfig(ChainConfig):
     )
 
     def __post_init__(self) -> None:
-        """Check the chain, and that each channel has a position or none has."""
+        """Check the chain, and that all channels have a position or none has."""
         super().__post_init__()
         numbers = len(self.taxel_positions_m)
         if numbers not in (0, 3 * self.channels):

@@ -52,8 +52,8 @@ class EvaluationConfig(ParameterSet):
     )
     off_before_s: float = parameter(
         0.1,
-        'A new alarm begins only after slip was OFF for so long; an OFF that is shorter does not '
-        'end an alarm.',
+        'A new alarm begins only after slip was OFF for this long; a shorter OFF does not end an '
+        'alarm.',
         unit='s',
         low=0.0,
         high=10.0,
@@ -63,14 +63,15 @@ class EvaluationConfig(ParameterSet):
     )
 
     motion_key: str = parameter(
-        '', 'Name of the array of velocities in a recording; empty: it has none.'
+        '', 'Name of the array of velocities in a recording; empty: there is none.'
     )
     motion_columns: tuple[str, ...] = parameter(
-        (), 'Which of its columns, by their names in the array <motion_key>_names; empty: all.'
+        (),
+        'Columns of that array to use, as named in the array <motion_key>_names; empty: all.',
     )
     moving_above: float = parameter(
         0.01,
-        'A row is one of motion when the norm of these velocities exceeds this.',
+        'A row counts as motion when the norm of its velocities exceeds this.',
         unit='m/s',
         low=0.0,
         high=1e6,

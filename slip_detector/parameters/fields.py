@@ -29,17 +29,15 @@ def parameter(
     allows: str = '',
     heading: str = '',
 ) -> Any:
-    """Return a dataclass field that describes one parameter.
-
-    Conversion and checks use nothing else.
+    """Return a dataclass field that describes one parameter; conversion and checks read it.
 
     Parameters
     ----------
     default
-        The default value; its type is the parameter's type. A tuple is a list in YAML, a tuple
-        of pairs a flat list.
+        The default value; its type is the parameter's type. In YAML a tuple is a list, and a tuple
+        of pairs is a flat list.
     meaning
-        One sentence; it is shown in the ROS descriptor of the parameter and in docs/parameters.md.
+        One sentence, for the ROS descriptor of the parameter and for docs/parameters.md.
     unit
         SI unit.
     low, high
@@ -47,10 +45,10 @@ def parameter(
     choices
         The allowed values of a text.
     allows
-        What is allowed, in words, where bounds and choices do not say it.
+        The allowed values in words, where bounds and choices do not tell them.
     heading
-        Of this parameter and those after it, up to the next that has one: docs/parameters.md and
-        the live page show them under it.
+        Heading over this parameter and the following ones, up to the next heading, in
+        docs/parameters.md and on the live page.
 
     Examples
     --------
@@ -80,7 +78,7 @@ def parameter(
 
 
 def default_of(field: 'dataclasses.Field[Any]') -> Any:
-    """Return the default of a dataclass field, also where a factory makes it.
+    """Return the default of a dataclass field, also if it has a default factory.
 
     Examples
     --------
@@ -95,7 +93,7 @@ def default_of(field: 'dataclasses.Field[Any]') -> Any:
 
 
 def allowed(field: 'dataclasses.Field[Any]') -> str:
-    """Return in words which values a parameter takes.
+    """Return the allowed values of a parameter in words.
 
     Examples
     --------
@@ -118,7 +116,7 @@ def allowed(field: 'dataclasses.Field[Any]') -> str:
 
 
 def under_headings(config_class: type[Any]) -> dict[str, list['dataclasses.Field[Any]']]:
-    """Return the fields of a set by the heading they are shown under, in their order.
+    """Return the fields of a parameter set by their headings, in order of definition.
 
     Examples
     --------

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files that appear whole or not at all, and checks beforehand that they can be written."""
+"""Atomic writing of files, reading with a size limit, and checks that a file can be written."""
 
 import contextlib
 import os
@@ -20,22 +20,22 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-#: Beginning of the name of the folder in which a file is written before it gets its own name.
+#: Prefix of the temporary folder in which a file is written before it is moved to its place.
 UNFINISHED = '.unfinished_'
 
 
 @contextlib.contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """Within a block, give a path to write to; after it the file, or folder, has its name.
+    """Write a file or folder atomically: it replaces ``path`` only after the block succeeds.
 
-    What is written stands beside the file, is brought to the disk and replaces the file only when
-    the block has ended without an error. So the file is whole or as it was, also when the disk
-    is full, the process is killed or the power fails.
+    Within the block, write to the temporary path that is given. It is flushed to the disk before
+    it replaces the file. So the file is complete or unchanged, also when the disk is full, the
+    process is killed or the power fails.
 
     Parameters
     ----------
     path
-        The file, or a folder that does not exist.
+        A file, or a folder that does not exist yet.
 
     Raises
     ------
@@ -54,8 +54,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     False
     A second of rest
     """
-    # What a symbolic link stands for is replaced, not the link: a workspace that was built with
-    # --symlink-install has its configurations so.
+    # Replace the target of a symbolic link, not the link: in a workspace built with
+    # --symlink-install the configurations are links.
     place = Path(os.path.realpath(path))
     with (
         write_errors_of(path),
@@ -66,7 +66,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         for part in [*new.rglob('*'), new]:
             _bring_to_disk(part)
         os.replace(new, place)
-        # Some file systems, such as those of other machines, cannot bring a folder to the disk.
+        # Some file systems, such as network mounts, cannot flush a folder.
         with contextlib.suppress(OSError):
             _bring_to_disk(place.parent)
 
@@ -80,7 +80,7 @@ def _bring_to_disk(path: Path) -> None:
 
 
 def read_limited(path: str | Path, most_bytes: int) -> bytes:
-    """Return the content of a file, which may be a device without end.
+    """Return the content of a file, but read no more than a limit: a device may never end.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def read_limited(path: str | Path, most_bytes: int) -> bytes:
 
 @contextlib.contextmanager
 def write_errors_of(path: str | Path) -> Iterator[None]:
-    """Within a block, make each error of the file system one line that names the path.
+    """Within a block, turn an error of the file system into a one-line message with the path.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def write_errors_of(path: str | Path) -> Iterator[None]:
 
 
 def check_writable(path: Path) -> None:
-    """Raise an error if a file cannot be written, before much work is done for it.
+    """Raise an error if a file cannot be written, so that long work is not done in vain.
 
     Raises
     ------
@@ -142,31 +142,31 @@ def check_writable(path: Path) -> None:
     with write_errors_of(path):
         if path.is_dir():
             raise IsADirectoryError(0, 'is a folder')
-        if path.exists() and not path.is_file():  # A device must not be replaced by a file.
+        if path.exists() and not path.is_file():  # Writing would replace a device by a file.
             raise OSError(0, 'is no file')
         place, existed = Path(os.path.realpath(path)), path.exists()
         with open(path, 'ab'):
             pass
         if not existed:
             place.unlink()
-        with tempfile.TemporaryFile(dir=place.parent):  # A new file will replace the old one.
+        with tempfile.TemporaryFile(dir=place.parent):  # whole_file needs to write beside it.
             pass
 
 
 def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] = ()) -> None:
-    """Raise an error if a file is to be written that is read, or written, by another option too.
+    """Raise an error if a file to write is also read, or written for another option.
 
     Parameters
     ----------
     written
-        The files to write by the options that name them; None: not given.
+        Files to write, by the option that names each; None: the option is not given.
     read
-        The files that are read.
+        Files that are read.
 
     Raises
     ------
     ValueError
-        When two of them are the same; names the option and the file.
+        When two of these files are the same; names the option and the file.
 
     Examples
     --------
@@ -185,7 +185,7 @@ def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] =
 
 
 def writable_folder(folder: Path) -> Path:
-    """Make a folder where there is none, and return it.
+    """Return a folder, which is made if it does not exist.
 
     Raises
     ------

@@ -22,10 +22,10 @@ from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
-#: The types of messages in which the grip can be commanded.
+#: Message types of a grip command.
 JOINT_STATE, FLOAT64_ARRAY = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Float64MultiArray'
 
-#: Names of topics in ROS, relative, private or absolute.
+#: ROS topic names: relative, private or absolute.
 TOPIC_PATTERN = re.compile(r'(/|~/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 
@@ -45,7 +45,11 @@ class GraspConfig(ParameterSet):
     NODE = 'grasp_controller'
 
     grip_n: float = parameter(
-        1.8, 'Grip force at first, and the least it relaxes to.', unit='N', low=0.001, high=1000.0
+        1.8,
+        'Grip force at the start, and the lowest force it relaxes to.',
+        unit='N',
+        low=0.001,
+        high=1000.0,
     )
     limit_n: float = parameter(
         10.0, 'Largest grip force that is commanded.', unit='N', low=0.001, high=1000.0
@@ -56,23 +60,27 @@ class GraspConfig(ParameterSet):
     step_n: float = parameter(0.0, '... and by this much more.', unit='N', low=0.0, high=1000.0)
     repeat_s: float = parameter(
         0.1,
-        'While slip lasts, or comes again, the force is raised again after this time.',
+        'Shortest time between two increases of the force, while slip lasts or comes again.',
         unit='s',
         low=0.0,
         high=60.0,
     )
     relax_after_s: float = parameter(
         1.0,
-        'Time from the last slip until the force begins to sink.',
+        'Time from the last slip until the force begins to decrease.',
         unit='s',
         low=0.0,
         high=3600.0,
     )
     relax_n_s: float = parameter(
-        0.1, 'How fast it sinks; 0: never.', unit='N/s', low=0.0, high=1000.0
+        0.1, 'How fast the force decreases; 0: never.', unit='N/s', low=0.0, high=1000.0
     )
     closing_n_s: float = parameter(
-        5.0, 'How fast the grip closes at first, and opens.', unit='N/s', low=0.001, high=1e6
+        5.0,
+        'How fast the force rises when the grip closes, and falls when it opens.',
+        unit='N/s',
+        low=0.001,
+        high=1e6,
     )
     settle_s: float = parameter(
         0.3,
@@ -83,38 +91,39 @@ class GraspConfig(ParameterSet):
     )
     on_invalid: str = parameter(
         'hold',
-        'What to do while slip is not valid, or silent: hold the force, or open.',
+        'What to do while slip is invalid or no longer arrives: hold the force, or open.',
         choices=('hold', 'open'),
     )
     deadline_s: float = parameter(
         0.3,
-        'Longest silence of slip and slip_valid; no less than two heartbeats of the detector.',
+        'Longest time without a message on slip or slip_valid; at least two heartbeat periods of '
+        'the detector.',
         unit='s',
         low=0.001,
         high=60.0,
     )
     command_hz: float = parameter(
         100.0,
-        'Rate at which the force is commanded; a change is commanded at once as well.',
+        'Rate at which the command is repeated; a change of the force is commanded at once.',
         unit='Hz',
         low=1.0,
         high=1000.0,
     )
     command_type: str = parameter(
         JOINT_STATE,
-        'Type of the command: with stamp and names, or the plain numbers that ros2_control takes.',
+        'Message type of the command: with stamp and names, or plain numbers for ros2_control.',
         choices=(JOINT_STATE, FLOAT64_ARRAY),
     )
     command_topic: str = parameter(
-        'grip_force', 'Topic of the command, for ros2_control <controller>/commands.'
+        'grip_force', 'Topic of the command; with ros2_control it is <controller>/commands.'
     )
     command_joints: tuple[str, ...] = parameter(
-        ('grip',), 'Joints that are commanded, each alike, in the order of their controller.'
+        ('grip',), 'Joints that get the command, all the same, in the order of their controller.'
     )
     command_factor: float = parameter(
         1.0,
-        'What a joint is commanded for each newton of grip force: its lever arm in metres, say; '
-        'negative where the joint closes with a negative effort.',
+        'Command of a joint per newton of grip force, for example its lever arm in metres; '
+        'negative if the joint closes with a negative effort.',
         low=-1e6,
         high=1e6,
     )
@@ -150,9 +159,10 @@ class GraspConfig(ParameterSet):
 
 
 def commands_of_a_scene() -> dict[str, Any]:
-    """Return the parameters with which a driver that plays an object understands the commands.
+    """Return the command parameters that the driver understands when its scene has an object.
 
-    They take the place of those of a real gripper, so that its file can be tried on a scene.
+    They replace the command parameters of a real gripper, so that the gripper's parameter file
+    can be tried on a scene.
 
     Examples
     --------

@@ -22,21 +22,21 @@ from typing import Any
 
 from slip_detector.parameters.yaml_files import read_yaml
 
-#: Parameters that rclpy itself declares and reads, on every node.
+#: Parameters that rclpy itself declares and reads for every node.
 OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
-#: The set of parameters of each section of a parameter file, by the name of the node or command.
-#: A set enters itself when its class is defined. Where one set is a part of another, as the
-#: chain's of the detector's, it is a base class of it and is replaced by it here.
+#: The parameter set of each section of a parameter file, by the name of its node or command. The
+#: definition of a set's class enters it here, in place of a base class with the same node, as
+#: ``DetectorConfig`` replaces ``ChainConfig``.
 SECTIONS: dict[str, type[Any]] = {}
 
 
 def read_parameter_file(path: str | Path, node: str, running: str = '') -> dict[str, Any]:
     """Read the parameters that a ROS parameter file has for a node.
 
-    They come from the section for all nodes (``/**``), from that for the node in any namespace
-    (``/**/node``) and from one for the node in a certain namespace. Parameters in the section for
-    all nodes that only other nodes of this package have are left out.
+    Read are the sections for all nodes (``/**``), for the node in any namespace (``/**/node``) and
+    for the node in one namespace. From the section for all nodes, parameters that only other
+    nodes of this package have are left out.
 
     Parameters
     ----------
@@ -45,19 +45,19 @@ def read_parameter_file(path: str | Path, node: str, running: str = '') -> dict[
     node
         Name of the node, without namespace.
     running
-        Full name of a node that runs: what the file has for that very one.
+        Full name of a running node: only the sections that match it are read.
 
     Returns
     -------
     dict
-        Flat names (``groups.TP``) and values, without those that rclpy reads itself; empty when
-        the file has no section for the node.
+        Flat names (``groups.TP``) and values, without the parameters of rclpy; empty when the file
+        has no section for the node.
 
     Raises
     ------
     ValueError
         When the file is missing, is not a ROS parameter file, or has sections for the node in
-        several namespaces: only a running node knows its namespace.
+        several namespaces and ``running`` does not tell the namespace.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def nodes_that_know(name: str) -> list[str]:
     Parameters
     ----------
     name
-        Name of the parameter; of ``groups.TP`` only the part before the point is looked up.
+        Name of the parameter; of ``groups.TP`` only ``groups`` is looked up.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def nodes_that_know(name: str) -> list[str]:
 
 
 def our_sections(path: str | Path) -> list[tuple[str, dict[str, Any]]]:
-    """Read the sections of a ROS parameter file for nodes and commands of this package.
+    """Read the sections of a ROS parameter file that are for nodes and commands of this package.
 
     Returns
     -------
@@ -191,7 +191,7 @@ def sections_of(
     path
         The file, for messages.
     namespace
-        Where the document is nested: the names around it.
+        Names of the mappings around the document, joined by ``/``.
 
     Raises
     ------
@@ -217,12 +217,12 @@ def sections_of(
 
 
 def matches(section: str, node: str) -> bool:
-    """Return whether a section of a parameter file is for a node, as ROS decides it.
+    """Return whether a section of a parameter file is for a node, by the rules of ROS.
 
     Parameters
     ----------
     section
-        Its name, in which ``*`` stands for a name and ``**`` for any number of names.
+        Name of the section; ``*`` stands for one name and ``**`` for any number of names.
     node
         Full name of the node.
 
@@ -240,24 +240,24 @@ def matches(section: str, node: str) -> bool:
 
 
 def check_sections(path: str | Path, executable: str, node: str) -> None:
-    """Check that a parameter file which has sections for an executable has one for this node.
+    """Check that a parameter file with sections for an executable has one for this node.
 
-    ROS ignores sections that do not match, and the node would run on its defaults.
+    ROS ignores sections that do not match, so that the node would run with its defaults.
 
     Parameters
     ----------
     path
         The YAML file.
     executable
-        The name that the node has unless it is given another.
+        Default name of the node.
     node
-        Its full name.
+        Full name of the node.
 
     Raises
     ------
     ValueError
-        When there are sections for the executable but all are for nodes of other names, or none
-        for anything of this package.
+        When all sections for the executable are for nodes of other names, or no section is for
+        this package.
 
     Examples
     --------
@@ -285,7 +285,7 @@ def check_sections(path: str | Path, executable: str, node: str) -> None:
 
 
 def node_of(section: str) -> str:
-    """Return the node that a section is for, without its namespace; ``**``: all nodes.
+    """Return the node that a section is for, without namespace; ``**`` means all nodes.
 
     Examples
     --------

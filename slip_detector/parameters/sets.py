@@ -49,11 +49,11 @@ class ParameterSet:
     '/**/grasp_controller:'
     """
 
-    #: The node (or the command) whose section of a parameter file has these parameters.
+    #: Name of the node or command whose section of a parameter file has these parameters.
     NODE = ''
 
     def __init_subclass__(cls) -> None:
-        """Enter a set that names its node as the set of that section."""
+        """Make this class the parameter set of its node's section, if it defines ``NODE``."""
         if 'NODE' in cls.__dict__:
             SECTIONS[cls.NODE] = cls
 
@@ -72,9 +72,9 @@ class ParameterSet:
         Parameters
         ----------
         parameters
-            Values by name; a nested name is written with a point (``groups.TP``).
+            Values by name; nested names are joined by a point (``groups.TP``).
         where
-            The beginning of a message, for example the name of a file.
+            Prefix of error messages, for example the path of a file.
 
         Raises
         ------
@@ -108,7 +108,7 @@ class ParameterSet:
     def from_yaml(cls: type[ConfigType], path: str | Path) -> ConfigType:
         """Read the node's section of a ROS parameter file.
 
-        The whole section is checked, also where this set has only some of its parameters.
+        The whole section is checked, also if this set has only some of the parameters.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class ParameterSet:
 
 
 def _hint(name: str, node: str, known: Collection[str]) -> str:
-    """Return what the user may have meant by an unknown name."""
+    """Return a hint at what the user may have meant by an unknown name."""
     owners = nodes_that_know(name) if node else []
     near = difflib.get_close_matches(name, known, 1)
     if owners and node not in owners:

@@ -22,10 +22,10 @@ from slip_detector.parameters.sets import ParameterSet
 
 @dataclasses.dataclass(frozen=True)
 class TuneConfig(ParameterSet):
-    """Parameters of the search: what misses, false alarms and time, and a small area cost, in ms.
+    """Parameters of the search: the cost, in ms, of each kind of error of a chain.
 
-    These costs are added to the mean latency of a chain over the true slips, as is what its false
-    alarms would save of it by chance.
+    These costs are added to the mean latency of the chain over the true slips. Added is also the
+    latency that its false alarms would save by chance.
 
     Examples
     --------
@@ -36,22 +36,22 @@ class TuneConfig(ParameterSet):
     NODE = 'slip_tune'
 
     missed_costs_ms: float = parameter(
-        500.0, 'A missed slip counts as one detected so late.', unit='ms', low=1.0, high=1e6
+        500.0, 'Latency that a missed slip counts as.', unit='ms', low=1.0, high=1e6
     )
     false_alarm_costs_ms: float = parameter(
-        10.0, 'What each false alarm per minute costs.', unit='ms', low=0.0, high=1e6
+        10.0, 'Cost of each false alarm per minute.', unit='ms', low=0.0, high=1e6
     )
     false_time_costs_ms: float = parameter(
         10.0,
-        'What each per cent of the rest in which slip is ON costs.',
+        'Cost of each per cent of the rest during which slip is ON.',
         unit='ms',
         low=0.0,
         high=1e6,
     )
     auc_costs_ms: float = parameter(
         100.0,
-        'What an area under the ROC curve of 0 would cost, 1 being free: few slips say little, '
-        'all their rows say more.',
+        'Cost of an area under the ROC curve of 0; an area of 1 costs nothing. The area uses all '
+        'rows, which tell more than a few slips.',
         unit='ms',
         low=0.0,
         high=1e6,
@@ -59,5 +59,5 @@ class TuneConfig(ParameterSet):
     trade: bool = parameter(
         False,
         'Whether latency, recall, false alarms, false time or area may get worse than with the '
-        'given parameters where the cost falls.',
+        'given parameters if the total cost falls.',
     )

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads YAML files, of which nothing is taken that a reader would not expect.
+"""Reads YAML files, and refuses what YAML 1.1 would read otherwise than a user expects.
 
-A name stands once, and a number is decimal: YAML 1.1 takes the last of two equal names, and reads
-``1:30`` as 90 and ``020`` as 16. The size of a file, its depth and the number of its values have
-limits, which are checked before anything is built of it: aliases let a small file stand for
-billions of values.
+Each name may occur once and a number must be decimal: YAML 1.1 takes the last of two equal names,
+and reads ``1:30`` as 90 and ``020`` as 16. The size of a file, its depth and the number of its
+values have limits, which are checked before values are built: aliases let a small file stand
+for billions of values.
 """
 
 import contextlib
@@ -31,16 +31,16 @@ import yaml
 from slip_detector.parameters.conversion import shortened
 from slip_detector.parameters.files import read_limited
 
-#: Largest size of a YAML file. A parameter file of a hundred channels has some 10 kB.
+#: Largest size of a YAML file. A parameter file for a hundred channels has some 10 kB.
 MOST_BYTES = 1_000_000
 
-#: How deep lists and mappings may stand in each other.
+#: Deepest nesting of lists and mappings.
 MOST_DEPTH = 32
 
-#: Largest number of values of a file, each alias counted as what it stands for.
+#: Largest number of values in a file; an alias counts as all the values that it stands for.
 MOST_VALUES = 100_000
 
-#: Numbers that are read as they look.
+#: Numbers that YAML 1.1 reads as a user expects.
 _PLAIN_NUMBER = re.compile(
     r'[-+]?(0|[1-9][0-9]*|0x[0-9a-fA-F]+|([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?'
     r'|\.(inf|Inf|INF))|\.(nan|NaN|NAN)'
@@ -50,7 +50,7 @@ _NUMBER_TAGS = ('tag:yaml.org,2002:int', 'tag:yaml.org,2002:float')
 
 
 class _Loader(yaml.SafeLoader):
-    """Checks depth and number of values while nodes are made of the text.
+    """Checks depth and number of values while the text is parsed into nodes.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class _Loader(yaml.SafeLoader):
         self._open: list[str] = []
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """Make the next node; an alias counts as what it stands for."""
+        """Parse the next node; an alias counts as the values that it stands for."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         where = f'{self._path}: line {event.start_mark.line + 1}'
         before = self._values
@@ -76,7 +76,7 @@ class _Loader(yaml.SafeLoader):
             raise ValueError(f'{where} holds itself, allowed: names and values')
         self._values += self._of_anchor.get(event.anchor, 0) if is_alias else 1
         if self._values > MOST_VALUES:
-            raise ValueError(f'{where} begins what is too much, allowed: {MOST_VALUES} values')
+            raise ValueError(f'{where} exceeds the limit, allowed: {MOST_VALUES} values')
         if self._depth == MOST_DEPTH:
             raise ValueError(f'{where} is nested too deeply, allowed: {MOST_DEPTH} deep')
         self._depth += 1
@@ -91,7 +91,7 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-# A list among the parameters of a launch file, as launch_ros passes it on.
+# launch_ros writes a list among the parameters of a launch file as a Python tuple.
 _Loader.add_constructor(
     'tag:yaml.org,2002:python/tuple',
     _Loader.construct_yaml_seq,  # type: ignore[type-var]
@@ -104,8 +104,8 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        When the file is missing, is not YAML or has no names, when a name stands twice or a
-        number is not decimal, and when the file is too large; says which file and line.
+        When the file is missing, is not YAML, has no names or is too large, or when a name occurs
+        twice or a number is not decimal; names the file and the line.
 
     Examples
     --------
@@ -123,7 +123,7 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     try:
         with _yaml_errors(path):
             document = _Loader('', path).construct_document(node) if node else None
-    except (LookupError, AttributeError):  # by PyYAML, of a text with the tag !!bool, say
+    except (LookupError, AttributeError):  # from PyYAML, for example for !!bool before a text
         raise ValueError(f'{path}: is not YAML (a value is not what its tag says)') from None
     except (ValueError, OverflowError) as error:  # for example an impossible date
         said = str(error)
@@ -135,13 +135,13 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
 
 
 def compose_yaml(path: str | Path) -> yaml.Node | None:
-    """Read a YAML file as a node, which knows its lines; None: the file is empty.
+    """Read a YAML file as a node, which knows its line numbers; None: the file is empty.
 
     Raises
     ------
     ValueError
-        When the file cannot be read, is not YAML or is too large, or a name stands twice; says
-        which file and line.
+        When the file cannot be read, is not YAML or is too large, or when a name occurs twice;
+        names the file and the line.
 
     Examples
     --------
@@ -164,7 +164,7 @@ def compose_yaml(path: str | Path) -> yaml.Node | None:
 
 @contextlib.contextmanager
 def _yaml_errors(path: str | Path) -> Iterator[None]:
-    """Within a block, make each error of PyYAML one line that names file and line."""
+    """Within a block, turn an error of PyYAML into a one-line message with file and line."""
     try:
         yield
     except yaml.YAMLError as error:
@@ -175,7 +175,7 @@ def _yaml_errors(path: str | Path) -> Iterator[None]:
 
 
 def _nodes(node: yaml.Node | None) -> Iterator[yaml.Node]:
-    """Yield a node and all in it, each once."""
+    """Yield a node and all nodes in it, each once."""
     left, seen = [node] if node else [], set()
     while left:
         one = left.pop()
@@ -196,7 +196,7 @@ def _scalars(node: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
 
 
 def _check_names(node: yaml.Node | None, path: str | Path) -> None:
-    """Check that each mapping has each name once; ``1`` and ``'1'`` are one name to us."""
+    """Check that no mapping has a name twice; ``1`` and ``'1'`` count as the same name."""
     for one in _nodes(node):
         if not isinstance(one, yaml.MappingNode):
             continue

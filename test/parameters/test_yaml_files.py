@@ -95,7 +95,7 @@ def test_what_looks_like_no_number_is_text(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'line'),
     [
-        (DOUBLING, f' line 15 begins what is too much, allowed: {MOST_VALUES} values'),
+        (DOUBLING, f' line 15 exceeds the limit, allowed: {MOST_VALUES} values'),
         ('a: ' + '[' * 20_000, f' line 1 is nested too deeply, allowed: {MOST_DEPTH} deep'),
         ('{a: ' * 20_000, f' line 1 is nested too deeply, allowed: {MOST_DEPTH} deep'),
         ('a: &a [*a]\n', ' line 1 holds itself'),
@@ -113,7 +113,7 @@ def test_a_long_list_is_read_up_to_the_most_values(tmp_path, monkeypatch):
     path = tmp_path / 'a.yaml'
     path.write_text(f'a: [{"1, " * 997}]\n')  # with its name and the mapping
     assert len(read_yaml(path)['a']) == 997
-    assert said(tmp_path, f'a: [{"1, " * 998}]\n').startswith(' line 1 begins what is too much')
+    assert said(tmp_path, f'a: [{"1, " * 998}]\n').startswith(' line 1 exceeds the limit')
 
 
 def test_a_device_without_end_is_refused():
