@@ -178,8 +178,8 @@ class ChainConfig(ParameterSet):
     )
     decision: str = parameter(
         'mean',
-        'What is compared with the threshold: the mean of the envelope, or the evidence for slip '
-        '(docs/method.md); the parameters from here to impact_hold_s are for evidence only.',
+        'What is compared with the threshold: the mean envelope, or the evidence for slip '
+        '(docs/method.md). The parameters up to impact_hold_s are for evidence.',
         choices=('mean', 'evidence'),
         heading='Decision',
     )
