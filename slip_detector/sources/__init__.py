@@ -33,14 +33,14 @@ def open_source(
     config
         The driver's parameters.
     repetition
-        How often the source was played before; a scene has other noise each time.
+        How many times the source was played before; a scene has different noise each time.
     now_ns
         The clock for the stamps of a live source, in nanoseconds.
 
     Raises
     ------
     ValueError
-        When a parameter does not allow it, or a scene or recording cannot be opened; names it.
+        When a parameter is missing or wrong, or a scene or recording cannot be opened; names it.
 
     Examples
     --------

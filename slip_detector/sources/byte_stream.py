@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Splits a stream of bytes at a delimiter; and the samples that are decoded from its pieces."""
+"""A splitter of byte streams at a delimiter, and the form of the samples that decoders return."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -54,7 +54,7 @@ class ByteSplitter:
     delimiter
         One byte.
     longest
-        Largest length of a piece; longer ones are dropped.
+        Largest length of a piece in bytes; longer pieces are dropped.
     counts
         Counts what is dropped, as ``overlong`` and ``garbage_bytes``.
 

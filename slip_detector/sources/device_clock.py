@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Finds by the receiver's clock when a sensor took its samples."""
+"""Stamps a sensor's samples by the receiver's clock with the time at which they were taken."""
 
 from collections.abc import Iterable, Sequence
 
@@ -21,15 +21,15 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.sources.byte_stream import DecodedSamples
 
-#: Length of a window by the sender's clock. The smallest delay of the present window and of the
-#: one before is used.
+#: Length, by the sender's clock, of the windows whose smallest delay is sought. The smaller delay
+#: of the present window and the one before is used.
 WINDOW_NS = 2_000_000_000
 
-#: To follow the estimate, stamps run at most this share faster or slower than the sender's clock,
-#: which is far too little to make a sample look missing.
+#: Largest share by which stamps run faster or slower than the sender's clock to follow a changed
+#: estimate. It is far too small to make a sample look missing.
 SLEW = 0.1
 
-#: A larger error of the mapping is not drift: one of the two clocks was set.
+#: Largest change of the clocks' difference that can be drift; after a larger one, a clock was set.
 STEP_NS = 250_000_000
 
 
@@ -56,7 +56,7 @@ class DeviceClock:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the mapping, as the sender's times are unrelated to the times before."""
+        """Forget the mapping, as the sender's next times are unrelated to the times before."""
         self._mapped = False
 
     def stamps_ns(self, times_ns: Sequence[int], arrival_ns: int) -> list[int]:
@@ -67,7 +67,7 @@ class DeviceClock:
         Parameters
         ----------
         times_ns
-            When they were taken, by the sender's clock, in rising order; at least one.
+            When the samples were taken, by the sender's clock, in rising order; at least one.
         arrival_ns
             When the last of them arrived, by the receiver's clock.
         """
@@ -86,7 +86,7 @@ class DeviceClock:
         return self.rising(stamps_ns, arrival_ns)
 
     def stamp(self, decoded: Iterable[DecodedSamples], channels: int, arrival_ns: int) -> Samples:
-        """Stamp samples by the sender's times, or with their arrival where there are no times.
+        """Stamp samples by the sender's times, or with their arrival where it sends none.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class DeviceClock:
         channels
             Number of channels.
         arrival_ns
-            When they arrived, by the receiver's clock.
+            When the samples arrived, by the receiver's clock.
         """
         stamps_ns: list[int] = []
         volts = [np.empty((0, channels))]
@@ -110,9 +110,10 @@ class DeviceClock:
         return Samples(np.concatenate(volts), np.array(stamps_ns, dtype=np.int64))
 
     def rising(self, stamps_ns: list[int], arrival_ns: int) -> list[int]:
-        """Move each stamp that is not after the last one to just after it.
+        """Move each stamp that is not after the one before to 1 ns after it.
 
-        Where the receiver's clock was set back, which the arrival tells, stamps begin again.
+        Where the arrival shows that the receiver's clock was set back, the first stamp may be
+        lower than the one before.
         """
         last_ns = self._last_ns if arrival_ns >= self._arrival_ns - STEP_NS else None
         self._arrival_ns = arrival_ns

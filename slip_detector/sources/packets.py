@@ -47,11 +47,11 @@ CHECKSUM = struct.Struct('<I')
 #: Largest length of a packet; the first sample of a longer one would be too late for a grasp.
 LONGEST_BYTES = 8192
 
-#: A packet of several samples does not last longer: the sender's time would wrap.
+#: Longest time that a packet of several samples spans, well below a wrap of the sender's time.
 LONGEST_PACKET_NS = 60_000_000_000
 
-#: Lower sequence numbers than before mean that the sender was reset, when they have risen for this
-#: long by the sender's clock, by at most this step from packet to packet.
+#: A sender was reset when sequence numbers below the last one have risen for this long by the
+#: sender's clock, by at most this step from packet to packet.
 RESTART_US, RESTART_STEP = 250_000, 4
 
 _WRAP = 2**32
@@ -73,14 +73,14 @@ class PacketDecoder:
     Attributes
     ----------
     counts : Counter of str
-        Decoded ``packets`` and ``samples``; of them ``overlap``, the packets that begin before
+        Decoded ``packets`` and ``samples``; ``overlap``, how many of these packets begin before
         the end of the packet before; ``lost`` packets, by the sequence numbers; dropped
         packets by reason: ``broken`` (not COBS, or too short), ``overlong``, ``checksum``,
         ``kind``, ``channels``, ``length``, ``period`` (0 between several samples, or a packet
-        of more than a minute), ``no_time`` (it ends before the end of the packet before, or
-        with it), ``duplicate``, ``late`` (it came after a later one and was counted as lost then);
-        ``restarts`` of the sender's clock or numbering; ``garbage_bytes``, the bytes of dropped
-        packets except duplicate and late ones.
+        of more than a minute), ``no_time`` (its samples do not fit between the end of the packet
+        before and its own end), ``duplicate``, ``late`` (came after a later packet, and was
+        counted as lost then); ``restarts`` of the sender's clock or numbering;
+        ``garbage_bytes``, the bytes of dropped packets except duplicate and late ones.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class PacketDecoder:
 
     @classmethod
     def from_config(cls, config: DriverConfig) -> 'PacketDecoder':
-        """Make a decoder of the packets that the driver's parameters describe."""
+        """Make a decoder for the packets that the driver's parameters describe."""
         return cls(
             config.channels, config.packet_values, config.packet_scale_v, config.packet_offset_v
         )
@@ -114,7 +114,7 @@ class PacketDecoder:
         self._splitter.restart()
         self._heard = False
         self._last = self._last_us = self._time_us = 0
-        self._last_ns = 0  # of the last sample, by the sender's clock
+        self._last_ns = 0  # Time of the last sample, by the sender's clock.
         # Bit k is set when packet number last - k has come.
         self._seen = 0
         self._old_last, self._old_first_us = 0, -1
@@ -148,8 +148,8 @@ class PacketDecoder:
         last_ns = first_ns + (n - 1) * period_ns
         times_ns = [first_ns + i * period_ns for i in range(n)]
         if not clock_restarted and first_ns <= self._last_ns:
-            # Senders that stamp by the time of sending do this after each packet that they sent
-            # late. The last sample's time is kept, and the others come evenly before it.
+            # A sender that stamps with the time of sending causes this after each packet that it
+            # sent late. The last sample keeps its time; the others are spread evenly before it.
             free_ns = last_ns - self._last_ns
             if free_ns < n:
                 self.counts['no_time'] += 1
@@ -212,7 +212,7 @@ class PacketDecoder:
     def _restarted(self, sequence: int, time_us: int) -> bool:
         """Return whether the sender was reset, given a packet whose number has not risen.
 
-        Late packets come between new ones, or stop; those of a sender that was reset continue.
+        Late packets come between new ones, or cease; those of a sender that was reset go on.
         """
         if self._old_first_us < 0 or not 0 < (sequence - self._old_last) % _WRAP <= RESTART_STEP:
             self._old_first_us = time_us

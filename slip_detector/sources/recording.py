@@ -57,7 +57,7 @@ class RecordingSource(Source):
 
     @property
     def damage(self) -> str:
-        """One line on what could not be read, or not be checked, so far; empty for nothing."""
+        """One line on what could not be read or checked so far; empty if all could."""
         counts = self._recording.counts
         return '; '.join(filter(None, (counts.lost, counts.doubts)))
 

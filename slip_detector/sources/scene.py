@@ -23,14 +23,14 @@ from slip_detector.sources.source import Source
 
 
 class SceneSource(Source):
-    """A scene, with each sample at the time at which the scene's clock takes it.
+    """A scene; each sample has the time at which the scene's clock takes it.
 
     Parameters
     ----------
     config
         The driver's parameters, which name the scene and the seed of its noise.
     repetition
-        How often the scene was played before; it is added to the seed.
+        How many times the scene was played before; this number is added to the seed.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class SceneSource(Source):
     Raises
     ------
     ValueError
-        When there is no such scene, its file is wrong, or it has no object that could wait for a
-        grip; names it.
+        When there is no such scene, its file is wrong, or it has no object although
+        ``wait_for_grip`` needs one; names it.
 
     Examples
     --------

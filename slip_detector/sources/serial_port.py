@@ -29,10 +29,10 @@ from slip_detector.sources.packets import PacketDecoder
 from slip_detector.sources.source import WAIT_S, Source
 from slip_detector.sources.text_lines import LineDecoder
 
-#: Times until a lost port is tried again: the first, which doubles each time, and the longest.
+#: Times until a lost port is tried again: the first, which doubles each time, and the longest one.
 RETRY_FIRST_S, RETRY_LAST_S = 0.1, 2.0
 
-#: Errors of pyserial where a port is gone, also while its rate is set, or does not have the rate.
+#: Errors of pyserial when a port is gone, vanishes while its rate is set, or lacks the rate.
 PORT_ERRORS = (OSError, termios.error, ValueError)
 
 
@@ -122,7 +122,7 @@ class SerialSource(Source):
         if self._port is not None:
             self._port.close()
             self._port = None
-        # The last packet is incomplete, and the next sensor may be another one.
+        # The last packet is incomplete, and another sensor may be plugged in next.
         self._decoder.restart()
         self._retry_at_s = time.monotonic() + self._retry_s
         self._retry_s = min(2 * self._retry_s, RETRY_LAST_S)

@@ -27,7 +27,7 @@ class Source:
 
     A scene or a recording returns as many samples as it is asked for, with stamps from 0 on, and
     has an end. A live source returns the samples that its sensor sends, stamped by the receiver's
-    clock; ``connected``, ``state`` and ``counts`` tell about the connection.
+    clock; ``connected``, ``state`` and ``counts`` describe the connection.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Source:
 
     @property
     def damage(self) -> str:
-        """One line on what could not be read, or not be checked, so far; empty for nothing."""
+        """One line on what could not be read or checked so far; empty if all could."""
         return ''
 
     def start(self) -> None:
@@ -78,8 +78,8 @@ class Source:
         Raises
         ------
         ValueError
-            When a parameter does not allow it. A missing serial port is not an error: the source
-            waits for it.
+            When a parameter has a value with which it cannot listen. A missing serial port is not
+            an error: the source waits for it.
         """
 
     def read(self, n: int) -> Samples:
@@ -93,8 +93,8 @@ class Source:
         Returns
         -------
         Samples
-            At most ``n`` samples, and none only after the end. A live source returns the new
-            samples after at most ``WAIT_S``; there may be none.
+            At most ``n`` samples; none only after the end. A live source returns the new samples
+            after at most ``WAIT_S``; there may be none.
 
         Raises
         ------

@@ -25,7 +25,8 @@ from slip_detector.sources.byte_stream import ByteSplitter, DecodedSamples
 #: Largest number of bytes of a number on a line, with its comma.
 NUMBER_BYTES = 32
 
-#: A line can match in one way only, so a long line that does not match takes no extra time.
+#: A number on a line. Text can match in one way only, so that a long line that does not match
+#: causes no backtracking.
 NUMBER = rb'[ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?[ \t]*'
 
 
@@ -33,7 +34,7 @@ class LineDecoder:
     r"""Decodes lines of comma-separated volts.
 
     The first line is dropped, as reading may have begun within it. Text has no checksum: a wrong
-    or lost digit is not noticed as long as a number is left.
+    or lost digit is not noticed if what remains is a number.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ from slip_detector.sources.source import WAIT_S, Source
 #: Requested size of the receive buffer; the operating system may grant less.
 BUFFER_BYTES = 1 << 20
 
-#: Another sender is accepted when the present one has sent no packet for this long.
+#: Time without packets from the present sender after which another one is accepted.
 SENDER_SILENT_S = 0.25
 
 
@@ -40,8 +40,8 @@ class UdpSource(Source):
     """Packets from one of the allowed senders at a time.
 
     ``counts`` also has ``unlisted_sender``, datagrams of senders that are not allowed, and
-    ``other_sender``, datagrams of an allowed sender that came while another one, or another port
-    of it, was accepted: samples of two sensors must not be mixed.
+    ``other_sender``, datagrams of an allowed sender from another address or port than the present
+    one: samples of two sensors must not be mixed.
 
     Parameters
     ----------
