@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is wanted of a figure."""
+"""The range in which a figure is wanted."""
 
 from typing import NamedTuple
 
@@ -20,14 +20,14 @@ import numpy as np
 
 
 class Bound(NamedTuple):
-    """What is wanted of a figure: that it is from ``low`` to ``high``.
+    """The range in which a figure is wanted, from ``low`` to ``high``.
 
     Attributes
     ----------
     low, high : float
         In the unit of the figure.
     strict : bool
-        Whether a figure that equals one of them misses the bound.
+        Whether a figure equal to ``low`` or ``high`` is outside the range.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class Bound(NamedTuple):
     strict: bool = False
 
     def met(self, figure: float | None) -> bool:
-        """Return whether a figure is as wanted; one that is not defined is not."""
+        """Return whether a figure is in the range; None, a figure that is not defined, is not."""
         if figure is None:
             return False
         if self.strict:

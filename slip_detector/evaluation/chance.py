@@ -12,17 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What of the figures of slips and alarms is better than chance.
+"""How much better than chance the figures of slips and alarms are.
 
-Alarms that know nothing of slip find slips too, and the more of them there are the sooner. How
-soon is known from the rest, where each alarm is false: within a time t after any moment an alarm
-begins with a probability of at most t times the rate of false alarms, whether they come at random
-or like a clock. All figures here take this bound for chance. So no decision that does not depend
-on slip is better than chance on the mean, however often it is ON and however fast it switches.
+Alarms that do not depend on slip find slips too: the more alarms, the sooner. How soon follows
+from the rest, where each alarm is false: within a time t after any moment, an alarm begins with a
+probability of at most t times the rate of false alarms, whether they are random or periodic. All
+functions here use this bound as the probability of chance. So no decision that does not depend on
+slip is better than chance on average, however often it is ON and however fast it switches.
 
-Of each slip two times are needed: its *window* is the length of the time in which its alarm may
-rise; its *lead* the time from the beginning of this window to the start of the slip, and half a
-row more, as an alarm rises somewhere within its row.
+Two times of each slip are needed. Its *window* is the length of the time in which its alarm may
+rise. Its *lead* is the time from the beginning of this window to the start of the slip, plus half
+a row, as an alarm may rise anywhere within its row.
 """
 
 from collections.abc import Sequence
@@ -32,17 +32,17 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
-#: The median latency of all slips is given where ``sooner_than_chance`` is at least this.
+#: Least ``sooner_than_chance`` with which the median latency of all slips is defined.
 HALF = 0.5
 
 
 def recall_by_chance(windows_s: ArrayLike, rates_hz: ArrayLike) -> Floats:
-    """Return the share of the slips that false alarms alone would find, at most.
+    """Return the largest share of the slips that false alarms alone would find.
 
     Parameters
     ----------
     windows_s : array_like, shape (slips,)
-        At least one.
+        The window of each slip; at least one.
     rates_hz : array_like, any shape
         Rates of false alarms in the rest, for example at several thresholds.
 
@@ -62,20 +62,18 @@ def recall_by_chance(windows_s: ArrayLike, rates_hz: ArrayLike) -> Floats:
 def sooner_than_chance(
     latencies_s: ArrayLike, leads_s: ArrayLike, windows_s: ArrayLike, rates_hz: ArrayLike
 ) -> Floats:
-    """Return how much more often alarms are sooner than false alarms by chance than later.
+    """Return the share of slips whose alarm beats chance, less the share where chance is sooner.
 
-    The alarm of each slip is compared with the false alarm that would have come first, had the
-    slip begun at another time. 1: always sooner; 0: as often sooner as later. Where neither
-    comes within the window of the slip, neither is sooner.
+    The alarm of each slip is compared with the first false alarm that would have come, had the
+    slip begun at another time. 1: the alarm is always sooner; 0: as often sooner as later. Where
+    neither comes within the window of the slip, neither is sooner.
 
     Parameters
     ----------
     latencies_s : array_like, shape (slips, ...)
-        NaN for a missed slip; of at least one slip.
-    leads_s : array_like, shape (slips,)
-        See the module.
-    windows_s : array_like, shape (slips,)
-        See the module.
+        The latency of each slip, at least one; NaN for a missed slip.
+    leads_s, windows_s : array_like, shape (slips,)
+        The lead and the window of each slip; see the module's docstring.
     rates_hz : array_like, shape (...)
         Rates of false alarms in the rest.
 
@@ -101,16 +99,16 @@ def sooner_than_chance(
 def saved_by_chance_s(
     leads_s: ArrayLike, windows_s: ArrayLike, rates_hz: ArrayLike, most_s: float
 ) -> Floats:
-    """Return by how much false alarms alone would lower the mean latency, at most.
+    """Return how much false alarms alone would lower the mean latency, at most.
 
     Parameters
     ----------
     leads_s, windows_s : array_like, shape (slips,)
-        Of at least one slip.
+        The lead and the window of each slip, at least one; see the module's docstring.
     rates_hz : array_like, any shape
         Rates of false alarms in the rest.
     most_s
-        The latency of a missed slip; no latency is longer, and none below 0.
+        The latency of a missed slip. Latencies are limited to the range from 0 to this.
 
     Returns
     -------
@@ -125,7 +123,7 @@ def saved_by_chance_s(
     each = (-1, *[1] * rates.ndim)
     leads, windows = np.reshape(leads_s, each), np.reshape(windows_s, each)
     highest = np.minimum(windows * rates, 1.0)
-    # The probability of an alarm grows with time until it is as high as it gets.
+    # The probability of an alarm grows with time until it reaches ``highest``.
     full_s = np.divide(
         highest, rates, out=np.broadcast_to(windows, highest.shape).copy(), where=rates > 0.0
     )
@@ -147,9 +145,9 @@ def slip_figures(
     Parameters
     ----------
     latencies_ms : array_like, shape (slips,)
-        Latency of each slip that is scored; NaN for a missed one.
+        Latency of each scored slip; NaN for a missed one.
     leads_s, windows_s : array_like, shape (slips,)
-        See the module.
+        The lead and the window of each slip; see the module's docstring.
     false_alarms
         Number of alarms in the rest.
     rest_s, on_rest_s
@@ -160,10 +158,10 @@ def slip_figures(
     dict
         ``recall``: the share of the slips that are found; :func:`recall_by_chance` and
         :func:`sooner_than_chance`; ``false_alarms_per_minute`` of rest; ``false_time_percent``:
-        the share of the rest that is ON, and ``false_time_s_per_hour``, the same;
+        the share of the rest that is ON, and ``false_time_s_per_hour``, the same in another unit;
         ``latency_median_ms``, ``latency_p90_ms`` and ``latency_worst_ms`` of the slips found,
-        where they are found sooner than by chance; ``latency_median_all_ms``, of all slips,
-        where a missed one is later than any, and ``sooner_than_chance`` is at least one half.
+        defined where ``sooner_than_chance`` is above 0; ``latency_median_all_ms``, of all slips
+        with missed ones as the latest, defined where ``sooner_than_chance`` is at least 0.5.
 
     Examples
     --------
@@ -180,7 +178,7 @@ def slip_figures(
         rate_hz = false_alarms / rest_s
         by_chance = float(recall_by_chance(windows_s, rate_hz))
         sooner = float(sooner_than_chance(latencies / 1e3, leads_s, windows_s, rate_hz))
-    told = found if sooner is not None and sooner > 0.0 else found[:0]
+    reported = found if sooner is not None and sooner > 0.0 else found[:0]
     median_all = np.inf
     if sooner is not None and sooner >= HALF:
         median_all = float(np.median(np.where(np.isnan(latencies), np.inf, latencies)))
@@ -192,7 +190,7 @@ def slip_figures(
         'false_time_percent': 100.0 * (on_rest_s / rest_s) if rest_s else None,
         'false_time_s_per_hour': 3600.0 * (on_rest_s / rest_s) if rest_s else None,
         'latency_median_all_ms': median_all if np.isfinite(median_all) else None,
-        'latency_median_ms': float(np.median(told)) if told.size else None,
-        'latency_p90_ms': float(np.percentile(told, 90)) if told.size else None,
-        'latency_worst_ms': float(told.max()) if told.size else None,
+        'latency_median_ms': float(np.median(reported)) if reported.size else None,
+        'latency_p90_ms': float(np.percentile(reported, 90)) if reported.size else None,
+        'latency_worst_ms': float(reported.max()) if reported.size else None,
     }

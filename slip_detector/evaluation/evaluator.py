@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The evaluator: one chain over recordings, each from its first row."""
+"""Runs a chain over recordings, each from its first row."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -25,7 +25,7 @@ from slip_detector.recordings import RecordingCounts
 
 
 class EvaluatedRecording(NamedTuple):
-    """What a chain made of a recording, and what was wrong with the recording.
+    """The outcome of a recording's replay, and the faults of the recording.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class EvaluatedRecording(NamedTuple):
     counts : RecordingCounts
         Gaps, bad samples and losses.
     observer : Observer or None
-        The observer that was shown the rows, if there was one.
+        The observer that received the rows, if there was one.
 
     Examples
     --------
@@ -55,14 +55,14 @@ class EvaluatedRecording(NamedTuple):
 
 
 def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int]:
-    """Count what was wrong with recordings.
+    """Add up the faults of recordings.
 
     Returns
     -------
     dict
-        ``bad_samples``: values that are not numbers; ``gaps`` that were bridged, with
-        ``bridged_rows``; ``long_gaps``, after which the chain was reset; ``dropped``: rows whose
-        stamp is not after the one before.
+        ``bad_samples``: values that are not numbers; ``gaps`` that were bridged, and by how many
+        rows, ``bridged_rows``; ``long_gaps``, after which the chain was reset; ``dropped``: rows
+        whose stamp is not after the one before.
 
     Examples
     --------
@@ -86,7 +86,7 @@ def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int
 
 
 def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:
-    """Return the figures of merit of recordings taken together, and what was wrong with them.
+    """Return the figures of merit of recordings taken together, and their faults.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
 class Evaluator:
     """Runs one chain over recordings, each on its own.
 
-    It keeps nothing of a recording, so that several processes or threads can have it.
+    It keeps no state between recordings, so that processes or threads can share it.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ from slip_detector.evaluation.chance import slip_figures
 #: The stages between a signal and the global decision, in order; the parts of a latency.
 STAGES = ('filter', 'envelope', 'decision', 'vote')
 
-#: Stands in place of a stage where an alarm that began before the slip was not over.
+#: Takes the place of a stage where an alarm that began before the slip was not over.
 ALREADY_ON = 'already_on'
 
 #: Kinds of alarms.
@@ -49,18 +49,19 @@ class TrueSlip:
         Whether the slip begins while filters and windows settle, at the beginning of a recording
         or after a long gap. Then it is neither found nor missed.
     lead_s, window_s : float
-        From when on its alarm may rise, before its start, and for how long; see :mod:`.chance`.
+        How long before its start its alarm may rise at the earliest, and length of the time in
+        which it may; see :mod:`.chance`.
     late : bool
         Whether the latency is above ``late_after_s``.
     stages_s : dict or None
         The parts of the latency, by :data:`STAGES`; their sum is the latency. ``filter`` ends
-        when a channel of the deciding group has a filtered signal (rectified, to its exponent)
-        above the threshold: it has the delay of the filter and the time until the sensor feels
-        the slip. ``envelope`` ends when the envelope of a channel is above the threshold (of
-        evidence see :mod:`slip_detector.evaluation.stages`),
-        ``decision`` when its level is, which turns the channel ON, and ``vote`` when the group is
-        ON. None where there is no latency, where the alarm rises before the label and where
-        another alarm was not over when the slip began.
+        when a channel of the deciding group has a filtered signal (rectified, raised to the
+        exponent) above the threshold: it includes the time until the sensor feels the slip.
+        ``envelope`` ends when the envelope of a channel is above the threshold (for the limits
+        that evidence uses instead see :mod:`.stage_watch`), ``decision`` when its level is,
+        which turns the channel ON, and ``vote`` when the group is ON. None where there is no
+        latency, where the alarm rises before the label and where another alarm was not over when
+        the slip began.
     lost_at : str or None
         Where a missed slip was lost: the first of :data:`STAGES` after which no channel was above
         the threshold in the time in which the alarm could rise; ``vote`` where channels were ON
@@ -104,7 +105,7 @@ class TrueSlip:
 
 @dataclasses.dataclass(frozen=True)
 class Alarm:
-    """A rise of the global decision, and all that follows until it has been OFF for long enough.
+    """A rise of the global decision, and what follows until it is OFF for ``off_before_s``.
 
     Attributes
     ----------
@@ -148,12 +149,12 @@ def event_figures(
         ``slips``, with how many of them are ``matched`` to an alarm, ``missed``, or neither
         because they begin while the chain settles (``settling_slips``), and how many of the
         matched ones are ``late``; ``alarms``, with ``repeated_alarms``, ``false_alarms`` and
-        ``settling_alarms``; ``precision``: the share of the alarms that are matched, repeated
-        ones and those of settling left out, and ``precision_by_chance``: the share of the scored
+        ``settling_alarms``; ``precision``: the share of the alarms that are matched, without
+        repeated and settling ones, and ``precision_by_chance``: the share of the scored
         time in which an alarm would be matched; ``rest_s``; the figures of
-        :func:`.slip_figures`; ``<stage>_ms``: the mean part of the latency of the matched slips;
-        ``late_<stage>_ms``: the same of the late ones; ``missed_at_<stage>`` and
-        ``missed_already_on``: how many slips were lost there.
+        :func:`.slip_figures`; ``<stage>_ms``: mean time that the latency of the matched slips
+        spends in the stage; ``late_<stage>_ms``: the same for the late slips;
+        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
 
     Examples
     --------

@@ -14,12 +14,12 @@
 
 """Matches each true slip to at most one alarm, at one threshold or at many at once.
 
-An alarm begins where the global decision rises after it was OFF for ``off_before_s`` or more; an
-OFF that is shorter does not end it. A true slip is an interval of the label. The first rows of a
-recording, and those after a long gap, are not scored: there filters and windows still settle.
-What is scored and belongs to no slip is *rest*.
+An alarm begins where the global decision rises after it was OFF for ``off_before_s`` or more; a
+shorter OFF does not end the alarm before. A true slip is an interval of the label. The first rows
+of a recording, and those after a long gap, are not scored, as filters and windows still settle.
+Scored rows in which no alarm of a slip can rise are *rest*.
 
-Time is counted in rows from the first row of the recording, with the rows that are missing in
+Time is counted in rows from the first row of the recording, including the rows that are missing in
 gaps, so that nothing depends on rounding.
 """
 
@@ -35,7 +35,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-#: Stands in place of the number of an alarm or a slip where there is none.
+#: Takes the place of the number of an alarm or a slip where there is none.
 NONE = -1
 
 
@@ -52,7 +52,7 @@ class OnIntervals:
     Attributes
     ----------
     edges : list of int
-        Rows at which the signal rises and falls, in turns.
+        Rows at which the signal rises and falls, alternately.
 
     Examples
     --------
@@ -224,7 +224,7 @@ def _match(rises, settling, lows, highs, alarm_of, slip_of):
 
 
 class ScoredRows:
-    """What of a recording is scored, and where the alarm of each slip may begin.
+    """The rows of a recording that are scored, and those in which the alarm of each slip may rise.
 
     Parameters
     ----------
@@ -243,20 +243,20 @@ class ScoredRows:
     Attributes
     ----------
     off_rows : int
-        For how many rows the decision is OFF before an alarm.
+        Least number of rows for which the decision is OFF before an alarm.
     settled : ndarray of int, shape (stretches,)
-        The first row of each stretch that is scored, or its end where none is. It is never less
-        than ``off_rows`` after the beginning.
+        The first scored row of each stretch, at least ``off_rows`` after its beginning; the end
+        of a stretch in which no row is scored.
     scored : ndarray of bool, shape (slips,)
         Whether a slip begins in a row that is scored. The others are neither found nor missed.
     lows, highs : ndarray of int, shape (slips,)
         The window of each slip, as :func:`alarm_windows` returns it, within the scored rows of
         its stretch.
     leads_s, windows_s : ndarray, shape (slips,)
-        Where these windows begin before the middle of the first row of the slip, and how long
-        they last.
+        Time from the beginning of each window to the middle of the first row of its slip, and
+        length of the window.
     rest_starts, rest_ends : ndarray of int, shape (intervals,)
-        The rest: rows that are scored and in no window.
+        The rest: scored rows that are in no window.
 
     Examples
     --------
@@ -280,15 +280,15 @@ class ScoredRows:
         self._starts, ends = np.array(stretches, np.int64).reshape(-1, 2).T
         self.settled = np.minimum(self._starts + max(settling_rows, self.off_rows), ends)
         slip_starts = np.array(slips, np.int64).reshape(-1, 2)[:, 0]
-        mine = self._stretch_of(slip_starts)
-        self.scored = np.asarray(slip_starts >= self.settled[mine])
+        stretch = self._stretch_of(slip_starts)
+        self.scored = np.asarray(slip_starts >= self.settled[stretch])
         lows, highs = alarm_windows(slips, early_rows, tail_rows)
-        self.lows = np.maximum(lows, self.settled[mine])
-        self.highs = np.maximum(np.minimum(highs, ends[mine]), self.lows)
+        self.lows = np.maximum(lows, self.settled[stretch])
+        self.highs = np.maximum(np.minimum(highs, ends[stretch]), self.lows)
         self.leads_s = (slip_starts - self.lows + 0.5) / sample_rate_hz
         self.windows_s = (self.highs - self.lows) / sample_rate_hz
-        # Each begins where a window ends or the chain has settled, and lasts to the next window
-        # or the end of the stretch. Windows that meet or overlap have none between them.
+        # Rest begins where a window ends or the chain has settled, and lasts to the next window
+        # or the end of the stretch. There is no rest between windows that meet or overlap.
         starts = np.sort(np.concatenate([self.settled, self.highs]))
         ends = np.sort(np.concatenate([self.lows, ends]))
         self.rest_starts, self.rest_ends = starts[starts < ends], ends[starts < ends]
@@ -332,7 +332,7 @@ class ScoredRows:
         return [RowInterval(*pair) for pair in pairs]
 
     def settling(self, rises: Sequence[int]) -> Bools:
-        """Return which rows are in a stretch's beginning, where the chain settles; shape (n,)."""
+        """Return at which rows the chain still settles after a stretch began; shape (n,)."""
         rows = np.array(rises, np.int64)
         return np.asarray(rows < self.settled[self._stretch_of(rows)])
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a chain made of a recording, and the figures of several recordings together."""
+"""The outcome of a recording's replay, and the figures of several recordings together."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from slip_detector.evaluation.scores import ScoreCounts
 
 @dataclasses.dataclass(frozen=True)
 class ReplayOutcome:
-    """What a chain made of a recording.
+    """The outcome of a recording's replay through a chain.
 
     Attributes
     ----------
@@ -38,8 +38,8 @@ class ReplayOutcome:
     settling_rows : int
         Number of rows that are not scored, as filters and windows settle.
     rest_rows, on_rest_rows : int
-        Number of rows of rest, see :mod:`.matching`, and of those in which the global decision
-        is ON.
+        Number of rows of rest, see :mod:`.matching`, and how many of them have the global
+        decision ON.
     sample_rate_hz : float
         Rate of the recording.
     slips : tuple of TrueSlip
@@ -71,7 +71,7 @@ class ReplayOutcome:
 
     @property
     def duration_s(self) -> float:
-        """Time of its rows, gaps left out."""
+        """Time of its rows, without gaps."""
         return self.rows / self.sample_rate_hz
 
     @property

@@ -51,7 +51,7 @@ def first_on_delay_s(on: ArrayLike, time_s: ArrayLike, start_s: float) -> float 
 
 
 def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | None]:
-    """Return mean and standard deviation of delays, as the paper's Eq. 10 does for channels.
+    """Return mean and standard deviation of delays; Eq. 10 is the mean over channels.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | N
     Returns
     -------
     mean, sd : float or None
-        Of the delays that are known, the standard deviation with n - 1. None for the mean of no
-        delay and for the standard deviation of fewer than two.
+        Of the known delays; the standard deviation with n - 1. None for the mean of no delay and
+        for the standard deviation of fewer than two.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | N
 
 
 def percent(part: int, whole: int) -> float | None:
-    """Return a share in percent; None where the whole is nothing.
+    """Return a share in percent; None where the whole is 0.
 
     Examples
     --------

@@ -19,9 +19,8 @@ the same with other windows (as in the paper's Fig. 4) and the same with wider b
 stop-band above them (as in its Fig. 7). Trial k of each plate has the seed k, so that the plates
 differ only in their spatial period.
 
-From the paper we have the means and standard deviations of each plate (Table 2), but not the
-delays of the single trials, and what Figs. 4 and 7 show, but not their values. What we do not have
-is left out.
+The paper gives the means and standard deviations of each plate (Table 2), but not the delays of
+single trials, and Figs. 4 and 7 without their values. What the paper does not give is left out.
 
 ``slip_evaluate --protocol paper --json`` prints one object:
 
@@ -41,7 +40,7 @@ is left out.
     moves, out of ``trials``, and ``success_percent``, their share; ``false_positive_percent``, the
     share of the time at which the plate stands in which the global decision is ON;
     ``channels_without_on``, how many channels in all trials have no such ON and are left out of
-    the means. null where a figure is not defined.
+    the means. A figure that is not defined is null.
 ``all``
     The same figures over the trials of all plates.
 ``windows``

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The trials of the paper's protocol: their simulation, their way through a chain, figures."""
+"""The trials of the paper's protocol: their simulation, replay through a chain, and figures."""
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
@@ -95,7 +95,7 @@ class PlateTrial(NamedTuple):
 
 
 def plate_trial(volts: Floats, position_m: Floats, sample_rate_hz: float) -> PlateTrial:
-    """Make a trial of its samples.
+    """Make a trial from its samples.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
 def replay_trial(trial: PlateTrial, replay: Replay) -> ReplayOutcome:
     """Run a trial through a chain from its first row; its only slip is the motion of the plate.
 
-    A channel that is ON for the first time when the plate stands again has no delay.
+    A channel that is first ON after the plate has come to rest has no delay.
 
     Raises
     ------

@@ -14,7 +14,7 @@
 
 """Runs one chain over a recording, piece by piece.
 
-The memory that this takes grows with the number of slips and alarms, not with the rows.
+Memory grows with the number of slips and alarms, not with the rows.
 """
 
 import dataclasses
@@ -62,8 +62,8 @@ Floats = NDArray[np.float64]
 #: Number of values that the chain is given at a time, so that its results stay in the cache.
 BLOCK_VALUES = 131072
 
-#: Length of the block that begins with a slip. The alarm is mostly in it, and then the following
-#: rows need no envelope.
+#: Length of the block that begins with a slip. Most alarms rise within it; only until the alarm is
+#: the envelope needed.
 WATCHED_ROWS = 64
 
 
@@ -71,7 +71,7 @@ class Observer(Protocol):
     """Receives the rows of a recording during its replay, as the overview of a report does."""
 
     def add(self, volts: Floats, result: SlipResult, truth: Bools, /) -> None:
-        """Take the next rows; the result has their level, with evidence floor and excess too."""
+        """Take the next rows; the result has their level, and with evidence floor and excess."""
 
     def gap(self, seconds: float, /) -> None:
         """Take the length of the gap before the next rows."""
@@ -88,7 +88,7 @@ class Replay:
         What counts as detected.
     scores, stages
         Whether the outcome has the scores of the ROC curve, and the parts of each latency. What
-        is left out takes no time.
+        the outcome does not have is not computed.
 
     Raises
     ------
@@ -135,7 +135,7 @@ class Replay:
         sample_rate_hz
             Rate of the recording, which turns rows into times; the chain's rate if not given.
         observer
-            Is given all rows and gaps in their order.
+            Receives all rows and gaps in their order.
 
         Raises
         ------
@@ -151,14 +151,14 @@ class Replay:
 
 @dataclasses.dataclass
 class _Slip:
-    """What is known of a slip so far.
+    """A slip, as far as the replay has come.
 
     Attributes
     ----------
     start : int
         Its first row.
     first_on : ndarray of int, shape (c,)
-        The row of the first ON of each enabled channel during the slip; -1 before it.
+        The row of the first ON of each enabled channel during the slip; -1 without an ON so far.
     """
 
     start: int
@@ -170,7 +170,7 @@ class _Slip:
 
 
 class _Run:
-    """The replay of one recording, and what is known of it so far."""
+    """The replay of one recording, and its counts and intervals so far."""
 
     def __init__(self, replay: Replay, rate_hz: float, observer: Observer | None) -> None:
         self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
@@ -181,7 +181,7 @@ class _Run:
         disabled = {channel - 1 for channel in chain_config.disabled_channels}
         self._enabled = [c for c in range(chain_config.channels) if c not in disabled]
         self._block_rows = max(BLOCK_VALUES // chain_config.channels, 1)
-        self._row = 0  # with the rows that are missing in gaps
+        self._row = 0  # Number of the next row; rows that are missing in gaps count.
         self._rows = self._slip_rows = self._moving_rows = self._on_rows = 0
         self._moves = False
         self._last_stamps_ns: Stamps | None = None
@@ -203,7 +203,7 @@ class _Run:
         if piece.moving is not None:
             self._moves = True
             self._moving_rows += int(np.count_nonzero(piece.moving))
-        # A block ends before each slip: the chain is then as it was when the slip began.
+        # A block ends before each slip, so that the watch can copy the chain's state at that row.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         cuts = {*range(0, n, self._block_rows), *starts.tolist(), n}
         if self._watch:
@@ -235,7 +235,7 @@ class _Run:
         watching = self._watch is not None and self._watch.watching
         votes = (self._chain.config.vote,) if self._tally else ()
         level = self._observer is not None
-        # An observer is given all that evidence is made of, the watch the floors.
+        # An observer receives floor and excess, which make evidence; the watch needs floors only.
         evidence = self._chain.config.decision == 'evidence'
         floor, excess = evidence and (watching or level), evidence and level
         result = self._chain.update(
@@ -263,7 +263,7 @@ class _Run:
         slip = _Slip(self._row, np.full(len(self._enabled), -1), on_at_start=self._on.on)
         self._slips.append(slip)
         if slip.on_at_start:
-            slip.lost_at = ALREADY_ON  # unless it has another alarm
+            slip.lost_at = ALREADY_ON  # Used only if no later alarm finds the slip.
         elif self._watch:
             self._watch.begin(self._chain, self._row)
 
@@ -358,7 +358,7 @@ class _Run:
         delays_s = tuple(
             None if row < 0 else (row - slip.start) / rate_hz for row in slip.first_on.tolist()
         )
-        # The rise that was watched may have continued an alarm that began before the slip.
+        # The watched rise may belong to an alarm that began before the slip.
         watched = slip.stages
         own = watched if watched and sum(watched.values()) == latency else None
         lost_at = ALREADY_ON if watched else slip.lost_at

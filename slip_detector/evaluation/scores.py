@@ -26,10 +26,10 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Scores in one class differ by less than this share of their value.
+#: Width of a class: scores in one class differ by less than this share of their value.
 SCORE_RESOLUTION = 2.0**-10
 
-# The number of a class is made of the exponent of a score in float64 and the first ten bits of its
+# The number of a class is the exponent of a score in float64 followed by the first ten bits of its
 # mantissa. Scores below 2^-126 are in class 0, scores from 2^129 on in the last class.
 _DROPPED_BITS = 42
 _LOWEST_CLASS = (1023 - 127) << 10
@@ -41,7 +41,8 @@ def _count(bits, kinds, table, used):  # type: ignore[no-untyped-def]
     """Count rows in the table by their kind and the class of their score.
 
     ``bits`` are the bits of the scores; ``used`` is the lowest class in use above 0, and the class
-    after the highest one in use. Class 0, of rows before anything moves, is far below all others.
+    after the highest one in use. Class 0, which has the rows before any signal, is left out: it
+    lies far below the others.
     """
     low, high = used[0], used[1]
     for k in range(bits.size):
@@ -55,7 +56,7 @@ def _count(bits, kinds, table, used):  # type: ignore[no-untyped-def]
 
 @compiled
 def _take(table, used):  # type: ignore[no-untyped-def]
-    """Return the classes that occur and their counts, and set all of them to 0."""
+    """Return the classes that occur and their counts, and set all counts to 0."""
     low, high = max(used[0], 1), used[1]
     classes = np.empty(max(high - low, 0) + 1, np.int64)
     many = 0
@@ -116,7 +117,7 @@ class ScoreCounts:
         """Return the area under the ROC curve of slip against rows of other kinds.
 
         Two scores in one class count as equal. The error of the area is at most half the share of
-        such pairs, which is about 1e-4 for scores that are spread over an octave.
+        such pairs, about 1e-4 for scores that are spread over an octave.
 
         Parameters
         ----------

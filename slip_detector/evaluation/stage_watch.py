@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How the latency of a detection is divided: filter, envelope, decision, vote.
+"""Divides the latency of a detection into the parts of filter, envelope, decision and vote.
 
 The filtered signal comes from a second chain with windows of one sample: its envelope is the
-rectified signal to its exponent. It takes over the state of the filters where a slip begins and
-runs only until the alarm. So the algorithm is not written twice and hardly runs twice.
+rectified signal raised to the exponent. This chain copies the state of the filters where a slip
+begins and runs only until the alarm, so the algorithm is written once and few rows run twice.
 
-Filtered signal and envelope are held against the threshold; where evidence decides, against the
-channel's noise floor and ``evidence_offset_db``, above which evidence grows.
+Filtered signal and envelope are compared with the threshold; where evidence decides, with the
+channel's noise floor plus ``evidence_offset_db``, above which evidence grows.
 """
 
 import dataclasses
@@ -35,7 +35,7 @@ from slip_detector.parameters.detector import ChainConfig
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
-#: Stands in place of a row that never came.
+#: Takes the place of a row that has not come.
 NEVER = np.iinfo(np.int64).max
 
 
@@ -70,7 +70,7 @@ class StageWatch:
         self.watching = False
 
     def begin(self, chain: SlipChain, row: int) -> None:
-        """Start at a slip, before the chain is given its first row.
+        """Start at a slip, before the chain receives its first row.
 
         Parameters
         ----------
@@ -118,11 +118,11 @@ class StageWatch:
             self._deciding = self._members[int(result.groups[rise].argmax())]
 
     def stages(self) -> dict[str, int] | None:
-        """Return how many rows each stage took, from the slip to the alarm; None without one."""
+        """Return the rows spent in each stage, from slip to alarm; None without an alarm."""
         if self._alarm == NEVER:
             return None
         # A later stage may be above the threshold before the one that feeds it, as the windows
-        # still hold rows from before the slip. Then the earlier stage takes no time.
+        # still hold rows from before the slip. Then the earlier stage ends at the same row.
         ends = [*self._first[:, self._deciding].min(axis=1).tolist(), self._alarm]
         for k in (2, 1, 0):
             ends[k] = min(ends[k], ends[k + 1])
