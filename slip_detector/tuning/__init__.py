@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The search for parameters, the verdict on held-out recordings, and what rest and knocks tell."""
+"""The search for parameters, its verdict by held-out recordings, and values learnt at rest."""

@@ -32,7 +32,7 @@ _one_at_a_time = threading.Lock()
 class FileObjective:
     """The objective of a problem whose recordings are read by the process that needs them.
 
-    It can be sent to another process and then takes a few kilobytes.
+    It has a few kilobytes when it is sent to another process, as it contains no rows.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which step from one sample to the next is a knock and not a slip."""
+"""Finds from which size on a step from one sample to the next is a knock and not a slip."""
 
 import math
 from collections.abc import Sequence
@@ -27,21 +27,21 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: A knock has a step above this many times the noise, which is the step that this share of all
-#: steps stays below.
+#: A knock has a step above ``KNOCK`` times the noise. The noise is the size that ``NOISE_SHARE``
+#: of all steps stays below.
 KNOCK = 4.0
 NOISE_SHARE = 0.9
 
 #: This share of the knocks must have steps at least this many times as large as those of slips.
-TOLD_SHARE = 0.9
+KNOCK_SHARE = 0.9
 LEAST_RATIO = 1.5
 
-#: Large steps with no longer pause between them are one knock.
+#: Longest pause between two large steps of one knock.
 KNOCK_S = 0.5
 
 
 def common_steps_v(chain: ChainConfig, track: Track) -> Floats:
-    """Return for each row the step that at least ``impact_channels`` channels make at once.
+    """Return for each row the largest step that ``impact_channels`` channels reach at once.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def common_steps_v(chain: ChainConfig, track: Track) -> Floats:
     Returns
     -------
     ndarray, shape (n,)
-        0 in the first row of each stretch. A bad sample makes no step, as the last good one is
+        0 in the first row of each stretch. A bad sample causes no step, as the last good one is
         held in its place.
 
     Examples
@@ -78,7 +78,7 @@ def _steps_v(chain: ChainConfig, track: Track) -> Floats:
     for rows in track.rows_of_stretches:
         volts = track.volts[rows, enabled]
         good = (volts >= low) & (volts <= high)
-        # In each row the place of the last good sample; before the first there is none.
+        # The place of the last good sample up to each row; -1 before the first good one.
         places = np.where(good, np.arange(len(volts))[:, np.newaxis], -1)
         places = np.maximum.accumulate(places, axis=0)
         held = np.where(places < 0, np.nan, np.take_along_axis(volts, places, axis=0))
@@ -88,12 +88,12 @@ def _steps_v(chain: ChainConfig, track: Track) -> Floats:
 
 
 def largest_slip_steps_v(chain: ChainConfig, tracks: Sequence[Track]) -> Floats:
-    """Return the largest step that 1, 2, ... channels make at once in rows with slip.
+    """Return the largest step that 1, 2, ... channels reach at once in rows with slip.
 
     Returns
     -------
     ndarray
-        One for each number of enabled channels; 0 where there is no slip.
+        One step for each number of channels up to all enabled ones; 0 where there is no slip.
 
     Examples
     --------
@@ -115,8 +115,8 @@ def largest_slip_steps_v(chain: ChainConfig, tracks: Sequence[Track]) -> Floats:
 def knocks_v(chain: ChainConfig, track: Track) -> Floats:
     """Return the largest of :func:`common_steps_v` in each knock of a recording.
 
-    A knock is a step of :data:`KNOCK` times those of the noise, with what follows for
-    :data:`KNOCK_S`.
+    A knock begins with a step above :data:`KNOCK` times the noise. Further such steps that follow
+    within :data:`KNOCK_S` of each other belong to it.
 
     Examples
     --------
@@ -131,7 +131,7 @@ def knocks_v(chain: ChainConfig, track: Track) -> Floats:
     steps = common_steps_v(chain, track)
     if not steps.any():
         return np.zeros(0)
-    # A converter whose last digit seldom changes has no noise but this digit.
+    # Where the samples seldom change, the noise is the smallest step of the converter.
     noise_v = max(np.quantile(steps, NOISE_SHARE), steps[steps > 0.0].min())
     loud = np.flatnonzero(steps > KNOCK * noise_v)
     if not loud.size:
@@ -141,7 +141,7 @@ def knocks_v(chain: ChainConfig, track: Track) -> Floats:
 
 
 class ImpactStep(NamedTuple):
-    """The step from which on it is an impact.
+    """A value of ``impact_v``, with the steps between which it lies.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class ImpactStep(NamedTuple):
     slip_v : float
         The largest step of all slips.
     knock_v : float
-        The step that nine in ten knocks are above.
+        The step that :data:`KNOCK_SHARE` of the knocks exceed.
     knocks : int
 
     Examples
@@ -166,15 +166,15 @@ class ImpactStep(NamedTuple):
     def __str__(self) -> str:
         return (
             f'impact_v {self.impact_v:g} V: no slip has a step above {self.slip_v:.4g} V, '
-            f'{TOLD_SHARE * 100:.0f} % of {self.knocks} knocks one above {self.knock_v:.4g} V'
+            f'{KNOCK_SHARE * 100:.0f} % of {self.knocks} knocks one above {self.knock_v:.4g} V'
         )
 
 
 def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> ImpactStep:
     """Return an ``impact_v`` between the steps of slips and those of knocks.
 
-    It is the geometric mean of the largest step of the slips and of the one that
-    :data:`TOLD_SHARE` of the knocks are above.
+    It is the geometric mean of the largest step of the slips and the step that :data:`KNOCK_SHARE`
+    of the knocks exceed.
 
     Parameters
     ----------
@@ -212,10 +212,10 @@ def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> I
     if not slip_v:
         names = ', '.join(track.name for track in tracks)
         raise ValueError(f'{names}: has no step with slip, allowed: labelled recordings of slips')
-    knock_v = float(np.quantile(steps_v, 1.0 - TOLD_SHARE))
+    knock_v = float(np.quantile(steps_v, 1.0 - KNOCK_SHARE))
     if knock_v < LEAST_RATIO * slip_v:
         raise ValueError(
-            f'{knocks.name}: its knocks cannot be told from slips: {TOLD_SHARE * 100:.0f} % of '
+            f'{knocks.name}: its knocks cannot be told from slips: {KNOCK_SHARE * 100:.0f} % of '
             f'{steps_v.size} knocks have a step above {knock_v:.4g} V, slips of up to '
             f'{slip_v:.4g} V, allowed: {LEAST_RATIO:g} times as much'
         )

@@ -20,15 +20,15 @@ from pathlib import Path
 
 from optuna.storages.journal import JournalFileSymlinkLock
 
-#: Each entry has this key.
+#: The key that each entry has.
 KEY = 'op_code'
 
 
 def mend_journal(path: Path) -> str:
-    r"""Check the lines of a journal, and cut off a last one that was not written to its end.
+    r"""Check the lines of a journal, and cut off an incomplete last line.
 
-    A disk that is full or a process that is killed leaves half a line. Optuna would append the
-    next entry to it, and never read the file again.
+    A full disk or a killed process leaves half a line. Optuna would append the next entry to it,
+    and could then not read the file any more.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ def load_tracks(
 
 
 def _faults(counts: RecordingCounts) -> str:
-    """Return what was wrong with a recording, as a text; empty where nothing was."""
+    """Return a text on the faults of a recording; empty where there are none."""
     many = {
         'values that are not numbers': counts.bad_samples,
         'rows bridged': counts.bridged_rows,
@@ -94,7 +94,7 @@ def _faults(counts: RecordingCounts) -> str:
 
 
 class TrainingFiles(NamedTuple):
-    """The files that are tuned on.
+    """The recordings to tune on, and which of them are held out.
 
     Attributes
     ----------

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a recording at rest tells of a sensor: the noise floor of each channel, and its hum."""
+"""Learns the noise floors of a sensor, and finds its mains hum, from recordings at rest."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -29,21 +29,21 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: A learnt floor is the level that this share of rest stays below. Of noise it is about the mean
-#: power, whatever the window, so noise alone makes no evidence. Above a floor that only a tenth
-#: stays below, where one that follows settles, it would: by 12 dB on average with an envelope of
-#: one sample.
+#: A learnt floor is the level that this share of rest stays below. For noise that is about the
+#: mean power, whatever the window, so that noise alone gives no evidence. Above the level that a
+#: tenth stays below, where a floor that follows the envelope settles, noise lies by 12 dB on
+#: average if the envelope has a window of one sample.
 BELOW_FLOOR = 2 / 3
 
-#: How far a floor that was learnt may rise.
+#: How far a learnt floor may rise.
 LEARNT_RANGE_DB = 15.0
 
-#: Floors are learnt from this many rows, the first ones of each recording: more rows hardly make
-#: them surer, and make each trial of a search longer. Of each recording at least this many seconds
-#: are used; a single recording has to last that long.
+#: Floors are learnt from the first rows of each recording: ``MOST_ROWS`` in all, but at least
+#: ``LEAST_S`` of each; a single recording has to last that long. More rows would hardly improve
+#: the floors, and would lengthen each trial of a search.
 MOST_ROWS, LEAST_S = 60_000, 5.0
 
-#: Mains frequencies in the world, and how many of their multiples are looked at.
+#: Mains frequencies of the world, and how many of their multiples are examined.
 MAINS_HZ = (50.0, 60.0)
 HARMONICS = 8
 
@@ -53,10 +53,10 @@ LEAST_LINE_DB = 12.0
 #: Window of the spectra, which makes a line some 0.5 Hz wide.
 SPECTRUM_S = 4.0
 
-#: A line is looked for this far around its nominal frequency, as that of the mains wanders.
+#: Largest distance of a line from its nominal frequency, as the mains frequency varies.
 STRAYS_HZ = 0.5
 
-#: The noise beside a line is measured from the first to the second of these distances.
+#: Distances from a line between which the noise beside it is measured.
 BESIDE_HZ = (1.0, 6.0)
 
 #: Below this frequency a line cannot be told from drift.
@@ -64,16 +64,16 @@ LOWEST_LINE_HZ = 2.0
 
 
 def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, ...]:
-    """Return the noise floor of each channel: what two thirds of its envelopes at rest are below.
+    """Return the noise floor of each channel, below which two thirds of its envelopes at rest are.
 
-    Rows with slip, and rows in which the chain settles or a channel is not valid, take no part;
-    where there is rest, rows of motion do not either. A channel that tells nothing has the median
-    of the other floors.
+    Rows with slip, and rows in which the chain settles or a channel is not valid, are not used;
+    rows of motion are used only if there is no rest. A channel without noise gets the median of
+    the other floors.
 
     Parameters
     ----------
     chain
-        Whose envelope is meant; its decision does not matter.
+        The chain that computes the envelope; its decision does not matter.
     tracks
         The recordings.
 
@@ -130,7 +130,7 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
 
 
 def _floors(envelopes: Floats) -> Floats:
-    """Return the floor of each channel, of rows that are numbers; NaN where there are none."""
+    """Return the floor of each channel from its finite values; NaN where there are none."""
     found = np.full(envelopes.shape[1], np.nan)
     for channel, column in enumerate(envelopes.T):
         numbers = column[np.isfinite(column)]
@@ -145,11 +145,11 @@ class MainsLine(NamedTuple):
     Attributes
     ----------
     hum_hz : float
-        The multiple of the mains that makes it.
+        The multiple of the mains frequency that causes it.
     seen_hz : float
-        Where it is in the samples: at another frequency if it is above half the sample rate.
+        Its frequency in the samples: an alias if ``hum_hz`` is above half the sample rate.
     least_db : float
-        How far it stands above the noise, on the channel where it is least.
+        Its height above the noise on the channel where it is lowest.
 
     Examples
     --------
@@ -163,7 +163,7 @@ class MainsLine(NamedTuple):
 
 
 class Mains(NamedTuple):
-    """The mains that a recording has the lines of.
+    """The mains frequency that causes lines in a recording.
 
     Attributes
     ----------
@@ -183,26 +183,26 @@ class Mains(NamedTuple):
     def __str__(self) -> str:
         if not self.lines:
             return f'no line of the mains is {LEAST_LINE_DB:g} dB above the noise on all channels'
-        told = []
+        texts = []
         for line in self.lines:
             seen = '' if line.seen_hz == line.hum_hz else f', seen at {line.seen_hz:g} Hz'
-            told.append(f'{line.hum_hz:g} Hz ({line.least_db:.0f} dB{seen})')
-        return f'mains of {self.mains_hz:g} Hz: lines of {", ".join(told)} on all channels'
+            texts.append(f'{line.hum_hz:g} Hz ({line.least_db:.0f} dB{seen})')
+        return f'mains of {self.mains_hz:g} Hz: lines of {", ".join(texts)} on all channels'
 
 
 def find_mains(chain: ChainConfig, track: Track) -> Mains:
-    """Return the mains whose multiples stand out of the noise of all channels.
+    """Return the mains frequency whose multiples stand out from the noise on all channels.
 
-    What the chain takes off as common mode is not there. A multiple above half the sample rate is
-    looked for where sampling puts it. Of two mains the one with more lines is taken; of as many,
-    the one with the lower multiple, as sampling may put multiples of both at one place.
+    The common mode is subtracted first if the chain subtracts it. A multiple above half the sample
+    rate is sought at its alias. Of two mains frequencies the one with more lines is returned; with
+    equally many, the one with the lower multiple, as multiples of both may have the same alias.
 
     Parameters
     ----------
     chain
         Its ``common_mode`` and ``disabled_channels`` are used.
     track
-        A recording; its longest stretch is looked at, and in it the channels that are not flat.
+        A recording; the channels that are not flat in its longest stretch are examined.
 
     Examples
     --------
@@ -234,13 +234,13 @@ def find_mains(chain: ChainConfig, track: Track) -> Mains:
 
 
 def _certainty(mains: Mains) -> tuple[int, float, float]:
-    """Return what is larger where it is surer that the lines are of this mains."""
+    """Return a sort key that is larger where this mains is more likely the cause of its lines."""
     lowest = min((line.hum_hz / mains.mains_hz for line in mains.lines), default=0.0)
     return len(mains.lines), -lowest, sum(line.least_db for line in mains.lines)
 
 
 def _lines(mains_hz: float, hz: Floats, power: Floats, rate_hz: float) -> list[MainsLine]:
-    """Return the lines of a mains, each place in the spectrum once."""
+    """Return the lines at multiples of a mains frequency, each place in the spectrum once."""
     lines: list[MainsLine] = []
     for harmonic in range(1, HARMONICS + 1):
         hum_hz = harmonic * mains_hz
@@ -263,7 +263,7 @@ def _not_flat(volts: Floats) -> Floats:
 
 
 def _longest_stretch(track: Track) -> Floats:
-    """Return the rows of the longest stretch, what is no number replaced by the median."""
+    """Return the rows of the longest stretch; the median replaces values that are not numbers."""
     longest = max(track.rows_of_stretches, key=lambda rows: rows.stop - rows.start)
     volts: Floats = track.volts[longest].copy()
     for column in volts.T:

@@ -36,13 +36,13 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: A threshold is judged together with this many neighbours on each side, which are steps of
-#: :data:`slip_detector.tuning.thresholds.STEP`: contact and sensor change by about a tenth of the
-#: amplitude from day to day.
+#: The cost of a threshold is averaged with those of this many neighbours on each side, which are
+#: :data:`slip_detector.tuning.thresholds.STEP` apart: from day to day, contact and sensor change
+#: the amplitude by about a tenth.
 NEIGHBOURS = 3
 
 #: Confidence that is needed to prefer a chain to one nearer to the given chain. It is high, as the
-#: best of many chains may only be lucky.
+#: best of many chains may be the best by chance.
 CONFIDENCE = 0.99
 
 #: Areas under the ROC curve that differ by less than this count as equal.
@@ -51,7 +51,7 @@ AUC_STEP = 1e-3
 #: Other figures that differ by less than this count as equal.
 EQUAL = 1e-9
 
-#: Factor on the cost of whatever is worse than with the given parameters.
+#: Factor on the cost of the amount by which a figure is worse than that of the given chain.
 WORSE_COUNTS = 10.0
 
 
@@ -85,7 +85,7 @@ class CandidateFigures(NamedTuple):
 
     @property
     def better_than_chance(self) -> bool:
-        """Whether it finds slips sooner than decisions that know nothing of slip."""
+        """Whether the chain finds slips sooner than decisions that do not depend on slip."""
         return self.sooner_than_chance is not None and self.sooner_than_chance > 0.0
 
     @property
@@ -102,8 +102,8 @@ class CandidateFigures(NamedTuple):
     def worse_than(self, other: 'CandidateFigures') -> list[str]:
         """Return a text for each figure that is worse, or not defined where the other's is.
 
-        Nothing is worse than figures that are no better than chance. The latency of the slips
-        found takes no part, as it falls where late ones are missed.
+        Empty where the other's figures are no better than chance. The latency of the slips found
+        is not compared, as it falls where late slips are missed.
         """
         if not other.better_than_chance:
             return []
@@ -155,7 +155,7 @@ class Candidate(NamedTuple):
     chain : ChainConfig
     cost_ms : float
     error_ms : float
-        Error of the cost, by Student's t: few slips tell little.
+        Half the confidence interval of the cost, by Student's t; large with few slips.
     figures : CandidateFigures
     """
 
@@ -259,7 +259,7 @@ class Objective:
     def sweep(
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
     ) -> ThresholdSweep:
-        """Return what becomes of slips and rest at thresholds; see :func:`sweep_thresholds`."""
+        """Match slips and alarms at each threshold; see :func:`sweep_thresholds`."""
         rows = settling_rows(chain)
         return sweep_thresholds(statistic, self._tracks, limits, self._evaluation, rows)
 
@@ -269,7 +269,7 @@ class Objective:
         Where no motion is known, it is against all rows without slip.
         """
         for part, track in zip(statistic, self._tracks, strict=True):
-            # The chain divides too: so the scores are those of an evaluation, to the bit.
+            # The chain divides in the same way, so the scores equal an evaluation's to the bit.
             scores = np.divide(part, threshold, out=self._scores[: part.size])
             self._tally.add(scores, track.kinds)
         counts = self._tally.take()
@@ -298,7 +298,7 @@ class Objective:
     def _event_costs_ms(self, sweep: ThresholdSweep) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
 
-        It is infinite where no slip or no rest is scored: of such a chain nothing is known.
+        It is infinite where no slip or no rest is scored, which says nothing about the chain.
         """
         config, given = self._config, self._given
         late_ms = self._late_ms(sweep)
@@ -355,8 +355,8 @@ def _more(figures: Floats, given: float | None) -> Floats:
 def _with_neighbours(costs: Floats) -> Floats:
     """Return the mean of each cost and of the costs of the neighbouring thresholds; shape (T,).
 
-    Above the highest threshold nothing is ON either. What is ON below the lowest is not known, so
-    thresholds that lack neighbours there cost infinitely much.
+    Nothing is ON from the highest threshold on, so that its cost continues above. What is ON below
+    the lowest is not known, so thresholds that lack neighbours there have an infinite cost.
     """
     width = 2 * NEIGHBOURS + 1
     padded = np.pad(costs, NEIGHBOURS, mode='edge')

@@ -35,7 +35,7 @@ from slip_detector.tuning.tracks import Track, fingerprint
 if TYPE_CHECKING:
     from slip_detector.tuning.study import Study
 
-#: The parameters of a chain that a search changes, and those of each decision beside them.
+#: The parameters that a search changes in all chains, and those that only one decision has.
 SEARCHED = (
     'common_mode', 'mains_hz', 'passband_hz', 'passband_degree', 'stopbands_hz', 'exponent',
     'envelope_window_s', 'decision', 'threshold', 'vote',
@@ -166,9 +166,9 @@ class Problem:
     def choice(self, study: 'Study') -> Candidate | None:
         """Return the result of a search; None where no trial found a chain.
 
-        It is the chain nearest to the given one, of all chains that cost no more than the best
-        one and its error. So with few slips, which cannot tell a good chain from a lucky one, the
-        result stays close to the given chain.
+        Of all chains whose cost is at most that of the best one plus its error, it is the nearest
+        to the given chain. So with few slips, which cannot distinguish a good chain from a lucky
+        one, the result stays close to the given chain.
         """
         best = self.best(study)
         if best is None:
@@ -189,8 +189,9 @@ class Problem:
     def _worse(self, found: Candidate, best: Candidate) -> bool:
         """Return whether a chain is worse than the given one where the best is not.
 
-        It is worse in more figures, or tells rows of slip from others less well than both: that
-        figure is of many rows, so few slips do not excuse it.
+        Compared are the number of figures that are worse than the given chain's, and the area
+        under the ROC curve, which must not be below those of both: as the area is of many rows,
+        few slips do not explain a lower one.
         """
         if self.figures is None:
             return False

@@ -38,18 +38,19 @@ Floats = NDArray[np.float64]
 #: Confidence of the bounds.
 CONFIDENCE = 0.95
 
-#: Length of a block in lengths of both windows together, or of the window and the time in which
-#: evidence falls to 0, and its least length.
+#: Length of a block as a multiple of both windows together (with evidence: of the envelope's
+#: window and the time in which evidence falls to 0), and its least length.
 WINDOWS_PER_BLOCK = 5.0
 SHORTEST_BLOCK_S = 1.0
 
-#: The tail is fitted to the highest peaks of blocks: this share of all, and at least this number.
+#: The tail is fitted to the highest of the blocks' peaks: this share of all, at least this many.
 TAIL_SHARE = 0.1
 LEAST_PEAKS = 30
 
-#: The lowest rate that is extrapolated to is one alarm in this many lengths of the recording.
+#: The lowest rate to extrapolate to is one alarm in this many lengths of the recording.
 FURTHEST = 20.0
 
+#: Number of resampled sets of blocks from which the bounds of an extrapolated rate come.
 RESAMPLES = 200
 
 
@@ -100,10 +101,10 @@ def quiet_threshold(
 ) -> QuietThreshold:
     """Return the lowest threshold whose rate of false alarms is low enough.
 
-    Where counting can show the rate, it is the lowest threshold at which the upper bound of the
-    rate is at most the allowed rate. For a lower rate a generalised Pareto distribution is fitted
-    to the highest peaks of the blocks, in amplitude; the bounds come from resampled blocks. Where
-    there is no evidence throughout, any threshold will do: it is the given one.
+    Where counting can show the rate, it is the lowest threshold from which on the upper bound of
+    the rate is at most the allowed rate. For a lower rate a generalised Pareto distribution is
+    fitted to the highest peaks of the blocks, in amplitude; the bounds come from resampled blocks.
+    Where evidence is 0 throughout, any threshold serves, and the given one is returned.
 
     Parameters
     ----------
@@ -158,7 +159,7 @@ def quiet_threshold(
                 f'{track.name}: the chain gives 0 throughout, allowed: a sensor that runs'
             )
         limits = np.array([chain.threshold])
-    # All that the detector says counts, from the first row on: each rise is an alarm.
+    # Each rise counts as an alarm, from the first row on, as it does in the detector's output.
     config = EvaluationConfig(off_before_s=0.0)
     sweep = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
     peaks = _peaks(statistic, track, chain)
@@ -167,9 +168,10 @@ def quiet_threshold(
     cluster = np.where(loud > 0, sweep.false_alarms / np.maximum(loud, 1), 1.0)
     cluster = np.maximum(cluster, 1.0)
     upper = stats.chi2.ppf(CONFIDENCE, 2 * (loud + 1)) / 2 / hours * cluster
-    # The lowest threshold from which on the bound holds: low ones give one endless alarm.
-    holds = np.flatnonzero(upper > per_hour)
-    first = int(holds[-1]) + 1 if holds.size else 0
+    # The first threshold after the last at which the bound fails: it may hold at very low ones
+    # too, where the decision is always ON and so has few alarms.
+    fails = np.flatnonzero(upper > per_hour)
+    first = int(fails[-1]) + 1 if fails.size else 0
     if first < limits.size:
         low = stats.chi2.ppf(1 - CONFIDENCE, 2 * loud[first]) / 2 / hours if loud[first] else 0.0
         threshold, alarms = float(limits[first]), int(sweep.false_alarms[first])

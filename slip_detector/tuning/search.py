@@ -15,8 +15,8 @@
 """A search, one batch of trials after another.
 
 A search asks the study for a batch of trials and tells it their results when all are done, in the
-order in which it asked for them. So the result of a search does not depend on the number of
-processes that work on a batch, nor on which of them is first.
+order in which it asked for them. So the result of a search depends neither on the number of
+processes that work on a batch nor on the order in which they finish.
 """
 
 import sys
@@ -52,7 +52,7 @@ def search(
     study
         The study that the trials belong to.
     trials
-        Number of trials that the study is to have, with those of other searches and earlier runs.
+        Number of trials that the study is to reach, including other searches and earlier runs.
     stop
         Returns whether to stop; called after each trial.
     progress
@@ -111,7 +111,7 @@ def search(
 
 
 def _kept(found: Candidate) -> dict[str, Any]:
-    """Return what a study stores of a chain, in types of JSON."""
+    """Return the entry of a chain in a study, in types of JSON."""
     return {
         'parameters': searched(found.chain),
         'cost_ms': found.cost_ms,

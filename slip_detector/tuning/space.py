@@ -15,8 +15,8 @@
 """The search space: chains around the given one, with both decisions.
 
 A point of the space has no vote and no threshold: one pass of the chain gives the figures of all
-of them (:mod:`slip_detector.tuning.sweep`), and a trial takes the best. It has no noise floors in
-volts either, but says how they are made: they are learnt on what is tuned on.
+votes and thresholds (:mod:`slip_detector.tuning.sweep`), and a trial takes the best. Instead of
+values for the noise floors, a point has the way in which they are learnt from the recordings.
 """
 
 import dataclasses
@@ -38,7 +38,7 @@ from slip_detector.tuning.tracks import Track
 Floats = NDArray[np.float64]
 
 #: Edges as shares of the sample rate: lowest and highest low edge of the pass-band, and the
-#: highest edge of any band. A pass-band that would end above that is a high-pass.
+#: highest edge of any band. A pass-band that would end above it becomes a high-pass.
 LOWEST_LOW, HIGHEST_LOW, HIGHEST = 1 / 400, 0.3, 0.48
 
 #: Narrowest and widest pass-band in octaves; the paper's has 2.8 octaves.
@@ -59,7 +59,7 @@ STOPBANDS = ('given', 'none', 'below', 'above', 'both')
 #: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3
 
-#: Degrees of the pass-band, beside the given one; a band-pass has the next even one.
+#: Degrees of the pass-band, besides the given one; for a band-pass an odd one is raised by 1.
 DEGREES = (1, 2, 4)
 
 #: Ranges of the parameters of evidence: the factor on the noise floors, in amplitude, how far and
@@ -68,14 +68,14 @@ FLOOR_SCALE, FLOOR_RANGE_DB, FLOOR_RATE_DB_S = (0.1, 10.0), (0.0, 60.0), (0.02, 
 OFFSET_DB, CAP_ABOVE_DB, LIMIT_DB_S = (0.5, 12.0), (1.0, 30.0), (0.02, 5.0)
 HOLD_S = (0.05, 1.0)
 
-#: Where the noise floors come from: the given ones; those learnt at rest, which they begin at;
-#: or the envelope, not below those learnt at rest.
+#: Where the noise floors come from: the given ones; ones that begin at the level learnt at rest;
+#: or ones that follow the envelope, but not below the level learnt at rest.
 FLOORS = ('given', 'learnt', 'followed')
 
-#: Which step is an impact: the given one, none, or one that no slip makes.
+#: The step that is an impact: the given one, none, or one that is larger than any of a slip.
 IMPACTS = ('given', 'none', 'above slips')
 
-#: The parameters of points that only one decision has.
+#: The parameters of a point that only the decision ``mean``, or only ``evidence``, has.
 OF_MEAN = ('decision_window_s',)
 OF_EVIDENCE = (
     'floors', 'floor_scale', 'floor_range_db', 'floor_rate_db_s', 'evidence_offset_db',
@@ -104,8 +104,8 @@ class SearchSpace:
     given
         The chain that is tuned; parameters that are not searched keep their values.
     tracks
-        What is tuned on: noise floors and the steps of slips are learnt there. None are needed for
-        chains that have neither.
+        The recordings to tune on, from which noise floors and the steps of slips are learnt. Not
+        needed for chains that have neither.
 
     Examples
     --------
@@ -169,7 +169,7 @@ class SearchSpace:
     def chain(self, point: dict[str, Any]) -> ChainConfig:
         """Return the chain of a point, with the given threshold and vote.
 
-        A threshold that its evidence cannot reach is half the limit.
+        Where the chain's evidence cannot reach the given threshold, it is half the limit.
 
         Raises
         ------
@@ -201,7 +201,7 @@ class SearchSpace:
         return dataclasses.replace(chain, **self._of_evidence(point, chain))
 
     def _of_evidence(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
-        """Return the parameters of evidence at a point, for a chain with all its others."""
+        """Return the parameters of evidence at a point; ``chain`` has all other parameters."""
         given, limit_db_s = self._given, rounded(point['evidence_limit_db_s'])
         offset_db = rounded(point['evidence_offset_db'])
         return {
@@ -235,7 +235,7 @@ class SearchSpace:
         return {'noise_floor': floors, **made}
 
     def _of_impacts(self, point: dict[str, Any]) -> dict[str, Any]:
-        """Return which step of how many channels is an impact at a point."""
+        """Return the parameters of the step that is an impact at a point."""
         if point['impact'] != 'above slips':
             return {'impact_v': self._given.impact_v if point['impact'] == 'given' else 0.0}
         channels = point['impact_channels']
@@ -302,9 +302,9 @@ class SearchSpace:
         }
 
     def _floors_of(self, chain: ChainConfig) -> str:
-        """Return where the noise floors of a chain come from; of another sensor's how they begin.
+        """Return where the noise floors of a chain come from, one of :data:`FLOORS`.
 
-        What follows without a floor of its own is told by the decision.
+        A chain with the decision ``mean``, which has no noise floors, counts as ``learnt``.
         """
         if 'given' in self._floors and chain.noise_floor == self._given.noise_floor:
             return 'given'
@@ -320,7 +320,7 @@ class SearchSpace:
     def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
         """Return the distance of two points: 1 for another choice, or for a parameter's range.
 
-        What only the other decision has is no distance.
+        The parameters of a decision count only where both points have this decision.
         """
         ranges = {
             'passband_low_hz': self._low_hz,
@@ -358,8 +358,8 @@ class SearchSpace:
     def starts(self) -> list[dict[str, Any]]:
         """Return the points where a search begins: the given chain, the paper's, the presets.
 
-        Of a preset bands, windows and what evidence is made with are taken; noise floors and
-        impacts are those of the sensor that is tuned.
+        A preset gives bands, windows and the parameters of evidence; noise floors and the steps
+        of impacts are learnt from the sensor that is tuned.
         """
         points: list[dict[str, Any]] = []
         for chain in (self._given, *presets()):

@@ -31,13 +31,13 @@ from optuna.trial import FrozenTrial, TrialState
 
 from slip_detector.tuning.journal import mend_journal
 
-#: How long a worker waits for a storage that another worker has locked.
+#: Longest time that a worker waits for a storage that another worker has locked.
 PATIENCE_S = 30.0
 
 #: Number of trials at random points before the sampler learns from results.
 STARTUP_TRIALS = 12
 
-#: Endings of a path that is a journal; with a ``://`` it is the URL of a database.
+#: File endings of journals. A storage with ``://`` is the URL of a database.
 JOURNALS = ('.journal', '.log', '.jsonl')
 
 Result = TypeVar('Result')
@@ -118,7 +118,7 @@ class Study:
     Attributes
     ----------
     lost : str
-        One line on what was cut off a journal, see :func:`.journal.mend_journal`; else empty.
+        One line on what was cut off from a journal, see :func:`.journal.mend_journal`; or empty.
 
     Examples
     --------
@@ -173,12 +173,12 @@ class Study:
         for key, value in {**found, 'worker': self._worker}.items():
             trial.set_user_attr(key, value)
         if cost is None:
-            told = self._mine.tell(trial, state=TrialState.FAIL)
+            finished = self._mine.tell(trial, state=TrialState.FAIL)
         else:
-            told = self._mine.tell(trial, cost)
+            finished = self._mine.tell(trial, cost)
         if self._shared is not None:
             shared = self._shared
-            self._patiently(lambda: shared.add_trial(told))
+            self._patiently(lambda: shared.add_trial(finished))
 
     @property
     def trials(self) -> list[FrozenTrial]:
@@ -186,7 +186,7 @@ class Study:
         return self._mine.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
 
     def _patiently(self, act: Callable[[], Result]) -> Result:
-        """Call a function that uses the storage, again and again while the storage is locked."""
+        """Call a function that uses the storage, repeatedly while the storage is locked."""
         deadline_s = time.monotonic() + PATIENCE_S
         while True:
             try:

@@ -16,7 +16,7 @@
 
 For each vote the chain gives one number for each row, the decision statistic, which is compared
 with the threshold. The global decision rises where this number rises above the threshold. So the
-filters run once, and in each row only the thresholds are touched that the number passes.
+filters run once, and a row takes time only for the thresholds that the number crosses.
 """
 
 import dataclasses
@@ -80,9 +80,9 @@ class VoteStatistics:
     """
 
     def __init__(self, config: ChainConfig, votes: Sequence[Vote]) -> None:
-        # At a threshold of 1 the statistic has the unit of the level; where evidence never gets
-        # there, a power of two makes it so without rounding. The chain's own decision is not used,
-        # so it has the vote that takes the least time.
+        # With a threshold of 1 the statistic has the unit of the level. Where evidence cannot
+        # reach 1, the threshold is a power of two, which is multiplied back without rounding. The
+        # chain's own decision is not used, so it has the fastest vote.
         self._unit = 1.0
         if config.decision == 'evidence' and config.evidence_limit_db_s <= 1.0:
             self._unit = 2.0 ** (math.floor(math.log2(config.evidence_limit_db_s)) - 1)
@@ -97,8 +97,8 @@ class VoteStatistics:
         track
             A track of n rows.
         out
-            The array that an earlier call returned for this track, to be overwritten: new memory
-            takes time.
+            The array that an earlier call returned for this track, to be overwritten, as a new
+            array takes time.
 
         Returns
         -------
@@ -122,10 +122,7 @@ class VoteStatistics:
 
 @compiled
 def _transpose(statistics, unit, out, start):
-    """Write rows of statistics, shape (n, votes), to columns of ``out`` from ``start`` on.
-
-    They are multiplied by ``unit``.
-    """
+    """Write statistics, shape (n, votes), times ``unit`` to ``out`` from column ``start`` on."""
     for v in range(statistics.shape[1]):
         for k in range(statistics.shape[0]):
             out[v, start + k] = unit * statistics[k, v]
@@ -139,9 +136,10 @@ def _sweep(
     """Follow the rises of a statistic through all thresholds over one piece of a track.
 
     ``state`` is the number of thresholds below the value of the row before, the first slip whose
-    window has not ended, and the first interval of rest that has not. ``fell`` is the row at
-    which the value fell to each threshold. An alarm is identified by the row at which it rises.
-    ``rest_rows`` counts the rows of rest by the number of thresholds below their value.
+    window has not ended, and the first interval of rest that has not ended. ``fell`` has for each
+    threshold the row at which the value last fell to it. An alarm is identified by the row at
+    which it rises. ``rest_rows`` counts the rows of rest by the number of thresholds below their
+    value.
     """
     above, slip, place = state[0], state[1], state[2]
     # Most rows stay between the same two thresholds, which takes two comparisons.
@@ -201,7 +199,7 @@ class ThresholdSweep(NamedTuple):
     scored : ndarray of bool, shape (slips,)
         Whether a slip is scored, see :class:`.ScoredRows`.
     leads_s, windows_s : ndarray, shape (slips,)
-        When the alarm of each slip may rise, see :mod:`.chance`.
+        The lead and the window of each slip, see :mod:`.chance`.
     false_alarms : ndarray of int, shape (T,)
     rest_s : float
         Time of the rest.
@@ -335,7 +333,7 @@ def sweep_thresholds(
         leads_s.append(rows.leads_s)
         windows_s.append(rows.windows_s)
         rest_s += rows.rest_rows / rate_hz
-        # At a threshold a row is ON when the number below its value is larger than its place.
+        # A row is ON at threshold k where more than k thresholds are below its value.
         on_rest_s += np.cumsum(rest_rows[:0:-1])[::-1] / rate_hz
     return ThresholdSweep(
         np.concatenate(latencies_ms),

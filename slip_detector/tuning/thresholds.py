@@ -37,7 +37,7 @@ STEP = 1.03
 #: Largest ratio, in amplitude, of the highest threshold to the lowest.
 RANGE = 1000.0
 
-#: One of this many rows is used to find the lowest threshold.
+#: The lowest threshold is found from every n-th row.
 STRIDE = 16
 
 
@@ -58,9 +58,9 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
 
 
 def threshold_scale(chain: ChainConfig) -> tuple[int, float]:
-    """Return the exponent of a chain's level in amplitude, and what thresholds are below.
+    """Return the power of the amplitude that a chain's level is, and the limit of its thresholds.
 
-    Evidence is of decibels: no power of an amplitude, but bounded.
+    Evidence is no power of the amplitude, as it is in decibels, but it is limited.
 
     Examples
     --------
@@ -77,10 +77,10 @@ def threshold_scale(chain: ChainConfig) -> tuple[int, float]:
 def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence[Track]) -> Floats:
     """Return the thresholds of a vote to try, in rising order, evenly spaced in amplitude.
 
-    They reach from the median of the rows without slip to the value at which nothing is ON, or the
-    limit of evidence. Those of evidence are at least so far apart as a step in amplitude moves it
-    while one window of the envelope lasts. They are rounded first and then tried, so that the
-    threshold of a result is one that was tried.
+    They range from the median of the rows without slip to the value at which nothing is ON, or to
+    the limit of evidence. Thresholds of evidence are at least as far apart as a :data:`STEP` in
+    amplitude changes evidence during one window of the envelope. They are rounded before they are
+    tried, so that the threshold of a result is one that was tried.
 
     Parameters
     ----------

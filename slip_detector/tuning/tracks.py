@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Labelled recordings in memory, as each trial of a search goes over all of them."""
+"""Labelled recordings in memory, as each trial of a search replays all of them."""
 
 import hashlib
 import itertools
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 T = TypeVar('T')
 
-#: Where one recording is cut in two, this much between the parts is in neither of them.
+#: Time between the two parts of a recording that is cut in two; it is in neither part.
 MARGIN_S = 1.0
 
 
@@ -41,7 +41,7 @@ class TrackPiece(NamedTuple):
     begin, end : int
         Indices of the first row and of the row after the last in the track's arrays.
     first_row : int
-        Number of the first row in the recording, with the rows that are missing in gaps.
+        Number of the first row in the recording, including the rows that are missing in gaps.
     new_stretch : bool
         Whether the chain is reset before these rows.
 
@@ -66,9 +66,9 @@ class Track(NamedTuple):
     name : str
     volts : ndarray, shape (n, c)
     kinds : ndarray of int8, shape (n,)
-        ``REST``, ``MOTION`` or ``SLIP`` of each row; see :mod:`slip_detector.evaluation.scores`.
+        ``REST``, ``MOTION`` or ``SLIP``; see :mod:`slip_detector.evaluation.labelled_rows`.
     moving : ndarray of bool, shape (n,), or None
-        Whether the robot moves, rows of slip included; None where the recording does not say.
+        Whether the robot moves, also in rows with slip; None where that is not recorded.
     pieces : tuple of TrackPiece
     slips : tuple of RowInterval
         True slips, in rows that are counted like ``first_row``.
@@ -93,7 +93,7 @@ class Track(NamedTuple):
 
     @property
     def duration_s(self) -> float:
-        """Time of its rows, gaps left out."""
+        """Time of its rows, without gaps."""
         return len(self.volts) / self.sample_rate_hz
 
     @property
@@ -219,7 +219,7 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
     """Divide recordings into those that are tuned on and those that are held out.
 
     Of several recordings with slip every n-th is held out, and likewise of those without slip. A
-    single one is cut in two between two slips, as near to the share as possible; the
+    single one with slip is cut in two between two slips, as near to the share as possible; the
     ``MARGIN_S`` after the cut are in neither part.
 
     Parameters
@@ -261,7 +261,7 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
 
 
 def every_so_many(items: Sequence[T], share: float) -> tuple[list[T], list[T]]:
-    """Divide items into some to tune on and some to hold out, which are spread over all.
+    """Divide items into those to tune on and those to hold out, which are evenly spread.
 
     Of two or more at least one is held out, and not all.
 

@@ -72,11 +72,11 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
     >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
     >>> judge(problem, [track], best=None).kept
-    'no trial found a chain that tells slip'
+    'no trial found a chain that detects slip'
     """
     given = problem.given
     if best is None:
-        return Verdict(given, 'no trial found a chain that tells slip')
+        return Verdict(given, 'no trial found a chain that detects slip')
     objective = Objective(held, problem.evaluation, problem.config)
     before, after = objective.as_it_is(given), objective.as_it_is(best.chain)
     if not after.cost_ms < before.cost_ms:

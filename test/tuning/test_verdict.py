@@ -77,4 +77,4 @@ def test_a_given_chain_that_is_nearly_always_on_is_not_kept():
 def test_where_no_trial_found_a_chain_the_given_one_is_kept():
     verdict = judge(problem([track(1)]), [track(2)], None)
     assert verdict.chain == CHAIN
-    assert verdict.kept == 'no trial found a chain that tells slip'
+    assert verdict.kept == 'no trial found a chain that detects slip'
