@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The conditions that the controller is compared with, figures of merit, and what is wanted."""
+"""The conditions under which grasps are compared, their figures of merit, and the wanted ones."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ UNCONTROLLED, AT_LIMIT, CONTROLLER, PAPER = (
     "controller, paper's detector",
 )
 
-#: What is harder for the controller, and by which factors of :func:`.object_scene`.
+#: Conditions that are harder for the controller, as factors of :func:`.object_scene`.
 SLOW_GRIPPER, HALF_RIDGES, QUARTER_RIDGES = (
     'gripper with 60 ms of lag',
     'ridges half as high',
@@ -46,7 +46,7 @@ HARDER: dict[str, dict[str, float]] = {
     QUARTER_RIDGES: {'ridge_factor': 0.25},
 }
 
-#: What is wanted of the controller's figures, as a rule and where it is harder.
+#: Bounds of the controller's figures, in the ordinary condition and in harder ones.
 WANTED: dict[str, dict[str, Bound]] = {
     CONTROLLER: {
         'dropped': Bound(high=0.0),
@@ -98,9 +98,9 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
         The number of ``trials`` and of ``dropped`` objects; ``slide_mm`` of each trial,
         ``mean_slide_mm`` and ``worst_slide_mm``, None where an object was dropped;
         ``force_percent``, the mean grip as a share of the limit while the object has to be held,
-        and ``most_force_percent``, the largest of any trial; ``needed_percent``, the mean of a
-        grip that knows weight and friction and is always just enough; ``onsets``, the mean number
-        of onsets while the object has to be held.
+        and ``most_force_percent``, the largest of any trial; ``needed_percent``, the same mean of
+        the smallest grip that would hold the object; ``onsets``, the mean number of onsets while
+        the object has to be held.
 
     Examples
     --------
@@ -139,7 +139,7 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
 
 
 def check_wanted(parts: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Compare the controller's figures with what is wanted of them.
+    """Compare the controller's figures with their bounds in :data:`WANTED`.
 
     Parameters
     ----------

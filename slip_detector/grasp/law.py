@@ -14,8 +14,8 @@
 
 """A control law for a grip, as an example of how to use slip: a few rules, no model of the object.
 
-It knows neither weight nor friction. It holds the object lightly, raises the force when the object
-slips, and lowers it slowly when the object has not slipped for a while.
+The law uses neither weight nor friction. It holds the object lightly, raises the force when the
+object slips, and lowers it slowly when the object has not slipped for a while.
 """
 
 from slip_detector.parameters.grasp import GraspConfig

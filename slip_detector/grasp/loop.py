@@ -14,7 +14,7 @@
 
 """The grasp's closed loop without ROS: an object, the chain and the control law, sample by sample.
 
-The chain and the law know nothing of the object.
+The chain and the law receive no data about the object but the samples.
 
 Time is simulated. A command reaches the gripper ``transport_s`` after the sample that it responds
 to, and then the grip follows with the lag of the scene's part ``motion``.
@@ -41,7 +41,7 @@ Floats = NDArray[np.float64]
 #: Default time from sample to command: somewhat more than the nodes take.
 TRANSPORT_S = 5e-3
 
-#: A command that arrives this soon after a sample may, but for round-off, arrive with it.
+#: A command less than this after a sample counts as arriving with it: the rest is round-off.
 ROUND_OFF_S = 1e-9
 
 

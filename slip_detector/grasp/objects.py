@@ -51,9 +51,9 @@ def object_scene(
     scene
         Name or path of a scene with an object that gets heavier.
     lag_factor
-        How many times as long the gripper takes to follow its command as in the scene, above 0.
+        Factor on the time in which the gripper follows its command, above 0.
     ridge_factor
-        How many times as high the ridges are as drawn, at least 0.
+        Factor on the drawn height of the ridges, at least 0.
 
     Returns
     -------
@@ -63,8 +63,8 @@ def object_scene(
     Raises
     ------
     ValueError
-        When the file cannot be read, has no object whose weight grows, or says nothing of the
-        gripper, whose lag is to change; names it.
+        When the file cannot be read, has no object whose weight grows, or does not describe the
+        gripper although ``lag_factor`` is not 1; names it.
 
     Examples
     --------
