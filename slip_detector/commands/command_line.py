@@ -152,6 +152,7 @@ def _start(name: str, module: str) -> int:
     try:
         # What is loaded stays: to look for garbage in it would take a third of the start.
         gc.disable()
+        importlib.import_module('slip_detector.chain.compiled').load_numba_alone()
         main = importlib.import_module(module).main
         gc.freeze()
         gc.enable()

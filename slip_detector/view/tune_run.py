@@ -64,6 +64,9 @@ LOW_HZ, LOW_SHARE = 20.0, 0.2
 #: What decides when there is slip; the rest of a detector's parameters is as it was.
 OF_THE_CHAIN = {field.name for field in dataclasses.fields(ChainConfig)}
 
+#: Starts a command as its console script does, which need not be on the path.
+START = 'import sys; from slip_detector.commands.command_line import {name}; sys.exit({name}())'
+
 _TRIAL = re.compile(r'^(\d+) of (\d+) trials, (.*)')
 
 
@@ -167,7 +170,7 @@ class TuneRun:
         names = [*self._slips, *self._not_held_out('rest'), *self._not_held_out('taps')]
         held_out = [f'--held-out={self._path(name)}' for name in self.held_out]
         await self._command(
-            'slip_detector.commands.tune',
+            'tune',
             *map(self._path, names), *held_out, '--config', str(begin), '--out', str(tuned),
             '--trials', str(TRIALS),
         )  # fmt: skip
@@ -256,7 +259,7 @@ class TuneRun:
         if rest and self._recorded.recordings[rest].duration_s >= LEAST_S:
             self.step = f'learning the noise of {rest}'
             said = await self._command(
-                'slip_detector.commands.tune',
+                'tune',
                 '--quiet', self._path(rest), '--config', str(begin), '--out', str(quiet),
             )  # fmt: skip
             self.lines += said[:-1]
@@ -270,7 +273,7 @@ class TuneRun:
         self.step = f'learning the impacts of {taps}'
         try:
             said = await self._command(
-                'slip_detector.commands.tune', *map(self._path, self._slips),
+                'tune', *map(self._path, self._slips),
                 '--taps', self._path(taps), '--config', str(begin), '--out', str(impacts),
             )  # fmt: skip
         except ValueError as error:  # Knocks may not be told from slips: the rest is learnt still.
@@ -281,7 +284,7 @@ class TuneRun:
 
     async def _figures(self, file: Path) -> Mapping[str, Any]:
         said = await self._command(
-            'slip_detector.commands.evaluate',
+            'evaluate',
             *map(self._path, self.held_out), '--config', str(file), '--json',
         )  # fmt: skip
         figures: dict[str, Any] = json.loads('\n'.join(said))['all']
@@ -305,8 +308,15 @@ class TuneRun:
         names = self._not_held_out(kind)
         return max(names, key=lambda name: recordings[name].duration_s, default='')
 
-    async def _command(self, module: str, *arguments: str) -> list[str]:
+    async def _command(self, name: str, *arguments: str) -> list[str]:
         """Run a command to its end and return the lines that it printed.
+
+        Parameters
+        ----------
+        name
+            Of the function that starts it, in :mod:`slip_detector.commands.command_line`.
+        arguments
+            The arguments of the command.
 
         Raises
         ------
@@ -316,7 +326,7 @@ class TuneRun:
         if self._ended:
             raise ValueError(self._ended)
         process = self._process = await asyncio.create_subprocess_exec(
-            *_with_low_priority(), sys.executable, '-m', module, *arguments,
+            *_with_low_priority(), sys.executable, '-c', START.format(name=name), *arguments,
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
@@ -336,7 +346,7 @@ class TuneRun:
         if code and self._ended:
             raise ValueError(self._ended)
         if code:
-            last = said[-1] if said else f'{module} ended with the exit code {code}'
+            last = said[-1] if said else f'slip_{name} ended with the exit code {code}'
             raise ValueError(last)
         return printed.decode(errors='replace').splitlines()
 

@@ -15,6 +15,8 @@
 
 """Scenes to teach a finger with: a hand that trembles beside a mains cable."""
 
+import functools
+
 import numpy as np
 
 from slip_detector.chain.samples import Samples
@@ -64,22 +66,30 @@ def samples(description, duration_s, seed):
     return Scene(description, np.random.default_rng(seed)).read(round(duration_s * RATE_HZ))
 
 
+#: What a lesson can have, in the order of their seeds: a scene, and how long it is read.
+LESSON = {
+    'rest_1': (held(8.0), 10.0),
+    'rest_2': (held(8.0), 10.0),
+    'taps_1': (tapped(12.0), 14.0),
+    **{f'slip_{k + 1}': (slipping(), 9.6) for k in range(6)},
+}
+
+
+@functools.cache
+def rows_of_lesson(name):
+    """Rows as a page records them, with the truth; what many tests write is simulated once."""
+    rows = samples(*LESSON[name], seed=[*LESSON].index(name))
+    begin = round(BEGIN_S * RATE_HZ)
+    volts, truth = rows.volts[begin:], rows.truth[begin:] & name.startswith('slip')
+    stamps_ns = np.rint(1e9 / RATE_HZ * np.arange(len(volts))).astype(np.int64)
+    return Samples(volts, stamps_ns, truth)
+
+
 def write_lesson(folder, slips=6):
     """Write recordings as a page makes them: rest, taps, and one slip in each of some."""
-    names = [f'ch{c}' for c in range(1, 17)]
-    scenes = {
-        'rest_1': (held(8.0), 10.0),
-        'rest_2': (held(8.0), 10.0),
-        'taps_1': (tapped(12.0), 14.0),
-        **{f'slip_{k + 1}': (slipping(), 9.6) for k in range(slips)},
-    }
-    for seed, (name, (description, duration_s)) in enumerate(scenes.items()):
-        rows = samples(description, duration_s, seed)
-        begin = round(BEGIN_S * RATE_HZ)
-        volts, truth = rows.volts[begin:], rows.truth[begin:] & name.startswith('slip')
-        stamps_ns = np.rint(1e9 / RATE_HZ * np.arange(len(volts))).astype(np.int64)
-        rows = Samples(volts, stamps_ns, truth)
-        write_recording(folder / name, [rows], RATE_HZ, names)
+    channels = [f'ch{c}' for c in range(1, 17)]
+    for name in [*LESSON][: 3 + slips]:
+        write_recording(folder / name, [rows_of_lesson(name)], RATE_HZ, channels)
 
 
 def pulled(slips, slip_s=1.0, seed_of_pauses=0):
