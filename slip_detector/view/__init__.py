@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live page: what a browser is shown of the fingers, and what it may ask for."""
+"""The live page: what a browser shows of the fingers, and the requests that it may send."""

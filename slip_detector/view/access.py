@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who may open the live page: rules that need no network to be tried."""
+"""Which requests the live page accepts: rules that can be tested without a network."""
 
 import hmac
 import ipaddress
@@ -24,18 +24,18 @@ from urllib.parse import quote, urlsplit
 
 @dataclass(frozen=True)
 class Access:
-    """Who may do what.
+    """The access rules of the live page.
 
-    Another page in the same browser must not reach the robot. So a request must be addressed to
-    this machine by a name that no other site can have (*Host*), and a page that talks to the
-    server must come from it (*Origin*). Beyond loopback who asks needs the token too.
+    They keep other web sites in the same browser from reaching the robot: a request must address
+    this machine by a name that no other site can have (*Host*), and a page that sends one must
+    come from this server (*Origin*). A server that other machines can reach needs a token, too.
 
     Parameters
     ----------
     host
         The address to which the server is bound.
     token
-        What the address of the page must have as ``?token=``; empty: nothing is needed.
+        The value of ``?token=`` in the address of the page; empty: no token is needed.
     read_only
         Whether no page may change anything.
     names
@@ -58,12 +58,12 @@ class Access:
     )
 
     def refusal(self, host: str, origin: str | None) -> str:
-        """Return why a request is refused by its headers; empty where it is not.
+        """Return why the headers of a request are refused; empty if they are accepted.
 
         Parameters
         ----------
         host, origin
-            The headers; a program that is no browser sends no *Origin*.
+            The headers; only browsers send *Origin*.
         """
         name = host_name(host)
         if name is None or not self._is_ours(name):
@@ -79,17 +79,17 @@ class Access:
         """Return whether no other site can have this name."""
         if is_loopback(self.host):
             return is_loopback(name)
-        # A site has a name: a bare address is of the machine that answers.
+        # Other sites are reached by a name: a numeric address can only be this machine's.
         known = {'localhost', self.host, *self.names}
         return is_address(name) or name in {each.lower() for each in known}
 
     def knows(self, token: str) -> bool:
-        """Return whether a token is the right one, in a time that does not depend on it."""
+        """Return whether a token is right, in a time that reveals nothing about it."""
         return not self.token or hmac.compare_digest(token.encode(), self.token.encode())
 
 
 def new_token() -> str:
-    """Return a token that nobody guesses.
+    """Return a random token that cannot be guessed.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def new_token() -> str:
 
 
 def page_address(host: str, port: int, token: str = '') -> str:
-    """Return the address of the page, as another machine reaches it where it can.
+    """Return the address of the page; if it is served on all interfaces, one for other machines.
 
     Examples
     --------
@@ -114,11 +114,11 @@ def page_address(host: str, port: int, token: str = '') -> str:
 
 
 def _own_address(family: socket.AddressFamily) -> str:
-    """Return the address from which this machine reaches others; its name where it has none."""
+    """Return this machine's address in its network; its host name if it has no network."""
     elsewhere = '2001:db8::1' if family == socket.AF_INET6 else '10.255.255.255'
     try:
         with socket.socket(family, socket.SOCK_DGRAM) as probe:
-            # Nothing is sent: a datagram's socket only chooses the way.
+            # Nothing is sent: connecting a datagram socket only selects the route.
             probe.connect((elsewhere, 9))
             return str(probe.getsockname()[0])
     except OSError:
@@ -126,7 +126,7 @@ def _own_address(family: socket.AddressFamily) -> str:
 
 
 def host_name(host: str) -> str | None:
-    """Return the name in a *Host* header, without its port; None where it is no such header.
+    """Return the name in a *Host* header, without its port; None if the header is malformed.
 
     Examples
     --------
@@ -137,14 +137,14 @@ def host_name(host: str) -> str | None:
         return None
     try:
         parts = urlsplit(f'//{host}')
-        _ = parts.port  # It raises where that is no number.
+        _ = parts.port  # Raises if the port is not a number.
     except ValueError:
         return None
     return None if ' ' in host else parts.hostname
 
 
 def is_address(name: str) -> bool:
-    """Return whether a name is an address in numbers.
+    """Return whether a name is a numeric IP address.
 
     Examples
     --------

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a page is told of the fingers beside the frames: what they are, and what they say."""
+"""The messages that describe the fingers to a page: configurations and diagnostics."""
 
 from typing import Any
 
@@ -21,20 +21,20 @@ from slip_detector.view.taxels import drawn_positions
 
 
 def hand_description(hand: Hand) -> dict[str, Any]:
-    """Return what the fingers are, for the message ``hand``.
+    """Return the content of the message ``hand``: all fingers and their configurations.
 
     Returns
     -------
     dict
-        ``fingers``: a description of each, in the order of their names; ``gone``: labels of those
-        that are no more, by name.
+        ``fingers``: a description of each, sorted by name; ``gone``: labels, by name, of the
+        fingers whose detectors have ended.
     """
     fingers = sorted(hand.fingers.values(), key=lambda finger: finger.name)
     return {'fingers': [finger_description(finger) for finger in fingers], 'gone': hand.gone}
 
 
 def finger_description(finger: Finger) -> dict[str, Any]:
-    """Return what a finger is: its channels, its groups, and what decides.
+    """Return the description of a finger: its channels, its groups and its decision.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def finger_description(finger: Finger) -> dict[str, Any]:
 
 
 def diagnostics(hand: Hand) -> dict[str, Any]:
-    """Return what the detectors say of themselves, for the message ``diagnostics``."""
+    """Return the content of the message ``diagnostics``: what each detector reports."""
     return {
         'fingers': {
             finger.name: [list(each) for each in finger.diagnostics]

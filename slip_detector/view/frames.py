@@ -14,9 +14,9 @@
 
 """Binary frames: a header in JSON, and arrays that a browser reads without a copy.
 
-A frame is the length of the header in bytes (4 bytes, the least significant first), the header,
-spaces up to a multiple of 4, and the arrays one after another, each filled up to a multiple of 4.
-The header says in ``arrays`` of each its name, its type (``float32`` or ``uint8``) and its shape.
+A frame is the length of the header (4 bytes, little-endian), the header, padded with spaces to a
+multiple of 4 bytes, and the arrays, each padded to a multiple of 4 bytes. ``arrays`` in the header
+lists the name, the type (``float32`` or ``uint8``) and the shape of each array.
 """
 
 import json

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the live page knows of the fingers, wherever it comes from."""
+"""The fingers as the live page knows them, independent of ROS."""
 
 import time
 from abc import ABC, abstractmethod
@@ -28,18 +28,18 @@ from slip_detector.view.parameter_panel import ParameterPanel
 from slip_detector.view.spectrum import Spectrum, spectrum
 from slip_detector.view.track import LiveTrack
 
-#: A detector that has not been heard for so many of its heartbeats has died or hangs.
+#: Missing heartbeats after which a detector counts as ended or hung.
 SILENT_BEATS = 3.0
 
-#: A page calls itself what it likes; with each change so many characters of that are kept.
+#: Characters of a page's name that are kept with a change: a page may send any name.
 LONGEST_NAME = 64
 
-#: For so long it is told that a detector was started again.
+#: Time, in seconds, for which the page mentions that a detector was started again.
 RESTART_TOLD_S = 600.0
 
 
 class Diagnosis(NamedTuple):
-    """One line of a detector's diagnostics: 0 is all well, 1 a warning, 2 an error.
+    """One line of a detector's diagnostics; level 0 is OK, 1 a warning, 2 an error.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class Diagnosis(NamedTuple):
 
 @dataclass
 class Finger:
-    """One detector: its parameters, its present state, and its last minute.
+    """One detector: its parameters, its present state, and its data of the last minute.
 
     Times are those of :func:`time.monotonic`.
 
@@ -68,51 +68,52 @@ class Finger:
     #: Full name of the detector's node.
     name: str
     config: DetectorConfig
-    #: How often the detector was started, as far as this process knows.
+    #: Number of starts of the detector that this process has noticed.
     starts: int = 1
     slip: bool = False
     valid: bool = False
-    #: When slip came ON last; None: not yet.
+    #: Time of the last onset; None before the first.
     onset_s: float | None = None
-    #: When the last sample came, and when the detector was last heard.
+    #: Time of the last sample, and of the last message of the detector.
     sample_s: float = float('-inf')
     heard_s: float = field(default_factory=time.monotonic)
     frame_id: str = ''
     diagnostics: tuple[Diagnosis, ...] = ()
-    #: Of all channels at rest, as it was held to compare with.
+    #: Spectra of all channels at rest, kept for comparison.
     rest: Spectrum | None = None
-    #: Why no volts are shown, in words; empty where they are.
+    #: Why no volts are shown; empty if they are.
     no_volts: str = ''
 
     def __post_init__(self) -> None:
         self.groups: NDArray[np.bool_] = np.zeros(len(self.config.groups), np.bool_)
         self.track = LiveTrack(self.config)
-        # A detector that is starting may be read before it publishes, which tells that it started.
+        # After a restart the parameters may be read before the first message, which reveals it.
         self._channels_at_start = self.config.channels
         self._restart, self._restart_s = '', float('-inf')
 
     @property
     def label(self) -> str:
-        """What tells the finger from others: its namespace, or the node's name where it has none.
+        """The namespace, and the node's name if it differs from ``slip_detector``.
 
-        Several detectors of one namespace have the node's name behind it.
+        Without a namespace it is the node's name.
         """
         namespace, _, node = self.name.strip('/').rpartition('/')
         return '/'.join(filter(None, (namespace, '' if node == 'slip_detector' else node))) or node
 
     @property
     def notice(self) -> str:
-        """What is to be known of the detector beside its state, in words; empty where nothing is.
+        """What the user should know beside the detector's state; empty if nothing.
 
-        That it was started again, and with other channels, is told for some minutes.
+        A restart, perhaps with other channels, is mentioned for some minutes.
         """
         recent = time.monotonic() - self._restart_s < RESTART_TOLD_S
         return '; '.join(filter(None, (self.no_volts, self._restart if recent else '')))
 
     def take_config(self, config: DetectorConfig) -> None:
-        """Go on with other parameters of the detector; what fits to them is kept.
+        """Take new parameters of the detector; data that fits them is kept.
 
-        Other channels, or another rate, begin a new track, and what was held as rest is let go.
+        Another number of channels, or another rate, begins a new track and drops the spectra at
+        rest.
         """
         before, self.config = self.config, config
         if (config.channels, config.sample_rate_hz) != (before.channels, before.sample_rate_hz):
@@ -138,7 +139,7 @@ class Finger:
         self.onset_s = None
 
     def hold_rest(self) -> None:
-        """Hold the spectra of the last seconds as those of rest.
+        """Keep the spectra of the last seconds as those at rest.
 
         Raises
         ------
@@ -151,7 +152,7 @@ class Finger:
         self.rest = rest
 
     def silent_words(self) -> str:
-        """Return what is wrong where the detector has not been heard; empty where it has."""
+        """Return a message if the detector has been silent for too long; empty if not."""
         silent_s = time.monotonic() - self.heard_s
         if silent_s < max(1.0, SILENT_BEATS / self.config.heartbeat_hz):
             return ''
@@ -159,18 +160,18 @@ class Finger:
 
 
 class Hand(ABC):
-    """The fingers that there are, and what can be asked of their detectors.
+    """The fingers, and the requests to their detectors.
 
     Attributes
     ----------
     fingers : dict
         Each :class:`Finger` by its name.
     gone : dict
-        Labels of fingers that are no more, by name, until they come again.
+        Labels, by name, of fingers whose detectors have ended, until they come back.
     panels : dict
-        The :class:`ParameterPanel` of each detector by its name, also of one that is gone: what
-        had been changed can be set again when it comes back. Whoever reads parameters, or hears
-        that they have changed, enters it there.
+        The :class:`ParameterPanel` of each detector by its name, also of one that has ended: its
+        changes can be set again when it comes back. Subclasses enter what they read, and changes
+        that detectors report.
     """
 
     def __init__(self) -> None:
@@ -180,14 +181,14 @@ class Hand(ABC):
 
     @abstractmethod
     def watch(self, names: Collection[str]) -> None:
-        """Receive what comes of these fingers, and nothing of any other."""
+        """Receive the data of these fingers, and of no others."""
 
     @abstractmethod
     def poll(self) -> None:
-        """Take what has come since the last call, without waiting."""
+        """Process what has arrived since the last call, without waiting."""
 
     def panel(self, name: str) -> ParameterPanel:
-        """Return the panel of a detector, a new one where there was none."""
+        """Return the panel of a detector, which is created at the first call."""
         return self.panels.setdefault(name, ParameterPanel())
 
     async def change(self, name: str, values: Mapping[str, Any], by: str) -> None:
@@ -198,9 +199,9 @@ class Hand(ABC):
         name
             The detector.
         values
-            By name; None deletes the parameter, as a group that is no more.
+            By name; None deletes the parameter, such as a group to be removed.
         by
-            Who asks: a page.
+            The page that asks.
 
         Raises
         ------
@@ -220,8 +221,8 @@ class Hand(ABC):
 
     @abstractmethod
     async def set_parameters(self, name: str, values: Mapping[str, Any]) -> str:
-        """Set parameters of a finger's detector, all or none; return why not, or ''."""
+        """Set parameters of a finger's detector, all or none; return the refusal, or ''."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of everything."""
+        """Release all resources."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What one page looks at, and the frames that show it."""
+"""The view that one page asks for, and its frames."""
 
 import math
 import time
@@ -26,42 +26,42 @@ from slip_detector.view.hand import Finger, Hand
 from slip_detector.view.spectrum import spectrum
 from slip_detector.view.track import LiveTrack
 
-#: Seconds that a page may show at once, and pixels over which.
+#: Allowed lengths of the traces, in seconds, and allowed widths, in pixels.
 WINDOW_S, PIXELS = (0.02, 60.0), (10, 4000)
 
-#: Least time between two spectra.
+#: Shortest time between two spectra, in seconds.
 SPECTRUM_S = 0.2
 
-#: Stamps that fit 64 bits.
+#: Allowed stamps: they and their sums fit 64 bits.
 STAMPS_NS = (-(2.0**62), 2.0**62)
 
-#: Fingers that a page may show at once, and channels of which it may draw traces.
+#: Most fingers that a page may show at once, most channels with traces, and highest channel.
 MOST_FINGERS, MOST_CHANNELS = 256, 64
 HIGHEST_CHANNEL = 1_000_000
 
 
 class Look:
-    """The fingers, the channels and the stretch of time that a page looks at.
+    """The fingers, the channels and the stretch of time that a page shows.
 
-    The frames of a look follow each other: each has the columns of the traces that were completed
-    since the one before, the first one those of the whole window.
+    Each frame has only the columns of the traces that were completed since the frame before; the
+    first frame has those of the whole window.
 
     Parameters
     ----------
     message
-        What the page said, ``{"type": "look", ...}``; nothing of it is trusted.
+        The message of the page, ``{"type": "look", ...}``, which is not trusted.
 
     Attributes
     ----------
     fingers : tuple of str
         The fingers that are shown.
     finger : str
-        The one of which there are traces, or ''.
+        The finger whose traces are shown, or ''.
 
     Raises
     ------
     ValueError
-        When it cannot be looked at so.
+        When the message has a value that is not allowed.
 
     Examples
     --------
@@ -90,19 +90,19 @@ class Look:
         self._spectrum = None if channel is None else int(_number('spectrum', channel, 1, 1e6)) - 1
         self._spectrum_s = -math.inf
         until_ns = message.get('until_ns')
-        #: The stamp at which the traces end; None: they go on.
+        #: The stamp at which the traces end; None: at the newest sample.
         self.until_ns = (
             None if until_ns is None else int(_number('until_ns', until_ns, *STAMPS_NS))
         )
-        # Of each finger how many of its levels were shown; of the traces which column is next, and
-        # of which beginning of the track.
+        # By finger, how many rows of levels were shown; by stream of the traces, the next column;
+        # and which start of the detector and beginning of the track these columns belong to.
         self._shown: dict[str, int] = {}
         self._next: dict[str, int] = {}
         self._beginning: tuple[int, int] | None = None
 
     @property
     def names(self) -> set[str]:
-        """Names of all fingers that are looked at."""
+        """Names of all fingers whose data is needed."""
         return {*self.fingers, *filter(None, [self.finger])}
 
     def frame(self, hand: Hand, number: int, held: LiveTrack | None = None) -> bytes:
@@ -115,7 +115,7 @@ class Look:
         number
             The number of the frame.
         held
-            What the traces are drawn from instead of the finger's own track.
+            The track to draw instead of the finger's own.
         """
         arrays: dict[str, Any] = {}
         now_s = time.monotonic()
@@ -135,15 +135,15 @@ class Look:
     def _state(
         self, i: int, finger: Finger, now_s: float, arrays: dict[str, Any]
     ) -> dict[str, Any]:
-        """Describe a finger now: of each channel the highest level since the last frame."""
+        """Return a finger's state, and add each channel's highest level since the last frame."""
         levels, config = finger.track.levels, finger.config
-        # Where nothing is new, as it was last.
+        # Without a new row, the last one once more.
         since = min(self._shown.get(finger.name, levels.appended), levels.appended - 1)
         self._shown[finger.name] = levels.appended
         level, on = levels.field('level', since), levels.field('on', since)
         if len(level):
             shown = np.fmax.reduce(level, axis=0) / config.threshold
-            # Whether a channel is valid is what holds now.
+            # A channel is shown as valid if it is so in the newest row.
             shown = np.where(np.isnan(level[-1]), np.nan, shown)
             arrays[f'level/{i}'], arrays[f'on/{i}'] = shown, on.any(axis=0)
         else:
@@ -153,7 +153,7 @@ class Look:
         silent = finger.silent_words()
         return {
             'name': finger.name,
-            # What a detector said that is no more means nothing.
+            # The last state of a silent detector may no longer be true.
             'slip': finger.slip and not silent,
             'valid': finger.valid and not silent,
             'onset_age_s': None if finger.onset_s is None else round(now_s - finger.onset_s, 3),
@@ -162,7 +162,7 @@ class Look:
         }
 
     def _traces(self, finger: Finger, track: LiveTrack, arrays: dict[str, Any]) -> dict[str, Any]:
-        """Add the columns of volts, levels, slip and truth that were completed meanwhile."""
+        """Add the columns of volts, levels, slip and truth completed since the last frame."""
         channels = self._channels[self._channels < track.channels]
         beginning = finger.starts, track.beginnings
         if beginning != self._beginning:
@@ -201,7 +201,7 @@ class Look:
     def _add_spectrum(
         self, finger: Finger, channel: int, arrays: dict[str, Any]
     ) -> dict[str, Any]:
-        """Add the spectrum of a channel, and what was held of it at rest."""
+        """Add the spectrum of a channel, and its spectrum at rest if one is kept."""
         header: dict[str, Any] = {'name': finger.name, 'channel': channel + 1}
         if channel >= finger.track.channels:
             return header

@@ -40,9 +40,9 @@ class PageFile(NamedTuple):
 
 
 def page_files() -> dict[str, PageFile]:
-    """Return all files that a browser can get, by their paths; there are no others.
+    """Return all files that a browser may request, by path.
 
-    ``/page`` has those of the live page, ``/drawing`` those that it shares with the report.
+    ``/page`` has the files of the live page, ``/drawing`` those that it shares with the report.
 
     Examples
     --------

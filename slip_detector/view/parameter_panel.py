@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of a detector that runs, as pages show and change them.
+"""The parameters of a running detector, as pages show and change them.
 
-A page sends texts, as somebody typed them, or numbers, as a plot was dragged. Whether they are
-allowed is for the detector to say, whose words are shown.
+A page sends text that was typed, or numbers from a line that was dragged in a plot. The detector
+decides whether a value is allowed; its message is shown.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ from slip_detector.parameters.conversion import shortened
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import allowed, default_of, under_headings
 
-#: The heading of what is no parameter of this package.
+#: Heading of the parameters that do not belong to this package.
 OF_ROS = 'Of every node'
 
 #: How many changes can be undone.
@@ -38,21 +38,21 @@ MOST_CHANGES = 1000
 #: How many changes a page lists.
 LATELY = 8
 
-#: A change by somebody who has no page: another program, or the detector itself as it starts.
+#: Authors of changes that no page asked for: another program, or a restart of the detector.
 OUTSIDE, RESTART = 'outside', 'restart'
 
 _FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
 
 
 class Reading(NamedTuple):
-    """What a detector answers when it is asked for its parameters.
+    """The answer of a detector that is asked for its parameters.
 
     Attributes
     ----------
     values : dict
         Values in the form that ROS uses, by name.
     read_only : frozenset of str
-        Names of those that hold from the start to the end of the node.
+        Names of those that cannot change while the node runs.
     meanings : dict
         Descriptions, by name.
 
@@ -73,7 +73,7 @@ class Change(NamedTuple):
     Attributes
     ----------
     before, after : dict
-        Values by name; None: there was, or is, no such parameter.
+        Values by name; None: the parameter does not exist.
     by : str
         The page, or ``OUTSIDE``, or ``RESTART``.
 
@@ -89,27 +89,27 @@ class Change(NamedTuple):
 
 
 class ParameterPanel:
-    """Parameters of one detector, what they were before, and what its file has.
+    """The parameters of one detector, their changes, and the values of its file.
 
     Parameters
     ----------
     file_values
-        What the parameter file has; None: there is none, and what was read first takes its place.
+        The values of the parameter file; None: there is none, and the first values read are used.
 
     Attributes
     ----------
     values : dict
-        The present values; empty before they were read.
+        The present values; empty until they are read.
     file_values : dict or None
         As above.
     history : deque of Change
-        What can be undone, the last one last.
+        Changes that can be undone, the newest last.
     changes : deque of Change
-        What has changed lately, undone or not, the last one last.
+        The latest changes, undone or not, the newest last.
     count : int
-        How many changes there were at all.
+        Number of changes so far.
     version : int
-        Grows with whatever a page shows of it.
+        Increases whenever something that a page shows has changed.
 
     Examples
     --------
@@ -133,10 +133,10 @@ class ParameterPanel:
         self._meanings: dict[str, str] = {}
 
     def read(self, reading: Reading) -> Change | None:
-        """Take what the detector answered; return what had changed if it was read before.
+        """Take the detector's answer; return the change since the last answer, if any.
 
-        A detector that started again begins with the values of its file: what had been changed
-        can be undone from there, so that it is not lost.
+        A detector that was started again has the values of its file. This counts as a change:
+        undoing it restores what had been set before the restart.
         """
         known = bool(self.values)
         self.version += 1
@@ -151,23 +151,23 @@ class ParameterPanel:
         return None
 
     def expect(self, values: Mapping[str, Any], by: str) -> None:
-        """Note who asks for a change."""
+        """Note that a page asks for a change, so that the change is attributed to it."""
         self._expected.append((dict(values), by))
 
     def refused(self, values: Mapping[str, Any], by: str) -> None:
-        """Note that a change that somebody asked for does not come."""
+        """Drop an expected change, which the detector has refused."""
         with contextlib.suppress(ValueError):
             self._expected.remove((dict(values), by))
 
     def take(self, values: Mapping[str, Any]) -> Change | None:
-        """Take values that the detector now has; return the change, None if there is none.
+        """Take values that the detector reports; return the change, None if there is none.
 
         Parameters
         ----------
         values
             By name; None: the parameter was deleted.
         """
-        # They come as an event of this change, or with all others as they are read.
+        # The report is the event of one change, or has all parameters when they are read.
         given = values.keys()
         changed = {name for name in given if self.values.get(name) != values[name]}
         asked = [
@@ -177,11 +177,11 @@ class ParameterPanel:
         ]
         if not asked:
             return self._take(values, OUTSIDE)
-        # Two pages may have asked for the same parameters at once. Where no values are equal, the
-        # detector has rounded them.
+        # Two pages may have asked for the same parameters at once: equal values tell which one.
+        # If none are equal, the detector has rounded them.
         equal = (each for each in asked if each[0].items() <= values.items())
         found = next(equal, asked[0])
-        # What was asked for before it, of the same parameters, has not been heard of.
+        # No report will come of earlier requests for the same parameters: they were overtaken.
         for each in asked[: asked.index(found) + 1]:
             self._expected.remove(each)
         return self._take(values, found[1])
@@ -214,7 +214,7 @@ class ParameterPanel:
         return dict(self.history[-1].before) if self.history else {}
 
     def as_in_file(self) -> dict[str, Any]:
-        """Return the values that make everything as in the file; empty where it is."""
+        """Return the values that restore those of the file; empty if nothing differs."""
         wanted = self.file_values or {}
         groups = [name for name in self.values if name.startswith('groups.')]
         values = {**dict.fromkeys(groups), **wanted}
@@ -226,7 +226,7 @@ class ParameterPanel:
         return {name: value for name, value in values.items() if name not in self._read_only}
 
     def shown(self) -> list[dict[str, Any]]:
-        """Return what a page shows: headings, and below each the parameters in their order."""
+        """Return what a page shows: headings, each with its parameters in order."""
         headings = [
             {
                 'heading': heading,
@@ -263,7 +263,7 @@ class ParameterPanel:
 
 
 def words_of(change: Change) -> str:
-    """Return a change in words, without who made it.
+    """Return a change in words, without its author.
 
     Examples
     --------
@@ -281,7 +281,7 @@ def words_of(change: Change) -> str:
 
 
 def text_of(value: Any) -> str:
-    """Return a value as one types it: a list without brackets.
+    """Return a value as a user types it: a list without brackets.
 
     Examples
     --------
@@ -298,7 +298,7 @@ def text_of(value: Any) -> str:
 
 
 def typed(name: str, text: str) -> Any:
-    """Return what somebody typed for a parameter as a value; the detector says if it is allowed.
+    """Return the value of text typed for a parameter; the detector decides if it is allowed.
 
     Examples
     --------

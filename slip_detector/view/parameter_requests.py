@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What pages ask of the parameters: set, undo, as in the file, save."""
+"""Requests of pages about parameters: set, undo, restore those of the file, save."""
 
 import asyncio
 from collections.abc import Mapping, Sequence
@@ -28,23 +28,23 @@ from slip_detector.view.server import Server
 
 
 class ParameterRequests:
-    """Answers the pages' requests about parameters, and tells them what the detectors have.
+    """Answers the pages' requests about parameters, and sends them the present values.
 
     Parameters
     ----------
     server
-        Whose pages, and whose hand.
+        The server of the pages.
     folder
         Where files are saved.
     files
-        The parameter files that the detectors were started with: one for all, or, as for the
-        detectors, one for each namespace of its name.
+        The parameter files that the detectors were started with: one for all, or one for each
+        namespace, named after it.
     """
 
     def __init__(self, server: Server, folder: Path, files: Sequence[Path] = ()) -> None:
         self._server, self._folder, self._files = server, folder.resolve(), files
         self._told: dict[str, tuple[int, bool]] = {}
-        #: Of each detector what was wrong with its file.
+        #: By detector, why its file cannot be read.
         self._file_errors: dict[str, str] = {}
         server.each_tick.append(self.tell)
         for kind, answer in (
@@ -56,7 +56,7 @@ class ParameterRequests:
             server.on_request(kind, answer, changes=True)
 
     def tell(self) -> None:
-        """Tell the pages what has changed."""
+        """Send the pages the parameters if something has changed."""
         hand = self._server.hand
         versions = {
             name: (panel.version, name in hand.fingers) for name, panel in hand.panels.items()
@@ -101,7 +101,7 @@ class ParameterRequests:
         return next((file for file in self._files if file.stem == namespace), None)
 
     def _read_file(self, name: str) -> None:
-        """Read what the file of a detector has now."""
+        """Read the present content of a detector's file."""
         file = self._file_of(name)
         if file is None:
             return
@@ -129,7 +129,7 @@ class ParameterRequests:
         return {}
 
     async def _set(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Set what was typed, or dragged."""
+        """Set values that were typed or dragged."""
         self._panel(message.get('finger'))
         values = message.get('values')
         if not isinstance(values, dict) or not values:
@@ -157,7 +157,7 @@ class ParameterRequests:
         return await self._change(message, values) if values else {}
 
     async def _save(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Save what detectors run with; return where, or what is in the way there."""
+        """Save the detectors' parameters; return how to launch with them, or why it cannot."""
         names = message.get('fingers')
         if not isinstance(names, list) or not names:
             raise ValueError(f'fingers is {shown(names)}, allowed: a list of those that are shown')
@@ -168,7 +168,7 @@ class ParameterRequests:
         try:
             document = parameter_file(configs, given)
         except ValueError as error:
-            lost = f'It has nothing for other nodes: {error}'
+            lost = f'It lacks the parameters of other nodes: {error}'
             document = parameter_file(configs)
             comments.append(lost)
         name, replace = message.get('name'), message.get('replace') is True

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The recordings that were made on the live page: a folder for each finger."""
+"""The recordings made on the live page: a folder for each finger."""
 
 import errno
 import re
@@ -26,28 +26,28 @@ from slip_detector.recordings.bag_storage import METADATA
 from slip_detector.recordings.labels import labels_name
 from slip_detector.tuning.tracks import every_so_many
 
-#: What is recorded. A recording is called by its kind and a number.
+#: Kinds of recordings. The name of a recording is its kind and a number.
 KINDS = ('rest', 'slip', 'taps')
 _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
 
-#: What is said of a recording of a slip that has none.
+#: Note on a recording of kind ``slip`` that contains none.
 NO_SLIP = 'has no slip'
 
-#: Share of the recordings of each kind that the search does not see.
+#: Share of the recordings of each kind that is held out of the search.
 HELD_OUT = 1 / 3
 
 
 class RecordingSummary(NamedTuple):
-    """A recording that was made on the live page.
+    """A recording made on the live page.
 
     Attributes
     ----------
     name : str
     duration_s : float
-        Time of its rows, gaps left out.
+        Time of its rows, without gaps.
     slips : int
     note : str
-        What is wrong with it, in words; empty where nothing is.
+        What is wrong with it; empty if nothing is.
 
     Examples
     --------
@@ -63,17 +63,17 @@ class RecordingSummary(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """What was recorded: one of :data:`KINDS`."""
+        """One of :data:`KINDS`."""
         return self.name.partition('_')[0]
 
     @property
     def usable(self) -> bool:
-        """Whether a search can use it: one of slips has some."""
+        """Whether a search can use it: one of kind ``slip`` must contain a slip."""
         return self.duration_s > 0.0 and (self.kind != 'slip' or self.slips > 0)
 
 
 class RecordedFolder:
-    """The recordings of one finger, in a folder that has nothing else in it than they need.
+    """The recordings of one finger, in a folder of their own.
 
     Parameters
     ----------
@@ -83,8 +83,7 @@ class RecordedFolder:
     Attributes
     ----------
     recordings : dict
-        Each :class:`RecordingSummary` by its name; those of a kind in the order in which they
-        were made.
+        Each :class:`RecordingSummary` by its name; within a kind in the order of recording.
 
     Examples
     --------
@@ -99,24 +98,24 @@ class RecordedFolder:
         self._changing = threading.Lock()
 
     def look(self) -> None:
-        """Look what is in the folder; recordings that are known are not read again.
+        """Update the list from the folder; recordings in the list are not read again.
 
-        This may take long, so a thread may do it while others record or delete.
+        As this may take long, it may run in a thread while recordings are added or deleted.
         """
         names = [*filter(self._is_bag, self._names())]
         new = {name: self._read(name) for name in names if name not in self.recordings}
         with self._changing:
-            # What is known by now was put when it had ended, and may have been read before that.
+            # A recording that was put meanwhile may have been read above before it had ended.
             every = {**new, **self.recordings}
             self._list({name: one for name, one in every.items() if self._is_bag(name)})
 
     def new_path(self, kind: str) -> Path:
-        """Return a path that no recording has."""
+        """Return an unused path for a recording of this kind."""
         numbers = [_order(name)[1] for name in self._names() if name.startswith(f'{kind}_')]
         return self.folder / f'{kind}_{max(numbers, default=0) + 1}'
 
     def put(self, recorded: RecordingSummary) -> None:
-        """Take a recording that was made just now, which need not be read."""
+        """Add a recording that has just been made, which need not be read."""
         with self._changing:
             self._list({**self.recordings, recorded.name: recorded})
 
@@ -128,7 +127,7 @@ class RecordedFolder:
         ValueError
             When no recording has this name.
         """
-        # Somebody may have put a link in its place.
+        # The folder may have been replaced by a link.
         if not isinstance(name, str) or name not in self.recordings or not self._is_bag(name):
             raise ValueError(
                 f'there is no recording {str(name)[:40]!r}, allowed: those of the list'
@@ -136,7 +135,7 @@ class RecordedFolder:
         return self.folder / name
 
     def delete(self, name: object) -> None:
-        """Delete a recording with its labels, and nothing that does not belong to it.
+        """Delete a recording with its labels, and no other file.
 
         Raises
         ------
@@ -157,13 +156,13 @@ class RecordedFolder:
             self._list({n: one for n, one in self.recordings.items() if n != path.name})
 
     def of_kind(self, kind: str) -> list[str]:
-        """Return the names of the recordings of a kind that a search can use, the oldest first."""
+        """Return the names of the usable recordings of a kind, the oldest first."""
         return [n for n, one in self.recordings.items() if one.kind == kind and one.usable]
 
     def held_out(self) -> list[str]:
-        """Return the names of the recordings that a search is judged by and does not see.
+        """Return the names of the recordings that are held out of a search and judge its result.
 
-        Of each kind it is each third one, and of two the second.
+        They are every third one of each kind; of only two, the second.
         """
         by_kind = [every_so_many(self.of_kind(kind), HELD_OUT)[1] for kind in KINDS]
         return [name for held_out in by_kind for name in held_out]

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Writes what comes from a finger into a bag, row by row as it comes."""
+"""Writes the samples of a finger into a bag as they arrive."""
 
 import errno
 import os
@@ -31,8 +31,8 @@ from slip_detector.view.hand import Finger
 class Recorder:
     """A recording that grows with the track of a finger.
 
-    All that came until a call of :meth:`take` is in the file after it, with the label that is held
-    then: so a recording is whole up to there, whatever becomes of this process.
+    Each call of :meth:`take` writes all rows that have arrived, with the present label: whatever
+    happens to this process, the recording is complete up to the last call.
 
     Parameters
     ----------
@@ -41,21 +41,21 @@ class Recorder:
     finger
         Whose samples are recorded.
     since
-        Number of the first row that is recorded, of all that the track ever had.
+        Number of the first row to record, counted over all rows that the track ever had.
 
     Attributes
     ----------
     slips : int
-        How many slips are in it.
+        Number of slips in the recording.
     rows : int
-        How many rows are in it.
+        Number of rows in the recording.
     lost_rows : int
-        How many rows the track no longer had when they were to be written.
+        Number of rows that the track no longer had when they were to be written.
 
     Raises
     ------
     ValueError
-        When it cannot be written; names it.
+        When the bag cannot be created; names it.
     """
 
     def __init__(self, path: Path, finger: Finger, since: int) -> None:
@@ -69,7 +69,7 @@ class Recorder:
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
                 self._bag = BagWriter(path, finger.config.names, finger.frame_id or 'fingertip')
-            except FileExistsError:  # Somebody else has just made it: it is not ours.
+            except FileExistsError:  # Another program has just created it.
                 raise
             except OSError:
                 shutil.rmtree(path, ignore_errors=True)  # It is empty.
@@ -77,27 +77,27 @@ class Recorder:
 
     @property
     def duration_s(self) -> float:
-        """How long it is so far, gaps left out."""
+        """Length of the recording so far, without gaps."""
         return self.rows / self._rate_hz
 
     @property
     def interrupted(self) -> bool:
-        """Whether the track has begun anew, so that nothing that comes belongs to it."""
+        """Whether the track was begun again, so that new rows do not belong to this recording."""
         return self.finger.track.beginnings != self._beginnings
 
     @property
     def kept(self) -> bool:
-        """Whether there is a file with rows: somebody may have taken it away."""
+        """Whether there is a file with rows, which another program may have removed."""
         return self.rows > 0 and self._bag.path.exists()
 
     def take(self) -> None:
-        """Write the rows that have come, with the present label.
+        """Write the rows that have arrived, with the present label.
 
         Raises
         ------
         ValueError
-            When the disk is full, or the file is there no more, for example; what was written
-            before is kept.
+            When they cannot be written: the disk is full or the file was removed, for example.
+            What was written before is kept.
         """
         if self.interrupted:
             return
@@ -119,22 +119,22 @@ class Recorder:
                 raise
         self._taken = rows.appended
         self.rows += len(stamps_ns)
-        # One during which no row came is not in the file.
+        # A slip during which no row came is not in the file.
         self.slips += self._slipping and not self._slipped
         self._slipped = self._slipping
 
     def label(self, slipping: bool) -> None:
-        """Say whether there is slip in what comes from now on."""
+        """Set whether the rows from now on are labelled as slip."""
         self.take()
         self._slipping = slipping
 
     def close(self) -> None:
-        """End the recording; one without a row is removed.
+        """End the recording; one without rows is removed.
 
         Raises
         ------
         ValueError
-            When it cannot be written to its end; what was written before is kept.
+            When its end cannot be written; what was written before is kept.
         """
         if not self.rows:
             self._abort()
@@ -143,7 +143,7 @@ class Recorder:
             self._bag.close()
 
     def _abort(self) -> None:
-        """Close the file as it is, and remove one without a row."""
+        """Close the file as it is, and remove it if it has no rows."""
         self._bag.abort()
         if not self.rows:
             shutil.rmtree(self.path, ignore_errors=True)

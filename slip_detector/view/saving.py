@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Saves what detectors run with as a parameter file that the launch files take."""
+"""Saves the parameters of running detectors in a file that the launch files accept."""
 
 import re
 import shlex
@@ -33,8 +33,8 @@ from slip_detector.parameters.reading import (
 from slip_detector.parameters.writing import write_file
 from slip_detector.parameters.yaml_files import read_yaml
 
-#: What a page may call a file. With several parameter files, the launch files make namespaces of
-#: their names.
+#: Names that a page may give to a file. Of several parameter files, the launch files use the names
+#: as namespaces.
 FILE_NAME = re.compile('(?!.*__)[A-Za-z][A-Za-z0-9_]{0,63}')
 ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 
@@ -42,15 +42,15 @@ ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 def parameter_file(
     configs: Mapping[str, DetectorConfig], given: str | Path | None = None
 ) -> dict[str, Any]:
-    """Return the content of a parameter file with what detectors run with.
+    """Return the content of a parameter file for detectors with these configurations.
 
     Parameters
     ----------
     configs
-        What they run with, by their full names. That of one alone is for a detector in any
-        namespace; of several, each is for the detector of that name.
+        By the full names of the detectors. A single one is written for a detector in any
+        namespace; several are written each for the detector of that name.
     given
-        The file they were started with, if any: sections of other nodes are taken over.
+        The file they were started with, if any: its sections for other nodes are copied.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def parameter_file(
     (['/**/slip_detector'], 0.25)
     """
     document: dict[str, Any] = {}
-    # What rclpy reads itself, as use_sim_time, the file keeps for the detectors.
+    # Parameters that rclpy itself reads, such as use_sim_time, are kept for the detectors.
     of_rclpy: dict[str, dict[str, Any]] = {name: {} for name in configs}
     for section, parameters in sections_of(read_yaml(given) if given else {}, str(given)):
         for name, kept in of_rclpy.items():
@@ -80,7 +80,7 @@ def parameter_file(
             }
         if parameters:
             document[section] = {'ros__parameters': parameters}
-    # After all others: of two sections for a node, the later one holds.
+    # Last, because of two sections for a node the later one holds.
     for name, config in configs.items():
         section = name if len(configs) > 1 else f'/**/{node_of(name)}'
         document[section] = {'ros__parameters': {**of_rclpy[name], **_nested(config)}}
@@ -93,13 +93,13 @@ def _nested(config: DetectorConfig) -> dict[str, Any]:
 
 
 def launch_arguments(names: Collection[str], path: Path) -> str:
-    """Return what ``slip_detector.launch.py`` takes to start detectors with a saved file.
+    """Return the arguments of ``slip_detector.launch.py`` that start detectors with a saved file.
 
     Parameters
     ----------
     names
-        Full names of those that were saved. One can be started as any finger; several are started
-        with their names.
+        Full names of the saved detectors. One alone can be started as any finger; several are
+        started with their names.
     path
         The file.
 
@@ -129,14 +129,14 @@ def save(
     *,
     replace: bool = False,
 ) -> Path:
-    """Write a parameter file into a folder, under a name that somebody typed.
+    """Write a parameter file into a folder, under a name that a user typed.
 
     Parameters
     ----------
     folder, name
-        Where, made where there is none, and the name of the file without ``.yaml``.
+        The folder, created if missing, and the name of the file without ``.yaml``.
     document, comments
-        What it holds, and what stands above that.
+        The content of the file, and the comments above it.
     replace
         Whether a file of that name may be replaced.
 
@@ -150,7 +150,7 @@ def save(
     ValueError
         When the name is not allowed, or the file cannot be written.
     FileExistsError
-        When there is a file of that name, and it may not be replaced.
+        When a file of that name exists, and it may not be replaced.
 
     Examples
     --------

@@ -34,22 +34,22 @@ from slip_detector.view.look import Look
 from slip_detector.view.pages import page_files
 from slip_detector.view.track import LiveTrack
 
-#: Shortest time between two frames.
+#: Shortest time between two frames, in seconds.
 FRAME_S = 1 / 30
 
-#: Period at which the server looks around while nobody watches.
+#: Period of the server's loop, in seconds, while no page is open and no finger is recorded.
 IDLE_S = 0.2
 
-#: A page is asked so often whether it is there, and gone when it does not answer until the next.
+#: Period, in seconds, at which a page is pinged; it is closed if it does not answer in time.
 PING_S = 10.0
 
-#: A connection that asks for nothing is closed after this time; by default it would be an hour.
+#: A connection without requests is closed after this time, in seconds (by default an hour).
 UNASKED_S = 60.0
 
-#: Pages that may be open at once, and requests of a page that are not answered yet.
+#: Most pages open at once, and most unanswered requests of a page.
 MOST_PAGES, MOST_REQUESTS = 20, 100
 
-#: Longest message of a page.
+#: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
 
 HEADERS = {
@@ -67,12 +67,12 @@ NO_TOKEN = 'this address lacks its token: open the one that slip_view has printe
 
 READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from a page'
 
-#: Answers a request of a page with what it asked for; a ValueError says why not.
+#: Returns the answer to a request of a page, or raises a ValueError that says why not.
 Answer = Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any]]]
 
 
 class Request(NamedTuple):
-    """A kind of request: who answers it, and whether it changes anything."""
+    """The handler of a kind of request, and whether it changes the robot or a file."""
 
     answer: Answer
     changes: bool
@@ -86,12 +86,12 @@ class Server:
     hand
         The fingers.
     access
-        Who may do what.
+        The access rules.
 
     Attributes
     ----------
     wanted : dict
-        For each purpose the fingers that are watched for it, though no page may look at them.
+        By purpose, the fingers that are watched even if no page shows them.
     each_tick : list of callable
         Called after each poll of the hand, at most 30 times a second.
     at_end : list of callable
@@ -105,19 +105,19 @@ class Server:
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
         self.requests: dict[str, Request] = {}
-        # What is held to compare with changes nothing on the robot.
+        # Keeping a spectrum changes nothing on the robot.
         self.on_request('hold_rest', self._hold_rest)
         self._told: dict[str, str] = {}
         self._http: HTTPServer | None = None
 
     def on_request(self, kind: str, answer: Answer, *, changes: bool = False) -> None:
-        """Let a function answer the requests of one type."""
+        """Let a function answer the requests of one kind."""
         self.requests[kind] = Request(answer, changes)
 
     def tell(self, kind: str, content: Mapping[str, Any]) -> None:
-        """Tell all pages what now holds, and those that are opened later.
+        """Send this content to all pages, also to those that are opened later.
 
-        Nothing is sent where it is what was told last. A page that is slow gets the latest only.
+        Nothing is sent if the content has not changed. A slow page gets only the latest content.
         """
         text = json.dumps({'type': kind, **content}, allow_nan=False)
         if self._told.get(kind) != text:
@@ -131,7 +131,7 @@ class Server:
         Raises
         ------
         OSError
-            When it cannot be had.
+            When the port is not available.
         """
         application = web.Application(
             [
@@ -139,11 +139,11 @@ class Server:
                 ('/.*', File, {'server': self, 'files': page_files()}),
             ],
             websocket_ping_interval=PING_S,
-            websocket_ping_timeout=PING_S,  # Older versions of tornado wait for three times that.
+            websocket_ping_timeout=PING_S,  # Older versions of tornado wait three times as long.
             websocket_max_message_size=MOST_BYTES,
             log_function=lambda handler: None,
         )
-        # What a page sends that is no request is answered so; it is not news for a robot's log.
+        # A malformed request is answered with its error; it need not be in a robot's log.
         for name in ('tornado.access', 'tornado.general'):
             logging.getLogger(name).setLevel(logging.ERROR)
         sockets = bind_sockets(port, self.access.host)
@@ -154,14 +154,14 @@ class Server:
         return int(sockets[0].getsockname()[1])
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Poll the hand and send frames until the event; then close all pages."""
+        """Poll the hand and send frames until the event is set; then close all pages."""
         due_s = time.monotonic()
         try:
             while not stop.is_set():
                 begin_s = time.monotonic()
                 self.tick()
                 period_s = FRAME_S if self.pages or any(self.wanted.values()) else IDLE_S
-                # A wait that ends a little late does not put off all frames after it.
+                # If a wait ends a little late, the frames after it are still on schedule.
                 due_s = max(due_s + period_s, begin_s + 0.95 * period_s)
                 left_s = max(0.001, due_s - time.monotonic())
                 try:
@@ -172,7 +172,7 @@ class Server:
             await self.close()
 
     def tick(self) -> None:
-        """Take what has come, and send each page what is new to it."""
+        """Poll the hand, and send each page what is new to it."""
         looked_at = {name for page in self.pages if page.look for name in page.look.names}
         self.hand.watch(looked_at.union(*self.wanted.values()))
         self.hand.poll()
@@ -184,7 +184,7 @@ class Server:
             try:
                 page.send_news()
             except Exception:
-                # The others go on, and what is recorded; the log has where it is.
+                # The other pages and the recording go on; the log has the traceback.
                 logging.getLogger(__name__).exception('a page cannot be sent to')
                 page.close(1011, 'slip_view has failed at this page, its log says where')
 
@@ -215,7 +215,7 @@ class Server:
         except ValueError as error:
             answer['refusal'] = str(error)
         except Exception as error:
-            # The page must not wait for ever; the log has where it is.
+            # The page must not wait for ever; the log has the traceback.
             logging.getLogger(__name__).exception('a request failed: %s', kind)
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return answer
@@ -228,7 +228,7 @@ class Server:
         return {}
 
     def told(self) -> dict[str, str]:
-        """Return what a page has to know that is opened now."""
+        """Return the present content of each kind, for a new page."""
         return dict(self._told)
 
 
@@ -259,10 +259,10 @@ class _Guarded(web.RequestHandler):
 
 
 class File(_Guarded):
-    """A file of the page; those behind it hold nothing of the robot and need no token."""
+    """A file; only the page itself needs the token, as the others hold nothing of the robot."""
 
     def initialize(self, server: Server, files: Mapping[str, Any]) -> None:
-        """Take what tornado passes on."""
+        """Take the arguments of the route."""
         self.server, self.files = server, files
 
     def get(self) -> None:
@@ -285,10 +285,10 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
     """One open page."""
 
     def initialize(self, server: Server) -> None:
-        """Take what tornado passes on."""
+        """Take the arguments of the route."""
         self.server = server
         self.look: Look | None = None
-        # The finger and its last minute as it was when the page began to look at the past.
+        # The finger, and a copy of its last minute from when the page was paused.
         self._held: tuple[Finger, LiveTrack] | None = None
         self.news: dict[str, str] = {}
         self._frames = self._drawn = 0
@@ -300,7 +300,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         """Open the connection, or refuse it."""
         why = self.refusal(token=True)
         if not why and len(self.server.pages) >= MOST_PAGES:
-            why = f'{MOST_PAGES} pages are open, allowed: at most so many'
+            why = f'{MOST_PAGES} pages are open already, allowed: at most {MOST_PAGES}'
         if why:
             self.refuse(why)
             return
@@ -311,7 +311,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         return True
 
     def open(self, *args: str, **kwargs: str) -> None:
-        """Begin with all that holds."""
+        """Prepare to send the page the present content of each kind."""
         self.set_nodelay(True)
         self.news = self.server.told()
         self.server.pages.add(self)
@@ -321,7 +321,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.server.pages.discard(self)
 
     def on_message(self, message: str | bytes) -> None:
-        """Take what the page says."""
+        """Handle a message of the page."""
         try:
             content = json.loads(message)
         except (ValueError, RecursionError):
@@ -333,7 +333,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         elif content.get('type') == 'look':
             self._take_look(content)
         elif len(self._answers) >= MOST_REQUESTS:
-            # It does not read the answers, which are kept until it does.
+            # The page does not read its answers, which are kept here until it does.
             self.close(1008, f'more than {MOST_REQUESTS} requests wait for an answer')
         else:
             task = asyncio.get_running_loop().create_task(self._answer(content))
@@ -348,7 +348,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self.news['refused'] = json.dumps({'type': 'refused', 'why': str(error)})
 
     def _hold(self) -> None:
-        """Keep what a page looks at that stands still: it may look for longer than a minute."""
+        """Keep the track that a paused page shows: a pause may last longer than the track."""
         finger = self.server.hand.fingers.get(self.look.finger) if self.look else None
         if finger is None or self.look is None or self.look.until_ns is None:
             self._held = None
@@ -357,12 +357,12 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
 
     async def _answer(self, content: Mapping[str, Any]) -> None:
         answer = await self.server.answer(content)
-        # A page that has closed meanwhile is no error.
+        # The page may have closed meanwhile, which is no error.
         with contextlib.suppress(websocket.WebSocketClosedError):
             await self.write_message(json.dumps(answer, allow_nan=False))
 
     def send_news(self) -> None:
-        """Send what is new, unless the page is still at what it was sent before."""
+        """Send what is new, unless the last message is still being sent."""
         if self._sending is not None and not self._sending.done():
             return
         for text in self.news.values():
@@ -385,5 +385,5 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self._sending = asyncio.ensure_future(
                 self.write_message(content, binary=isinstance(content, bytes))
             )
-            # A page that closes meanwhile is no error.
+            # The page may close meanwhile, which is no error.
             self._sending.add_done_callback(lambda sent: sent.cancelled() or sent.exception())

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The spectrum of what came last: the mean of several short ones (Welch, 1967)."""
+"""The spectrum of the latest samples: the mean of several short spectra (Welch, 1967)."""
 
 from typing import NamedTuple
 
@@ -20,26 +20,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-#: Each of the short spectra is of so much time, which tells frequencies half a hertz apart, ...
+#: Length of a short spectrum, in seconds, which resolves half a hertz, ...
 SEGMENT_S = 2.0
 
-#: ... but of no more rows than this; and the mean is over so many of them, half over half.
+#: ... but at most so many rows; and how many half-overlapping ones are averaged.
 MOST_ROWS, SEGMENTS = 4096, 5
 
-#: Fewer rows are no spectrum.
+#: Fewest rows that make a spectrum.
 FEWEST_ROWS = 32
 
-#: Below this there is nothing: a channel that repeats one value.
+#: Least density, in V^2/Hz: a channel that repeats one value has a density of zero.
 LEAST_V2_HZ = 1e-30
 
 
 class Spectrum(NamedTuple):
-    """The amplitude density of channels over the frequency.
+    """The amplitude density of channels over frequency.
 
     Attributes
     ----------
     step_hz : float
-        From one frequency to the next; the first is one step.
+        Distance from one frequency to the next; the first frequency is one step.
     density_db : ndarray of float32, shape (channels, frequencies)
         dB relative to 1 V/sqrt(Hz).
 
@@ -54,9 +54,9 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | None:
-    """Return the spectrum of the last seconds, or None where there is too little.
+    """Return the spectrum of the last seconds, or None if there are too few rows.
 
-    A value that is no number is replaced by the one before it.
+    A value that is not finite is replaced by the last finite one.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | No
     rows = min(rows, len(volts))
     if rows < FEWEST_ROWS:
         return None
-    # The square of what a broken sensor sends may be infinite.
+    # The squared values of a broken sensor may overflow.
     with np.errstate(over='ignore', invalid='ignore'):
         frequencies_hz, power = signal.welch(
             _without_gaps(volts), sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
@@ -96,6 +96,6 @@ def _without_gaps(volts: NDArray[np.float64]) -> NDArray[np.float64]:
         return volts
     row = np.where(known, np.arange(len(volts))[:, np.newaxis], -1)
     row = np.maximum.accumulate(row, axis=0)
-    # Before the first number it is that one; where there is none at all, 0.
+    # Rows before the first finite value get that value; a channel without any gets 0.
     row = np.where(row < 0, known.argmax(axis=0), row)
     return np.nan_to_num(np.take_along_axis(volts, row, axis=0), posinf=0.0, neginf=0.0)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the channels of a finger are drawn: one answer for the page and for RViz."""
+"""Where the page and RViz draw the channels of a finger."""
 
 import functools
 
@@ -22,20 +22,20 @@ from scipy.spatial import KDTree
 
 from slip_detector.parameters.detector import DetectorConfig
 
-#: Distance of the channels in the grid of a finger that has no positions; the taxels of tactile
-#: fingertips are one to seven millimetres apart.
+#: Pitch of the grid for a finger without taxel positions; the taxels of tactile fingertips are one
+#: to seven millimetres apart.
 GRID_PITCH_M = 2.5e-3
 
-#: Channels that share a place, as the axes of one taxel do, are drawn on a circle around it with
-#: this share of the least distance between two places as its radius.
+#: Channels at one position, such as the axes of one taxel, are drawn on a circle around it. Its
+#: radius is this share of the least distance between two positions.
 CIRCLE_SHARE = 0.25
 
 
 def drawn_positions(config: DetectorConfig) -> NDArray[np.float64]:
-    """Return where the channels of a finger are drawn, no two at the same place.
+    """Return where the channels of a finger are drawn, no two at the same position.
 
-    Where ``taxel_positions_m`` is empty it is a grid, about as wide as high: the first channel at
-    the upper left, the next to the right of it.
+    If ``taxel_positions_m`` is empty, this is a grid about as wide as high, row by row from the
+    upper left.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def drawn_positions(config: DetectorConfig) -> NDArray[np.float64]:
     return np.array(_drawn(config.channels, config.taxel_positions_m))
 
 
-# It is asked for with each frame, and changes once in a while.
+# Called at each tick of the server, but the arguments rarely change.
 @functools.lru_cache(maxsize=32)
 def _drawn(channels: int, taxel_positions_m: tuple[float, ...]) -> NDArray[np.float64]:
     if not taxel_positions_m:
@@ -59,7 +59,7 @@ def _drawn(channels: int, taxel_positions_m: tuple[float, ...]) -> NDArray[np.fl
 
 
 def least_distance_m(positions: NDArray[np.float64]) -> float:
-    """Return the distance of the two closest positions; of a single one that of a grid.
+    """Return the distance of the two closest positions; for a single one, the pitch of the grid.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def least_distance_m(positions: NDArray[np.float64]) -> float:
 
 
 def _grid(channels: int) -> NDArray[np.float64]:
-    """Return the positions of a grid around the middle of the frame."""
+    """Return the positions of a grid around the origin of the frame."""
     columns = int(np.ceil(np.sqrt(channels)))
     rows, row_of = -(-channels // columns), np.arange(channels) // columns
     positions = np.zeros((channels, 3))
@@ -88,18 +88,18 @@ def _grid(channels: int) -> NDArray[np.float64]:
 
 
 def _apart(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return positions of which those that are the same are moved onto a circle around it."""
+    """Return the positions; those that coincide are moved onto a circle around them."""
     places, place_of = np.unique(positions, axis=0, return_inverse=True)
     place_of = place_of.ravel()  # NumPy 2.0 gives it another shape.
     sharing = np.bincount(place_of)[place_of]
     if sharing.max() == 1:
         return positions
-    # The number of each channel among those of its place, in their order.
+    # The index of each channel among those at its position.
     order = np.argsort(place_of, kind='stable')
     number = np.empty(len(positions), np.int64)
     number[order] = np.arange(len(positions)) - np.searchsorted(place_of[order], place_of[order])
     radius = np.where(sharing > 1, CIRCLE_SHARE * least_distance_m(places), 0.0)
-    # Clockwise from the left: the x, y and z of a taxel stand as they are read.
+    # Clockwise from the left, so that the x, y and z of a taxel stand in reading order.
     angle = np.pi - 2 * np.pi * number / sharing
     circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
     apart: NDArray[np.float64] = positions + radius[:, np.newaxis] * circle

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Records rest, slips and taps of the fingers, as somebody in front of the page says."""
+"""Records rest, slips and taps of the fingers, as the user of a page commands."""
 
 import contextlib
 import re
@@ -27,49 +27,51 @@ from slip_detector.view.recorded_folder import KINDS, NO_SLIP, RecordedFolder, R
 from slip_detector.view.recorder import Recorder
 from slip_detector.view.track import LiveTrack
 
-#: Rest in the recording of a slip: before the label, from what came before the key was pressed,
-#: and after it. With less a chain has not settled before the slip, which then is not scored.
+#: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
+#: If the chain has not settled in the rest before a slip, the slip is not scored.
 BEFORE_S, AFTER_S = 2.0, 1.0
 
-#: With less rest before a slip than this a line says so.
+#: With fewer seconds of rest before a slip than this, the page shows a warning.
 LEAST_BEFORE_S = 1.0
 
-#: A page that holds a slip says so all the time; when it has not for so long, it is gone.
+#: While the key is held, the page keeps reporting it. After so many seconds without a report the
+#: page counts as gone, and the slip ends.
 HELD_S = 2.0
 
-#: Without a sample for so long a line says so, and a slip does not wait for its rest any more.
+#: After so many seconds without a sample the page shows a warning, and the recording of a slip
+#: ends without waiting longer for the rest after it.
 SILENT_S = 2.0
 
-#: A recording that nobody ends, ends by itself.
+#: A recording ends by itself after so many seconds.
 MOST_S = 600.0
 
-#: What ends a recording that nobody has ended.
+#: Why a recording was ended without a request.
 GONE = 'The detector is gone'
 INTERRUPTED = (
     'The detector has other channels or another rate now, or the clock of the samples was set back'
 )
 
-#: What a finger is called becomes a folder: what ROS allows in names, and nothing else.
+#: Labels become folders: only what ROS allows in names is accepted.
 _LABEL = re.compile('[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*')
 
 
 class Teaching:
-    """What is recorded, for which finger, and since when.
+    """Makes and deletes the recordings of all fingers, one recording at a time.
 
-    One recording is made at a time. What pages send is not trusted: fingers and recordings have to
-    be among those that are known, and no path is made of anything else.
+    What pages send is not trusted: fingers and recordings are looked up by name, and no path is
+    made of anything else.
 
     Parameters
     ----------
     hand
         The fingers.
     folder
-        Where the recordings are: in it, each finger has a folder of its label.
+        Where the recordings are: each finger has a folder in it, named by its label.
 
     Attributes
     ----------
     words : str
-        The last thing that happened, for the page.
+        What happened last, for the page.
     """
 
     def __init__(self, hand: Hand, folder: Path) -> None:
@@ -81,8 +83,8 @@ class Teaching:
         self._begun_at_s = self._held_at_s = 0.0
         self._ends_ns: int | None = None
         self._ends_at_s = 0.0
-        # Of each finger the track and its row at which the last slip ended: the rest before the
-        # next one is not older.
+        # By finger, the track and its row at which the last slip ended: the rest before the next
+        # slip cannot begin earlier.
         self._slip_ended: dict[str, tuple[LiveTrack, int]] = {}
         self.words = ''
 
@@ -127,7 +129,7 @@ class Teaching:
         Raises
         ------
         ValueError
-            When something is recorded already, or it cannot be.
+            When a recording is under way already, or cannot be made.
         """
         if kind not in KINDS or kind == 'slip':
             raise ValueError(f'{str(kind)[:40]} is not recorded so, allowed: rest, taps')
@@ -137,12 +139,12 @@ class Teaching:
         self.words = f'recording {self._path_name()}'
 
     def stop(self) -> None:
-        """End what is recorded.
+        """End the present recording, if any.
 
         Raises
         ------
         ValueError
-            When it cannot be written to its end.
+            When its end cannot be written.
         """
         if self._recorder is not None:
             self._hand.poll()
@@ -150,14 +152,14 @@ class Teaching:
             self._end()
 
     def press(self, name: object) -> None:
-        """Begin a slip: what comes from now on is slip, until :meth:`release`.
+        """Begin a slip: rows from now on are labelled as slip, until :meth:`release`.
 
-        Its recording begins with the rest before it.
+        The recording begins with the rest before the slip.
 
         Raises
         ------
         ValueError
-            When something else is recorded, or it cannot be.
+            When another recording is under way, or this one cannot be made.
         """
         if self._slipping and name == self._name:
             self.hold()
@@ -180,19 +182,19 @@ class Teaching:
             )
 
     def _rest_before(self, finger: Finger) -> tuple[int, float]:
-        """Return the first row of the rest before what comes, and how long that has lasted."""
+        """Return the number of the first row of the rest up to now, and its length in seconds."""
         rows = finger.track.samples
         ended = self._slip_ended.get(finger.name)
         after_slip = ended[1] if ended is not None and ended[0] is finger.track else 0
         stamps_ns = rows.stamps_ns(since=after_slip)
         if not len(stamps_ns):
             return rows.appended, 0.0
-        # By their stamps, as there may have been a pause in which no samples came.
+        # By stamps rather than by rows, as samples may be missing.
         rest_ns = stamps_ns[stamps_ns >= stamps_ns[-1] - round(BEFORE_S * 1e9)]
         return rows.appended - len(rest_ns), (rest_ns[-1] - rest_ns[0]) * 1e-9
 
     def hold(self) -> None:
-        """Say that the key is still held."""
+        """Note that the key is still held."""
         self._held_at_s = time.monotonic()
 
     def release(self, name: object) -> None:
@@ -202,9 +204,9 @@ class Teaching:
             self._let_go()
 
     def tick(self) -> None:
-        """Write what has come, and end what is to end; called after each poll.
+        """Write new rows, and end a recording that is due to end; called after each poll.
 
-        What goes wrong is in ``words``.
+        Errors are reported in ``words``.
         """
         if self._recorder is not None:
             with contextlib.suppress(ValueError):
@@ -231,12 +233,12 @@ class Teaching:
             self.words += f'. It was ended after {MOST_S / 60:.0f} minutes'
 
     def close(self) -> None:
-        """End what is recorded; called when the server ends."""
+        """End the present recording; called when the server ends."""
         with contextlib.suppress(ValueError):
             self.stop()
 
     def recording(self) -> dict[str, Any] | None:
-        """Return what is recorded now, for the page; None where nothing is."""
+        """Return the present recording, for the page; None if there is none."""
         recorder = self._recorder
         if recorder is None:
             return None
@@ -252,7 +254,7 @@ class Teaching:
         }
 
     def described(self) -> Mapping[str, Any]:
-        """Return folder and recordings of each finger that was asked for, for the page."""
+        """Return folder and recordings of each finger that a page has asked about."""
         writing = self._recorder.path if self._recorder else None
         return {
             name: {
@@ -281,7 +283,7 @@ class Teaching:
         Raises
         ------
         ValueError
-            When there is no such one, or it is being written.
+            When there is no such recording, or it is being written.
         """
         folder = self.folder_of(name)
         if self._recorder is not None and folder.folder / str(recording) == self._recorder.path:
@@ -299,7 +301,7 @@ class Teaching:
         self._begun_at_s = time.monotonic()
 
     def _end_what_ends(self, name: object) -> None:
-        """End a slip that only waits for its rest; refuse where anything else is recorded."""
+        """End a slip that only waits for the rest after it; refuse any other recording."""
         if self._recorder is None:
             return
         if self._ends_ns is None or name != self._name:
@@ -320,7 +322,7 @@ class Teaching:
         self.words = f'recording {self._path_name()}: the rest after the slip'
 
     def _guarded(self, write: Callable[[], None]) -> None:
-        """Write; where that fails, end the recording and say what is kept."""
+        """Write; if that fails, end the recording and say what is kept."""
         try:
             write()
         except ValueError as error:
@@ -342,7 +344,7 @@ class Teaching:
         self._put(note)
 
     def _put(self, note: str) -> None:
-        """Put what was recorded on the list, and record no more."""
+        """Note that the recording has ended, and list it with this note."""
         recorder = self._recorder
         assert recorder is not None
         self._recorder, self._slipping, self._ends_ns = None, False, None

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What pages ask when they teach: record, delete, tune, apply."""
+"""Requests of pages for teaching: record, delete, tune, apply."""
 
 import asyncio
 from collections.abc import Mapping
@@ -26,12 +26,12 @@ from slip_detector.view.tune_run import TuneRun
 
 
 class TeachingRequests:
-    """Answers the pages' requests about recordings and tuning, and tells them how that goes.
+    """Answers the pages' requests about recordings and tuning, and reports the progress.
 
     Parameters
     ----------
     server
-        Whose pages, and whose hand.
+        The server of the pages.
     folder
         Where the recordings are.
     """
@@ -55,7 +55,7 @@ class TeachingRequests:
             server.on_request(kind, answer, changes=True)
 
     async def close(self) -> None:
-        """End what is recorded, and what tunes."""
+        """End the recording and the tuning."""
         self._teaching.close()
         if self._run is not None and self._task is not None:
             self._run.kill()
@@ -82,7 +82,7 @@ class TeachingRequests:
         )
 
     async def _recordings(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Look what a finger has."""
+        """Update the list of a finger's recordings."""
         folder = self._teaching.folder_of(message.get('finger'))
         await asyncio.to_thread(folder.look)
         return {}
@@ -111,7 +111,7 @@ class TeachingRequests:
         name = message.get('finger')
         folder = self._teaching.folder_of(name)
         await asyncio.to_thread(folder.look)
-        # Meanwhile another page may have asked for the same, and the finger may have gone.
+        # Meanwhile another page may have begun to tune, or the finger may have gone.
         finger = self._teaching.finger_of(name)
         if self._tunes:
             raise ValueError('tuning runs already, allowed: one at a time')
@@ -125,7 +125,7 @@ class TeachingRequests:
         return {}
 
     async def _apply(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Set what was found, all of it or nothing."""
+        """Set the parameters that were found, all or none."""
         if self._run is None or self._run.found is None:
             raise ValueError('there is nothing to apply: tune first')
         values = self._run.to_apply(self._teaching.finger_of(self._tuned).config)

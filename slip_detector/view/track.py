@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import ChainConfig
 
-#: So much of the past is kept, unless it would take more memory than the next line allows.
+#: Seconds of the past that are kept, unless they need more than this memory.
 KEPT_S = 60.0
 MOST_BYTES = 64 * 2**20
 
-#: A stamp that is earlier than the last one by less than this is that of a late message; by more,
-#: the clock was set back.
+#: A stamp that is earlier than the last one by more than this means that the clock was set back;
+#: by less, that a message is late.
 SET_BACK_NS = 1_000_000_000
 
 Floats = NDArray[np.floating]
@@ -35,19 +35,19 @@ Stamps = NDArray[np.int64]
 
 
 class Rows:
-    """The last rows of a stream, each with a stamp that is later than the one before.
+    """The last rows of a stream, with increasing stamps.
 
     Parameters
     ----------
     kept
-        Number of rows that are kept at least, once there are so many.
+        How many of the last rows are kept at least.
     fields
         For each field its type and its number of columns.
 
     Attributes
     ----------
     appended : int
-        Number of rows since the beginning, with those that are not kept any more.
+        Number of rows ever appended, including those that are no longer kept.
 
     Examples
     --------
@@ -62,7 +62,7 @@ class Rows:
 
     def __init__(self, kept: int, fields: Mapping[str, tuple[type, int]]) -> None:
         self._kept = kept
-        # Twice as long: rows are moved to the beginning only when the end is reached.
+        # Twice the length, so that rows have to be moved to the beginning only rarely.
         self._stamps_ns = np.zeros(2 * kept, np.int64)
         self._fields: dict[str, NDArray[Any]] = {
             name: np.zeros((2 * kept, columns), kind) for name, (kind, columns) in fields.items()
@@ -74,7 +74,7 @@ class Rows:
         return self._end
 
     def append(self, stamps_ns: Stamps, **fields: object) -> None:
-        """Append rows; those that are not after all before them are left out."""
+        """Append rows; a row whose stamp is not later than all before it is left out."""
         stamps_ns = np.asarray(stamps_ns, np.int64)
         before = self._stamps_ns[self._end - 1] if self._end else np.iinfo(np.int64).min
         latest_ns = np.maximum.accumulate(np.append(before, stamps_ns))
@@ -83,7 +83,7 @@ class Rows:
             self._move_to_the_beginning()
         place = slice(self._end, self._end + len(taken))
         self._stamps_ns[place] = stamps_ns[taken]
-        # What a broken sensor sends may be beyond float32, or a NaN of the signalling kind.
+        # A broken sensor may send values beyond float32, or signalling NaNs.
         with np.errstate(over='ignore', invalid='ignore'):
             for name, values in fields.items():
                 self._fields[name][place] = np.asarray(values)[taken]
@@ -100,12 +100,12 @@ class Rows:
         Parameters
         ----------
         since
-            Without the first so many of all rows that were ever appended.
+            Number of the first row to return, counted over all rows ever appended.
         """
         return self._stamps_ns[self._begin(since) : self._end]
 
     def field(self, name: str, since: int = 0) -> NDArray[Any]:
-        """Return a field of the same rows, shape (n, columns); it changes with later rows."""
+        """Return a view of a field of these rows, shape (n, columns); later rows overwrite it."""
         return self._fields[name][self._begin(since) : self._end]
 
     def columns(
@@ -113,8 +113,8 @@ class Rows:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and the highest value in each column of pixels.
 
-        Column k has the stamps from ``k * width_ns`` until before ``(k + 1) * width_ns``: what a
-        column has does not change when the page scrolls.
+        Column k has the stamps from ``k * width_ns`` up to, but not including,
+        ``(k + 1) * width_ns``, so that its content does not change when the page scrolls.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class Rows:
         Returns
         -------
         low, high : ndarray of float32, shape (channels, count)
-            NaN where there is no row, or no value that is a number.
+            NaN where there is no row, or where all values are NaN.
         """
         low = np.full((len(channels), count), np.nan, np.float32)
         high = low.copy()
@@ -141,7 +141,7 @@ class Rows:
             with np.errstate(over='ignore', invalid='ignore'):  # as above
                 values = self._fields[name][edges[0] : edges[-1], channels].astype(np.float32)
             begins = edges[filled] - edges[0]
-            # Of a value that is no number and one that is, fmin and fmax return the latter.
+            # fmin and fmax ignore NaN unless there is nothing else.
             low[:, filled] = np.fmin.reduceat(values, begins, axis=0).T
             high[:, filled] = np.fmax.reduceat(values, begins, axis=0).T
         return low, high
@@ -158,10 +158,9 @@ class Rows:
 
 
 class LiveTrack:
-    """What came from one finger in the last minute.
+    """The data of one finger in the last minute.
 
-    Samples and what the detector says of them come in messages of their own, and keep rows of
-    their own.
+    Samples and the detector's output arrive in separate messages, and are kept in separate rows.
 
     Parameters
     ----------
@@ -171,13 +170,13 @@ class LiveTrack:
     Attributes
     ----------
     channels : int
-        Their number.
+        Number of channels.
     samples : Rows
         ``volts`` of each channel, and ``truth``.
     levels : Rows
         ``level`` of each channel, NaN where it is not valid; ``on`` of each channel; ``slip``.
     beginnings : int
-        How often the track has begun: when the clock of the samples is set back it begins anew.
+        How often the track was begun again, as when the clock of the samples is set back.
 
     Examples
     --------
@@ -189,7 +188,7 @@ class LiveTrack:
 
     def __init__(self, config: ChainConfig) -> None:
         self.channels = channels = config.channels
-        # Volts take 8 bytes, a level 4 and ON 1, and there is room for twice the rows.
+        # Bytes of a channel: 8 of volts, 4 of level, 1 of ON; there is room for twice the rows.
         kept = min(config.samples(KEPT_S), MOST_BYTES // (2 * 13 * channels + 64))
         self.samples = Rows(kept, {'volts': (np.float64, channels), 'truth': (np.bool_, 1)})
         self.levels = Rows(
@@ -210,7 +209,7 @@ class LiveTrack:
         on: NDArray[np.generic],
         slip: NDArray[np.generic],
     ) -> None:
-        """Append what the detector says: level and on, shape (n, channels), slip, shape (n,)."""
+        """Append the detector's output: level and on, shape (n, channels), slip, shape (n,)."""
         self._begin_again_if_set_back(self.levels, stamps_ns)
         self.levels.append(stamps_ns, level=level, on=on, slip=np.reshape(slip, (-1, 1)))
 

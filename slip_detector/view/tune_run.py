@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Tunes a detector on what was recorded on the live page: the commands, one after another."""
+"""Tunes a detector on the recordings of the live page: runs one command after another."""
 
 import asyncio
 import contextlib
@@ -38,16 +38,16 @@ from slip_detector.report.tuning_table import FIGURES, figure_text
 from slip_detector.tuning.noise import LEAST_S
 from slip_detector.view.recorded_folder import RecordedFolder
 
-#: How many chains are tried.
+#: Number of chains that the search tries.
 TRIALS = 200
 
-#: A person presses a key so much later than a slip begins: an alarm in between is no false one.
+#: A user presses the key so many seconds after a slip begins: an alarm in between is not false.
 EARLY_S = 0.2
 
-#: Of these figures a larger one is better, of all others a smaller one.
+#: Figures of which larger is better; of all others, smaller is better.
 LARGER_IS_BETTER = ('recall', 'sooner_than_chance', 'precision', 'auc_all', 'auc_moving')
 
-#: Where a search for a sensor that nobody has seen begins: see docs/your_sensor.md.
+#: Where the search for an unknown sensor begins: see docs/your_sensor.md.
 NEW_SENSOR: dict[str, Any] = {
     'decision': 'evidence',
     'threshold': 0.5,
@@ -61,7 +61,7 @@ NEW_SENSOR: dict[str, Any] = {
 }
 LOW_HZ, LOW_SHARE = 20.0, 0.2
 
-#: What decides when there is slip; the rest of a detector's parameters is as it was.
+#: Parameters of the decision; a detector's other parameters are left as they are.
 OF_THE_CHAIN = {field.name for field in dataclasses.fields(ChainConfig)}
 
 #: Starts a command as its console script does, which need not be on the path.
@@ -71,7 +71,7 @@ _TRIAL = re.compile(r'^(\d+) of (\d+) trials, (.*)')
 
 
 class Comparison(NamedTuple):
-    """A figure of the detector as it runs and as it was tuned, on what was held out.
+    """A figure of the running and of the tuned detector, on the held-out recordings.
 
     Examples
     --------
@@ -89,33 +89,33 @@ class Comparison(NamedTuple):
 class TuneRun:
     """One run of ``slip_tune`` on the recordings of a finger.
 
-    What is at rest teaches the noise, what was tapped the impacts, and then a search begins there;
-    each is a process of its own, with a low priority. Then the detector as it runs and as it was
-    tuned are evaluated on the recordings that were held out.
+    Noise is learnt from rest and impacts from taps; a search begins with what was learnt. Then the
+    running and the tuned detector are evaluated on the held-out recordings. Each step is a process
+    of its own, with low priority.
 
     Parameters
     ----------
     recorded
         The recordings.
     config
-        What the detector runs with.
+        The detector's parameters.
 
     Attributes
     ----------
     lines : list of str
-        What the commands said of what they learnt, and of what did not work.
+        What was learnt, and which steps did not work.
     step : str
-        What is being done, '' before and after.
+        The present step, '' before and after the run.
     share : float
-        Which share of the search is done.
+        Share of the search that is done, 0 to 1.
     failed : str
-        Why the run failed, in one line; '' where it did not.
+        Why the run failed, in one line; '' if it did not.
     table : list of Comparison
-        Empty until it has ended.
+        Empty until the run has ended.
     found : DetectorConfig or None
-        What was found, once it was compared.
+        The tuned parameters, once they were compared.
     changes : int
-        In how many parameters that differs from what the detector ran with.
+        Number of parameters in which they differ from ``config``.
 
     Raises
     ------
@@ -149,7 +149,7 @@ class TuneRun:
         self.running = False
 
     async def run(self) -> None:
-        """Run to the end; what fails is in ``failed``."""
+        """Run to the end; an error is reported in ``failed``."""
         self.running = True
         try:
             await self._run()
@@ -182,17 +182,17 @@ class TuneRun:
         self.table = compared(before, after)
 
     def to_apply(self, config: DetectorConfig) -> dict[str, Any]:
-        """Return the parameters that make a detector decide as what was found.
+        """Return the parameters to set so that a detector decides as the tuned one.
 
         Parameters
         ----------
         config
-            What the detector runs with now, which may have changed since the run began.
+            The detector's present parameters, which may have changed since the run began.
 
         Raises
         ------
         ValueError
-            When it has other channels, or another rate, than the one that was taught.
+            When it has other channels, or another rate, than when it was taught.
         """
         if self.found is None:
             return {}
@@ -210,26 +210,26 @@ class TuneRun:
         }
 
     def stop(self) -> None:
-        """Stop the search; what it found is judged and kept."""
+        """Stop the search; the best chain so far is judged and kept."""
         if not self._stopped and not self._compares:
             self._stopped = True
             self._signal(signal.SIGINT)
 
     def kill(self) -> None:
-        """End all at once; the run then fails."""
+        """End the running command at once; the run then fails."""
         self._killed = True
         self._signal(signal.SIGKILL)
 
     @property
     def _ended(self) -> str:
-        """Why no command is to run any more, '' where one may."""
+        """Why no further command may run; '' if one may."""
         if self._killed:
             return 'slip_view has ended'
         stopped = self._stopped and not self._compares
         return 'stopped before anything was found' if stopped else ''
 
     def described(self) -> dict[str, Any]:
-        """Return what the page shows."""
+        """Return the state of the run, for the page."""
         return {
             'running': self.running,
             'stopping': self._stopped and self.running and not self._compares,
@@ -243,7 +243,7 @@ class TuneRun:
         }
 
     def _beginning(self) -> DetectorConfig:
-        """Return where the learning begins: as it runs, or as for a new sensor."""
+        """Return where learning begins: the present parameters, or those for a new sensor."""
         config = self._config
         if config.decision == 'evidence':
             return config
@@ -253,7 +253,7 @@ class TuneRun:
         return DetectorConfig.from_parameters({**config.to_parameters(), **new})
 
     async def _learn(self, begin: Path) -> Path:
-        """Learn noise and impacts where there is something to learn of; return the file."""
+        """Learn noise and impacts if there are recordings of them; return the parameter file."""
         quiet, impacts = self.folder / 'quiet.yaml', self.folder / 'impacts.yaml'
         rest = self._longest('rest')
         if rest and self._recorded.recordings[rest].duration_s >= LEAST_S:
@@ -276,7 +276,7 @@ class TuneRun:
                 'tune', *map(self._path, self._slips),
                 '--taps', self._path(taps), '--config', str(begin), '--out', str(impacts),
             )  # fmt: skip
-        except ValueError as error:  # Knocks may not be told from slips: the rest is learnt still.
+        except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
             self.lines.append(str(error))
             return begin
         self.lines += said[:-1]
@@ -332,7 +332,7 @@ class TuneRun:
             stderr=asyncio.subprocess.PIPE,
             start_new_session=True,
         )  # fmt: skip
-        if self._ended:  # Meanwhile.
+        if self._ended:  # While the process was created.
             self._signal(signal.SIGKILL)
         assert process.stdout is not None
         assert process.stderr is not None
@@ -351,7 +351,7 @@ class TuneRun:
         return printed.decode(errors='replace').splitlines()
 
     async def _progress(self, stream: asyncio.StreamReader) -> list[str]:
-        """Follow what a command says on the way; return the last lines."""
+        """Follow a command's progress messages; return the last lines."""
         said: list[str] = []
         while line := (await stream.readline()).decode(errors='replace'):
             said = [*said[-9:], line.strip()] if line.strip() else said
@@ -383,7 +383,7 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Compar
             continue
         change = ''
         known = was is not None and now is not None and was != now and name != 'slips'
-        # That slip was ON before it slipped is neither.
+        # A negative latency, ON before the slip, is neither better nor worse.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
             change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
         rows.append(Comparison(title, figure_text(name, was), figure_text(name, now), change))
@@ -391,8 +391,8 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Compar
 
 
 def _with_low_priority() -> Sequence[str]:
-    """Return what, before a command, lets it give way to detectors and die with this process."""
+    """Return a command prefix that lowers the priority and ends the command with this process."""
     low = ['nice', '-n', '10'] if shutil.which('nice') else []
-    # Also where this process is killed, and can kill nobody any more.
+    # For the case that this process is killed and cannot end the command itself.
     dies = ['setpriv', '--pdeathsig', 'KILL'] if shutil.which('setpriv') else []
     return [*low, *dies]

@@ -18,14 +18,14 @@ const connection = new Connection((words) => {
 const news = new News(element('news'));
 const parameters = new Parameters(connection, element('parameters'));
 const teach = new Teach(connection, element('teach'), element('key-list'));
-// The finger whose signals are shown, and the one that the user has chosen, which the address has for
-// when the page is loaded again.
+// The finger whose signals are shown, and the one that the user has chosen. The address keeps the
+// latter for when the page is loaded again.
 let chosen = null, wanted = new URLSearchParams(location.hash.slice(1)).get('finger');
-// Labels of those that were there, by name.
+// Labels, by name, of fingers whose detectors have ended.
 let gone = {};
 const cards = new Map();
-// What is dragged in a drawing is set like what is typed; a refusal stands above, as the panel of
-// parameters may be hidden.
+// Values dragged in a drawing are set like typed ones, but a refusal is shown at the top, as the panel
+// of parameters may be hidden.
 const set = async (values) => refuse(await parameters.set(chosen, values));
 const onLook = (changes) => connection.look(changes);
 const traces = new Traces(element('traces'), {onLook, onSet: set});
@@ -54,7 +54,7 @@ function show(name) {
   showChosen();
 }
 
-// Of several fingers it is said which one it is about.
+// Mark the card of the chosen finger, and name it in the headings.
 function showChosen() {
   for (const [name, card] of cards) card.mark(name === chosen);
   const finger = cards.get(chosen)?.finger, label = finger?.label ?? `${gone[chosen]}, which is gone`;
@@ -93,13 +93,13 @@ connection.on('hand', ({fingers, gone: labels, read_only: readOnly}) => {
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.look({fingers: names});
   for (const part of [traces, spectrum]) part.allowChanges(!readOnly);
-  // One that is gone may come back: meanwhile nothing is done to another one in its place.
+  // A finger that is gone may come back: meanwhile no other is chosen, or changes would go to that one.
   const next = [wanted, chosen].find((name) => names.includes(name)) ?? (chosen in gone ? chosen : names[0] ?? null);
   if (next !== chosen) show(next);
   else showChosen();
 });
 
-// What the page looks at cannot be shown.
+// The server cannot show what the page has asked for.
 connection.on('refused', ({why}) => refuse(why));
 
 connection.on('diagnostics', ({fingers}) => {
@@ -123,7 +123,7 @@ tabs(document.querySelector('#tools [role=tablist]'));
 
 // ---- keys
 
-// By key what it does, wherever the focus is, except in what takes text.
+// The action of each key, wherever the focus is except in text fields.
 const KEYS = {
   p: () => traces.pauseOrGoOn(),
   '?': () => element('keys-button').click(),
@@ -155,7 +155,7 @@ element('keys-button').addEventListener('click', ({currentTarget}) => {
 
 document.addEventListener('keydown', (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input, select, textarea')) return;
-  // Who speaks to the computer, or strikes keys unawares, has no use for them.
+  // They can be switched off, as speech input and accidental strokes trigger them (WCAG 2.1.4).
   if (!element('keys-act').checked) return;
   const act = KEYS[event.key] ?? KEYS[event.key.toLowerCase()];
   if (!act) return;

@@ -2,8 +2,8 @@
 
 import {paintFinger, pictureOf, placesOf} from './finger.js';
 
-// What each state is called and looks like; the first that holds is shown. An own shape each, so that
-// they can be told apart without colours.
+// Words and mark of each state; the first that applies is shown. The shapes of the marks tell states
+// apart without colours.
 const STATES = {
   lost: {mark: '\u2715', words: 'not connected'},
   silent: {mark: '\u2715', words: 'detector silent'},
@@ -12,14 +12,14 @@ const STATES = {
   slip: {mark: '\u25b2', words: 'SLIP'},
   rest: {mark: '\u25cb', words: 'rest'},
 };
-// Channels in words change at most this often.
+// Shortest time between two updates of the channels in words.
 const WORDS_MS = 1000;
 const MARKS = ['\u2713', '\u25b2', '\u2715', '\u2715'];
 const LEVELS = ['all well', 'warning', 'error', 'stale'];
 
 export class FingerCard {
-  // description: what the server says of the finger. onChoose(): the user wants to see its traces.
-  // onChannel(channel): a taxel was clicked, counted from 1.
+  // onChoose(): the user wants to see the finger's traces. onChannel(channel): the taxel of a channel,
+  // counted from 1, was clicked.
   constructor({onChoose, onChannel}) {
     this.root = make('article', undefined, 'finger');
     this.title = make('button', undefined, 'title');
@@ -54,7 +54,7 @@ export class FingerCard {
       if (channel) onChannel(channel);
     });
     this.canvas.addEventListener('pointermove', (event) => this.tellChannel(this.channelAt(event)));
-    // A picture has the size of its place only once that is laid out.
+    // The size of the picture is known only once the page is laid out.
     this.resized = new ResizeObserver(() => this.layOut());
     this.resized.observe(this.picture);
   }
@@ -64,7 +64,7 @@ export class FingerCard {
     this.root.remove();
   }
 
-  // Take what holds until the detector's parameters change.
+  // Show the server's description of the finger, which changes with the detector's parameters.
   describe(finger) {
     const alike = JSON.stringify(finger) === this.described;
     if (alike) return;
@@ -93,7 +93,7 @@ export class FingerCard {
     this.layOut();
   }
 
-  // Nothing more is heard of it: what is shown is old.
+  // Show that the connection is lost, and the picture old.
   lose() {
     if (this.state) this.tellState('lost');
   }
@@ -134,8 +134,7 @@ export class FingerCard {
     this.paint();
   }
 
-  // The level of each channel, for who does not see the picture; it changes so slowly that it can be
-  // read.
+  // Show the level of each channel in words, for users who cannot see the picture.
   tellChannels() {
     if (!this.inWords.open || !this.channels) return;
     this.worded = performance.now();
@@ -168,7 +167,7 @@ export class FingerCard {
     text(this.veil, veil);
     this.veil.hidden = !veil;
     const dead = name === 'slip' || name === 'rest' || name === 'notValid' ? this.deadChannels() : [];
-    // It has its line at all times: nothing below it moves when a channel fails.
+    // The line is always there, so that nothing below it moves when a channel fails.
     this.dead.classList.toggle('some', dead.length > 0);
     text(this.dead, dead.length ? `\u2715 ${channelWords(dead)} not valid` : veil ? '' : '\u2713 all channels valid');
     this.words = [words, ...(veil ? [veil] : []), ...(dead.length ? [`${channelWords(dead)} not valid`] : [])].join(', ');
@@ -199,7 +198,7 @@ export class FingerCard {
       line.append(mark, ` ${name}: ${message}`);
       return line;
     }));
-    // What does not fit is scrolled to, by keys too.
+    // With a tab stop, keys can scroll a list that does not fit.
     this.diagnostics.tabIndex = this.diagnostics.scrollHeight > this.diagnostics.clientHeight ? 0 : -1;
   }
 
@@ -251,13 +250,13 @@ function channelWords(names) {
   return names.length > 4 ? `${shown} and ${names.length - 4} more are` : `${shown} ${names.length > 1 ? 'are' : 'is'}`;
 }
 
-// So coarse that a number can be read while it runs.
+// Rounded so that a running number can be read.
 function seconds(age) {
   if (age < 10) return `${age.toFixed(1)} s`;
   return age < 120 ? `${age.toFixed(0)} s` : `${Math.floor(age / 60)} min`;
 }
 
-// Text that is the same is not set again: a screen reader would read it, and the browser lay it out.
+// Set a text only if it has changed: a screen reader would read it again, and the browser lay it out.
 function text(element, words) {
   if (element.textContent !== words) element.textContent = words;
 }

@@ -1,16 +1,16 @@
 // Which channels of a finger have traces: a button for each, under its group.
 
-// So many channels the server sends at once.
+// Most channels that the server sends at once.
 const MOST_CHANNELS = 64;
 
 export class ChannelChooser {
-  // onChoose(): other channels are chosen.
+  // onChoose(): called when other channels are chosen.
   constructor(onChoose) {
     this.onChoose = onChoose;
     this.root = make('div', undefined, 'chooser');
     this.root.role = 'group';
     this.root.ariaLabel = 'Channels with traces';
-    // Counted from 1, in their order; and those of each finger by its name.
+    // The chosen channels, counted from 1, in order; and those last chosen for each finger, by name.
     this.channels = [];
     this.kept = new Map();
   }
@@ -47,7 +47,7 @@ export class ChannelChooser {
     }));
   }
 
-  // One channel more, or one less; but one stays.
+  // Add or remove a channel; the last one stays.
   toggle(channel) {
     const rest = this.channels.filter((c) => c !== channel);
     if (rest.length === this.channels.length) rest.push(channel);

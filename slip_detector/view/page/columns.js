@@ -1,8 +1,8 @@
-// What traces are drawn from: columns of pixels, each with the lowest and the highest value in it.
-// They are numbered: column k has the stamps from k * width until before (k + 1) * width. What a
-// column has stays as it is while the page scrolls.
+// The data of traces: columns of pixels, each with the lowest and the highest value in it. Column k
+// has the stamps from k * width up to, but not including, (k + 1) * width, so that its content does not
+// change while the page scrolls.
 
-// Values further apart than so many periods of the samples are not joined by a line.
+// Values more than so many sample periods apart are not joined by a line.
 const JOINED_PERIODS = 3;
 
 export class Columns {
@@ -24,7 +24,7 @@ export class Columns {
     const curves = () => this.channels.map(() => []);
     this.curves = {low: curves(), high: curves(), level: curves()};
     this.bits = {slip: [], truth: []};
-    // Of each curve the last column with a value, counted from base.
+    // By curve, the last column with a value, counted from base.
     this.before = new Map();
     this.stop = {samples: 0, levels: 0};
   }
@@ -33,7 +33,7 @@ export class Columns {
   take({samples, levels}, arrays) {
     const came = Object.entries({samples, levels}).filter(([, {count}]) => count);
     const stop = Math.max(...came.map(([, {first, count}]) => first + count));
-    // After hours in which the page was not seen, or nothing came, there is nothing to go on from.
+    // Start over after a long gap, in which the page was hidden or no samples came.
     if (this.base !== null && stop > this.base + this.x.length + this.kept) this.clear();
     if (came.length) this.base ??= Math.max(Math.min(...came.map(([, {first}]) => first)), stop - this.kept);
     if (this.base === null) return;
@@ -62,8 +62,8 @@ export class Columns {
     if (this.x.length > 1.3 * this.kept) this.forget(this.x.length - this.kept);
   }
 
-  // Between values that are near each other nothing is undefined, which a line crosses; else null,
-  // which it does not.
+  // uPlot draws a line across undefined values, but not across null: columns between values that are to
+  // be joined stay undefined, those in a gap become null.
   put(values, at, value) {
     if (Number.isNaN(value)) {
       values[at] = undefined;
@@ -85,7 +85,7 @@ export class Columns {
     }
   }
 
-  // The first and the one after the last column from a time to another.
+  // The indices of the first column between two times, and of the one after the last.
   within(from, to) {
     if (!this.x.length) return [0, 0];
     const at = (seconds) => Math.floor((seconds + this.begun_s) / this.width_s) - this.base;

@@ -1,9 +1,9 @@
-// The connection to slip_view. What the page is told by type of message, frames, and requests.
+// The connection to slip_view: messages by type, frames, and requests.
 
 import {readFrame} from './frames.js';
 
 const AGAIN_MS = 1000;
-// Frames come many times a second. After so many looks without one, slip_view hangs.
+// Frames come many times a second: after so many checks without one, slip_view counts as hung.
 const LOOK_MS = 1000, MOST_LOOKS = 3;
 const UNREACHABLE = 'slip_view cannot be reached';
 
@@ -20,7 +20,7 @@ export class Connection {
     this.looked = {};
     this.frame = null;
     this.waits = false;
-    // A hidden page looks at nothing.
+    // A hidden page asks for nothing.
     document.addEventListener('visibilitychange', () => this.sendLook());
     setInterval(() => this.lookForFrames(), LOOK_MS);
   }
@@ -30,7 +30,7 @@ export class Connection {
     this.words = words;
   }
 
-  // Whether frames come, where they should and none waits to be drawn.
+  // Count checks without a frame, if frames are due and none waits to be drawn.
   lookForFrames() {
     const due = this.isOpen && !document.hidden && this.looked.fingers?.length && !this.waits;
     this.looks = due ? this.looks + 1 : 0;
@@ -78,11 +78,11 @@ export class Connection {
     if (reason || !this.words) say(reason || UNREACHABLE);
     if (reason) return;
     const refusal = await this.refusal();
-    // Meanwhile it may be there again.
+    // The connection may be open again meanwhile.
     if (!this.isOpen) say(refusal || UNREACHABLE);
   }
 
-  // Why it is refused, in words, which a WebSocket does not pass on; '' where it is not.
+  // Why the server refuses the connection, '' if it does not: a WebSocket does not pass that on.
   async refusal() {
     try {
       const answer = await fetch(`/live${location.search}`);
@@ -111,7 +111,7 @@ export class Connection {
 
   draw() {
     this.waits = false;
-    // What came before the connection was lost is old.
+    // A frame from before the connection was lost is old.
     if (!this.isOpen) return;
     const frame = this.frame;
     // The next frame is made while this one is drawn.
@@ -119,8 +119,8 @@ export class Connection {
     for (const draw of this.drawers) draw(frame);
   }
 
-  // Change what the page looks at: {fingers, finger, channels, window_s, pixels, spectrum}, of
-  // which those that are not given stay.
+  // Change what the page asks for: {fingers, finger, channels, window_s, pixels, spectrum, until_ns};
+  // those that are not given stay as they are.
   look(changes) {
     const before = JSON.stringify(this.looked);
     Object.assign(this.looked, changes);
@@ -131,7 +131,7 @@ export class Connection {
     this.send({type: 'look', ...(document.hidden ? {} : this.looked)});
   }
 
-  // Ask for something; resolves with the answer, whose refusal is '' or says why not.
+  // Send a request; resolves with the answer, whose refusal is '' or says why not.
   request(type, content = {}) {
     if (!this.isOpen) {
       return Promise.resolve({refusal: UNREACHABLE});

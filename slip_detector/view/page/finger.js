@@ -3,8 +3,8 @@
 const QUIET_FILL = '#e6eaed', LEVEL_FILL = '#74828d', FRAME = '#7a858e', DISABLED_FILL = '#d3d7da';
 
 // Where taxels are drawn, in pixels: for each channel {x, y, side}, x and y of its middle.
-// positions: [x, y, z] in metres of each channel, no two the same. Of the three axes the two are
-// shown along which the finger is largest.
+// positions: [x, y, z] in metres of each channel, no two the same. The two axes along which the finger
+// is largest are shown.
 export function placesOf(positions, width, height) {
   const extents = [0, 1, 2].map((axis) => {
     const along = positions.map((position) => position[axis]);
@@ -23,7 +23,8 @@ export function placesOf(positions, width, height) {
   }));
 }
 
-// Of neighbours; the larger of the distances along the two axes, as taxels are drawn as squares.
+// The distance of the closest taxels. As these are drawn as squares, the distance of two is the larger
+// of those along the axes.
 function smallestDistance(points) {
   let smallest = Infinity;
   for (let i = 1; i < points.length; i++) {
@@ -38,7 +39,7 @@ function smallestDistance(points) {
 // How high a level stands in its taxel: 0 at 1/32 of the threshold or less, 1 at the threshold.
 export const fillOf = (level) => Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES));
 
-// What a picture shows, as text: where it is the same, nothing has to be painted.
+// The content of a picture, as text: while it is the same, nothing has to be painted.
 export function pictureOf(places, states, marked) {
   const taxels = states.map(({level, on, valid, disabled}, c) => {
     if (disabled) return 'd';
@@ -49,7 +50,7 @@ export function pictureOf(places, states, marked) {
 }
 
 // Draw all taxels of a finger. states[c]: {level, on, valid, disabled}, level as a ratio to the
-// threshold. marked: a set of channels, counted from 1, that get a frame of their own.
+// threshold. marked: a set of channels, counted from 1, that are framed.
 export function paintFinger(context, places, states, marked) {
   places.forEach((place, c) => {
     paintTaxel(context, place, states[c], c + 1);
@@ -96,7 +97,7 @@ function paintTaxel(context, {x, y, side}, {level, on, valid, disabled}, number)
   context.font = `${on ? 700 : 500} ${size}px system-ui, 'DejaVu Sans', sans-serif`;
   context.textAlign = 'center';
   context.textBaseline = 'middle';
-  // On any fill: dark letters in a light frame, but dark enough without one on the colour of ON.
+  // Dark letters with a light outline are legible on any fill; on the colour of ON they need none.
   if (!on) {
     context.strokeStyle = 'rgba(255, 255, 255, 0.92)';
     context.lineWidth = 3.5;

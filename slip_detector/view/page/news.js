@@ -1,6 +1,6 @@
-// What a screen reader is told by itself: changes of the fingers, in words, politely.
+// Announces changes of the fingers to screen readers, without interrupting them.
 
-// So many milliseconds of changes are told at once: slip may come and go many times a second.
+// Changes within so many milliseconds are announced together: slip may come and go many times a second.
 const GATHERED_MS = 1500;
 
 export class News {
@@ -12,11 +12,11 @@ export class News {
     this.timer = null;
   }
 
-  // How a finger is now. Slip that is over again before it was told is told all the same.
+  // Note the present state of a finger. Slip that has ended before it was announced is still announced.
   tell(label, words) {
     const heard = this.waiting.get(label) ?? [this.told.get(label)];
     if (heard.at(-1) === words) return;
-    // What the finger was like in between is of no interest unless it slipped.
+    // Of the states in between only slip is kept.
     this.waiting.set(label, [...heard.filter((each, i) => i === 0 || each.startsWith('SLIP')), words]);
     this.timer ??= setTimeout(() => this.say(), GATHERED_MS);
   }

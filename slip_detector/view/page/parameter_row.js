@@ -3,7 +3,7 @@
 let rows = 0;
 
 export class ParameterRow {
-  // onEdit(text): somebody typed this; undefined: nothing but what the detector has; null: delete it.
+  // onEdit(text): the user typed this; undefined: keep the detector's value; null: delete the parameter.
   constructor({name, choices = []}, onEdit) {
     const id = `parameter-${++rows}`;
     this.root = make('div', undefined, 'parameter');
@@ -35,7 +35,7 @@ export class ParameterRow {
     this.root.append(this.notes, this.meaning);
   }
 
-  // parameter: what the server says of it. edit: what was typed; undefined: nothing, null: delete it.
+  // Show the server's description. edit: what was typed; undefined: nothing; null: delete the parameter.
   show({text, unit, allowed, meaning, in_file: inFile, read_only: fixed}, edit, usable) {
     if (edit === undefined) this.meanwhile = '';
     this.present = text;

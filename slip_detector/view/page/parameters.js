@@ -1,16 +1,16 @@
-// The parameters of the chosen detector: shown, changed as a set, undone, as in the file, saved.
-// What is allowed the detector says; its words are shown as they are.
+// The parameters of the chosen detector: show, set together, undo, restore those of the file, save.
+// The detector decides what is allowed; its message is shown as it is.
 
 import {ParameterRow} from './parameter_row.js';
 
-// Who asks, so that a page knows its own changes from those of others.
+// Names this page in requests, so that it knows its own changes from those of others.
 export const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
 
-// The heading under which groups are, and those that are open at first: what one changes most.
+// The heading of the groups, and the headings that are open at first: the values changed most often.
 const OF_GROUPS = 'Threshold and vote';
 const OPEN = new Set(['Filters', OF_GROUPS]);
 
-// Whether words name a parameter, and not only one whose name begins or ends so.
+// Whether words name a parameter; another name that contains this one does not count.
 const isNamed = (name, words) => words.split(/[\s,;:]+/).includes(name);
 
 export class Parameters {
@@ -21,8 +21,8 @@ export class Parameters {
     this.told = {folder: '', fingers: {}};
     this.labels = {};
     this.locked = false;
-    // By finger: what was typed and not set yet, by name (null: to be deleted), and the number of the
-    // last change that was told.
+    // By finger: values typed but not set yet, by name (null: to be deleted); and the number of the
+    // last change that was shown.
     this.edits = new Map();
     this.heard = new Map();
     this.rows = new Map();
@@ -49,7 +49,7 @@ export class Parameters {
   }
 
   // Set parameters of a finger, all or none: values by name, texts as they were typed or numbers.
-  // Resolves with why not, '' when they are set.
+  // Resolves with the refusal, or ''.
   async set(finger, values) {
     return this.ask('set', {finger, values});
   }
@@ -96,7 +96,7 @@ export class Parameters {
       this.submit();
     });
     root.append(this.state, buttons, this.undoes, this.refusal, this.changes, this.sections);
-    // Below the tab, for what was taught too.
+    // Below both tabs, as tuned parameters are saved here, too.
     root.after(this.buildSaving());
   }
 
@@ -178,7 +178,7 @@ export class Parameters {
         row.show(parameter, edits.get(parameter.name), usable);
       }
     }
-    // A group that is to be added has a row though there is no such parameter yet.
+    // A group to be added has a row, though the detector has no such parameter yet.
     for (const [name, text] of edits) {
       if (seen.has(name) || text === null) continue;
       seen.add(name);
@@ -230,7 +230,7 @@ export class Parameters {
     return this.rows.get(name);
   }
 
-  // text: undefined: as the detector has it.
+  // text: what was typed; undefined: keep the detector's value; null: delete the parameter.
   edit(name, text) {
     const edits = this.edits.get(this.finger) ?? new Map();
     this.edits.set(this.finger, edits);
@@ -241,7 +241,7 @@ export class Parameters {
 
   showChanges(panel, edits) {
     const newest = panel.changes[0]?.number ?? 0;
-    // A slip_view that was started again counts from the beginning.
+    // After a restart, slip_view counts changes from the beginning.
     const last = Math.min(this.heard.get(this.finger) ?? newest, newest);
     this.heard.set(this.finger, newest);
     const fresh = panel.changes.filter(({number}) => number > last);
@@ -252,7 +252,7 @@ export class Parameters {
       }[by] ?? 'Changed on another page';
       this.changes.append(make('li', `${lead}: ${words}.`));
       if (this.changes.children.length > 5) this.changes.firstChild.remove();
-      // What this page has set is no longer to be set; what another one has set is told beside it.
+      // A value that somebody else has set is mentioned beside the one typed here.
       for (const name of names) {
         if (!own && edits.has(name)) this.rows.get(name)?.tellMeanwhile(lead);
       }

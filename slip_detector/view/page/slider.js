@@ -1,15 +1,15 @@
-// A line in a drawing that is dragged, or moved by keys: a slider, as screen readers know it.
+// A line in a drawing that is dragged, or moved by keys; for screen readers it is a slider.
 
-// A change by keys is made when no key was pressed for so long, or Enter was.
+// A value moved by keys is set by Enter, or this time after the last key.
 const KEYS_MS = 700;
-// When a change was answered, what it brought is shown within this time.
+// Longest time between the answer to a change and the message with the new value.
 const SHOWN_MS = 500;
 
 export class Slider {
   // vertical: whether the line is moved up and down, else to the left and right.
-  // valueOf(pixel): the value at a pixel of the slider's parent. words(value): how it is said.
-  // step(value, steps): so many steps up or down. onMove(): it stands elsewhere. onSet(value): it was
-  // let go there; resolves when that was answered.
+  // valueOf(pixel): the value at a pixel of the slider's parent. words(value): the label of a value.
+  // step(value, steps): the value so many steps up or down. onMove(): called when the line has moved.
+  // onSet(value): called when it is released; resolves when the change was answered.
   constructor({name, vertical, valueOf, words, step, onMove, onSet}) {
     Object.assign(this, {vertical, valueOf, words, step, onMove, onSet});
     this.root = make('div', undefined, `slider ${vertical ? 'vertical' : 'horizontal'}`);
@@ -19,10 +19,10 @@ export class Slider {
     this.root.ariaOrientation = vertical ? 'vertical' : 'horizontal';
     this.label = make('span', '', 'label');
     this.root.append(this.label);
-    // Where the user has it, and where it was let go, until that is shown or refused.
+    // The value while the user moves the line; and the value sent, until it is shown or refused.
     this.moved = this.sent = null;
     this.timer = null;
-    // Ends what the pointer does, while it holds the line.
+    // Removes the listeners of a drag; null without one.
     this.gripped = null;
     this.root.addEventListener('pointerdown', (event) => this.grip(event));
     this.root.addEventListener('keydown', (event) => this.onKey(event));
@@ -33,12 +33,12 @@ export class Slider {
     return this.moved !== null;
   }
 
-  // What the user has chosen, as long as it does not hold yet; else null.
+  // The value that the user has chosen, until the detector has it; else null.
   get chosen() {
     return this.moved ?? this.sent?.value ?? null;
   }
 
-  // Show a value, unless the user has chosen another one; returns which.
+  // Show a value, unless the user has chosen another one; returns the one that is shown.
   show(value, least, most) {
     if (this.sent && value !== this.sent.before) this.sent = null;
     this.value = value;
@@ -69,7 +69,7 @@ export class Slider {
     this.onMove();
   }
 
-  // Until the detector says what it has, the line stays where it was put.
+  // The line stays where it was released until the detector reports its value.
   async send(value) {
     const sent = this.sent = {value, before: this.value};
     await this.onSet(value);
@@ -86,7 +86,7 @@ export class Slider {
     this.onMove();
   }
 
-  // Before it shows something else: what was chosen by keys is set, what is still dragged is not.
+  // Before the line shows another finger: set a value chosen by keys, abandon a drag.
   settle() {
     if (this.timer) this.set();
     this.letGo();
@@ -99,7 +99,7 @@ export class Slider {
     this.gripped = this.timer = this.moved = null;
   }
 
-  // Take it away.
+  // Remove the line.
   close() {
     this.letGo();
     this.root.remove();
@@ -141,5 +141,5 @@ export class Slider {
   }
 }
 
-// A number with three digits, as it is set.
+// A value with three significant digits, as it is set.
 export const rounded = (value) => Number(value.toPrecision(3));

@@ -1,16 +1,16 @@
-// The spectrum of one channel, rest behind it, and the bands of the chain, whose edges are dragged.
+// The spectrum of one channel, the one at rest behind it, and the chain's bands with edges to drag.
 
 import {Slider, rounded} from './slider.js';
 
 const AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8, HEIGHT = {least: 220, most: 420};
 const NOW = '#0072b2', REST_FILL = 'rgba(90, 102, 112, 0.3)', REST = '#66717a', PASS = '#e4f1e9', STOP = '#f3e3da', COMB = '#7b2d6b';
-// Above this share of half the sample rate there is no upper edge: the band-pass is a high-pass.
+// An upper edge above this share of half the sample rate means none: the band-pass is a high-pass.
 const OPEN_SHARE = 0.98;
 const LEAST_HZ = 0.1;
 
 export class SpectrumPanel {
-  // panel: an empty element. onLook(changes), onSet(values): as of Traces. onHold(): the present
-  // spectrum is that of rest.
+  // panel: an empty element. onLook(changes), onSet(values): as for Traces. onHold(): the user wants
+  // the present spectra kept as those at rest.
   constructor(panel, {onLook, onSet, onHold}) {
     Object.assign(this, {onLook, onSet});
     this.channel = null;
@@ -51,7 +51,7 @@ export class SpectrumPanel {
     new ResizeObserver(() => this.layOut()).observe(this.frame);
   }
 
-  // The panel is shown, or is not: then nothing is asked for.
+  // Note whether the panel is shown; if not, no spectrum is asked for.
   open(shown) {
     this.shown = shown;
     this.ask();
@@ -66,7 +66,7 @@ export class SpectrumPanel {
       this.choice.replaceChildren(...finger.channels.map((name, c) => new Option(name, c + 1)));
       this.choose(Object.values(finger.groups)[0]?.[0] ?? 1);
     }
-    this.hasBands();
+    this.updateBands();
     this.layOut();
   }
 
@@ -82,7 +82,7 @@ export class SpectrumPanel {
     this.ask();
   }
 
-  // Nothing that was begun for this finger is done to another one.
+  // End changes of this finger before another one is shown.
   settle() {
     for (const line of this.lines.values()) line.settle();
   }
@@ -104,7 +104,7 @@ export class SpectrumPanel {
     return this.finger.sample_rate_hz / 2;
   }
 
-  // Each edge that can be dragged: its name, where it is, what is set when it is put elsewhere.
+  // The edges that can be dragged: name, value and limits of each, and the parameters for a new value.
   edges() {
     const {passband_hz: pass, stopbands_hz: stops, mains_hz: mains} = this.finger, {nyquist} = this;
     const low = {name: 'Pass-band, low edge', short: 'pass from', value: pass[0], least: LEAST_HZ, most: (pass[1] || nyquist) * 0.95,
@@ -122,7 +122,7 @@ export class SpectrumPanel {
     return [low, high, ...stopEdges, ...comb];
   }
 
-  hasBands() {
+  updateBands() {
     const edges = this.edges(), names = edges.map(({name}) => name);
     for (const [name, line] of this.lines) {
       if (names.includes(name)) continue;
@@ -169,7 +169,7 @@ export class SpectrumPanel {
     this.onSet({stopbands_hz: [...stops.flat(), rounded(from), rounded(Math.min(from * 1.25, nyquist * 0.98))]});
   }
 
-  // Where an edge is now: where it is being dragged to, or what the detector has.
+  // The value of an edge: the one it is dragged to, or the detector's.
   at(name, value) {
     return this.lines.get(name)?.chosen ?? value;
   }
@@ -220,7 +220,7 @@ export class SpectrumPanel {
 
   draw() {
     if (!this.plot || !this.frame.clientWidth) return;
-    // Both on the frequencies of the present one.
+    // Both curves at the frequencies of the present spectrum.
     const {now, rest} = this, step = now?.step ?? rest?.step ?? 1, n = (now ?? rest)?.density.length ?? 1;
     const x = Array.from({length: n}, (_, i) => (i + 1) * step);
     const shadow = rest ? x.map((hz) => rest.density[Math.round(hz / rest.step) - 1] ?? null) : x.map(() => null);
@@ -240,7 +240,8 @@ export class SpectrumPanel {
     this.tell();
   }
 
-  // Whole tens of decibels about all values; they change only when these leave them by far.
+  // The range of the axis, in whole tens of decibels: it changes only if values leave it, or if it is
+  // far too large.
   follow(values) {
     if (!values.length) {
       this.range ??= [-100, 0];
@@ -312,7 +313,7 @@ export class SpectrumPanel {
     }
   }
 
-  // By keys a frequency is read as the pointer reads it, beginning with the strongest one.
+  // Keys read the values at a frequency as the pointer does, beginning with the strongest one.
   onKey(event) {
     const step = {ArrowLeft: -1, ArrowRight: 1, PageUp: 20, PageDown: -20}[event.key];
     if (!step || event.ctrlKey || event.metaKey || event.altKey || !this.now || !this.plot) return;
@@ -322,7 +323,7 @@ export class SpectrumPanel {
     this.readout.textContent = this.wordsAt(this.keyed);
   }
 
-  // i: counted from 0; null: keys read nothing more.
+  // Put the cursor on frequency i, counted from 0; null: remove it.
   keyAt(i) {
     this.keyed = i;
     this.readout.ariaLive = i === null ? 'off' : 'polite';
@@ -334,7 +335,7 @@ export class SpectrumPanel {
   }
 
   readOut(plot) {
-    // What was read by keys stays until the next key: it is read aloud.
+    // A value chosen by keys stays until the next key, as a screen reader reads it aloud.
     if (this.keyed !== null) return;
     const {left} = plot.cursor, i = Math.round(plot.posToVal(left, 'x') / (this.now?.step ?? 1)) - 1;
     this.readout.textContent = left < 0 || !this.now ? '\u00a0' : this.wordsAt(Math.min(Math.max(i, 0), this.now.density.length - 1));

@@ -1,11 +1,10 @@
-// The stretch of time that traces show: it goes on with what comes, or stands still to be looked at.
-// Times are seconds, as those of the columns.
+// The stretch of time that traces show, live or paused. Times are those of the columns, in seconds.
 
 const WINDOW_S = {least: 0.5, most: 60, first: 10}, LEAST_S = 0.02;
-// The newest column is drawn so much after its time, so that there is always one to be drawn.
+// Delay, in seconds, after which a column is drawn, so that there is always one to draw.
 const DELAY_S = 0.08;
-// Columns come unevenly. The axis goes on evenly, and by this share of the way to the newest with each
-// that comes; but it is never further from it: where nothing comes, it stands.
+// Columns arrive unevenly, but the axis moves evenly: with each new column it moves this share of its
+// distance towards the newest. As the distance is limited, in seconds, the axis stops if nothing comes.
 const FOLLOWED_SHARE = 0.04, MOST_APART_S = 0.4;
 
 const within = (value, least, most) => Math.min(Math.max(value, least), most);
@@ -16,20 +15,20 @@ export class Stretch {
     this.begin();
   }
 
-  // Of a finger of which nothing has come yet.
+  // Start over, for a finger without columns yet.
   begin() {
     this.columns = null;
     this.goOn();
   }
 
-  // What it is a stretch of; goesOn: with the times of what it was before.
+  // Take the columns to show; goesOn: their times continue those of the columns before.
   of(columns, goesOn) {
     this.columns = columns;
     if (!goesOn) this.offset = null;
   }
 
   goOn(window_s = this.window_s) {
-    // Where it was live before, a longer stretch ends where the shorter one did.
+    // A live stretch that is made longer or shorter keeps its end.
     if (!this.live || !this.columns) this.offset = null;
     this.live = true;
     this.pauses = false;
@@ -37,7 +36,7 @@ export class Stretch {
   }
 
   pause() {
-    // Before anything has come: as soon as it has.
+    // Before the first column has come, the pause begins as soon as it comes.
     this.pauses = this.columns?.last_s == null;
     if (this.pauses) return;
     [this.from, this.to] = this.ends();
@@ -51,7 +50,7 @@ export class Stretch {
     else this.goOn();
   }
 
-  // Show another stretch; how: as Timeline has it.
+  // Show another stretch; how: 'whole', 'zoom' or 'move', as Timeline calls it.
   look(from, to, how) {
     if (how === 'whole') this.goOn(WINDOW_S.first);
     else if (how === 'zoom' && this.live) this.goOn(to - from);
@@ -62,7 +61,7 @@ export class Stretch {
     if (this.live) this.pause();
     if (this.live) return;
     const span = within(to - from, LEAST_S, WINDOW_S.most), end = (from + to + span) / 2;
-    // Nothing lies after the pause began, nor longer ago than is kept.
+    // There is nothing after the beginning of the pause, and nothing older than what is kept.
     this.to = Math.min(Math.max(end, this.held_s - WINDOW_S.most + span), this.held_s + 0.05 * span);
     this.from = this.to - span;
     this.window_s = span;
@@ -78,14 +77,14 @@ export class Stretch {
     return this.columns.last_s - DELAY_S - performance.now() / 1000;
   }
 
-  // From when to when is shown.
+  // The beginning and the end of the stretch.
   ends() {
     if (!this.live) return [this.from, this.to];
     const {columns, window_s} = this;
     if (columns?.last_s == null) return [0, window_s];
     const ahead = this.ahead();
     this.offset = within(this.offset ?? ahead, ahead - MOST_APART_S, ahead + MOST_APART_S);
-    // Whole columns, so that each is drawn the same way wherever it is.
+    // In whole columns, so that a column looks the same wherever it is.
     const to = Math.floor((performance.now() / 1000 + this.offset) / columns.width_s) * columns.width_s;
     return [to - window_s, to];
   }

@@ -1,20 +1,19 @@
-// Teaching: rest, slips and taps are recorded, the detector is tuned on them, applied and saved. What
-// is recorded is on the server; this page only shows it, and may be closed at any time.
+// Teaching: record rest, slips and taps, tune the detector on them, apply and save. The recordings are
+// on the server; this page only shows them, and may be closed at any time.
 
 import {PAGE} from './parameters.js';
 import {Tuning} from './tuning.js';
 
-// While a slip is held the server hears of it so often; else it takes the page for gone.
+// Period, in milliseconds, at which the page reports that a slip is held; the server ends the slip
+// when the reports stop.
 const HOLD_MS = 200;
 
-// What to record: the word on the button, its key, what is wanted of it, and what to do meanwhile.
+// What to record: kind, word on the button, key, amount that is wanted, and what to do meanwhile.
 const KINDS = [
   ['rest', 'Rest', 'R', {recordings: 2, seconds: 60}, 'Hold the object as firmly as the hand will, with all motors on. Nothing slides. Half a minute, twice.'],
   ['slip', 'Slip', 'Space', {recordings: 20}, 'Press, then pull the object through the fingers; let go of the key when it stands still. Two seconds of rest between two slips; slow and fast ones, in all directions.'],
   ['taps', 'Taps', 'T', {recordings: 2, seconds: 60}, 'Knock on object, finger and table, every two seconds. Nothing slides. Half a minute, twice.'],
 ];
-
-const count = (n, what) => `${n} ${what}${n === 1 ? '' : 's'}`;
 
 export class Teach {
   // root: an empty element, hidden while another tab is chosen. keys: a list of keys that is shown.
@@ -25,7 +24,7 @@ export class Teach {
     this.labels = {};
     this.locked = false;
     this.told = {fingers: {}, words: '', tuning: null};
-    // What is recorded now, null where nothing is; undefined until that is told.
+    // The present recording, null if there is none; undefined until the server reports it.
     this.recording = undefined;
     this.held = null;
     this.build(keys);
@@ -34,7 +33,7 @@ export class Teach {
       this.show();
     });
     connection.on('recording', ({recording}) => {
-      // Where the slip was ended for another reason, nothing is held any more.
+      // The server may have ended the slip itself, when the disk is full, for example.
       if (this.recording?.slipping && !recording?.slipping) this.letGo();
       this.recording = recording;
       this.showRecording();
@@ -56,7 +55,7 @@ export class Teach {
     this.show();
   }
 
-  // Let the server look what recordings there are.
+  // Let the server update the list of recordings.
   look() {
     if (this.finger) this.connection.request('recordings', {finger: this.finger});
   }
@@ -67,7 +66,7 @@ export class Teach {
     for (const [kind, word, key, , advice] of KINDS) {
       const button = this.buttons[kind] = make('button', undefined, 'teach-button');
       button.type = 'button';
-      // Until it is known what there is to teach.
+      // Until the server has described the fingers.
       button.disabled = true;
       button.ariaPressed = 'false';
       button.ariaKeyShortcuts = key;
@@ -128,25 +127,25 @@ export class Teach {
     });
     for (const end of ['pointerup', 'pointercancel']) slip.addEventListener(end, () => this.release());
     slip.addEventListener('contextmenu', (event) => event.preventDefault());
-    // A click without a pointer is one by Enter, or by a screen reader, which can hold nothing: one begins
-    // the slip, the next one ends it.
+    // A click without a pointer comes from Enter or a screen reader, which cannot hold a button: one click
+    // begins the slip, the next one ends it.
     slip.addEventListener('click', ({detail}) => {
       if (detail) return;
       if (this.held === null) this.press();
       else this.release();
     });
-    // After a click the space bar is for slips again, and does not click once more.
+    // A clicked button loses the focus, so that the space bar records slips and does not click again.
     document.addEventListener('click', ({detail, target}) => {
       if (detail && !this.root.hidden) target.closest('button, summary')?.blur();
     });
     document.addEventListener('keydown', (event) => this.onKey(event));
     document.addEventListener('keyup', (event) => {
       if (event.key !== ' ') return;
-      // Or some browsers would click, too.
+      // Some browsers would click otherwise.
       if (event.target === slip) event.preventDefault();
       this.release();
     });
-    // What is not seen any more is not held either.
+    // A hidden page does not notice that the key is released.
     window.addEventListener('blur', () => this.release());
     document.addEventListener('visibilitychange', () => this.release());
   }
@@ -159,7 +158,7 @@ export class Teach {
     if (target.matches('input, select, textarea, [contenteditable]')) return;
     if (!element('keys-act').checked && target !== this.buttons.slip) return;
     if (event.key === ' ') {
-      // On another control the space bar does what it always does there.
+      // On other controls the space bar keeps its usual meaning.
       if (target.matches('button, summary, a, [role=slider], [role=tab]') && target !== this.buttons.slip) return;
       event.preventDefault();
       if (!event.repeat) this.press();
@@ -211,7 +210,7 @@ export class Teach {
 
   show() {
     const {recordings = [], folder} = this.told.fingers[this.finger] ?? {};
-    // A server that was started again has not looked yet.
+    // After a restart, the server has not listed the recordings yet.
     if (this.finger in this.labels && !(this.finger in this.told.fingers)) this.look();
     this.words.textContent = this.told.words;
     this.where.textContent = folder ? `In ${folder}. Each third recording of a kind is held out: the search does not see it, and is judged by it.` : '';

@@ -1,5 +1,5 @@
-// Volts and levels of the chosen channels over the last seconds, which scroll, or stand still to be
-// looked at. Times are seconds since a whole minute before the first column.
+// Volts and levels of the chosen channels over the last seconds, live or paused. Times are in seconds
+// since a whole minute before the first column.
 
 import {ChannelChooser} from './channel_chooser.js';
 import {Columns} from './columns.js';
@@ -11,8 +11,8 @@ const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8'
 const SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 190};
 
 export class Traces {
-  // panel: an empty element. onLook(changes): what is to be asked of the server. onSet(values):
-  // parameters are to be set; resolves when that was answered.
+  // panel: an empty element. onLook(changes): called to change what the server is asked for.
+  // onSet(values): called to set parameters; resolves when the change was answered.
   constructor(panel, {onLook, onSet}) {
     Object.assign(this, {onLook, onSet});
     this.stretch = new Stretch();
@@ -82,12 +82,12 @@ export class Traces {
     this.layOut();
   }
 
-  // Readiness to change parameters: none with --read-only.
+  // Allow the threshold to be dragged, or not with --read-only.
   allowChanges(allowed) {
     this.line.root.ariaDisabled = String(!allowed);
   }
 
-  // Nothing that was begun for this finger is done to another one.
+  // End changes of this finger before another one is shown.
   settle() {
     this.line.settle();
   }
@@ -145,7 +145,7 @@ export class Traces {
     });
     this.pauseButton.textContent = live ? 'Pause' : 'Go on';
     this.span.textContent = `${rounded(window_s)} s${live ? '' : ', paused'}`;
-    // While it scrolls the values under the pointer change all the time.
+    // While the traces scroll, the values under the pointer change too often to be read aloud.
     this.readout.ariaLive = live ? 'off' : 'polite';
     this.draw();
   }
@@ -154,7 +154,7 @@ export class Traces {
     if (traces.name !== this.finger?.name) return;
     const key = JSON.stringify([traces.name, traces.beginning, traces.width_ns, traces.channels, traces.until_ns ?? null]);
     if (key !== this.key || !this.columns) {
-      // What stands still is that which was there, though another beginning may have followed it.
+      // Paused traces show the track as it was, even if it was begun again since.
       const goesOn = this.columns !== null && (!this.stretch.live || String(traces.beginning) === String(this.beginning));
       const kept = Math.ceil(this.stretch.window_s * 1e9 / traces.width_ns) + 4;
       this.columns = new Columns(traces, kept, 1 / this.finger.sample_rate_hz, goesOn ? this.columns.begun_s : null);
@@ -195,20 +195,19 @@ export class Traces {
       ...this.volts, this.levels,
     ]);
     this.laidOut = this.truth;
-    // Its lane is no more.
+    // The lane under the pointer no longer exists.
     this.pointed = null;
     this.root.style.height = `${this.timeline.height}px`;
     this.ask();
   }
 
-  // With each frame: draw what has changed, which in a long stretch is not much more often than there
-  // is a new column.
+  // Called with each frame: draw if a column has come or the axis has moved by one.
   refresh() {
     const [from, to] = this.stretch.ends(), {dataset} = this.root;
     if (this.came || Number(dataset.fromS) !== from || Number(dataset.toS) !== to) this.draw();
   }
 
-  // Draw what holds now. A panel that is hidden is not drawn.
+  // Draw the present state, unless the panel is hidden.
   draw() {
     const {columns} = this;
     if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(this.channels)) return;
@@ -222,7 +221,7 @@ export class Traces {
     this.scale = this.levelScale(first, stop);
     const [least] = this.scale, logarithm = (value) => (value == null ? value : Math.max(least, Math.log10(value)));
     for (const values of level) curves.push({rows: values.map(logarithm), low: [], high: [], range: this.scale});
-    // Where nothing has come there is an axis all the same, to go elsewhere.
+    // Without columns there is still an axis, with which the user can move elsewhere.
     const x = columns.x.length ? columns.x : [from, to];
     this.timeline.draw({from, to, x, curves, steps: false, paint: (pen) => this.paintTruth(pen)});
     this.placeLine();
@@ -242,15 +241,15 @@ export class Traces {
     return this.ranges.get(name);
   }
 
-  // From which to which power of ten levels are shown: all of them, but at most five powers, and the
-  // threshold.
+  // The powers of ten between which levels are shown. They include the threshold and all levels, but
+  // go at most five powers below the highest.
   levelScale(first, stop) {
     const found = Columns.range(this.columns.curves.level, first, stop) ?? [this.finger.threshold, this.finger.threshold];
     const threshold = this.line.chosen ?? this.finger.threshold;
     const most = Math.log10(Math.max(found[1], threshold)), least = Math.log10(Math.max(Math.min(found[0], threshold), 10 ** (most - 5)));
     const before = this.ranges.get('level');
     const whole = [Math.floor(2 * (least - 0.1)) / 2, Math.ceil(2 * (most + 0.1)) / 2];
-    // As long as it is dragged, the scale under the line may grow, but does not shrink.
+    // While the threshold is dragged, the scale may grow but does not shrink.
     const keep = before && least >= before[0] && most <= before[1] && (this.line.held || whole[1] - whole[0] > 0.6 * (before[1] - before[0]));
     if (!keep) this.ranges.set('level', whole);
     return this.ranges.get('level');
@@ -290,13 +289,13 @@ export class Traces {
     this.paintBits(pen, {top, height: bottom - top + 1}, 'truth', '#e8f2f9');
   }
 
-  // Under a channel's volts: how near its level is to the threshold.
+  // A strip under a channel's volts whose colour tells how near the level is to the threshold.
   paintStrip({context, xOf}, lane) {
     const {x, curves, stop, base} = this.columns, level = curves.level[lane.channel];
     const {threshold} = this.finger, last = Math.min(stop.levels - base, level.length), most = this.columns.most;
     let without = 0, color = null;
     const colorAt = (i) => {
-      // Between two levels that are near each other it is as it was.
+      // Columns between two levels that are to be joined keep the colour.
       if (level[i] == null) return ++without <= most ? color : hatching(context);
       without = 0;
       color = shade(Math.log2(level[i] / threshold));
@@ -326,7 +325,7 @@ export class Traces {
 
   tickText(seconds, step) {
     const total = seconds + (this.columns?.begun_s ?? 0), digits = step >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step) - 1e-9));
-    // A clock of the day where the stamps are such; simulated time begins at zero.
+    // The time of day if the stamps are dates; simulated time begins at zero.
     if (total < 1e9) return `${total.toFixed(digits)} s`;
     const tenths = Number(total.toFixed(digits)), date = new Date(1000 * Math.floor(tenths + 1e-6));
     const rest = digits ? (tenths - Math.floor(tenths)).toFixed(digits).slice(1) : '';
@@ -339,7 +338,7 @@ export class Traces {
     if (!this.stretch.live) this.readOut(from, to);
   }
 
-  // What the pointer does, by keys: so much of the stretch to the right, so many lanes down.
+  // Move the pointer by keys: to the right by a share of the stretch, down by a number of lanes.
   pointElsewhere(share, down) {
     const {lanes} = this.timeline, [from, to] = this.stretch.ends(), at = lanes.indexOf(this.pointed?.lane);
     const lane = lanes[at < 0 ? lanes.indexOf(this.volts[0]) : Math.min(Math.max(at + down, 0), lanes.length - 1)];
@@ -356,7 +355,7 @@ export class Traces {
   pointedWords(seconds) {
     const {columns} = this, at = Math.floor((seconds + columns.begun_s) / columns.width_s) - columns.base;
     const words = [this.tickText(seconds, 0.001)], {lane} = this.pointed;
-    // Where a column has no sample, the one before it.
+    // The value of a column, or if it has none, of the last one before it that has.
     const back = (values) => {
       for (let i = at; i >= Math.max(0, at - columns.most); i--) if (values[i] != null) return values[i];
       return null;

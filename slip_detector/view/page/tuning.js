@@ -1,9 +1,9 @@
-// Tuning on what was recorded: progress, what it brought on what was held out, apply.
+// Tuning on the recordings: progress, the comparison on held-out recordings, apply.
 
 const LEAST_SLIPS = 2;
 
 export class Tuning {
-  // root: an empty element. ask(type, content): asks the server; resolves with why not, or ''.
+  // root: an empty element. ask(type, content): sends a request; resolves with the refusal, or ''.
   constructor(root, ask) {
     this.ask = ask;
     const button = (text, act) => {
@@ -31,7 +31,7 @@ export class Tuning {
     root.append(title, buttons, this.progress, this.step, this.failed, this.lines, this.result);
   }
 
-  // tuning: what the server tells, or null. slips: how many recordings have some.
+  // tuning: the state that the server reports, or null. slips: the number of recordings with slips.
   show(tuning, {finger, slips, locked}) {
     const mine = tuning?.finger === finger ? tuning : null, runs = Boolean(tuning?.running);
     this.begin.disabled = locked || runs || slips < LEAST_SLIPS;
