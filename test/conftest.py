@@ -42,6 +42,13 @@ settings.register_profile(
 settings.load_profile('slip_detector')
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Load nothing of the nodes where all that is marked ``nodes`` is left out."""
+    if config.option.markexpr == 'not nodes' and collection_path in OF_NODES:
+        return True
+    return None
+
+
 def pytest_collection_modifyitems(items):
     """Mark what is in the folders of the nodes."""
     for item in items:
@@ -56,7 +63,6 @@ def pytest_collection():
     try:
         return (yield)
     finally:
-        gc.collect()
         gc.freeze()
         gc.enable()
 

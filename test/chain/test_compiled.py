@@ -36,7 +36,7 @@ COMPILED_FILES = [
 
 OUTER = """
 import numpy as np
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.compiled import compiled, load_numba_alone
 from slip_detector.chain.lanes import LANES, load, store
 from slip_detector.chain.inner import value
 
@@ -45,6 +45,7 @@ def outer(values):
     store(load(values, 0) + value(), values, 0)
 
 if __name__ == '__main__':
+    load_numba_alone()
     values = np.ones(LANES)
     outer(values)
     print(values.mean(), sum(outer.stats.cache_hits.values()))
@@ -155,9 +156,10 @@ def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
 
 
 TOLD = """
-from slip_detector.chain.compiled import on_compiling
+from slip_detector.chain.compiled import load_numba_alone, on_compiling
 from slip_detector.chain.stamps import StampGrid
 
+load_numba_alone()
 on_compiling(print)
 grid = StampGrid(1.0, 1.0)
 for stamp_ns in (0, 10**9, 2 * 10**9):
@@ -182,9 +184,11 @@ COUNTED = """
 import numba
 import numpy as np
 from numba.core.runtime import rtsys
+from slip_detector.chain.compiled import load_numba_alone
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stamps import StampGrid
 
+load_numba_alone()
 chain, grid = SlipChain(), StampGrid(0.01, 0.1)
 for k in range(3):
     before = rtsys.get_allocation_stats()
