@@ -16,7 +16,7 @@
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,9 @@ OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 #: definition of a set's class enters it here, in place of a base class with the same node, as
 #: ``DetectorConfig`` replaces ``ChainConfig``.
 SECTIONS: dict[str, type[Any]] = {}
+
+#: Full name and parameters of a section.
+Section = tuple[str, dict[str, Any]]
 
 
 def read_parameter_file(path: str | Path, node: str, running: str = '') -> dict[str, Any]:
@@ -66,12 +69,13 @@ def read_parameter_file(path: str | Path, node: str, running: str = '') -> dict[
     >>> read_parameter_file(file, 'slip_detector')['groups.TP']
     [14, 16, 11, 9]
     """
+    sections = list(sections_of(read_yaml(path), str(path)))
     if not running:
-        our_sections(path)
-    left_out = names_for_others(path, node)
+        _ours_of(sections, path)
+    left_out = _names_for_others(sections, path, node)
     merged: dict[str, Any] = {}
     of_namespaces: list[str] = []
-    for section, parameters in sections_of(read_yaml(path), str(path)):
+    for section, parameters in sections:
         if not running and node_of(section) == node and '*' not in section:
             of_namespaces.append(section)
         if matches(section, running) if running else node_of(section) in (node, '**'):
@@ -112,9 +116,14 @@ def names_for_others(path: str | Path, node: str) -> set[str]:
     ...     names_for_others(file, 'slip_detector')
     {'grip_n'}
     """
+    return _names_for_others(sections_of(read_yaml(path), str(path)), path, node)
+
+
+def _names_for_others(sections: Iterable[Section], path: str | Path, node: str) -> set[str]:
+    """Return what :func:`names_for_others` returns, from the sections of the file."""
     for_all: set[str] = set()
     for_node: set[str] = set()
-    for section, parameters in sections_of(read_yaml(path), str(path)):
+    for section, parameters in sections:
         if node_of(section) == '**':
             for_all.update(_flattened(parameters, f'{path}: section {section}'))
         elif node_of(section) == node:
@@ -148,7 +157,7 @@ def nodes_that_know(name: str) -> list[str]:
     ]
 
 
-def our_sections(path: str | Path) -> list[tuple[str, dict[str, Any]]]:
+def our_sections(path: str | Path) -> list[Section]:
     """Read the sections of a ROS parameter file that are for nodes and commands of this package.
 
     Returns
@@ -169,19 +178,18 @@ def our_sections(path: str | Path) -> list[tuple[str, dict[str, Any]]]:
     >>> [name for name, _ in our_sections(shared_folder() / 'config' / 'grasp.yaml')]
     ['/**/slip_detector', '/**/grasp_controller', '/**/slip_driver']
     """
-    sections = [
-        (section, parameters)
-        for section, parameters in sections_of(read_yaml(path), str(path))
-        if node_of(section) in (*SECTIONS, '**')
-    ]
-    if not sections:
+    return _ours_of(sections_of(read_yaml(path), str(path)), path)
+
+
+def _ours_of(sections: Iterable[Section], path: str | Path) -> list[Section]:
+    """Return what :func:`our_sections` returns, from the sections of the file."""
+    ours = [section for section in sections if node_of(section[0]) in (*SECTIONS, '**')]
+    if not ours:
         raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(SECTIONS)}')
-    return sections
+    return ours
 
 
-def sections_of(
-    document: Mapping[str, Any], path: str, namespace: str = ''
-) -> Iterator[tuple[str, dict[str, Any]]]:
+def sections_of(document: Mapping[str, Any], path: str, namespace: str = '') -> Iterator[Section]:
     """Yield the full name and the parameters of each section of a ROS parameter file.
 
     Parameters
@@ -272,11 +280,11 @@ def check_sections(path: str | Path, executable: str, node: str) -> None:
     ValueError: ...finger.yaml: has sections for /thumb/slip_driver, none for this node, ...
     >>> folder.cleanup()
     """
-    sections = [name for name, _ in sections_of(read_yaml(path), str(path))]
-    if any(matches(name, node) for name in sections if node_of(name) != '**'):
+    sections = list(sections_of(read_yaml(path), str(path)))
+    if any(matches(name, node) for name, _ in sections if node_of(name) != '**'):
         return
-    our_sections(path)
-    ours = [name for name in sections if node_of(name) == executable]
+    _ours_of(sections, path)
+    ours = [name for name, _ in sections if node_of(name) == executable]
     if ours:
         raise ValueError(
             f'{path}: has sections for {", ".join(ours)}, none for this node, {node}, allowed: '
