@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What people read: tables of text, pictures, and a report that is one HTML file."""
+"""Output for people: tables of text, pictures, and a report that is one HTML file."""

@@ -37,9 +37,9 @@ def overview_factory(
     config
         The parameters of the chain.
     recordings
-        How many recordings the report has; they share its cells.
+        Number of recordings of the report, which share its cells.
     """
-    # A function of the module: other processes must find it by its name.
+    # Not a closure, as it is pickled for other processes.
     return partial(_overview, config, cells_of_each(recordings))
 
 
@@ -59,8 +59,7 @@ def write_evaluation_report(
     Parameters
     ----------
     sets
-        By the names of the set and of the file, each recording as it was evaluated with an
-        overview for its observer.
+        The evaluated recordings by the names of set and file; the observer of each is an overview.
     config
         The parameters of the chain.
     page

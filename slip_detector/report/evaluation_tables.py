@@ -29,9 +29,9 @@ class TableSection(NamedTuple):
     Attributes
     ----------
     title : str
-        Stands above the first column; empty: the name of the set does.
+        Heading of the first column; if empty, the name of the set.
     columns : dict
-        Heads of the other columns by the names of their figures.
+        Headings of the other columns by the names of their figures.
     optional : bool
         Whether the table is left out where all figures of the set are 0 or not defined.
 
@@ -128,7 +128,7 @@ TABLE_SECTIONS = (
         True,
     ),
     TableSection(
-        'what was met',
+        'faults',
         {
             'bad_samples': 'bad samples',
             'gaps': 'gaps bridged',
@@ -143,8 +143,8 @@ TABLE_SECTIONS = (
 #: The texts about a recording; each is printed as a line.
 NOTES = ('lost', 'doubts')
 
-#: Printed where the last section is left out.
-NOTHING_MET = '{}: no bad samples, no gaps, no rows dropped'
+#: Printed where the section of faults is left out.
+NO_FAULTS = '{}: no bad samples, no gaps, no rows dropped'
 
 LEGEND = f'{UNDEFINED}: not defined (no such rows or events, or the motion is not recorded)'
 
@@ -171,7 +171,7 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
         blocks += _tables(name, {**whole['recordings'], 'all rows': whole}, whole)
         files = whole['recordings'].items()
         if not any(whole[column] for column in TABLE_SECTIONS[-1].columns):
-            notes.append(NOTHING_MET.format(name))
+            notes.append(NO_FAULTS.format(name))
         notes += [f'{file}: {one[key]}' for file, one in files for key in NOTES if one[key]]
     if len(report['sets']) > 1:
         blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']}, report['all'])

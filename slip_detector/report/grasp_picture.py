@@ -44,13 +44,13 @@ LABELS = {
 }
 NEEDED_COLOR = '0.55'
 
-#: Height of the displacement panel, in slides of the object under the controller.
+#: Height of the displacement panel, as a multiple of the object's slide under the controller.
 SHOWN_SLIDES = 4.0
 
 #: Up to this slide the axis of slides is linear.
 LINEAR_TO_MM = 0.1
 
-#: Where dropped objects are drawn, in units of the longest slide.
+#: Height at which dropped objects are drawn, as a multiple of the longest slide.
 HEADROOM = 1.35
 
 
@@ -79,24 +79,24 @@ def draw_grasp(
         The same object through the nodes: ``position`` and ``command``, arrays of shape (n, 2)
         with times in their first columns; empty where it was not played.
     wanted_mm
-        The worst slide has to be shorter than this.
+        Upper bound of the worst slide under the controller.
     """
     figure = plt.figure(figsize=(12.5, 7.2), layout='constrained')
     halves: Any = figure.subfigures(1, 2, width_ratios=[2.1, 1.0])
     left, right = halves
     force, decision, place = left.subplots(3, 1, sharex=True, height_ratios=[3.0, 0.8, 2.6])
-    mine = trials[CONTROLLER]
-    _draw_force(force, mine, limit_n, live.get('command'))
-    _draw_slip(decision, mine)
+    controlled = trials[CONTROLLER]
+    _draw_force(force, controlled, limit_n, live.get('command'))
+    _draw_slip(decision, controlled)
     _draw_place(place, trials, live.get('position'))
-    begin_s = mine.time_s[np.argmax(mine.needed_n > 0.0)]
+    begin_s = controlled.time_s[np.argmax(controlled.needed_n > 0.0)]
     for axis in (force, decision, place):
-        for onset_s in mine.onsets_s[mine.onsets_s >= begin_s]:
+        for onset_s in controlled.onsets_s[controlled.onsets_s >= begin_s]:
             axis.axvline(
                 onset_s, color=CONDITION_COLORS[CONTROLLER], linewidth=0.8, alpha=0.35, zorder=0
             )
         axis.spines[['top', 'right']].set_visible(False)
-    place.set(xlabel='time [s]', xlim=(mine.time_s[0], mine.time_s[-1]))
+    place.set(xlabel='time [s]', xlim=(controlled.time_s[0], controlled.time_s[-1]))
     left.suptitle('One object: gripped, lifted, filled', fontsize=11)
     slides, spent = right.subplots(2, 1)
     _draw_slides(slides, figures, wanted_mm)

@@ -20,7 +20,7 @@ from typing import Any
 from slip_detector.grasp.comparison import CONTROLLER
 from slip_detector.report.text_table import number_text, text_table
 
-#: The figures that something is wanted of, in words.
+#: Headings of the figures that have a bound.
 WANTED_FIGURES = {
     'dropped': 'objects dropped',
     'mean_slide_mm': 'mean slide [mm]',
@@ -30,7 +30,7 @@ WANTED_FIGURES = {
 
 
 def grasp_table(result: Mapping[str, Any]) -> str:
-    """Return the figures as text: the conditions, what is wanted, and the trials with the nodes.
+    """Return the figures as text: conditions, wanted figures, and the trials with the nodes.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def grasp_table(result: Mapping[str, Any]) -> str:
         '',
         text_table(rows),
         '',
-        f'A grip that knew weight and friction, always just enough: {needed:.1f} % of the limit.',
+        f'The smallest grip that would hold the objects: {needed:.1f} % of the limit.',
         '',
         'Wanted of the controller',
         '',

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a report shows of one recording, gathered piece by piece in bounded memory.
+"""The overview of one recording for a report, gathered piece by piece in bounded memory.
 
 Rows are gathered in bins. For each bin and channel the overview keeps the lowest and the highest
 volts and the highest level. In a short recording a bin is one row. When there are more bins than
-fit, each two neighbours are merged. Near the starts of slips and alarms the rows themselves are
-kept too, up to a limit.
+fit, neighbouring bins are merged in pairs. Near the starts of slips and alarms the rows themselves
+are kept too, up to a limit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,20 +36,20 @@ from slip_detector.report.signal_codes import Codes, signal_codes, signals_of
 RowNumbers = NDArray[np.int64]
 Volts = NDArray[np.float32]
 
-#: Kinds of events; those that a reader looks for come first.
+#: Kinds of events, the most important first.
 EVENT_KINDS = ('false alarm', 'missed', 'late', 'detected')
 
-#: How much before and after the start of a slip or an alarm is kept row by row.
+#: Times before and after the start of a slip or an alarm within which single rows are kept.
 BEFORE_S, AFTER_S = 0.15, 0.3
 
-#: Bins that are kept at most, times the number of channels.
+#: Largest number of cells (bins times channels) that the overviews of a report share.
 MOST_CELLS = 2**20
 
 #: Each overview has at least this many cells, however many recordings share a report.
 LEAST_CELLS = 2**15
 
-#: How many single rows are kept at most for each bin. A report may show fewer of them: which ones
-#: matter most is known only after the last row.
+#: Largest number of single rows that are kept, as a multiple of the largest number of bins. A
+#: report may show fewer: which rows matter most is known only after the last one.
 ROWS_PER_BIN = 4
 
 #: A sample with a larger magnitude is not drawn, as float32 ends at 3.4e38.
@@ -111,7 +111,7 @@ class Snippet(NamedTuple):
 
 
 def cells_of_each(recordings: int) -> int:
-    """Return how many cells the overview of each recording has at most where some share a report.
+    """Return the largest number of cells of each overview where recordings share a report.
 
     Examples
     --------
@@ -148,9 +148,9 @@ def events_of(outcome: ReplayOutcome) -> list[Event]:
 
 
 class Overview:
-    """What a report shows of one recording, as one chain saw it.
+    """The overview of one recording and of one chain's decisions on it.
 
-    An observer of a replay: its rows and gaps are given to :meth:`add` and :meth:`gap`.
+    It is an observer of a replay, which passes rows to :meth:`add` and gaps to :meth:`gap`.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ class Overview:
     Attributes
     ----------
     rows : int
-        Number of rows so far, with those that are missing in gaps.
+        Number of rows so far, including those that are missing in gaps.
     bin_rows : int
         Number of rows in a bin, a power of two.
     events : sequence of Event
@@ -307,7 +307,7 @@ class Overview:
 
     @property
     def after_impact(self) -> RowNumbers:
-        """Intervals that an impact is held for, shape (m, 2); none without evidence."""
+        """Intervals in which an impact is held, shape (m, 2); none without evidence."""
         return self._pairs(self._after_impact)
 
     @property
@@ -325,7 +325,7 @@ class Overview:
         return [Snippet(int(at[0]), v, c) for at, v, c in zip(*pieces, strict=True) if len(at)]
 
     def _pairs(self, intervals: OnIntervals) -> RowNumbers:
-        """Return intervals as an array, shape (m, 2); one that has not ended ends here."""
+        """Return intervals as an array, shape (m, 2); an open one ends at the last row."""
         edges = [*intervals.edges, self.rows] if intervals.on else intervals.edges
         return np.array(edges, np.int64).reshape(-1, 2)
 
@@ -356,7 +356,7 @@ class Overview:
     def _keep(self, volts: Volts, codes: Codes, starts: list[int]) -> None:
         """Keep the rows that are near a start.
 
-        The last rows wait in the tail: a start that comes soon may be near them.
+        The last rows stay in the tail, as a start that follows soon may be near them.
         """
         self._tail = (
             np.concatenate([self._tail[0], volts]),
@@ -383,7 +383,7 @@ class Overview:
         return wanted + self.rows - len(volts), volts[wanted], codes[wanted]
 
     def _keep_wanted(self, wanted: RowNumbers, decided: int) -> None:
-        """Keep rows of the tail, and let the tail begin at row ``decided``."""
+        """Keep rows of the tail, and cut off the tail before row ``decided``."""
         fit = wanted[: self._rows_left]
         self._rows_left -= len(fit)
         if len(fit):

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How the volts, levels and decisions of overviews are written into a report.
+"""Encodes the volts, levels and decisions of overviews for a report.
 
 For each recording the timeline reads a header, which is JSON, and one string of bytes, compressed
-and in base64. A report stays small however long its recordings are: bins are merged until all fit.
+and in base64. Bins are merged until all fit, so that a report stays small with any recordings.
 Single rows are kept near events, first near false alarms, then near missed and late slips.
 
 The bytes are, in the order in which ``templates/report_data.js`` reads them:
@@ -27,8 +27,8 @@ The bytes are, in the order in which ``templates/report_data.js`` reads them:
   excess and floor; the intervals of the global decision, of each group and after impacts; the
   volts and the same codes of each snippet.
 
-Of numbers with more than one byte all lowest bytes come first, then all second bytes, and so on:
-so the numbers of a slow signal compress better. A signed difference d is written as 2 d, or as
+Numbers of several bytes are written in planes: all lowest bytes, then all second bytes, and so on,
+as slow signals compress better in this order. A signed difference d is written as 2 d, or as
 -2 d - 1 where it is negative.
 """
 
@@ -57,7 +57,7 @@ MOST_BIN_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19
 #: Where one decision has more intervals than this, those less than a bin apart are joined.
 MOST_INTERVALS = 20_000
 
-#: The multiples of this number, modulo 1, are spread evenly over 0 to 1, however many there are.
+#: The golden ratio: its first n multiples, modulo 1, are spread evenly over 0 to 1 for any n.
 GOLDEN = 0.5 * 5**0.5 - 0.5
 
 #: Code of a bin without samples, and the highest code of a channel's range. Finer steps would make
@@ -122,9 +122,9 @@ class SearchTrial(NamedTuple):
 
     @property
     def costs(self) -> tuple[float, float, float, float] | None:
-        """Latency, false alarms, false time and what sooner than chance lacks to 1.
+        """Latency, false alarms, false time and 1 less sooner than chance; smaller is better.
 
-        All are to be small. None where one is not defined.
+        None where one is not defined.
         """
         if (
             self.latency_s is None
@@ -299,7 +299,7 @@ def pack_recording(
 
 
 def _decibels(config: ChainConfig) -> dict[str, Any]:
-    """Return what the page reads the codes of floor and excess with."""
+    """Return the ranges with which the page reads the codes of floor and excess."""
     if config.decision != 'evidence':
         return {}
     return {'ranges_db': ranges_db(config), 'offset_db': config.evidence_offset_db}

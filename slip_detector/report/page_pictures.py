@@ -39,7 +39,7 @@ STYLES = ('-', '--', ':', '-.')
 #: Marker and colour of each kind of event.
 EVENT_STYLES = (('v', COLORS[1]), ('x', COLORS[3]), ('D', COLORS[4]), ('.', COLORS[2]))
 
-#: How many bins a channel has in a picture of a timeline; finer ones would not be seen.
+#: Largest number of bins of a channel in a picture of a timeline; finer ones would not be visible.
 PICTURE_BINS = 2000
 
 
@@ -83,7 +83,7 @@ def _save(figure: Figure, to: Any, **settings: Any) -> None:
 
 
 def _plain(text: str) -> str:
-    """Return a text in which matplotlib takes nothing for a formula."""
+    """Escape what matplotlib would read as a formula."""
     return text.replace('$', r'\$')
 
 
@@ -162,7 +162,7 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
             x, y, '*', color=color, markersize=17, markeredgecolor='k', zorder=4,
             label=f'{_plain(trial.mark)}: {figures}',
         )  # fmt: skip
-    # The axis shows few and many false alarms, and none as well.
+    # Logarithmic, but linear near 0, so that the axis can show 0 false alarms too.
     axis.set_yscale('symlog', linthresh=1.0)
     axis.set_ylim(bottom=-0.1)
     axis.set(xlabel='median latency [ms]', ylabel='false alarms per minute')

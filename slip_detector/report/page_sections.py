@@ -34,10 +34,10 @@ MAIN_FIGURES = (
 
 UNITS = {'ms': 'ms', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
 
-#: A list of more numbers, as of one for each channel, is told by its lowest and highest one.
+#: Of a longer list of numbers, such as one for each channel, only the range is shown.
 MOST_NUMBERS = 8
 
-#: How many trials of the front are listed at most.
+#: Largest number of trials of the front that are listed.
 MOST_LISTED = 60
 
 

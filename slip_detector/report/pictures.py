@@ -19,7 +19,7 @@ from pathlib import Path
 
 import matplotlib
 
-matplotlib.use('Agg')  # writes files only: a robot has no screen
+matplotlib.use('Agg')  # Only files are written, as a robot has no screen.
 
 from matplotlib import pyplot as plt
 from matplotlib.backends.backend_agg import FigureCanvasAgg

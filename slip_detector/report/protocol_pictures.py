@@ -59,8 +59,8 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
     -------
     dict
         Arrays of shape (n,), by the name and unit of the signal, in the order of the stages. The
-        last ones are the chain's own: envelope, with evidence noise floor and excess, and the
-        level, which is compared with the threshold.
+        last signals come from the chain itself: the envelope, with evidence also noise floor and
+        excess, and the level, which is compared with the threshold.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
     """
     evidence = config.decision == 'evidence'
     result = SlipChain(config).update(trial.volts, floor=evidence, excess=evidence)
-    # The chain filters the deviation from the first row (the baseline), too.
+    # Like the chain, filter the deviations from the first row, the baseline.
     deviations = trial.volts - trial.volts[0]
     volts = deviations[:, channel - 1]
     if config.common_mode != 'none':
@@ -226,7 +226,7 @@ def draw_windows(
     True
     """
     figure, (delay, share) = plt.subplots(1, 2, figsize=(9, 3.8), layout='constrained')
-    spread = np.linspace(-0.3, 0.3, len(figures))  # equal figures do not hide each other
+    spread = np.linspace(-0.3, 0.3, len(figures))  # so that equal figures hide none
     styles = zip(figures.items(), spread, COLORS, MARKERS, strict=False)
     for (plate, by_window), shift, color, marker in styles:
         window_ms = np.array([float(name) for name in by_window]) + shift

@@ -20,7 +20,7 @@ from typing import Any
 from slip_detector.evaluation.protocol_trials import SCENES, band_name
 from slip_detector.report.text_table import number_text, text_table
 
-#: What each wanted figure is, in words.
+#: Headings of the wanted figures.
 MEANINGS = {
     'detected_percent': 'trials detected [%]',
     **{
@@ -37,7 +37,7 @@ MEANINGS = {
 
 
 def protocol_table(result: Mapping[str, Any]) -> str:
-    """Return the figures as text: the paper's beside ours, and at the end what is wanted.
+    """Return the figures as text: the paper's beside ours, and at the end the wanted ones.
 
     Parameters
     ----------

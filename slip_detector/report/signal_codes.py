@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a report draws of a channel beside its volts, a byte for each sample."""
+"""Encodes the signals that a report draws besides volts, with a byte for each sample."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +29,10 @@ CODES_PER_OCTAVE = 16
 #: Code of a level that equals the threshold: above it the channel is ON.
 THRESHOLD_CODE = 128
 
-#: The signals in dB that a decision by evidence has beside its level.
+#: The signals in dB that the decision ``evidence`` has besides its level.
 DECIBELS = ('excess', 'floor')
 
-#: A narrower range of codes is drawn as wide as this.
+#: A narrower range of decibels is widened to this, as it may be 0.
 LEAST_RANGE_DB = 1e-3
 
 
@@ -42,7 +42,7 @@ def level_codes(result: SlipResult, threshold: float) -> Codes:
     Parameters
     ----------
     result
-        The result of n rows, with the level kept.
+        The result of n rows, with the level.
     threshold
         The threshold of the chain.
 
@@ -69,7 +69,7 @@ def level_codes(result: SlipResult, threshold: float) -> Codes:
 
 
 def signals_of(config: ChainConfig) -> tuple[str, ...]:
-    """Return the signals that an overview has codes of: the level, with evidence two more.
+    """Return the signals of which an overview has codes: the level, with evidence two more.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def signals_of(config: ChainConfig) -> tuple[str, ...]:
 
 
 def ranges_db(config: ChainConfig) -> dict[str, tuple[float, float]]:
-    """Return between which decibels the codes 1 to 255 of floor and excess are.
+    """Return the decibels of the codes 1 and 255 of excess and floor.
 
     Examples
     --------
@@ -101,9 +101,9 @@ def signal_codes(result: SlipResult, config: ChainConfig) -> Codes:
     Parameters
     ----------
     result
-        Of n rows, with its level, and with evidence also floor and excess.
+        The result of n rows, with the level, and with evidence also floor and excess.
     config
-        Of the chain.
+        The parameters of the chain.
 
     Returns
     -------

@@ -16,7 +16,7 @@
 
 from collections.abc import Sequence
 
-#: Stands where a figure is not defined.
+#: The text of a figure that is not defined.
 UNDEFINED = '-'
 
 
@@ -29,7 +29,7 @@ def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int
         Rows with the same number of cells.
     alignment
         One character for each column: ``<`` aligns its cells to the left, ``>`` to the right. The
-        last character holds for all further columns too.
+        last character applies to all further columns too.
     indent
         Spaces before the first column.
 

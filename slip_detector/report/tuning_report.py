@@ -30,7 +30,7 @@ from slip_detector.tuning.tracks import Track
 
 
 class ChainReplay(NamedTuple):
-    """What one chain made of all recordings.
+    """The replay of all recordings through one chain.
 
     Attributes
     ----------

@@ -39,8 +39,8 @@ FIGURES = {
 def figure_text(name: str, value: float | None) -> str:
     """Return one of the figures as text.
 
-    A latency below 0 is no early detection but a ``slip`` that was ON before its label, as of an
-    alarm that has nothing to do with it; that is said in words.
+    A latency below 0 is no early detection: ``slip`` was ON before its label, for example from an
+    unrelated alarm. The text says so.
 
     Examples
     --------

@@ -78,7 +78,7 @@ def test_bad_samples_and_gaps_are_counted(capsys, tmp_path):
     assert figures['rows'] == 610
     assert main([str(tmp_path / 'a.csv')]) == 0
     lines = capsys.readouterr().out.splitlines()
-    (at,) = (k for k, line in enumerate(lines) if line.startswith('what was met'))
+    (at,) = (k for k, line in enumerate(lines) if line.startswith('faults'))
     assert lines[at + 1].split() == ['a.csv', '3', '1', '10', '1', '0']
     # The detector's own parameter says which gap is bridged.
     config = config_file(tmp_path / 'c.yaml', {'max_gap_s': 2.0})

@@ -1,8 +1,8 @@
-// What the pages of the package draw with: colours, words and stretches of time. The report and the
-// live page load it before their own scripts.
+// Colours, texts and functions to draw intervals of time. The report and the live page load this
+// script before their own.
 
 const ON = '#d55e00', GROUP_ON = '#e58a4e', TRUTH = '#b9d7ec', LABEL = '#7fb2d6', INK = '#23292e';
-// Under a curve a strip of so many pixels shows how near its channel is to the threshold.
+// Height in pixels of the strip under a curve that shows how near its channel is to the threshold.
 const STRIP = 4;
 // Levels are shown from 1/32 to 32 times the threshold.
 const LEVEL_OCTAVES = 5;
@@ -21,14 +21,14 @@ function volts(value) {
   return size < 0.1 ? `${(1e3 * value).toPrecision(3)} mV` : `${value.toPrecision(size >= 1000 ? 6 : 4)} V`;
 }
 
-// The darker the nearer to the threshold. A few steps tell as much as many, and are painted in fewer
-// pieces.
+// Shades of levels below the threshold, darker towards it. Few shades are enough, and need fewer
+// rectangles.
 const SHADES = Array.from({length: 2 * LEVEL_OCTAVES + 1}, (_, i) => {
   const near = i / (2 * LEVEL_OCTAVES);
   return `rgb(${[95, 109, 119].map((dark) => Math.round(238 + (dark - 238) * near)).join()})`;
 });
 
-// The colour of a level that is so many octaves above the threshold.
+// The colour of a level, given its octaves above the threshold (below 0: under it).
 function shade(octaves) {
   return octaves > 0 ? ON : SHADES[Math.max(0, 2 * LEVEL_OCTAVES + Math.floor(2 * octaves))];
 }
@@ -49,7 +49,8 @@ function hatching(context) {
   return hatch;
 }
 
-// Fill stretches of time, start and stop one after another; those that touch, in one go.
+// Fill intervals of time. times: their starts and stops, alternately. Intervals that touch on the
+// screen are filled as one.
 function bars({context, left: least, right: most}, xOf, times, top, height, color) {
   context.fillStyle = color;
   let left = null, right = null;
@@ -66,8 +67,8 @@ function bars({context, left: least, right: most}, xOf, times, top, height, colo
   if (left !== null) context.fillRect(left, top, right - left, height);
 }
 
-// Paint values first to stop, one after another: those of the same colour in one go, where the colour
-// is null nothing. The value i reaches from xOf(i) to xOf(i + 1).
+// Paint the values from first up to stop; value i reaches from xOf(i) to xOf(i + 1). Neighbours of
+// the same colour are painted as one; the colour null paints nothing.
 function paintRuns(context, top, height, first, stop, colorAt, xOf) {
   let start = first, color = null;
   const fill = (i) => {

@@ -1,6 +1,6 @@
-// Moving about the timeline, the list of events and the choices.
+// Navigation in the timeline, the list of events, and the controls.
 
-// ---- moving about
+// ---- navigation
 
 function look(from, to) {
   const least = 10 / now().rate_hz, whole = duration();
@@ -172,7 +172,7 @@ function go(v, r, i) {
   if (r !== view.recording) choose('recording', r);
   const event = eventsOf(r)[i];
   view.chosen = event;
-  // Room for what comes before and after, and for an alarm that comes late.
+  // Leave room before and after the event, and for a late alarm.
   const end = Math.max(Math.min(event[2], event[1] + 2), event[1] + (event[3] ?? 0));
   look(event[1] - 0.3, end + 0.4);
   markListed();
@@ -210,7 +210,7 @@ element('more').addEventListener('click', () => {
 });
 window.addEventListener('hashchange', fromHash);
 
-// ---- choices
+// ---- controls
 
 function choose(what, value) {
   view[what] = value;
@@ -225,7 +225,7 @@ function choose(what, value) {
     fillList();
   }
   markListed();
-  tellScale();
+  showScale();
   redraw();
 }
 
@@ -259,7 +259,7 @@ function start() {
   }
   element('signal').addEventListener('change', (event) => {
     element('scale-choice').hidden = event.target.value !== 'volts';
-    tellScale();
+    showScale();
     redraw();
   });
   element('same-scale').addEventListener('change', redraw);
@@ -268,7 +268,7 @@ function start() {
   [view.from, view.to] = [0, Math.max(duration(), 10 / now().rate_hz)];
   fillKinds();
   fillList();
-  tellScale();
+  showScale();
   fromHash();
   redraw();
   new ResizeObserver(redraw).observe(element('drawing'));

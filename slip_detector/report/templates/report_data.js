@@ -1,6 +1,6 @@
 'use strict';
-// Reads what page_data.py wrote, makes bins of twice the length until few are left, and finds what
-// is to be drawn of a stretch of time.
+// Decodes the data that page_data.py encodes, merges bins for coarser views, and selects what to draw
+// for an interval of time.
 
 const NO_SAMPLE = 0xffff;
 
@@ -30,7 +30,7 @@ class Reader {
     return codes;
   }
 
-  // Each channel's codes, of which the steps were written.
+  // The codes of each channel, summed up from the differences that were written.
   summed(channels, n) {
     const codes = this.codes(channels * n);
     for (let c = 0, i = 0; c < channels; c++) {
@@ -42,7 +42,7 @@ class Reader {
     return codes;
   }
 
-  // Starts and stops, one after another, as 64-bit steps.
+  // Starts and stops, alternately, from their differences as 64-bit numbers.
   intervals(n) {
     const rows = new Float64Array(2 * n);
     for (let plane = 0, factor = 1; plane < 8; plane++, factor *= 256) {
@@ -73,18 +73,19 @@ function decode(header, bytes) {
   return {
     truth,
     variants,
-    // A bin without samples has the code NO_SAMPLE in both, the highest there is.
+    // A bin without samples has the code NO_SAMPLE, the highest one, in both.
     low: halved(low, channels, n, (a, b) => (a < b ? a : b)),
     high: halved(high, channels, n, (a, b) => (a === NO_SAMPLE ? b : b === NO_SAMPLE || a > b ? a : b)),
   };
 }
 
-// What a function returns of each name, in the order of the names.
+// An object with of(name) for each name, in the order of the names.
 function each(names, of) {
   return Object.fromEntries(names.map((name) => [name, of(name)]));
 }
 
-// The values themselves, then of each two, of each four and so on, channel after channel.
+// The values in all resolutions: as they are, then joined in twos, in fours and so on; in each the
+// channels follow one another.
 function halved(values, channels, n, join) {
   const sizes = [{values, n}];
   while (n > 512) {
@@ -102,14 +103,15 @@ function halved(values, channels, n, join) {
   return sizes;
 }
 
-// What is drawn of rows from to to, where a pixel is so many rows: where rows were kept, these, else
-// bins, few enough. Of each piece: its first row, the rows of each value, and the values first to
-// stop of each channel, which begin at channel * n.
+// The pieces to draw between two rows: single rows where they were kept, else bins of about a pixel.
+// A piece: {row, rows, n, first, stop, low, high, signals}. Its value i begins at row + i * rows and
+// spans that number of rows; the values from first up to stop are drawn. low, high and each of
+// signals have n values for each channel; those of a channel begin at channel * n.
 function pieces(header, data, variant, from, to, rowsOfPixel) {
   const level = Math.max(0, Math.ceil(Math.log2(rowsOfPixel / header.bin_rows)));
   const size = Math.min(level, data.low.length - 1), rows = header.bin_rows * 2 ** size;
   const {signals, snippets} = data.variants[variant], found = [], names = Object.keys(signals);
-  // One more at either end, so that curves reach the edge.
+  // One more value at either end, so that curves reach the edge.
   [from, to] = [from - rows, to + rows];
   const bins = (start, stop) => {
     const {values: low, n} = data.low[size];
@@ -136,20 +138,20 @@ function pieces(header, data, variant, from, to, rowsOfPixel) {
   return found;
 }
 
-// The rows at which the values of pieces begin, and at last the one after them.
+// The rows at which the values of pieces begin, and the row after the last value.
 function startsOf(found) {
   const starts = [];
   let end = 0;
   for (const {row, rows, first, stop} of found) {
-    // A bin that began before the piece is drawn from there on.
+    // A bin that begins before its piece is drawn from the beginning of the piece on.
     for (let i = first; i < stop; i++) starts.push(Math.max(row + i * rows, end));
     end = row + stop * rows;
   }
   return [...starts, end];
 }
 
-// A channel's curve from the values of pieces; of each that is no sample, null. choose(piece): its
-// lowest and its highest values. code(value): what is drawn of it, or null.
+// A channel's curve from pieces. choose(piece): the arrays of its lowest and highest values.
+// code(value): the value to draw, or null where there is no sample.
 function curveOf(found, channel, choose, code) {
   const rows = [], low = [], high = [];
   for (const piece of found) {
@@ -161,7 +163,7 @@ function curveOf(found, channel, choose, code) {
       high.push(single ? null : to);
     }
   }
-  // The last bin, too, is as long as it is.
+  // Repeated at its end, the last bin is drawn in its full length.
   for (const values of [low, high]) values.push(values.at(-1) ?? null);
   rows.push(null);
   return {rows, low, high};

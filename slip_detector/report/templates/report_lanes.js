@@ -1,11 +1,11 @@
-// What a report's timeline shows: its lanes, and the strip of the whole recording above them.
+// The lanes of a report's timeline, and the strip of the whole recording above them.
 
 const KINDS = [['false alarm', '\u25bc', '#d55e00'], ['missed', '\u2715', '#a3347f'],
   ['late', '\u25c6', '#e69f00'], ['detected', '\u25cf', '#009e73']];
 const LISTED = 200, THRESHOLD_CODE = 128, CODES_OF_OCTAVE = 16;
-// Codes of levels between which a lane shows them.
+// The range of the codes of levels that a lane shows.
 const LEVEL_CODES = [-1, 1].map((sign) => THRESHOLD_CODE + sign * CODES_OF_OCTAVE * LEVEL_OCTAVES);
-// Codes of floor and excess: their whole range.
+// The range of the codes of floor and excess that a lane shows: all of them.
 const DECIBEL_CODES = [1, 255];
 const root = element('timeline'), minimap = element('minimap');
 const header = JSON.parse(element('header').textContent);
@@ -58,14 +58,14 @@ function codeOf(name, value) {
   return 1 + 254 * (value - low) / (high - low);
 }
 
-// What channels show: where a variant lacks what was chosen, its level.
+// The signal that channels show: the chosen one, or the level where the variant lacks that signal.
 function signalShown() {
   const chosen = element('signal').value;
   const known = chosen === 'volts' || now().variants[view.variant].signals.includes(chosen);
   return known ? chosen : 'level';
 }
 
-// Between which decibels a lane shows excess or floor.
+// A text on the range of decibels in which a lane shows excess or floor.
 function scaleOfDecibels() {
   const name = signalShown(), {ranges_db: ranges, offset_db: offset} = now().variants[view.variant];
   if (!ranges?.[name]) return '';
@@ -74,11 +74,11 @@ function scaleOfDecibels() {
   return `The ${name} is drawn from ${low} to ${high} dB${line}. `;
 }
 
-function tellScale() {
+function showScale() {
   element('resolution').textContent = scaleOfDecibels() + resolution();
 }
 
-// How fine the drawing can be.
+// A text on the resolution of the drawing.
 function resolution() {
   const {bin_rows: bin, rate_hz: rate} = now(), events = eventsOf(view.recording);
   const grouped = new Set(now().variants.flatMap((v) => v.groups.flatMap((group) => group.members)));
@@ -129,7 +129,7 @@ function lanesOf(data, found) {
       lanes.push(channel(member - 1, recording.channels[member - 1]));
     }
   });
-  // Disabled here, not in the other variant.
+  // Channels that only this variant has disabled.
   for (const c of left) lanes.push(channel(c, `${recording.channels[c]} (off)`));
   return lanes;
 }
@@ -141,7 +141,7 @@ function paintEvents({context, xOf}, lane) {
   context.textAlign = 'center';
   context.textBaseline = 'middle';
   const events = eventsOf(view.recording);
-  // Those that matter come last and lie on top.
+  // The most important kinds are drawn last, on top of the others.
   for (let kind = KINDS.length - 1; kind >= 0; kind--) {
     context.fillStyle = KINDS[kind][2];
     context.font = `${kind === 3 ? 9 : 13}px system-ui, sans-serif`;
@@ -153,11 +153,12 @@ function paintEvents({context, xOf}, lane) {
   }
 }
 
-// Under a channel's curve, how near it is to its threshold: stretches of one colour in one go.
+// Paint the strip under a channel's curve that shows how near the channel is to its threshold.
 const paintStrip = (found) => (pen, lane) => {
   const {context, right, left} = pen, xOf = xOfRow(pen);
   const y = lane.top + lane.height - STRIP - 1;
-  // Above this a level is ON; above that an excess adds to the evidence.
+  // The code of a line in the lane, and the lane's range: above the line a level is ON, or an excess
+  // adds to the evidence.
   const marks = {
     level: () => [THRESHOLD_CODE, LEVEL_CODES],
     excess: () => [codeOf('excess', now().variants[view.variant].offset_db), DECIBEL_CODES],
@@ -253,7 +254,7 @@ function draw(data) {
   document.documentElement.dataset.readyMs ??= performance.now();
 }
 
-// The curve of a channel in view, and the codes between which it lies.
+// The curve of a channel in view, and the range of codes that its lane shows.
 function curve(found, channel) {
   const signal = signalShown();
   if (signal !== 'volts') {

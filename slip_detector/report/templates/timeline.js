@@ -1,13 +1,13 @@
 // A timeline: lanes from top to bottom over one axis of time. uPlot draws the axis and the curves,
-// shows where the pointer is, and lets the user choose a stretch; what is not a curve, such as a
-// decision that is ON or OFF, the page paints in its lane.
+// shows where the pointer is, and lets the user select an interval; the page itself paints what is
+// not a curve, such as a decision that is ON or OFF.
 //
-// Times are seconds. Pixels are those of CSS, from the upper left corner of the timeline.
+// Times are seconds. Positions are CSS pixels from the upper left corner of the timeline.
 
 const AXIS_HEIGHT = 22, NAMES_WIDTH = 92, RIGHT_MARGIN = 16;
 const CURVE = '#3d5a73', CURVE_RANGE = '#9db3c5', GRID = '#dfe3e6', TEXT = '#23292e';
 
-// Seconds from tick to tick: 1, 2 and 5 times powers of ten below a second, then as a clock shows it.
+// Seconds from tick to tick: 1, 2 and 5 times powers of ten below a second, then those of a clock.
 const TICKS_S = [
   ...[1e-4, 1e-3, 1e-2, 1e-1].flatMap((power) => [power, 2 * power, 5 * power]),
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 36000, 86400, 864000,
@@ -15,11 +15,12 @@ const TICKS_S = [
 
 class Timeline {
   // root: an empty element.
-  // tickText(seconds, step): a time as text beside ticks that are a step apart.
-  // onLook(from, to, how): the user wants to see another stretch; how: 'zoom', 'move', 'choose', or
-  // 'whole', which is from -Infinity to Infinity.
-  // onPoint(seconds, lane): the pointer is there. onClick(seconds, lane, reach): so is a click;
-  // reach: how many seconds away from it something may be that is meant.
+  // tickText(seconds, step): the text at a tick, where ticks are `step` seconds apart.
+  // onLook(from, to, how): the user wants to see another interval; how: 'zoom', 'move', 'choose', or
+  // 'whole', with from -Infinity and to Infinity.
+  // onPoint(seconds, lane): the pointer has moved to this place.
+  // onClick(seconds, lane, reach): the user has clicked at this place; what is up to `reach` seconds
+  // away counts as clicked.
   constructor(root, {tickText, onLook, onPoint, onClick}) {
     Object.assign(this, {root, tickText, onLook, onPoint, onClick});
     this.lanes = [];
@@ -29,11 +30,11 @@ class Timeline {
     root.addEventListener('dblclick', () => onLook(-Infinity, Infinity, 'whole'));
   }
 
-  // What is drawn from top to bottom: {name, note, className, height, curve, colors, below, paint}.
-  // curve: whether the lane has one, or how many; colors: of each, where it is not the usual one;
-  // below: how many pixels the lane leaves free under it. paint(pen, lane): draws the rest with
-  // pen.context, under the curve; pen.xOf(seconds) and pen.right are pixels, as are lane.top and
-  // lane.height.
+  // Set the lanes from top to bottom: {name, note, className, height, curve, colors, below, paint}.
+  // curve: the number of the lane's curves, true for one. colors: those of its curves, if they are
+  // not the usual one. below: pixels that stay free under the curves. paint(pen, lane): paints the
+  // rest, under the curves, with pen.context; pen.xOf(seconds), pen.right, lane.top and lane.height
+  // are in pixels.
   setLanes(lanes) {
     let top = AXIS_HEIGHT;
     for (const lane of lanes) {
@@ -54,7 +55,7 @@ class Timeline {
       name.style.top = `${lane.top}px`;
       name.style.height = `${lane.height}px`;
       name.textContent = lane.name;
-      // One curve has its colour beside its name.
+      // The colour of a single curve is shown beside the name.
       if (lane.colors?.length === 1) name.style.boxShadow = `inset 4px 0 ${lane.colors[0]}`;
       if (lane.note && lane.height >= 26) {
         const note = document.createElement('small');
@@ -65,16 +66,16 @@ class Timeline {
     }));
   }
 
-  // The lane of each curve, from top to bottom, and which of the lane's curves it is.
+  // The lane of each curve, from top to bottom, and the number of the curve in its lane.
   curveLanes() {
     return this.lanes.flatMap((lane) => Array.from({length: Number(lane.curve ?? 0)}, (_, i) => ({lane, i})));
   }
 
-  // Draw a stretch of time. x: times, rising. curves: those of the lanes that have any, in order:
-  // {rows, low, high, range}: samples that are joined by a line, or the lowest and the highest from
-  // a time to the next, null where there are none; range: what the lane shows from bottom to top.
-  // steps: whether lowest and highest are drawn as steps; lines serve where a step is hardly wider
-  // than a pixel. paint(pen): what lies under all lanes.
+  // Draw an interval of time. x: rising times. curves: those of all lanes, in order, as
+  // {rows, low, high, range}. rows: samples, joined by a line. low, high: the lowest and the highest
+  // values from each time to the next. All are null where there are none. range: the values at the
+  // bottom and the top of the lane. steps: whether low and high are drawn as steps; where a step is
+  // hardly wider than a pixel, lines do. paint(pen): paints what lies under all lanes.
   draw({from, to, x, curves, steps, paint}) {
     Object.assign(this, {steps, paintUnderAll: paint});
     const data = [x, ...curves.flatMap(({rows, low, high}) => [high, low, rows])];
@@ -86,7 +87,7 @@ class Timeline {
       this.plot.setData(data, false);
       this.plot.setScale('x', {min: from, max: to});
       curves.forEach(({range: [low, high]}, i) => {
-        // The scale of the whole height, of which the lane is a part.
+        // uPlot's scale spans the whole height, of which the lane is a part.
         const {lane} = lanes[i], top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
         const unit = (high - low) / (bottom - top);
         this.plot.setScale(`lane-${i}`, {
@@ -96,7 +97,7 @@ class Timeline {
     });
   }
 
-  // Show the line of the pointer at a time, in a lane, as if the pointer were there; null: nowhere.
+  // Show the cursor at a time in a lane, as if the pointer were there; null hides it.
   showPointer(seconds, lane) {
     this.plot?.setCursor(seconds === null ? {left: -10, top: -10} : {
       left: this.plot.valToPos(seconds, 'x'), top: lane.top + lane.height / 2 - AXIS_HEIGHT,
@@ -113,7 +114,7 @@ class Timeline {
       scales[curve.scale] = {auto: false, range: [0, 1]};
       bands.push({series: [series.length, series.length + 1], fill: lane.colors ? `${stroke}70` : CURVE_RANGE});
       series.push({...curve, paths}, {...curve, paths},
-        // A sample is a dot where there is room for it, or no other beside it.
+        // A sample is drawn as a dot where there is room, or where it has no neighbour.
         {...curve, pxAlign: 0, points: {size: 4, space: 9, fill: stroke, filter: lonely}});
     });
     const bind = (act) => () => act;
@@ -160,7 +161,7 @@ class Timeline {
     context.restore();
   }
 
-  // The wheel zooms at the pointer, dragging moves.
+  // Let the wheel zoom at the pointer, and dragging move the interval.
   listen(plot) {
     const view = () => [plot.scales.x.min, plot.scales.x.max];
     const under = (event) => {
@@ -208,7 +209,7 @@ class Timeline {
   }
 }
 
-// Where a curve's samples have none beside them, so that no line shows them.
+// The places of samples without neighbours, which no line shows.
 function lonely(plot, i, show, gaps) {
   if (show || !gaps?.length) return null;
   const values = plot.data[i], [first, last] = plot.series[0].idxs, found = [];
