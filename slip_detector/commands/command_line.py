@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the command lines share: errors of one line, exit codes, and output into a closed pipe.
+"""What all commands share: errors of one line, exit codes, and output into a closed pipe.
 
-The commands start here. Loading the modules that they compute with takes a second, in which Ctrl-C
-must not end in a traceback either: therefore this module imports nothing large.
+The commands start here. Loading the modules that they compute with takes a second. Ctrl-C must not
+end in a traceback in this second either: therefore this module imports nothing large.
 """
 
 import argparse
@@ -61,7 +61,7 @@ def whole_number(low: int, high: int | None = None) -> Callable[[str], int]:
     allowed = f'a whole number from {low}' if high is None else f'a whole number, {low} to {high}'
 
     def read(text: str) -> int:
-        # Not each digit of Unicode, and no more digits than int() takes.
+        # Only ASCII digits, and fewer than int() refuses.
         number = int(text) if re.fullmatch('[0-9]{1,18}', text) else -1
         if number < low or (high is not None and number > high):
             raise argparse.ArgumentTypeError(f'is {text!r}, allowed: {allowed}')
@@ -94,7 +94,7 @@ def print_text(name: str, text: str) -> int:
     try:
         print(text, flush=True)
     except OSError as error:
-        # The interpreter flushes the rest of the buffer at its end: that must not fail again.
+        # The interpreter flushes the rest of the buffer at exit, which must not fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
             return 0
@@ -150,7 +150,7 @@ def compile_all() -> int:
 
 def _start(name: str, module: str) -> int:
     try:
-        # What is loaded stays: to look for garbage in it would take a third of the start.
+        # Modules stay loaded: searching them for garbage would take a third of the start-up time.
         gc.disable()
         importlib.import_module('slip_detector.chain.compiled').load_numba_alone()
         main = importlib.import_module(module).main

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command ``slip_compile``: compiles beforehand what would be compiled at the first use.
+"""The command ``slip_compile``: compiles in advance what Numba would compile at the first use.
 
 Numba keeps the result on disk, so one run after each installation is enough, by the user who runs
 the nodes.
@@ -40,7 +40,7 @@ from slip_detector.tuning.tracks import track_of
 
 NAME = 'slip_compile'
 
-#: Number of rows that are enough for rest and slip, and to fill the windows.
+#: Number of rows: enough to fill the windows, with rest and with slip.
 ROWS = 400
 
 
@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def compile_all() -> str:
     """Run everything with compiled functions on little data; return a line that sums it up."""
     if not COMPILED:
-        return 'Nothing to compile: Numba is not installed, and all runs interpreted.'
+        return 'Nothing to compile: Numba is not installed, and everything runs interpreted.'
     modules: list[str] = []
     on_compiling(modules.append)
     began_s = time.monotonic()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command ``slip_evaluate``: how soon the chain finds slips, and where it finds none.
+"""The command ``slip_evaluate``: how soon the chain finds slips, and how often it alarms falsely.
 
 It uses no ROS: the chain runs over each recording from the first row, as in the detector node.
 
@@ -20,8 +20,8 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
 
 ``sets``
     For each set of recordings, by the name of its folder: the figures of all its recordings
-    together, see :func:`slip_detector.evaluation.outcome.figures_of_merit`, and what was wrong
-    with them, see :func:`slip_detector.evaluation.evaluator.recording_counts`. Under
+    together, see :func:`slip_detector.evaluation.outcome.figures_of_merit`, and counts of their
+    faults, see :func:`slip_detector.evaluation.evaluator.recording_counts`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
     part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
     ``slip_events`` and ``alarm_events``, see
@@ -71,7 +71,7 @@ from slip_detector.report.evaluation_tables import evaluation_tables
 
 NAME = 'slip_evaluate'
 
-#: Options that are for recordings only.
+#: Options that apply to recordings only.
 OF_RECORDINGS = ('topic', 'field', 'labels', 'resample', 'report', 'jobs', 'cluster')
 
 #: A larger number of simulated trials is taken for a typing error.
@@ -84,7 +84,7 @@ def evaluate(
     workers: Workers,
     with_overviews: bool = False,
 ) -> tuple[dict[str, dict[str, EvaluatedRecording]], list[Path]]:
-    """Evaluate sets of recordings, side by side where there are several workers.
+    """Evaluate sets of recordings, in parallel where there are several workers.
 
     Parameters
     ----------
@@ -189,8 +189,8 @@ def _parser() -> Parser:
         'areas under the ROC curve; delays, success rate and false positives as in the paper; '
         'slips and alarms matched one to one, with the latencies and their parts by stage. '
         'Or, with --protocol paper, simulate the trials of the paper and print delays, success '
-        'rate and false positives beside those that it reports, and for each figure what is '
-        'wanted and whether it is met. The exit code is 0 whatever the figures are.',
+        'rate and false positives beside those that it reports, and for each wanted figure its '
+        'bound and whether it is met. The exit code is 0 whatever the figures are.',
     )
     parser.add_argument(
         'recordings',
@@ -222,7 +222,7 @@ def _parser() -> Parser:
         metavar='FILE.html',
         help='write the same as an HTML page with timelines that can be zoomed',
     )
-    add_worker_options(parser, 'evaluate recordings side by side')
+    add_worker_options(parser, 'evaluate recordings in parallel')
     add_recording_options(parser)
     protocol = parser.add_argument_group('with --protocol')
     protocol.add_argument(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What ``slip_tune`` learns of a recording at rest or of knocks, without a search."""
+"""What ``slip_tune`` learns from a recording at rest or of knocks, without a search."""
 
 import dataclasses
 from argparse import Namespace
@@ -35,14 +35,14 @@ from slip_detector.tuning.tracks import Track
 
 
 class Lesson(NamedTuple):
-    """What a recording at rest or of knocks teaches.
+    """The parameters that are learnt from a recording at rest or of knocks.
 
     Attributes
     ----------
     parameters : dict
         Parameters of the chain by name, as ROS has them.
     lines : list of str
-        What to print of it.
+        What the command prints about them.
 
     Examples
     --------
@@ -55,25 +55,25 @@ class Lesson(NamedTuple):
 
 
 def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Lesson:
-    """Learn the noise floors and the mains of a recording without slip, and set the threshold.
+    """Learn noise floors, mains and threshold from a recording without slip.
 
-    The threshold is set where a rate of false alarms is given; floors and mains are set where
-    evidence decides.
+    Noise floors and mains are set where evidence decides; the threshold is set where a rate of
+    false alarms is given.
 
     Parameters
     ----------
     options
-        Of the command.
+        The options of the command.
     chain
         The given chain.
     loader
-        Opens recordings for it.
+        Opens recordings for this chain.
 
     Raises
     ------
     ValueError
-        When the recording cannot be read, is too short, or there is nothing to learn of it; names
-        it.
+        When the recording cannot be read or is too short, or there is nothing to learn from it;
+        names it.
     """
     rate, by_evidence = options.false_alarms_per_hour, chain.decision == 'evidence'
     if rate is None and not by_evidence:
@@ -91,17 +91,17 @@ def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLo
     mains = find_mains(chain, track)
     lines.append(f'On {track.name}: {mains}')
     if mains.lines and not chain.mains_hz:
-        taken_off = _with_mains(chain, mains)
-        if taken_off is None:
+        without_hum = _with_mains(chain, mains)
+        if without_hum is None:
             lines.append(
-                f'mains_hz cannot take it off: it has no whole periods in rows of '
+                f'mains_hz cannot remove it: it has no whole periods in rows of '
                 f'{chain.sample_rate_hz:g} Hz; a stop-band can'
             )
         elif by_evidence:
-            chain = taken_off
+            chain = without_hum
             names.append('mains_hz')
         else:
-            lines.append(f'mains_hz: {mains.mains_hz:g} would take it off')
+            lines.append(f'mains_hz: {mains.mains_hz:g} would remove it')
     if by_evidence:
         floors = learnt_floors(chain, [track])
         chain = dataclasses.replace(
@@ -154,7 +154,7 @@ def _only(path: str, loader: RecordingLoader) -> tuple[Track, list[str]]:
 
 
 def _with_mains(chain: ChainConfig, mains: Mains) -> ChainConfig | None:
-    """Return the chain with a mains that is taken off; None where its rate does not allow it."""
+    """Return the chain that removes the mains; None where its sample rate does not allow it."""
     try:
         return dataclasses.replace(chain, mains_hz=mains.mains_hz)
     except ValueError:

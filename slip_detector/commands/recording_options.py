@@ -40,14 +40,14 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         '--field',
         metavar='PATH',
-        help='field of its messages with the channels, as position, pac or pillars[].fz '
+        help='field of its messages with the channels, such as position, pac or pillars[].fz '
         '(default: position of a JointState, data of a MultiArray)',
     )
     group.add_argument(
         '--labels',
         metavar='FILE',
         help='YAML file of the intervals with slip, or a folder of such files (default: '
-        'NAME.labels.yaml beside the recording, else what the recording itself says)',
+        'NAME.labels.yaml beside the recording, else the labels in the recording)',
     )
     group.add_argument(
         '--resample',

@@ -53,4 +53,4 @@ class Stopper:
         if self.stopped:
             raise KeyboardInterrupt
         self.stopped = True
-        sys.stderr.write('\nstopping; what was found is kept (once more: end at once)\n')
+        sys.stderr.write('\nstopping; results so far are kept (Ctrl-C again: end at once)\n')

@@ -57,7 +57,7 @@ from slip_detector.tuning.search import Point, search
 from slip_detector.tuning.tracks import Track, fingerprint
 from slip_detector.tuning.verdict import judge
 
-#: How many lines tell the progress of a search where no bar can be shown.
+#: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
 
 NEEDS_OPTUNA = "needs optuna, which is not installed: pip install 'slip_detector[tune]'"
@@ -112,16 +112,16 @@ class _Progress:
     Parameters
     ----------
     problem, study
-        Of the search.
+        The problem and the study of the search.
     total
-        Number of trials that the study is to have.
+        Number of trials that the study is to reach.
     """
 
     def __init__(self, problem: Problem, study: Any, total: int) -> None:
         self._problem, self._study, self._total = problem, study, total
         self._count = self._said = study.follow()
         self._lowest = np.inf
-        self._shown = 'none tells slip so far'
+        self._shown = 'none detects slip so far'
         self._bar = progress_bar(total, 'trial', self._count)
 
     def __call__(self, count: int) -> None:
@@ -198,7 +198,7 @@ def _run_search(
 
 
 def _listed(tracks: Sequence[Track]) -> str:
-    """Return the names of tracks, with the number of their slips and their length."""
+    """Return the names of tracks, with the number of all slips and the length of all."""
     n = sum(len(track.slips) for track in tracks)
     minutes = sum(track.duration_s for track in tracks) / 60.0
     names = ', '.join(track.name for track in tracks)

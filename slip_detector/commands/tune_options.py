@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument(
         '--trials', type=whole_number(1), default=TRIALS, metavar='N',
-        help='how many trials the study is to have, earlier runs counted (default: %(default)s)',
+        help='number of trials of the study, including earlier runs (default: %(default)s)',
     )  # fmt: skip
     add_worker_options(parser, 'search')
     parser.add_argument(
@@ -87,8 +87,8 @@ def _parser() -> argparse.ArgumentParser:
     quiet = parser.add_argument_group('learn from a recording, without a search')
     quiet.add_argument(
         '--quiet', metavar='RECORDING',
-        help='a recording without slip: its noise floors are learnt, where evidence decides, and '
-        'the mains is found that it has the lines of',
+        help='a recording without slip, in which mains hum is sought and, where evidence decides, '
+        'the noise floors are learnt',
     )  # fmt: skip
     quiet.add_argument(
         '--false-alarms-per-hour', type=_rate, metavar='R',
@@ -108,7 +108,7 @@ def _refuse(
     what: str,
     names: Sequence[str],
 ) -> None:
-    """End the process where one of some options is given beside another that searches nothing."""
+    """End the process where an option of the search is given with one that searches nothing."""
     for name in names:
         if getattr(options, name):
             word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'

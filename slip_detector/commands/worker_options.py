@@ -47,8 +47,8 @@ def add_worker_options(parser: argparse.ArgumentParser, what: str) -> None:
     )
     where.add_argument(
         '--cluster', metavar='ADDRESS',
-        help=f'scheduler of a Dask cluster whose workers {what}, as tcp://HOST:8786; they must '
-        'see the recordings under the same paths',
+        help=f'scheduler of a Dask cluster whose workers {what}, such as tcp://HOST:8786; they '
+        'must see the recordings under the same paths',
     )  # fmt: skip
 
 
@@ -79,7 +79,7 @@ def paths_for_workers(options: argparse.Namespace, paths: Sequence[str]) -> list
 
 
 def config_for_workers(options: argparse.Namespace, config: RecordingConfig) -> RecordingConfig:
-    """Return the configuration with the path of the labels as the workers need it.
+    """Return the configuration with a path of the labels that the workers can open.
 
     Examples
     --------

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Calls of one function with many arguments, in this process, in several or on a Dask cluster."""
+"""Calls one function with many arguments: in this process, in several or on a Dask cluster."""
 
 import gc
 import logging
@@ -32,11 +32,11 @@ from concurrent.futures import (
 from types import TracebackType
 from typing import Any, TypeVar
 
-#: After this number of deaths in a row, without a result between them, the calls are given up.
-#: Dask gives up a call with which more workers have died than its ``allowed-failures``, 3 as well.
+#: The calls are given up when worker processes have died this number of times in a row without a
+#: result. Dask's limit of its own is the number ``allowed-failures`` of each call, also 3.
 MOST_DEATHS = 3
 
-#: How long a scheduler may take to answer.
+#: Longest time in which a scheduler may answer.
 CONNECT_TIMEOUT_S = 10.0
 
 NEEDS_DISTRIBUTED = (
@@ -51,8 +51,8 @@ class Workers:
     """Calls a function with many arguments.
 
     It is a context manager: processes or connection are opened when the context is entered and
-    closed when it is left; calls that still run then are given up. The calls of a worker that dies
-    are made again by another.
+    closed when it is left; calls that still run then are given up. Another worker repeats the
+    calls of a worker that dies.
 
     Parameters
     ----------
@@ -105,9 +105,9 @@ class Workers:
             return
         results: Any = self._executor._result_queue  # type: ignore[attr-defined]
         self._executor.shutdown(wait=False, cancel_futures=True)
-        # A process that is ended while it writes its result leaves a part of it in the pipe. The
-        # executor's thread, for which the interpreter waits at its end, reads on as long as
-        # anybody can write the rest: that must not be this process.
+        # A process that is terminated while it writes its result leaves a part of it in the pipe.
+        # The executor's thread, which the interpreter joins at exit, waits for the rest until no
+        # process has the pipe open for writing: therefore this process closes its end.
         results._writer.close()
         mine = [one for one in multiprocessing.active_children() if one not in self._not_mine]
         for process in mine:
@@ -118,7 +118,7 @@ class Workers:
     def results(
         self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
     ) -> Iterator[tuple[int, Result]]:
-        """Yield the index of each argument and the result of its call, in the order of the ends.
+        """Yield the index of each argument and the result of its call, as the calls end.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ class Workers:
     ) -> dict['Future[Result]', int]:
         assert self._executor is not None
         calls = {}
-        # Ctrl-C goes to all processes of a terminal, but only this one shall react. A signal that
+        # Ctrl-C goes to all processes of a terminal, but only this one is to react. A signal that
         # is blocked while the others start stays blocked in them; here it is only delayed.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
@@ -189,14 +189,14 @@ class Workers:
         except (OSError, ValueError) as error:
             raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
         # Dask logs a traceback when a call is cancelled or the connection closes while a result is
-        # on its way. Who pressed Ctrl-C does not need it, and a lost cluster is reported anyway.
-        logging.getLogger('tornado.application').addFilter(_is_not_of_leaving)
+        # on its way. After Ctrl-C both are expected, and a lost cluster is reported as an error.
+        logging.getLogger('tornado.application').addFilter(_is_unexpected)
         self._executor = self._client.get_executor(pure=False)
         # The call killed its workers, or a worker lacks this package.
         self._given_up = (KilledWorker, ImportError)
 
 
-def _is_not_of_leaving(record: logging.LogRecord) -> bool:
+def _is_unexpected(record: logging.LogRecord) -> bool:
     return not (record.exc_info and isinstance(record.exc_info[1], (CancelledError, OSError)))
 
 
@@ -205,7 +205,8 @@ def _processes(jobs: int) -> ProcessPoolExecutor:
 
 
 def _begin() -> None:
-    # Garbage collection while the first call loads its modules would take a third of the start.
+    # Garbage collection while the first call loads its modules would take a third of the
+    # start-up time.
     gc.disable()
     _end_with_parent()
 

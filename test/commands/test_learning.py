@@ -108,7 +108,7 @@ def test_a_mains_without_whole_periods_is_told_and_not_written(folder, capsys):
         volts = recording['volts'] + np.sin(2 * np.pi * 50.0 * time_s)[:, np.newaxis]
     np.savez('other.npz', volts=volts, sample_rate_hz=377.7)
     run('--quiet', 'other.npz')
-    assert 'mains_hz cannot take it off' in capsys.readouterr().out
+    assert 'mains_hz cannot remove it' in capsys.readouterr().out
     assert ChainConfig.from_yaml('out.yaml').mains_hz == 0.0
 
 
@@ -139,4 +139,4 @@ def test_with_the_paper_s_decision_the_mains_is_told_and_only_the_threshold_writ
     given, written = given_and_written()
     assert written == dataclasses.replace(given, threshold=written.threshold)
     assert written.threshold != given.threshold
-    assert 'mains_hz: 60 would take it off' in capsys.readouterr().out
+    assert 'mains_hz: 60 would remove it' in capsys.readouterr().out
