@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from slip_detector.chain.settling import settling_rows
 from slip_detector.evaluation.chance import HALF
@@ -334,6 +333,9 @@ class Objective:
         late_ms = self._late_ms(sweep)[sweep.scored, at]
         if late_ms.size < 2:
             return math.inf
+        # Imported here: what is learnt of rest and of taps does without it.
+        from scipy import special
+
         t = float(special.stdtrit(late_ms.size - 1, 0.5 + CONFIDENCE / 2))
         return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
 

@@ -25,6 +25,7 @@ import io
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 
@@ -357,9 +358,10 @@ def in_its_own_process(name, words):
     return done.stdout
 
 
-def record(folder):
-    """Leave recordings with slip, and one without, where pages speak of ``bags``."""
-    folder.mkdir()
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    """Recordings with slip, and one without, which pages call ``bags``."""
+    folder = tmp_path_factory.mktemp('recorded')
     for scene_name in ('plate_400um', 'plate_440um', 'taps'):
         scene = load_scene(find_scene(scene_name), np.random.default_rng(0))
         samples = scene.read(10_000)
@@ -369,15 +371,18 @@ def record(folder):
             slip=samples.truth,
             sample_rate_hz=scene.sample_rate_hz,
         )
+    return folder
 
 
 @pytest.mark.timeout(1500)
 @pytest.mark.parametrize('path', list(pages_to_run()))
-def test_the_commands_and_programs_of_a_page_run_one_after_the_other(path, tmp_path, monkeypatch):
+def test_the_commands_and_programs_of_a_page_run_one_after_the_other(
+    path, bags, tmp_path, monkeypatch
+):
     work = tmp_path / 'work'
     work.mkdir()
     if '--record bags' not in path.read_text(encoding='utf-8'):
-        record(work / 'bags')
+        shutil.copytree(bags, work / 'bags')
     for block in blocks(path):
         if file_name(block):
             (work / file_name(block)).write_text(block.text, encoding='utf-8')

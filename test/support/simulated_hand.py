@@ -16,6 +16,7 @@
 
 import asyncio
 import contextlib
+import functools
 import queue
 import threading
 import time
@@ -32,6 +33,14 @@ from slip_detector.view.parameter_panel import Reading
 from slip_detector.view.server import Server
 
 
+@functools.cache
+def rows_of_scene(scene, seed):
+    """Return volts and truth of a whole scene, which many fingers play."""
+    source = open_source(DriverConfig(source='scene', scene=scene, seed=seed))
+    samples = source.read(round(source.duration_s * source.sample_rate_hz))
+    return samples.volts, samples.truth
+
+
 class SimulatedFinger:
     """A scene, or rows that are given, and a chain; what comes of them goes to a finger.
 
@@ -43,9 +52,7 @@ class SimulatedFinger:
         self.chain = LiveChain(finger.config, self._swap)
         self.at_ns = 1_000_000_000_000
         if rows is None:
-            source = open_source(DriverConfig(source='scene', scene=scene, seed=seed))
-            samples = source.read(round(source.duration_s * source.sample_rate_hz))
-            rows, truth = samples.volts, samples.truth
+            rows, truth = rows_of_scene(scene, seed)
         self.rows = np.asarray(rows, float)
         self.truth = np.zeros(len(self.rows), bool) if truth is None else np.asarray(truth, bool)
         self.played = 0
