@@ -14,8 +14,8 @@
 
 """The command ``slip_compile``: compiles in advance what Numba would compile at the first use.
 
-Numba keeps the result on disk, so one run after each installation is enough, by the user who runs
-the nodes.
+Numba keeps the result on disk, so one run after each installation is enough. It has to be by the
+user who runs the nodes, as the files may be in that user's cache.
 """
 
 import argparse

@@ -132,8 +132,8 @@ def learn_from_taps(options: Namespace, chain: ChainConfig, loader: RecordingLoa
     Raises
     ------
     ValueError
-        When a recording cannot be read, evidence does not decide, or knocks cannot be told from
-        slips.
+        When a recording cannot be read, evidence does not decide, or the steps of knocks and slips
+        are too similar.
     """
     if chain.decision != 'evidence':
         raise ValueError(

@@ -33,7 +33,7 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 #: The calls are given up when worker processes have died this number of times in a row without a
-#: result. Dask's limit of its own is the number ``allowed-failures`` of each call, also 3.
+#: result. Dask has a limit of its own for each call, ``allowed-failures``, which is 3 as well.
 MOST_DEATHS = 3
 
 #: Longest time in which a scheduler may answer.
@@ -77,7 +77,7 @@ class Workers:
         self._jobs, self._cluster = jobs, cluster
         self._executor: Executor | None = None
         self._given_up: tuple[type[BaseException], ...] = ()
-        self._not_mine = multiprocessing.active_children()
+        self._children_before = multiprocessing.active_children()
 
     @property
     def here(self) -> bool:
@@ -109,10 +109,11 @@ class Workers:
         # The executor's thread, which the interpreter joins at exit, waits for the rest until no
         # process has the pipe open for writing: therefore this process closes its end.
         results._writer.close()
-        mine = [one for one in multiprocessing.active_children() if one not in self._not_mine]
-        for process in mine:
+        children = multiprocessing.active_children()
+        own = [child for child in children if child not in self._children_before]
+        for process in own:
             process.terminate()
-        for process in mine:
+        for process in own:
             process.join()
 
     def results(

@@ -151,7 +151,7 @@ class RecordingLoader:
             return f'has no label {config.recording_truth_key}, there are: {there}; allowed: one'
         return (
             f'has no topic {config.recording_truth_topic} or {config.recording_position_topic} '
-            'that tells the slips, allowed: one'
+            'to label the slips, allowed: one'
         )
 
     def _rows(self, recording: Recording) -> Iterator[LabelledRows]:

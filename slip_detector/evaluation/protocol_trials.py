@@ -283,8 +283,8 @@ def evaluate_plates(
         except ValueError as error:
             raise ValueError(f'plate {plate}: {error}') from None
     return {
-        'plates': {plate: plate_figures(mine) for plate, mine in outcomes.items()},
-        'all': plate_figures([one for mine in outcomes.values() for one in mine]),
+        'plates': {plate: plate_figures(several) for plate, several in outcomes.items()},
+        'all': plate_figures([one for several in outcomes.values() for one in several]),
     }
 
 

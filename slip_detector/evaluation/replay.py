@@ -62,8 +62,8 @@ Floats = NDArray[np.float64]
 #: Number of values that the chain is given at a time, so that its results stay in the cache.
 BLOCK_VALUES = 131072
 
-#: Length of the block that begins with a slip. Most alarms rise within it; only until the alarm is
-#: the envelope needed.
+#: Length of the block that begins with a slip. Most alarms rise within it, and the envelope is not
+#: needed after the alarm.
 WATCHED_ROWS = 64
 
 

@@ -41,7 +41,7 @@ Floats = NDArray[np.float64]
 #: Default time from sample to command: somewhat more than the nodes take.
 TRANSPORT_S = 5e-3
 
-#: A command less than this after a sample counts as arriving with it: the rest is round-off.
+#: A command that arrives less than this after a sample arrives with it, but for round-off.
 ROUND_OFF_S = 1e-9
 
 

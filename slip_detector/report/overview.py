@@ -273,7 +273,7 @@ class Overview:
         low, high : ndarray of float32, shape (bins, c)
             NaN where the bin has no sample that is a number.
         codes : ndarray of uint8, shape (bins, s c)
-            Of each of s signals; see :func:`signal_codes`.
+            The codes of each of s signals; see :func:`signal_codes`.
         """
         n = -(-self.rows // self.bin_rows)
         low, high, codes = self._low[:n], self._high[:n], self._codes[:n]
@@ -371,7 +371,7 @@ class Overview:
         return np.empty((0, channels), np.float32), self._codes[:0]
 
     def _wanted(self, stop: int) -> RowNumbers:
-        """Return the places in the tail of the rows before row ``stop`` that are near a start."""
+        """Return the places, in the tail, of rows before row ``stop`` that are near a start."""
         first = self.rows - len(self._tail[0])
         rows = np.arange(first, stop)
         from_here = np.searchsorted(self._starts, rows + self._before, 'right')

@@ -15,7 +15,7 @@
 """Encodes the volts, levels and decisions of overviews for a report.
 
 For each recording the timeline reads a header, which is JSON, and one string of bytes, compressed
-and in base64. Bins are merged until all fit, so that a report stays small with any recordings.
+and in base64. Bins are merged until all fit, so that a report of long recordings stays small.
 Single rows are kept near events, first near false alarms, then near missed and late slips.
 
 The bytes are, in the order in which ``templates/report_data.js`` reads them:
@@ -57,7 +57,7 @@ MOST_BIN_CELLS, MOST_SNIPPET_CELLS = 2**20, 3 * 2**19
 #: Where one decision has more intervals than this, those less than a bin apart are joined.
 MOST_INTERVALS = 20_000
 
-#: The golden ratio: its first n multiples, modulo 1, are spread evenly over 0 to 1 for any n.
+#: The golden ratio less 1: its first n multiples, modulo 1, spread evenly over 0 to 1 for any n.
 GOLDEN = 0.5 * 5**0.5 - 0.5
 
 #: Code of a bin without samples, and the highest code of a channel's range. Finer steps would make
@@ -157,9 +157,9 @@ def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
     known = [(trial.costs, trial) for trial in trials if trial.costs is not None]
     costs = np.array([costs for costs, _ in known]).reshape(-1, 4)
     best = [
-        (mine, trial)
-        for mine, trial in known
-        if not np.any(np.all(costs <= mine, axis=1) & np.any(costs < mine, axis=1))
+        (own, trial)
+        for own, trial in known
+        if not np.any(np.all(costs <= own, axis=1) & np.any(costs < own, axis=1))
     ]
     return [trial for _, trial in sorted(best, key=lambda pair: pair[0])]
 
@@ -270,13 +270,13 @@ def pack_recording(
         'truth': None if truth is None else len(truth),
         'variants': [],
     }
-    for overview, mine in zip(variants, snippets, strict=True):
+    for overview, chosen in zip(variants, snippets, strict=True):
         slip = _joined(overview.slip, rows_of_bin)
         groups = {name: _joined(on, rows_of_bin) for name, on in overview.groups.items()}
         parts += [overview.bins(rows_of_bin)[2].T.tobytes(), _intervals(slip)]
         after_impact = _joined(overview.after_impact, rows_of_bin)
         parts += [_intervals(on) for on in (*groups.values(), after_impact)]
-        for snippet in mine:
+        for snippet in chosen:
             parts += [
                 _differences(_as_codes(snippet.volts, lowest, step)),
                 snippet.codes.T.tobytes(),
@@ -291,7 +291,7 @@ def pack_recording(
                     {'name': name, 'members': members, 'intervals': len(groups[name])}
                     for name, members in overview.config.groups.items()
                 ],
-                'snippets': [[snippet.start, len(snippet.codes)] for snippet in mine],
+                'snippets': [[snippet.start, len(snippet.codes)] for snippet in chosen],
                 'events': [_event(event) for event in overview.events],
             }
         )

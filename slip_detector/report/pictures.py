@@ -27,8 +27,8 @@ from matplotlib.figure import Figure
 
 from slip_detector.parameters.files import whole_file
 
-#: Colours that the colour-blind can tell apart (Okabe and Ito): blue, vermilion, green, purple,
-#: orange, sky blue, black.
+#: Colours that colour-blind readers can distinguish (Okabe and Ito): blue, vermilion, green,
+#: purple, orange, sky blue, black.
 COLORS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#000000')
 
 

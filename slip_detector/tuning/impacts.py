@@ -27,8 +27,8 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: A knock has a step above ``KNOCK`` times the noise. The noise is the size that ``NOISE_SHARE``
-#: of all steps stays below.
+#: A knock has a step above ``KNOCK`` times the noise: the step that ``NOISE_SHARE`` of all steps
+#: stays below.
 KNOCK = 4.0
 NOISE_SHARE = 0.9
 
@@ -188,7 +188,7 @@ def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> I
     Raises
     ------
     ValueError
-        When there are no knocks or no slips, or they cannot be told apart; with the numbers.
+        When there are no knocks or no slips, or their steps are too similar; gives the numbers.
 
     Examples
     --------

@@ -59,7 +59,7 @@ STRAYS_HZ = 0.5
 #: Distances from a line between which the noise beside it is measured.
 BESIDE_HZ = (1.0, 6.0)
 
-#: Below this frequency a line cannot be told from drift.
+#: Below this frequency a line cannot be distinguished from drift.
 LOWEST_LINE_HZ = 2.0
 
 

@@ -131,19 +131,19 @@ class CandidateFigures(NamedTuple):
 
 def _worse(
     name: str,
-    mine: float | None,
-    its: float | None,
+    figure: float | None,
+    other: float | None,
     unit: str = '',
     more_is_better: bool = False,
     step: float = EQUAL,
 ) -> list[str]:
     """Return a text where a figure is worse than another by more than a step, else nothing."""
-    if its is None:
+    if other is None:
         return []
-    if mine is None:
-        return [f'no {name} defined against {its:.4g}{unit}']
-    excess = its - mine if more_is_better else mine - its
-    return [f'{name} {mine:.4g} against {its:.4g}{unit}'] if excess > step else []
+    if figure is None:
+        return [f'no {name} defined against {other:.4g}{unit}']
+    excess = other - figure if more_is_better else figure - other
+    return [f'{name} {figure:.4g} against {other:.4g}{unit}'] if excess > step else []
 
 
 class Candidate(NamedTuple):
@@ -154,7 +154,8 @@ class Candidate(NamedTuple):
     chain : ChainConfig
     cost_ms : float
     error_ms : float
-        Half the confidence interval of the cost, by Student's t; large with few slips.
+        Half the confidence interval of the mean latency in the cost, by Student's t; large with
+        few slips.
     figures : CandidateFigures
     """
 

@@ -72,7 +72,7 @@ HOLD_S = (0.05, 1.0)
 #: or ones that follow the envelope, but not below the level learnt at rest.
 FLOORS = ('given', 'learnt', 'followed')
 
-#: The step that is an impact: the given one, none, or one that is larger than any of a slip.
+#: The step that is an impact: the given one, none, or one larger than any step of a slip.
 IMPACTS = ('given', 'none', 'above slips')
 
 #: The parameters of a point that only the decision ``mean``, or only ``evidence``, has.
@@ -169,7 +169,7 @@ class SearchSpace:
     def chain(self, point: dict[str, Any]) -> ChainConfig:
         """Return the chain of a point, with the given threshold and vote.
 
-        Where the chain's evidence cannot reach the given threshold, it is half the limit.
+        A given threshold that the chain's evidence cannot reach is replaced by half the limit.
 
         Raises
         ------
@@ -304,7 +304,8 @@ class SearchSpace:
     def _floors_of(self, chain: ChainConfig) -> str:
         """Return where the noise floors of a chain come from, one of :data:`FLOORS`.
 
-        A chain with the decision ``mean``, which has no noise floors, counts as ``learnt``.
+        Floors that are not the given ones belong to another sensor and are replaced by learnt
+        ones. Only whether they follow the envelope counts; with the decision ``mean`` they do not.
         """
         if 'given' in self._floors and chain.noise_floor == self._given.noise_floor:
             return 'given'
@@ -345,14 +346,14 @@ class SearchSpace:
             left_out |= {*OF_EVIDENCE}
         steps = []
         for name in point.keys() - left_out:
-            mine, its = point[name], other[name]
+            a, b = point[name], other[name]
             if name in ranges:
                 low, high = ranges[name]
-                steps.append(math.log(mine / its) / math.log(high / low))
+                steps.append(math.log(a / b) / math.log(high / low))
             elif name in spans:
-                steps.append((mine - its) / spans[name])
+                steps.append((a - b) / spans[name])
             else:
-                steps.append(float(mine != its))
+                steps.append(float(a != b))
         return math.hypot(*steps)
 
     def starts(self) -> list[dict[str, Any]]:

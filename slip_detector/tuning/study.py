@@ -15,7 +15,7 @@
 """The study of a search: the trials of all its workers, in one of Optuna's storages.
 
 A worker asks a copy of the study in memory for its next trial, and writes the finished trial to
-the storage in one piece. That is about ten times faster than to write each parameter, and a worker
+the storage in one piece. That is about ten times faster than writing each parameter, and a worker
 that is killed leaves no unfinished trial. Workers read each other's trials before the next one.
 """
 

@@ -115,7 +115,7 @@ def test_a_bag_without_labels_or_topic_says_what_is_missing(capsys, tmp_path):
     path = tmp_path / 'bags' / 'a.mcap'
     bag(path, truth=False)
     assert complaint(capsys, path) == (
-        f'{path}: has no topic slip_truth or platform_position that tells the slips, allowed: '
+        f'{path}: has no topic slip_truth or platform_position to label the slips, allowed: '
         'one, or a file of labels beside it, a.labels.yaml (--labels: elsewhere)'
     )
     assert '/voltages' in complaint(capsys, path, '--topic', 'nowhere')
