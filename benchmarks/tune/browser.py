@@ -37,6 +37,9 @@ FLAGS = (
 #: Milliseconds within which a page must have been drawn.
 PATIENCE_MS = 60_000.0
 
+#: How often a page is opened.
+OPENINGS = 3
+
 
 def why_no_browser() -> str:
     """Return why no page can be opened; empty where one can."""
@@ -67,10 +70,19 @@ def browser() -> Iterator[Any]:
 
 
 def ready_ms(path: Path) -> float:
-    """Open a report and return when its timeline was first drawn, from the start of loading."""
+    """Open a report and return when its timeline was first drawn, from the start of loading.
+
+    The least of some openings in one browser, each in a profile of its own.
+    """
     with browser() as running:
-        page = running.new_page(viewport={'width': 1280, 'height': 900})
-        page.goto(path.resolve().as_uri())
-        drawn = page.locator('html[data-ready-ms]')
-        drawn.wait_for(state='attached', timeout=PATIENCE_MS)
-        return float(drawn.get_attribute('data-ready-ms') or 'nan')
+        return min(_opening_ms(running, path) for _ in range(OPENINGS))
+
+
+def _opening_ms(running: Any, path: Path) -> float:
+    page = running.new_page(viewport={'width': 1280, 'height': 900})
+    page.goto(path.resolve().as_uri())
+    drawn = page.locator('html[data-ready-ms]')
+    drawn.wait_for(state='attached', timeout=PATIENCE_MS)
+    taken_ms = float(drawn.get_attribute('data-ready-ms') or 'nan')
+    page.close()
+    return taken_ms

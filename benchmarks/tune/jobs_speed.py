@@ -52,6 +52,9 @@ RECORDINGS, MINUTES = 4, 15.0
 
 ROUNDS = 2
 
+#: The shortest time of a round, this process's processor time, and the figures.
+Measured = tuple[float, float, dict[str, Any]]
+
 
 def measure_jobs(
     recordings: int = RECORDINGS,
@@ -78,14 +81,24 @@ def measure_jobs(
         'same': True,
     }
     hours = recordings * minutes / 60.0
-    for ending in FORMATS:
-        with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as parent:
+        folders = {ending: Path(parent) / ending for ending in FORMATS}
+        for ending, folder in folders.items():
+            folder.mkdir()
             for k in range(recordings):
-                write_labelled_noise(Path(folder) / f'{k}.{ending}', 60.0 * minutes)
-            on_disk = sum(path.stat().st_size for path in Path(folder).iterdir())
-            measured = [_evaluate(folder, number, rounds) for number in JOBS]
+                write_labelled_noise(folder / f'{k}.{ending}', 60.0 * minutes)
+        on_disk = {
+            ending: sum(path.stat().st_size for path in folder.iterdir())
+            for ending, folder in folders.items()
+        }
+        by_format: dict[str, list[Measured]] = {ending: [] for ending in FORMATS}
+        for number in JOBS:
+            with Workers(number) as workers:
+                for ending, folder in folders.items():
+                    by_format[ending].append(_evaluate(str(folder), workers, rounds))
+    for ending, measured in by_format.items():
         result[ending] = {
-            'bytes_per_hour': on_disk / hours,
+            'bytes_per_hour': on_disk[ending] / hours,
             'hours_per_s': {
                 str(number): hours / least_s
                 for number, (least_s, _, _) in zip(JOBS, measured, strict=True)
@@ -97,15 +110,14 @@ def measure_jobs(
     return result
 
 
-def _evaluate(folder: str, jobs: int, rounds: int) -> tuple[float, float, dict[str, Any]]:
-    """Return the shortest time of a round, this process's processor time, and the figures."""
+def _evaluate(folder: str, workers: Workers, rounds: int) -> Measured:
+    """Evaluate the recordings of a folder for some rounds."""
     evaluator = Evaluator(RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig()))
     least_s, processor_s = float('inf'), 0.0
-    with Workers(jobs) as workers:
-        evaluate([folder], evaluator, workers)
-        for _ in range(rounds):
-            start_s, processor_start_s = time.perf_counter(), time.process_time()
-            sets, _ = evaluate([folder], evaluator, workers)
-            least_s = min(least_s, time.perf_counter() - start_s)
-            processor_s += time.process_time() - processor_start_s
+    evaluate([folder], evaluator, workers)
+    for _ in range(rounds):
+        start_s, processor_start_s = time.perf_counter(), time.process_time()
+        sets, _ = evaluate([folder], evaluator, workers)
+        least_s = min(least_s, time.perf_counter() - start_s)
+        processor_s += time.process_time() - processor_start_s
     return least_s, processor_s, as_report(sets)
