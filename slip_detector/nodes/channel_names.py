@@ -12,20 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The names that all messages of an input give to its channels."""
+"""Checks that all messages of an input name the same channels."""
 
 from collections.abc import Sequence
 
 
 class ChannelNames:
-    """Takes the names of the first message as those of all.
+    """Refuses messages whose channel names differ from those of the first message.
 
     Parameters
     ----------
     channels
         Number of channels.
     names
-        The names, where they are known beforehand.
+        The names, if they are configured.
 
     Examples
     --------
@@ -41,7 +41,7 @@ class ChannelNames:
         self._names = list(names) or None
 
     def refusal(self, names: list[str]) -> str:
-        """Return why a message with these names is refused, or nothing where it is not."""
+        """Return why a message with these names is refused; empty if it is not."""
         if names == self._names:
             return ''
         if self._names is None and len(names) in (0, self._channels):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What wraps methods of a managed node: one thread at a time, and words for what fails."""
+"""Decorators for methods of a managed node: mutual exclusion, and errors that are reported."""
 
 import functools
 from collections.abc import Callable
@@ -30,7 +30,7 @@ def exclusive(
 ) -> Callable[Concatenate[Any, Arguments], Returned]:
     """Let only one thread at a time run the methods with this decorator.
 
-    The object has the lock as ``_lock``.
+    The lock is the object's attribute ``_lock``.
 
     Examples
     --------
@@ -56,9 +56,9 @@ def exclusive(
 
 
 def explained(method: Transition) -> Transition:
-    """Keep why a transition has failed as ``_failed``, and log it: rclpy drops the exception.
+    """Keep the error of a failed transition in ``_failed``, and log it: rclpy drops the exception.
 
-    With ``autostart`` the node reports it itself.
+    With ``autostart`` it is not logged, as the node's constructor raises it.
     """
 
     @functools.wraps(method)

@@ -58,11 +58,10 @@ RECORD_ROWS = 4096
 
 
 class SlipRecorder(Node):
-    """Subscribes to all topics of driver and detector and keeps what arrives, and when.
+    """Records all messages of driver and detector with their times of arrival.
 
-    Each message has the time at which the middleware of this process received it. Messages are
-    kept unread until the end, so that the work of this process does not count as latency of the
-    nodes.
+    These times come from the middleware of this process. Messages are deserialised only at the
+    end, so that the work of this process does not count as latency of the nodes.
 
     Attributes
     ----------
@@ -77,7 +76,7 @@ class SlipRecorder(Node):
     def __init__(self, config: DetectorConfig) -> None:
         super().__init__('recorder', namespace=NAMESPACE)
         self.latencies_s: list[float] = []
-        # For each topic the times of receipt and the messages.
+        # By topic, times of arrival and serialised messages.
         self._received: dict[str, list[tuple[int, bytes]]] = {}
         for topic in ('voltages', 'platform_position', 'slip_detector/envelope'):
             self._keep(JointState, topic, sensor_qos())
@@ -89,7 +88,7 @@ class SlipRecorder(Node):
         self._own_executor = SampleExecutor([self])
 
     def receive(self) -> None:
-        """Receive what has arrived, if anything has."""
+        """Receive the messages that have arrived, if any."""
         self._own_executor.spin_once(timeout_sec=SPIN_S)
 
     def stop(self) -> None:
@@ -97,11 +96,11 @@ class SlipRecorder(Node):
         self._own_executor.shutdown()
 
     def receives_all(self) -> bool:
-        """Return whether each decision has been received: the detector is up and connected."""
+        """Return whether a message of each decision has arrived: the detector is connected."""
         return all(self._received[topic] for topic in self.topics)
 
     def changes_of(self, topic: str) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return the times at which the state of a topic changed, and its states from then on."""
+        """Return the times at which the state of a topic changed, and the new states."""
         received = self._messages(topic, Bool)
         at_s = np.array([at_ns for at_ns, _ in received]) * 1e-9
         states = np.array([message.data for _, message in received], bool)
@@ -134,7 +133,7 @@ class SlipRecorder(Node):
             topic,
             keep,
             qos,
-            # No events are awaited, and waiting for them would wake the executor at each message.
+            # Without this, events, which are not needed, wake the executor at each message.
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
@@ -148,7 +147,7 @@ class SlipRecorder(Node):
 def play(
     arguments: argparse.Namespace, parameter_file: Path, duration_s: float
 ) -> tuple[SlipRecorder, DetectorConfig]:
-    """Run both nodes on a scene of this duration, and record what they publish."""
+    """Run both nodes on a scene, and record what they publish."""
     config = DetectorConfig.from_yaml(parameter_file)
     rclpy.init()
     recorder = SlipRecorder(config)
@@ -171,11 +170,11 @@ def play(
 
 
 def _demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, Any]:
-    """Compute the paper's figures of merit from what was received.
+    """Compute the paper's figures of merit from the received messages.
 
-    Delays are from the stamp of the last sample at which the plate still stood (Eq. 9) to the
-    receipt of the first ON after it, as a grasp controller would see them; None when there is no
-    such ON, or nothing moves.
+    A delay begins at the stamp of the last sample at which the plate still stood (Eq. 9) and ends
+    at the receipt of the first ON after it, as a grasp controller would see it. It is None if
+    there is no such ON, or nothing moves.
     """
     times_s = np.array(recorder.stamps_s)
     span_s = _motion_span_s(recorder)
@@ -212,10 +211,7 @@ def _demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, A
 
 
 def _motion_span_s(recorder: SlipRecorder) -> tuple[float, float] | None:
-    """Return when the plate started and stopped according to its position (Eq. 9).
-
-    It is None when nothing moves.
-    """
+    """Return when the plate started and stopped (Eq. 9); None if it did not move."""
     if not recorder.latencies_s:
         raise RuntimeError('no decision was received')
     moved = np.flatnonzero(np.diff(recorder.positions_m))

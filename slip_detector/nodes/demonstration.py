@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The shared parts of the demonstrations: node processes, and the exit code after errors."""
+"""What the demonstrations share: node processes, and the exit code after errors."""
 
 import os
 import subprocess
@@ -23,14 +23,14 @@ from collections.abc import Callable
 import rclpy
 from rclpy.executors import ExternalShutdownException
 
-#: Time that a node is given to end before it is killed.
+#: Time, in seconds, that a node is given to end before it is killed.
 END_TIMEOUT_S = 10.0
 
-#: Time that nodes are given to start: the first start compiles, on a small or busy machine for
-#: minutes.
+#: Time, in seconds, that nodes are given to start: the first start compiles the chain, which takes
+#: minutes on a small or busy machine.
 START_TIMEOUT_S = 600.0
 
-#: How long messages are still received after a node has ended.
+#: Time, in seconds, for which messages are still received after a node has ended.
 DRAIN_S = 0.5
 
 
@@ -44,7 +44,7 @@ class NodeProcesses:
     namespace
         Namespace of all nodes, so that their topics do not mix with those of a robot.
     receive
-        Receives messages for some hundredths of a second at most; called repeatedly during waits.
+        Receives messages, and returns within some hundredths of a second; called during waits.
     """
 
     def __init__(self, namespace: str, receive: Callable[[], None]) -> None:
@@ -110,7 +110,7 @@ class NodeProcesses:
             self._receive()
 
     def wait_for_end(self, executable: str, what: str, timeout_s: float) -> None:
-        """Receive messages until a node has ended, and then those that are still on their way.
+        """Receive messages until a node has ended, and then those that still arrive.
 
         Parameters
         ----------
@@ -141,9 +141,10 @@ def _ended(executable: str, code: int) -> str:
 
 
 def run_demonstration(name: str, demonstrate: Callable[[], None]) -> None:
-    """Run a demonstration; when it does not succeed, end the process.
+    """Run a demonstration; if it fails, end the process.
 
-    The exit code is 1 after an error, which is one line on stderr, and 130 after a signal.
+    The exit code is 1 after an error, which is printed as one line on stderr, and 130 after a
+    signal.
 
     Parameters
     ----------
@@ -152,7 +153,7 @@ def run_demonstration(name: str, demonstrate: Callable[[], None]) -> None:
     demonstrate
         Raises a ValueError, RuntimeError or OSError when it cannot go on.
     """
-    # Processes on one machine need no network.
+    # All processes are on this machine.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     try:
         demonstrate()
@@ -161,7 +162,7 @@ def run_demonstration(name: str, demonstrate: Callable[[], None]) -> None:
     except Exception as error:
         context = rclpy.get_default_context()
         if context.handle is not None and not context.ok():
-            sys.exit(130)  # A signal has shut rclpy down, and the error comes from that.
+            sys.exit(130)  # The error comes from a signal, which has shut rclpy down.
         if not isinstance(error, ValueError | RuntimeError | OSError):
             raise
         print(f'{name}: {error}', file=sys.stderr)

@@ -43,10 +43,11 @@ from slip_detector.nodes.silence import LOOKS, SilenceWatch
 from slip_detector.nodes.timers import Timers
 from slip_detector.parameters.detector import DetectorConfig
 
-#: Period at which the topic of another type of input is tried.
+#: Period, in seconds, at which a failed subscription to the input is tried again.
 LISTEN_S = 0.02
 
-#: Several publishers of a topic count as such for at least so long after they were heard in turns.
+#: Shortest time, in seconds, for which several publishers of a topic count as sending after they
+#: were heard in turns.
 SEVERAL_S = 1.0
 
 #: Parameters that have an effect only while the node starts.
@@ -54,13 +55,13 @@ FIXED = ('autostart',)
 
 
 class Detector(LifecycleNode):
-    """Runs the chain on each sample and publishes what changed.
+    """Runs the chain on each sample and publishes decisions that change.
 
     It is a managed node: *configure* builds the chain and the topics, *activate* subscribes to the
-    input. When inactive, it publishes nothing and has no subscription and no timer.
+    input. While inactive, it publishes nothing and has no subscription and no timer.
 
     One thread handles samples and timers, another one services, and a third one builds chains. A
-    lock protects what they share; filters are designed and chains are built without holding it.
+    lock protects the state that they share; it is not held while a chain is built.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ class Detector(LifecycleNode):
 
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_detector', allow_undeclared_parameters=True, cli_args=cli_args)
-        # The configuration of the parameters; the running one may be a moment behind.
+        # The configuration that was set last; the chain has it once its filters are built.
         self.config = declare(self, DetectorConfig, FIXED, cli_args)
         self._check(self.config)
         follow_changes(self, lambda: self.config, self._check, self._take)
@@ -156,10 +157,10 @@ class Detector(LifecycleNode):
 
     @exclusive
     def _listen(self) -> None:
-        """Subscribe to the input; if the topic cannot be had, try again.
+        """Subscribe to the input; if that fails, try again later.
 
-        A process can have a topic with one type only, and has it until the thread that waits for
-        samples has let go of the subscription before.
+        A process can use a topic with one type only: if the type was changed, that is until the
+        thread that waits for samples has released the previous subscription.
         """
         if self._senders is not None or not self._running_timers:
             return
@@ -178,7 +179,7 @@ class Detector(LifecycleNode):
         self._running_timers.stop('listen')
 
     def _listen_to_others(self) -> None:
-        """Notice another detector that publishes on the same topics, by its heartbeat."""
+        """Watch for the heartbeat of another detector that publishes on the same topics."""
         window_s = max(SEVERAL_S, 3 / self._running.heartbeat_hz)
         self._detectors = SenderWatch(
             self, Bool, 'slip_valid', lambda raw, info: self._on_slip_valid(info), window_s
@@ -203,12 +204,12 @@ class Detector(LifecycleNode):
         return bool(self.get_parameter('use_sim_time').value)
 
     def _now_ns(self) -> int:
-        """Return the time of the node's clock, or of the machine's, which is ten times faster."""
+        """Return the time of the node's clock; if it is the machine's, in a tenth of the time."""
         return self.get_clock().now().nanoseconds if self._replayed else time.time_ns()
 
     # Timers. A clock that is set back or not published must not stop the heartbeat, so only the
-    # timeout follows a replayed clock. A timer that another thread has just stopped may still be
-    # called.
+    # timeout follows a replayed clock. A timer may still be called just after another thread has
+    # stopped it: each callback checks whether the node is active.
 
     @exclusive
     def _beat(self) -> None:
@@ -216,7 +217,7 @@ class Detector(LifecycleNode):
             self._topics.beat()
 
     def _choose_clock(self) -> None:
-        """Let the timeout follow a replayed clock, or the machine's."""
+        """Let the timeout follow the replayed clock, or the machine's if there is none."""
         self._replayed = self._time_is_replayed()
         if self._input is not None:
             self._input.replayed = self._replayed
@@ -236,12 +237,12 @@ class Detector(LifecycleNode):
 
     @exclusive
     def _look_for_input(self) -> None:
-        """Withdraw the decisions when no samples arrive any more."""
+        """Withdraw the decisions if samples have stopped arriving."""
         if not self._running_timers:
             return
         now_ns = self._timeout_clock.now().nanoseconds
         lost = self._silence.is_lost(now_ns, self._running.input_timeout_s)
-        # The input may have been changed, and be silent since.
+        # `_last_row` is None, too, if the input was changed and has been silent since.
         if lost and (self._last_row is not None or self._topics.valid):
             self._events.note('silent', 'no input any more')
             self._topics.withdraw()
@@ -286,7 +287,7 @@ class Detector(LifecycleNode):
         Input(config)
 
     def _take(self, config: DetectorConfig) -> None:
-        """Use a new configuration, at once or when its chain has been built."""
+        """Use a new configuration, at once or when its chain is built."""
         self.config = config
         if self._outputs is not None and self._chain.change(config):
             self._swap()
@@ -297,7 +298,7 @@ class Detector(LifecycleNode):
 
     @exclusive
     def _swap(self) -> bool:
-        """Use the new chain, if it is ready, from the next row on; return whether it was."""
+        """Use the new chain from the next row on, if it is ready; return whether it was."""
         if self._outputs is None:
             return False
         before = self._running
@@ -307,7 +308,7 @@ class Detector(LifecycleNode):
         return True
 
     def _rearrange(self, before: DetectorConfig) -> None:
-        """Adapt everything to the configuration that the chain now has."""
+        """Adapt topics, timers and input to the configuration that the chain now has."""
         config = self._running
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
         self._health.configure(config)
@@ -325,7 +326,7 @@ class Detector(LifecycleNode):
             self._start_timer('beat')
         if self._replayed != self._time_is_replayed():
             self._choose_clock()
-            # Stamps by another clock are no gap.
+            # A step between two clocks is no gap in the input.
             self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
             self._start_timer('look')
         elif 'input_timeout_s' in differ:
@@ -348,7 +349,7 @@ class Detector(LifecycleNode):
     def _decide_on(
         self, source: Input, senders: SenderWatch, raw: bytes, info: dict[str, int | None]
     ) -> None:
-        """Check the samples of a message, run them through the chain, publish what changed."""
+        """Check the samples of a message, run them through the chain, publish what changes."""
         began_s = time.perf_counter()
         config = self._chain.config
         if not senders.accepts_message(info):
@@ -375,7 +376,7 @@ class Detector(LifecycleNode):
             self._drop('names', refusal)
             return
         if at_ns is None:
-            # Replayed samples without times of their own follow each other without gaps.
+            # Replayed samples without stamps are taken to have no gaps.
             at_ns = self._now_ns()
         else:
             arrival = self._stamp_grid.arrive(at_ns, n, number)
@@ -392,7 +393,7 @@ class Detector(LifecycleNode):
         self._last_row = rows[-1:]
         self._frame_id = frame_id
         if self._detectors.several:
-            pass  # What is published would be taken for the other one's.
+            pass  # Subscribers could not tell these decisions from the other detector's.
         elif len(rows) == 1:
             topics.announce(result.flags[0], at_ns, self._frame_id, settled=not unsettled)
         else:
@@ -402,7 +403,7 @@ class Detector(LifecycleNode):
                 topics.announce(flags, stamp_ns, self._frame_id, settled=i >= unsettled)
         age_s = (self._now_ns() - at_ns) * 1e-9
         if listened:
-            # The samples of other fingers in this process come first.
+            # Decisions of other fingers in this process must not wait for the envelope.
             put_off(self, functools.partial(self._show_envelope, at_ns, frame_id, result))
         self._heard_s = time.monotonic()
         spent_s = time.perf_counter() - began_s
@@ -410,12 +411,12 @@ class Detector(LifecycleNode):
 
     @exclusive
     def _show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
-        """Publish the levels of a sample, unless that has become one of other channels."""
+        """Publish the levels of a sample, unless the number of channels has changed since."""
         if self._running_timers and result.channels.shape[1] == self._running.channels:
             self._topics.show_envelope(at_ns, frame_id, result)
 
     def _mend(self, rows: NDArray[np.float64], arrival: Arrival) -> NDArray[np.float64]:
-        """Bridge a short gap with the last row; restart the chain after a long one."""
+        """Bridge a short gap with the last row, or restart the chain after a long one."""
         if arrival.missing and self._last_row is not None:
             missing = arrival.missing
             self._events.note(

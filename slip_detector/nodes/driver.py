@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The driver node: plays a source at its own pace, or passes on what a sensor sends."""
+"""The driver node: plays a source in time, or passes on the samples of a sensor."""
 
 import math
 import threading
@@ -36,30 +36,31 @@ from slip_detector.nodes.voltages import Voltages
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import Source, open_source
 
-#: Samples read from the source at a time.
+#: Number of samples that are read from the source at a time.
 READ_ROWS = 32
 
-#: A sample that is published later than this is logged, at most once a second.
+#: Delay of a sample, in seconds, above which a warning is logged, at most once a second.
 LATE_S = 0.05
 
-#: Period at which the driver checks for the subscribers that it waits for.
+#: Period, in seconds, at which the driver checks for the subscribers that it waits for.
 POLL_S = 0.02
 
-#: Period at which it checks whether everything has been played.
+#: Period, in seconds, at which the driver checks whether everything has been played.
 LOOK_S = 0.1
 
-#: A driver that has played everything stays for so long; no detector misses samples meanwhile.
+#: Time, in seconds, for which a driver stays after the last sample, so that subscribers receive
+#: it; shorter than the input timeout of a detector, which would report silence.
 LINGER_S = 0.2
 
 
 class Driver(Node):
     """Publishes each sample when it is due, however late the samples before it were.
 
-    Sample k is due at start + k / rate. A source that gives the times of its samples (its clock
-    may be wrong, and samples may be lost) has them published at these times.
+    Sample k is due at start + k / rate, or at its own time if the source gives the times of its
+    samples (its clock may be wrong, and samples may be lost).
 
-    A scene with an object takes its grip from ``grip_force``. Each of its samples is computed only
-    when it is due, so that it depends on all commands up to then.
+    A scene with an object takes the grip force from ``grip_force``. Each of its samples is
+    computed only when it is due, so that it depends on all commands up to then.
 
     The samples of a sensor (serial, udp) are published as they arrive.
 
@@ -109,7 +110,7 @@ class Driver(Node):
             self._say('grip', f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
 
     def _play_when_wanted(self, source: Source) -> Iterator[float]:
-        """Play once the awaited subscribers are there; yields when to be resumed."""
+        """Play once the awaited subscribers exist; yields when to be resumed."""
         yield from self._wait_for_subscribers()
         yield from self._play(source)
 
@@ -133,7 +134,7 @@ class Driver(Node):
 
     def _play(self, source: Source) -> Iterator[float]:
         """Play the source, repeatedly with ``loop``; yields when to be resumed."""
-        # The first read opens the file and loads compiled code: done before the clock starts.
+        # The first read opens the file and loads compiled code, so it comes before the start.
         ahead = None if source.has_object else source.read(READ_ROWS)
         # The samples of all drivers with the same rate are due at the same moments, so that the
         # detectors wake up once for all fingers.
@@ -171,13 +172,13 @@ class Driver(Node):
             source = open_source(self.config, repetition)
             gripped_n = None
         self.get_logger().info(f'played all {played} samples')
-        # Who has not received the last samples loses them when their publisher goes.
+        # A subscriber loses samples that it has not received when their publisher ends.
         yield time.monotonic() + LINGER_S
 
     def _moment(self) -> tuple[float, int]:
         """Return one moment on the clock of :func:`time.monotonic` and, in ns, on the node's.
 
-        The thread may be held up between the two: of some tries the quickest is taken.
+        As the thread may be held up between the two readings, the quickest of some tries is taken.
         """
 
         def read() -> tuple[float, float, int]:
@@ -199,10 +200,10 @@ class Driver(Node):
         names = list(source.channel_names)
         for i, volts in enumerate(samples.volts):
             due_s = start_s + taken_ns[i] * 1e-9 / self.config.rate
-            # Only the last sample of a batch is waited for: waking up is the most expensive part.
+            # Within a batch only the last sample is waited for: waking up costs most.
             if self._voltages.completed_by_next:
                 yield from self._wait(due_s)
-            # The truth applies to the samples after it, in a bag too, so it is published first.
+            # The truth applies to the samples that follow it, also in a bag, so it comes first.
             if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
                 self._last_truth = bool(samples.truth[i])
                 self._truth.publish(Bool(data=self._last_truth))
@@ -214,7 +215,7 @@ class Driver(Node):
                 )
 
     def _wait(self, due_s: float) -> Iterator[float]:
-        """Yield the time when a sample is due; warn when the driver is resumed much later."""
+        """Yield the time at which a sample is due; warn if the driver is resumed much later."""
         yield due_s
         late_s = time.monotonic() - due_s
         if late_s > LATE_S:
@@ -235,7 +236,7 @@ class Driver(Node):
 
 
 def drivers(arguments_of_each: list[list[str] | None]) -> list[Driver]:
-    """Make the drivers of a process and start them.
+    """Create the drivers of a process and start them.
 
     Parameters
     ----------
@@ -250,7 +251,7 @@ def drivers(arguments_of_each: list[list[str] | None]) -> list[Driver]:
         if scheduler.ended:
             raise ExternalShutdownException
 
-    # The timer also wakes the executor when the wake-up by a signal gets lost.
+    # The timer also wakes the executor if the wake-up by a signal was lost.
     made[0].create_timer(LOOK_S, look_for_end, clock=Clock(clock_type=ClockType.STEADY_TIME))
     scheduler.start()
     return made

@@ -12,13 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Events that are counted, and logged now and then."""
+"""Counts events, and logs them at a limited rate."""
 
 import time
 from collections import Counter
 from collections.abc import Callable
 
-#: Shortest time between two messages of the same kind on the log.
+#: Shortest time between two log messages of the same kind.
 LOG_PERIOD_NS = 1_000_000_000
 
 
@@ -28,9 +28,9 @@ class EventLog:
     Parameters
     ----------
     totals
-        How often each kind has happened; counted up here.
+        Number of events of each kind, which this class increases.
     log
-        Called with a line for the log.
+        Writes a line to the log.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class EventLog:
         self._logged_ns: dict[str, int] = {}
 
     def note(self, kind: str, what: str, count: int = 1) -> None:
-        """Count an event, or ``count`` of them, and log it unless its kind was logged just now."""
+        """Count an event, or several, and log it unless its kind was logged within a second."""
         self._totals[kind] += count
         now_ns = time.monotonic_ns()
         if now_ns - self._logged_ns.get(kind, -LOG_PERIOD_NS) >= LOG_PERIOD_NS:

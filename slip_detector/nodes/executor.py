@@ -29,31 +29,31 @@ from rclpy.timer import Timer
 
 from slip_detector.nodes.rclpy_internals import WaitSet, call_if_due, held, until_due_ns
 
-#: Number of messages of a topic taken in a row before other topics and timers have their turn.
+#: Most messages of a topic that are taken before other topics and timers have their turn.
 AT_MOST = 32
 
-#: What is put off waits until no message has come for so long, or until so many calls wait.
+#: Calls that are put off wait until no message has come for this time, or until this many wait.
 PAUSE_NS, MOST_PUT_OFF = 200_000, 64
 
-#: Period at which both threads check whether they have to end. On a signal rclpy first wakes all
-#: waits and then shuts the context down: a wait that begins in between is not woken.
+#: Period, in seconds, at which both threads check whether they have to end. On a signal rclpy
+#: first wakes all waits and then shuts the context down: a wait that begins in between goes on.
 LONGEST_WAIT_S = 0.5
 
-#: Longest time for which a running thread keeps another one waiting (Python's switch interval);
-#: the default is 5 ms.
+#: Python's switch interval, in seconds: the longest time for which a running thread keeps another
+#: one waiting. The default is 5 ms.
 SWITCH_S = 0.5e-3
 
 
 class SampleExecutor(SingleThreadedExecutor):
-    """Spins nodes whose subscriptions are busy and whose callbacks are plain functions.
+    """Spins nodes that receive many messages and whose callbacks are plain functions.
 
     For each message rclpy's executor gathers all entities of the nodes (a managed node has a
     dozen services), makes a task, a coroutine and a wait set, and wakes itself twice, which costs
     several times as much as the message. Here the spinning thread waits only for messages, until
     the next timer is due, and calls the callbacks of messages and timers directly.
 
-    A second thread leaves everything else to rclpy: services, events, guard conditions. However
-    long one of these takes, no message waits for it. What the callbacks of both threads use needs
+    In a second thread rclpy handles everything else: services, events, guard conditions. No
+    message waits for these, however long they take. State that callbacks of both threads use needs
     a lock.
 
     Parameters
@@ -65,8 +65,8 @@ class SampleExecutor(SingleThreadedExecutor):
     def __init__(self, nodes: Sequence[Node]) -> None:
         super().__init__(context=nodes[0].context)
         self._of_samples = nodes
-        # Whether entities were made or destroyed since they were gathered. Signals trigger the
-        # guard too.
+        # Whether entities were created or destroyed since they were gathered. The guard condition
+        # below ends a wait, also on a signal.
         self._changed = True
         self._guard_of_samples = SignalHandlerGuardCondition(self.context)
         self._held = ExitStack()
@@ -85,14 +85,14 @@ class SampleExecutor(SingleThreadedExecutor):
         return not isinstance(entity, Subscription | Timer) and bool(super().can_execute(entity))
 
     def wake(self) -> None:
-        """Gather the entities again, because a node has made or destroyed one."""
+        """Gather the entities again, because a node has created or destroyed one."""
         self._changed = True
         if not self._stop:
             self._guard_of_samples.trigger()
         super().wake()
 
     def put_off(self, call: Callable[[], object]) -> None:
-        """Call a function when no message waits; for callbacks that this executor calls."""
+        """Call a function once no message waits; may be used in callbacks of this executor."""
         self._put_off.append(call)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
@@ -101,14 +101,14 @@ class SampleExecutor(SingleThreadedExecutor):
         Parameters
         ----------
         timeout_sec
-            Longest time to wait; the method may return earlier without having called any.
+            Longest time to wait; the method may return earlier without calling a callback.
 
         Raises
         ------
         ExternalShutdownException
             When the context was shut down.
         Exception
-            That of a callback, in whichever thread it was raised.
+            An exception of a callback, of either thread.
         """
         if self._others is None:
             sys.setswitchinterval(SWITCH_S)
@@ -134,7 +134,7 @@ class SampleExecutor(SingleThreadedExecutor):
                     call()
             if time.monotonic_ns() < self._due_ns:
                 return
-        # Checking the context at each message would be a tenth of the cost.
+        # Checking the context at each message would add a tenth to the cost.
         if not receivers or time.monotonic_ns() >= self._due_ns or self._due_may_move:
             if self._failure is not None:
                 raise self._failure
@@ -147,20 +147,20 @@ class SampleExecutor(SingleThreadedExecutor):
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         """End the second thread, then shut rclpy's executor down.
 
-        After spinning, this has to be called before the interpreter ends, which must not happen
-        while a thread waits for the middleware.
+        It must be called before the interpreter ends, which must not happen while a thread waits
+        in the middleware.
         """
         self._stop = True
         if self._others is not None:
-            self.create_task(lambda: None)  # Ends the wait of the thread.
+            self.create_task(lambda: None)  # Ends the wait of the second thread.
             self._others.join(timeout_sec)
         self._held.close()
         self._guard_of_samples.destroy()
         return bool(super().shutdown(timeout_sec))
 
     def _gather(self) -> None:
-        """Collect all entities to wait for, and keep them from being destroyed meanwhile."""
-        self._changed = False  # Later changes are gathered the next time.
+        """Collect all entities to wait for, and keep them from being destroyed during a wait."""
+        self._changed = False  # Set first: a change during the gathering has to be seen, too.
         nodes = self._of_samples
         stack = ExitStack()
         subscriptions = held((each for node in nodes for each in node.subscriptions), stack)
@@ -169,7 +169,7 @@ class SampleExecutor(SingleThreadedExecutor):
         self._wait_set = WaitSet(subscriptions, guards, self.context, AT_MOST)
         self._held.close()
         self._held = stack
-        # A published clock may be set at any time.
+        # A published clock may jump at any time.
         self._due_may_move = any(
             timer.clock.clock_type == ClockType.ROS_TIME for timer in self._timers
         )
@@ -195,7 +195,7 @@ class SampleExecutor(SingleThreadedExecutor):
 
 
 def put_off(node: Node, call: Callable[[], object]) -> None:
-    """Call a function when no message waits; at once where another executor spins the node."""
+    """Call a function once no message waits; at once if another executor spins the node."""
     executor = node.executor
     if isinstance(executor, SampleExecutor):
         executor.put_off(call)

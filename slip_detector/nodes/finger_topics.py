@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics of one finger that is looked at, and what comes from them."""
+"""Receives the topics of one finger that a page shows."""
 
 import contextlib
 import functools
@@ -33,20 +33,20 @@ from slip_detector.nodes.polled_topics import PolledTopics
 from slip_detector.nodes.rclpy_internals import ROS_ERROR
 from slip_detector.view.hand import Finger
 
-#: Parameters on which depends what is subscribed to.
+#: Parameters on which the subscriptions depend.
 OF_TOPICS = ('channels', 'input_type', 'input_field', 'groups', 'publish_groups')
 
-#: Changes of a state that may wait until they are taken, and for rows.
+#: Most changes of a state that wait, in a queue until they are taken, and then for their rows.
 STATES = 1000
 
 
 class Topics(NamedTuple):
-    """Where a detector and its sensor publish.
+    """The topics on which a detector and its sensor publish.
 
     Attributes
     ----------
     namespace : str
-        That of the decisions, without a slash at the end.
+        Namespace of the decisions, without a slash at the end.
     voltages, truth, envelope : str
         Full names; ``voltages`` is empty while the detector has no input.
     """
@@ -58,11 +58,11 @@ class Topics(NamedTuple):
 
 
 class States:
-    """A state that changes, put beside the rows of a stream.
+    """Finds the state that belongs to each row of a stream, such as slip to levels.
 
-    A state and the rows are messages of one process. So the state of a row is the one that was
-    published last before it. Where a detector is busy its levels come after the next samples: then
-    a change stands a row or some before its own.
+    States and rows are published by the same process, so a row has the last state that was
+    published before it. A busy detector publishes levels late, after the decisions on the next
+    samples: then a change is found a few rows early.
 
     Examples
     --------
@@ -78,15 +78,15 @@ class States:
         self._changes: list[tuple[int, bool]] = []
 
     def change(self, state: bool, published_ns: int) -> None:
-        """Note a state, which may be the one before again."""
+        """Note a state, which may be the same as before."""
         if state != self.now:
             self._changes.append((published_ns, state))
         self.now = state
-        if len(self._changes) > STATES:  # No rows come.
+        if len(self._changes) > STATES:  # There have been no rows.
             self._before = self._changes.pop(0)[1]
 
     def beside(self, published_ns: Iterable[int]) -> NDArray[np.bool_]:
-        """Return the state of each row; those that changed later are kept for the next rows."""
+        """Return the state of each row; later changes are kept for the next rows."""
         rows_ns = np.fromiter(published_ns, np.int64)
         if not self._changes:
             return np.full(len(rows_ns), self._before)
@@ -101,12 +101,12 @@ class States:
 
 
 class FingerTopics:
-    """Subscribes to what a page shows of a finger, and keeps the finger up to date.
+    """Subscribes to the topics of a finger, and keeps the finger up to date.
 
     Parameters
     ----------
     node
-        Who subscribes.
+        The node that subscribes.
     finger
         The finger.
     names
@@ -123,7 +123,7 @@ class FingerTopics:
         self.subscribe(names)
 
     def subscribe(self, names: Topics) -> None:
-        """Subscribe, and no longer to what was subscribed to before."""
+        """Replace all subscriptions by those to these topics."""
         self._topics.close()
         self.names, self._config = names, self._finger.config
         config, topics, states = self._config, self._topics, state_qos(depth=STATES)
@@ -138,10 +138,10 @@ class FingerTopics:
             for g, name in enumerate(config.groups):
                 topics.add(Bool, f'{slip}/group/{name}', states, self._on_group(g))
         else:
-            self._finger.groups[:] = False  # What they said last would stay.
+            self._finger.groups[:] = False  # No message will change their last states.
 
     def _subscribe_to_samples(self, names: Topics) -> None:
-        """Subscribe to the input; where that cannot be had, the finger is shown without."""
+        """Subscribe to the input; if that fails, the finger is shown without volts."""
         kind, self._finger.no_volts = self._config.input_type, ''
         try:
             source = Input(self._config)
@@ -152,7 +152,7 @@ class FingerTopics:
         try:
             self._topics.add(source.message_class, names.voltages, sensor_qos(), take, raw=True)
         except ROS_ERROR:
-            # A process has a topic with one type only.
+            # A process can use a topic with one type only.
             self._finger.no_volts = (
                 f'no volts are shown: {names.voltages} was of a type other than {kind}'
             )
@@ -164,7 +164,7 @@ class FingerTopics:
         self._topics.close()
 
     def poll(self) -> None:
-        """Take what has come; subscribe otherwise where the detector's parameters need it."""
+        """Process received messages; subscribe again if the detector's parameters require it."""
         before, config = self._config, self._finger.config
         if config is not before:
             self._config = config
@@ -177,7 +177,7 @@ class FingerTopics:
             self._keep_levels()
 
     def _on_voltages(self, source: Input, raw: bytes, info: dict[str, Any]) -> None:
-        # One that does not fit is counted and told by the detector.
+        # A message that does not fit is counted and reported by the detector.
         with contextlib.suppress(ValueError):
             sample = source.read(raw, info)
             n, channels = sample.rows.shape
@@ -216,7 +216,7 @@ class FingerTopics:
         published_ns = [at_ns for at_ns, _ in self._samples]
         truth = self._truth.beside(published_ns)
         if len(rows) > len(counts):
-            # The stamp is that of the last row of a batch.
+            # The stamp of a batch is that of its last row.
             behind = np.concatenate([np.arange(n)[::-1] for n in counts])
             last_ns = np.repeat(last_ns, counts) - np.round(behind * period_ns).astype(np.int64)
             truth = np.repeat(truth, counts)
@@ -226,10 +226,10 @@ class FingerTopics:
         self._finger.track.take_samples(last_ns, rows, truth)
 
     def _keep_levels(self) -> None:
-        """Append what the detector says of the samples to the track."""
+        """Append the detector's levels and decisions to the track."""
         taken, self._levels = self._levels, []
         read = read_joint_states([raw for _, raw in taken], self._config.channels)
         slip = self._slip.beside(at_ns for at_ns, _ in taken)
-        # Where some were left out, as the number of channels has just changed, so are these.
+        # If the number of channels has just changed, some messages were not read: drop all.
         if len(read.stamps_ns) == len(taken):
             self._finger.track.take_levels(read.stamps_ns, read.position, read.effort > 0.0, slip)

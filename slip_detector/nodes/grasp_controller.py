@@ -32,18 +32,17 @@ from slip_detector.nodes.senders import publishing_nodes
 from slip_detector.parameters.conversion import listed, shown
 from slip_detector.parameters.grasp import JOINT_STATE, GraspConfig
 
-#: How many changes are kept while this node is busy, so that it misses none.
+#: Length of the queues, so that no change is missed while this node is busy.
 DEPTH = 100
 
-#: So many command periods at most count as passed between two commands. A stall of this node is
-#: longer: neither the gripper nor the detector knows of it.
+#: Most command periods that count as passed between two commands. A longer time is a stall of this
+#: node, of which neither the gripper nor the detector knows.
 PERIODS_COUNTED = 3
 
-#: Period of looking for another publisher of the commands.
+#: Period, in seconds, at which another publisher of the commands is looked for.
 OTHERS_S = 1.0
 
-#: Within ``deadline_s`` this node looks so often for what it has heard, but at most each
-#: ``SHORTEST_LOOK_S``.
+#: Number of checks for silence within ``deadline_s``, and their shortest period in seconds.
 LOOKS, SHORTEST_LOOK_S = 10, 1e-3
 
 
@@ -52,14 +51,14 @@ class GraspController(Node):
 
     ``slip`` is not relied on while ``slip_valid`` is false, nor when either topic has been silent
     for longer than ``deadline_s``: the detector may hang or have been killed, or the network may
-    be down. A stall of this node itself (a stopped process, a busy machine) is no silence: what
-    came meanwhile is still waiting. So silence is counted in looks of a timer, which after a stall
-    is called once, and not by the deadline of the middleware, which goes on.
+    be down. A stall of this node itself (a stopped process, a busy machine) is no silence, as
+    messages wait in the queues meanwhile. So silence is measured in calls of a timer, which is
+    called only once after a stall, and not by the deadline of the middleware.
 
     Parameters
     ----------
     cli_args
-        Arguments of ROS for this node, which go before those of the process.
+        ROS arguments for this node, which override those of the process.
     """
 
     def __init__(self, cli_args: list[str] | None = None) -> None:
@@ -68,12 +67,12 @@ class GraspController(Node):
         self._check_topic(config.command_topic)
         self._law = GraspLaw(config)
         self._slip = self._slip_valid = self._trusted = False
-        # Topics that are silent now, how many looks ago the others were heard, and whether both
-        # have ever been heard.
+        # Topics that are silent; for each topic, the number of checks since its last message; and
+        # whether both have been heard at the same time yet.
         self._silent = {'slip', 'slip_valid'}
         self._looks_ago = dict.fromkeys(self._silent, 0)
         self._heard = False
-        # Time for which this node has run, and when it was counted last.
+        # Time for which this node has run, and when it was last updated.
         self._ran_s, self._counted_s = 0.0, time.monotonic()
         self._command = self.create_publisher(
             JointState if config.command_type == JOINT_STATE else Float64MultiArray,
@@ -96,7 +95,7 @@ class GraspController(Node):
         )
 
     def _check_topic(self, name: str) -> None:
-        """Raise a ValueError if the commands cannot have a topic of this name."""
+        """Raise a ValueError if the commands cannot be published on a topic of this name."""
         said = f'parameter command_topic is {shown(name)}, allowed: '
         try:
             taken = {self.resolve_topic_name(topic) for topic in ('slip', 'slip_valid')}
@@ -164,7 +163,7 @@ class GraspController(Node):
             self._command.publish(self._command_of(force_n))
 
     def _command_of(self, force_n: float) -> JointState | Float64MultiArray:
-        """Return a force as the message that the gripper takes."""
+        """Return the gripper's message for a force."""
         config = self.config
         joints = list(config.command_joints)
         efforts = [config.command_factor * force_n] * len(joints)

@@ -12,20 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The grasp demonstration: a few objects played through the real nodes, and a table over many.
+"""The grasp demonstration: a few grasps played through the real nodes, and a table of many.
 
-The nodes run in real time, so the table over many seeds is computed by the same loop in simulated
-time (:mod:`slip_detector.grasp.loop`: the same scenes, chain and control law). The figures of the
-objects that were played through the nodes stand beside it.
+As the nodes run in real time, the table of many seeds is computed in simulated time
+(:mod:`slip_detector.grasp.loop`: the same scenes, chain and control law). It also has the figures
+of the grasps that were played through the nodes.
 
-``grasp.json`` is one object:
+``grasp.json`` is one JSON object:
 
 ``seeds``
     The seeds of the table.
 ``conditions``
     For each condition the figures of :func:`slip_detector.grasp.comparison.grasp_figures`.
 ``harder``
-    The same figures of the controller where something is harder for it, see
+    The same figures of the controller under harder conditions, see
     :data:`slip_detector.grasp.comparison.HARDER`.
 ``transport_ms``
     The delay from sample to command that the simulated loop assumes.
@@ -36,8 +36,8 @@ objects that were played through the nodes stand beside it.
     ``median`` and ``most`` through the nodes, from the stamp of the sample on which slip came on
     to the command that answered it; null when there was no slip.
 ``wanted``
-    For the controller and where it is harder: of each figure its ``value``, the ``bound`` as text
-    and whether it is ``met``.
+    For the controller, also under harder conditions: the ``value`` of each figure, its ``bound``
+    as text, and whether it is ``met``.
 """
 
 import argparse
@@ -75,11 +75,11 @@ from slip_detector.parameters.reading import check_sections
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.report.grasp_table import grasp_table
 
-#: Which object is drawn, if there are as many: of the seeds from 0 on, one that slips twice.
+#: Index of the object that is drawn, if there are as many; with the default seeds it slips twice.
 SHOWN = 2
 
 
-#: A larger number of objects is taken for a typing error.
+#: Most objects; a larger number is taken for a typing error.
 MOST_OBJECTS = 1000
 
 
@@ -138,7 +138,7 @@ def _through_nodes(
 
 
 def seed_range(text: str) -> range:
-    """Return the seeds of ``N``, those from 0 on, or of ``FIRST:LAST``, both included.
+    """Return the seeds that a text stands for: ``N`` seeds from 0, or ``FIRST:LAST`` inclusive.
 
     Raises
     ------

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Plays one grasp through the real nodes, three processes, and records what they publish."""
+"""Plays one grasp through the real nodes, in three processes, and records what they publish."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -36,21 +36,21 @@ EXECUTABLES = ('slip_detector', CONTROLLER, DRIVER)
 
 SPIN_S = 0.05
 
-#: A raise of the grip later than this after an onset is not the answer to it.
+#: Longest time, in seconds, from an onset to a raise of the grip that counts as the answer to it.
 ANSWER_S = 0.05
 
 Floats = NDArray[np.float64]
 
 
 class LiveGraspTrial(NamedTuple):
-    """What was received of one grasp; times are stamps, relative to the first sample.
+    """The messages received in one grasp; times are stamps, relative to the first sample.
 
     Attributes
     ----------
     position : ndarray, shape (n, 2)
-        Times and how far the object has moved in metres.
+        Times, and the distance that the object has slid in metres.
     command : ndarray, shape (m, 2)
-        Times and grip forces in newtons.
+        Times, and the commanded grip forces in newtons.
     onset_s : ndarray, shape (k,)
         Times of the samples on which slip came on.
 
@@ -66,14 +66,14 @@ class LiveGraspTrial(NamedTuple):
     onset_s: Floats
 
     def command_n(self, time_s: Floats) -> Floats:
-        """Return the grip that was commanded last at each time."""
+        """Return the latest commanded grip force at each time."""
         last = np.searchsorted(self.command[:, 0], time_s, side='right') - 1
         return np.asarray(self.command[np.maximum(last, 0), 1])
 
     def latencies_s(self) -> list[float]:
         """Return the time from the sample of each onset to the command that answered it.
 
-        An onset while the last raise still takes effect has no answer and is left out.
+        An onset during which the last raise still takes effect has no answer and is left out.
         """
         raised_s = self.command[1:, 0][np.diff(self.command[:, 1]) > 0.0]
         answers = [raised_s[raised_s > onset_s][:1] - onset_s for onset_s in self.onset_s]
@@ -98,19 +98,19 @@ class GraspRecorder(Node):
         self._own_executor.spin_once(timeout_sec=SPIN_S)
 
     def forget(self) -> None:
-        """Forget what was received, for a new trial."""
+        """Forget all messages, for a new trial."""
         self._begin_ns: int | None = None
         self._positions: list[tuple[int, float]] = []
         self._commands: list[tuple[int, float]] = []
         self._onsets_ns: list[int] = []
 
     def trial(self) -> LiveGraspTrial:
-        """Return what was received of the trial.
+        """Return the messages of the trial.
 
         Raises
         ------
         RuntimeError
-            When nothing was received.
+            When none were received.
         """
         begin_ns = self._begin_ns
         if begin_ns is None or not self._positions or not self._commands:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The state of the detector and of its input, in words for those who maintain the hand."""
+"""Sums up the state of the detector and of its input, in words for the hand's maintainers."""
 
 import math
 from collections import Counter
@@ -32,7 +32,7 @@ RATE_WARNING, RATE_ERROR = 0.02, 0.05
 #: Shares of the time spent on rows above which there is a warning, and an error.
 LOAD_WARNING, LOAD_ERROR = 0.5, 0.9
 
-#: How many names are listed; of more names only the number is given.
+#: Most names that are listed; of further ones only the number is given.
 LISTED = 8
 
 
@@ -64,14 +64,14 @@ class Status:
 
     name: str
     level: Level = Level.OK
-    #: What is wrong, and how bad it is.
+    #: Severity and description of everything that is wrong.
     complaints: list[tuple[Level, str]] = field(default_factory=list)
     values: dict[str, str] = field(default_factory=dict)
-    #: The message where nothing is wrong.
+    #: The message if nothing is wrong.
     all_well: str = ''
 
     def complain(self, level: Level, words: str) -> None:
-        """Note that something is wrong."""
+        """Add something that is wrong."""
         self.complaints.append((level, words))
         self.level = max(self.level, level)
 
@@ -83,14 +83,14 @@ class Status:
 
 
 class Health:
-    """Collects what happens to the rows, and sums it up when asked.
+    """Collects observations of the rows, and sums them up on request.
 
-    Collecting is done for each row and is cheap; everything is computed in the summary.
+    Rows are only collected when they come; the statistics are computed in the summary.
 
     Parameters
     ----------
     config
-        The detector's parameters, which say what the input should be.
+        The detector's parameters, which describe the expected input.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class Health:
 
     def __init__(self, config: DetectorConfig) -> None:
         self.config = config
-        #: The nodes that publish the input, and those that publish slip, where too many do.
+        #: The nodes that publish the input, and those that publish slip, if there are several.
         self.senders: Sequence[str] = ()
         self.detectors: Sequence[str] = ()
         #: Counts since the start, by kind of event.
@@ -112,7 +112,7 @@ class Health:
         self._totals_before: Counter[str] = Counter()
         self._rows: list[NDArray[np.float64]] = []
         self._valid: list[NDArray[np.bool_]] = []
-        # Stamps of the last sample that an earlier summary counted, and of the last sample.
+        # Stamps of the last sample before the present summary's, and of the last sample.
         self._stamp_before_ns: int | None = None
         self._stamp_ns: int | None = None
         self._rows_between = 0
@@ -120,7 +120,7 @@ class Health:
         self._ages_s: list[float] = []
 
     def configure(self, config: DetectorConfig) -> None:
-        """Go on with another configuration; rows of other channels are forgotten."""
+        """Take another configuration; if the number of channels changes, rows are dropped."""
         if config.channels != self.config.channels:
             self._rows, self._valid = [], []
         self.config = config
@@ -138,9 +138,9 @@ class Health:
         Parameters
         ----------
         rows, valid : ndarray, shape (n, channels)
-            Volts, and whether each of them is good.
+            Volts, and whether each of them is valid.
         stamp_ns
-            When the last row was sampled.
+            Stamp of the last row.
         age_s
             Time from that stamp to the decision, by the node's clock.
         spent_s
@@ -166,7 +166,7 @@ class Health:
     def summary(
         self, passed_s: float, *, silent_s: float, slip: bool, valid: bool
     ) -> list[Status]:
-        """Sum up what was noted since the last summary.
+        """Sum up the time since the last summary.
 
         Parameters
         ----------
@@ -304,7 +304,7 @@ class Health:
         return status
 
 
-#: Messages on events that were counted since the last summary, by kind of event.
+#: Messages on events since the last summary, by kind of event; the placeholder is their number.
 COMPLAINTS: Mapping[str, str] = {
     'bridged': '{} samples lost and bridged with the last one: check cable, network, load',
     'reset': 'restarted {} times: a long gap, or the clock of the samples was set',
@@ -314,7 +314,7 @@ COMPLAINTS: Mapping[str, str] = {
     'field': '{} samples dropped: input_field is not in them',
 }
 
-#: Names of the counts in the values of the status.
+#: Keys of the counts in the values of the input's status, by kind of event.
 COUNT_KEYS: Mapping[str, str] = {
     'bridged': 'lost and bridged',
     'reset': 'restarts',
@@ -325,10 +325,10 @@ COUNT_KEYS: Mapping[str, str] = {
     'senders': 'dropped, of several senders',
 }
 
-#: Names of the values that tell how old the samples are at their decision.
+#: Keys of the values on the age of the samples when the decision is published.
 AGE_KEYS = ('age of the samples, median [ms]', 'age of the samples, 99 % below [ms]')
 
-#: What to check, by what is wrong with a channel.
+#: Likely causes of a fault of a channel, by kind of fault.
 ADVICE: Mapping[str, str] = {
     'not a number': 'the sensor or its driver sends no value',
     'at the lower rail': 'unplugged, broken or overloaded?',

@@ -34,7 +34,7 @@ _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 
 
 class Input:
-    """Reads the rows of messages of ``input_type``, their stamps and, where there are, names.
+    """Reads rows, stamps and channel names, if any, from messages of ``input_type``.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ class Input:
     has_names : bool
         Whether the messages have the names of the channels, in the field ``name``.
     replayed : bool
-        Whether time is replayed from a bag. Then the time at which a message was published, as
-        the middleware gives it, is not the time at which its samples were taken.
+        Whether time is replayed from a bag. Then the time at which the middleware published a
+        message does not tell when its samples were taken.
 
     Raises
     ------
@@ -77,29 +77,29 @@ class Input:
         self.has_names = fields.get('name') == 'sequence<string>'
         self.replayed = False
         self._type = config.input_type
-        # Most sensors send such messages, one for each sample.
+        # The usual kind of input, one message for each sample, for which there is a faster reader.
         self._quick = self.message_class is JointState and config.input_field == 'position'
         self._reader: JointStateReader | None = None
 
     def read(self, raw: bytes, info: dict[str, int | None]) -> Sample:
         """Return the samples of a serialised message.
 
-        Their stamp is that of the header. Where the message has no header, or the stamp is 0, it
-        is the time at which the message was published; None where time is replayed. A loaded
-        machine publishes late, so only the number of such a message tells what was lost.
+        The stamp is that of the header. Without a header, or with the stamp 0, it is the time at
+        which the message was published, or None if time is replayed. As a busy machine publishes
+        late, lost messages are then noticed by the number of the message, not by its time.
 
         Parameters
         ----------
         raw
             The serialised message.
         info
-            What the middleware says of the message; ``source_timestamp`` and
+            The middleware's information on the message, of which ``source_timestamp`` and
             ``publication_sequence_number`` are used.
 
         Raises
         ------
         ValueError
-            When the message cannot be read or the field is not in it.
+            When the message cannot be read or does not have the field.
         """
         sample = None if self._reader is None else self._reader.read(raw)
         if sample is None:
@@ -115,7 +115,7 @@ class Input:
     def _read_whole(self, raw: bytes) -> Sample:
         try:
             message = deserialize_message(raw, self.message_class)
-        except RuntimeError:  # Its text names places in the middleware's code.
+        except RuntimeError:  # Its text speaks of the middleware's code.
             raise ValueError(f'a message is no {self._type}') from None
         rows = self._field(message)
         if self._quick:
@@ -133,8 +133,8 @@ class Input:
 def message_class(name: str) -> Any:
     """Return the class of a message type.
 
-    A module is imported only where the ament index has the type: no other one is a message's, and
-    what it runs is its own business.
+    A module is imported only if the ament index has the type: importing any other module would run
+    code that has nothing to do with messages.
 
     Parameters
     ----------
@@ -158,15 +158,15 @@ def message_class(name: str) -> Any:
             return getattr(module, match['name'])
     raise ValueError(
         f'parameter input_type is {name!r}, allowed: the name of an installed message type, '
-        'as sensor_msgs/msg/JointState'
+        'such as sensor_msgs/msg/JointState'
     )
 
 
 def _interfaces_of(package: str) -> set[str]:
-    """Return the interface files of a package in the ament index, as ``msg/JointState.msg``.
+    """Return the interface files of a package in the ament index, such as ``msg/JointState.msg``.
 
-    The index is in the folders of ``AMENT_PREFIX_PATH`` and where rclpy is installed: wheels set
-    no such variable.
+    The index is in the folders of ``AMENT_PREFIX_PATH``, and where rclpy is installed, as its
+    wheels do not set that variable.
     """
     prefixes = [Path(text) for text in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
     prefixes += Path(rclpy.__file__).parents[4:5]  # of lib/python3.12/site-packages/rclpy

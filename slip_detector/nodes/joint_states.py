@@ -26,38 +26,38 @@ from sensor_msgs.msg import JointState
 
 from slip_detector.nodes.messages import stamp_ns, time_message
 
-#: The first bytes of a message that was serialised with the least significant byte first.
+#: The first bytes of a message that is serialised as little-endian CDR.
 LITTLE_ENDIAN = b'\x00\x01'
 
-#: So many bytes say how a message was serialised; alignment counts from behind them.
+#: Length of the encapsulation header; alignment counts from its end.
 ENCAPSULATION_BYTES = 4
 
 STAMP = struct.Struct('<iI')
 
 LENGTH = struct.Struct('<I')
 
-#: Where the stamp ends and the texts begin.
+#: First byte after the stamp, where the texts begin.
 TEXTS = ENCAPSULATION_BYTES + STAMP.size
 
 DOUBLES = np.dtype('<f8')
 
 
 class Sample(NamedTuple):
-    """Samples of one message.
+    """The samples of one message.
 
     Attributes
     ----------
     rows : ndarray, shape (n, channels)
         Oldest first.
     stamp_ns : int or None
-        When the last one was taken; None: unknown.
+        Stamp of the last row; None: unknown.
     names : list of str
-        Names of the channels; empty where the message has none.
+        Names of the channels; empty if the message has none.
     frame_id : str
-        Frame of the fingertip, where the message has one.
+        Frame of the fingertip; empty if the message has none.
     number : int or None
-        Number of the message among those of its publisher, where the stamp is the time of
-        publication and the middleware numbers messages.
+        Number of the message among those of its publisher; None if the message has a stamp of its
+        own, or the middleware does not number messages.
 
     Examples
     --------
@@ -76,21 +76,21 @@ class Sample(NamedTuple):
 class JointStateReader:
     """Reads messages that differ from a first one in stamp and positions only.
 
-    Where the positions stand depends only on the texts and lengths before them. A message that
-    has the same ones, byte by byte, has its positions in the same place; the bytes of alignment
-    between them may have any value.
+    The offset of the positions depends only on the texts and lengths before them. A message in
+    which these are the same, byte by byte, has its positions at the same offset; padding bytes may
+    have any value.
 
     Parameters
     ----------
     raw
         The first message, serialised.
     message
-        The same message as rclpy has read it.
+        The same message, deserialised by rclpy.
 
     Raises
     ------
     ValueError
-        When it has no positions, or was not serialised as Fast DDS does it.
+        When it has no positions, or is not serialised as by Fast DDS.
 
     Examples
     --------
@@ -113,11 +113,11 @@ class JointStateReader:
         if not self._n or raw[self._begin : self._end] != message.position.tobytes():
             raise ValueError('the positions are not where they should be')
         self._wanted = self._fixed_bytes(raw)
-        # The same bytes with those of alignment between them, which mostly do not change either.
+        # The same bytes with the padding between them, which rarely changes: quicker to compare.
         self._as_before = raw[TEXTS : self._begin]
 
     def read(self, raw: bytes) -> Sample | None:
-        """Return the sample of a message; None: it differs in other fields too."""
+        """Return the sample of a message; None if the message differs in other fields, too."""
         if len(raw) < self._end or not raw.startswith(LITTLE_ENDIAN):
             return None
         between = raw[TEXTS : self._begin]
@@ -126,7 +126,7 @@ class JointStateReader:
                 return None
             self._as_before = between
         seconds, rest = STAMP.unpack_from(raw, ENCAPSULATION_BYTES)
-        # A copy that can be written to, and that begins where float64 may.
+        # A writable copy, aligned for float64.
         rows = np.ndarray((1, self._n), DOUBLES, bytearray(raw[self._begin : self._end]))
         return Sample(rows, seconds * 1_000_000_000 + rest, self._names, self._frame_id)
 
@@ -141,7 +141,7 @@ class JointStateWriter:
     Parameters
     ----------
     frame_id, names
-        The texts that all messages have.
+        Frame and joint names of all messages.
     efforts
         Whether they have efforts, one for each position.
 
@@ -162,9 +162,9 @@ class JointStateWriter:
         )
         message.header.frame_id = frame_id
         raw: bytes = serialize_message(message)
-        # After the positions come the number of velocities, 0, and the number of efforts.
+        # Between positions and efforts are the number of velocities, 0, and that of efforts.
         begin = 0
-        with contextlib.suppress(ValueError):  # of a middleware that serialises in another way
+        with contextlib.suppress(ValueError):  # The middleware serialises in another way.
             _, begin, _ = places_in(raw)
         end = begin + 8 * n
         self._position = slice(begin, end)
@@ -172,9 +172,9 @@ class JointStateWriter:
         found = raw[self._position] + raw[self._effort]
         self._raw: memoryview | None = None
         if raw.startswith(LITTLE_ENDIAN) and found == numbers[: n + n * efforts].tobytes():
-            # A view: as many bytes have to be written as there are, or it is an error.
+            # A memoryview: writing more or fewer bytes than a slice has is an error.
             self._raw = memoryview(bytearray(raw))
-        # For a middleware that serialises in another way.
+        # Published as it is if the middleware serialises in another way.
         self._message = message
 
     def written(
@@ -183,7 +183,7 @@ class JointStateWriter:
         position: NDArray[np.float64],
         effort: NDArray[np.float64] | None = None,
     ) -> bytes | JointState:
-        """Return a message that a publisher takes."""
+        """Return a message for a publisher, serialised if the format is known."""
         if self._raw is None:
             self._message.header.stamp = time_message(stamp_ns)
             self._message.position = position
@@ -197,7 +197,7 @@ class JointStateWriter:
 
 
 class JointStates(NamedTuple):
-    """Many messages that have as many positions as efforts, oldest first.
+    """The content of many messages with as many positions as efforts, oldest first.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ class JointStates(NamedTuple):
 
 
 def read_joint_states(raws: Sequence[bytes], joints: int) -> JointStates:
-    """Read many serialised messages at once; those of another number of joints are left out.
+    """Read many serialised messages at once; those with another number of joints are left out.
 
     Examples
     --------
@@ -226,7 +226,7 @@ def read_joint_states(raws: Sequence[bytes], joints: int) -> JointStates:
         return alike
     messages = []
     for raw in raws:
-        with contextlib.suppress(RuntimeError):  # It is no such message.
+        with contextlib.suppress(RuntimeError):  # It is not a JointState.
             message = deserialize_message(raw, JointState)
             if len(message.position) == len(message.effort) == joints:
                 messages.append(message)
@@ -238,7 +238,7 @@ def read_joint_states(raws: Sequence[bytes], joints: int) -> JointStates:
 
 
 def _read_alike(raws: Sequence[bytes], joints: int) -> JointStates | None:
-    """Read messages that differ in stamp and numbers only; None where they differ in more."""
+    """Read messages that differ in stamp and numbers only; None if they differ in more."""
     size = len(raws[0])
     if not all(len(raw) == size and raw.startswith(LITTLE_ENDIAN) for raw in raws):
         return None
@@ -247,7 +247,7 @@ def _read_alike(raws: Sequence[bytes], joints: int) -> JointStates | None:
     except ValueError:
         return None
     end = begin + DOUBLES.itemsize * n
-    # No velocities, and as many efforts.
+    # No velocities, and n efforts.
     counts = LENGTH.pack(0) + LENGTH.pack(n)
     effort_begin = end + len(counts)
     if n != joints or size < effort_begin + DOUBLES.itemsize * n:
@@ -271,25 +271,25 @@ def _read_alike(raws: Sequence[bytes], joints: int) -> JointStates | None:
 
 
 def places_in(raw: bytes) -> tuple[list[int], int, int]:
-    """Return where a serialised message has its texts and lengths, and its positions.
+    """Return the offsets of texts, lengths and positions in a serialised message.
 
-    The lengths are those in the message: a text as rclpy returns it may be shorter, as it ends at
-    the first zero.
+    They follow from the lengths in the message: a text that rclpy returns may be shorter, as it
+    ends at the first zero.
 
     Returns
     -------
     fixed : list of int
-        The bytes of frame, names, their lengths and the number of positions, without those of
-        alignment.
+        Offsets of the bytes of frame, names, their lengths and the number of positions, without
+        padding.
     begin : int
-        The first byte of the positions.
+        Offset of the first position.
     n : int
         Number of positions.
 
     Raises
     ------
     ValueError
-        When the message ends before.
+        When the message ends before the positions.
     """
     fixed: list[int] = []
     place = TEXTS

@@ -31,47 +31,47 @@ from slip_detector.view.hand import Finger
 from slip_detector.view.server import Server
 from slip_detector.view.taxels import drawn_positions, least_distance_m
 
-#: Markers are in this frame where the samples name none.
+#: Frame of the markers if the samples name none.
 NO_FRAME = 'fingertip'
 
-#: A view drops markers that are not repeated for so long: slip_view is gone.
+#: Lifetime of markers, in seconds: RViz drops them if slip_view no longer repeats them.
 LIFETIME_S = 2
 
-#: A channel's bar grows while its level doubles so often, up to the threshold, as on the page, and
-#: then by half as much again.
+#: A bar grows over this many octaves of the level below the threshold, as on the page, and above
+#: the threshold by at most this share more.
 OCTAVES, ABOVE = 5.0, 0.5
 
-#: In distances of the two closest channels: the width of a bar, of one that is ON, and the height
-#: of a bar at no level and at the threshold.
+#: In units of the least distance of two channels: width of a bar, and of one that is ON; height of
+#: a bar without level, and at the threshold.
 WIDTH, ON_WIDTH = 0.6, 0.95
 FLAT, TALL = 0.15, 1.15
 
-#: The state of a finger is written so high, in the same unit.
+#: Height of the text with the state of a finger, in the same unit.
 TEXT = 1.2
 
-#: How the text of a finger that slips begins.
+#: Beginning of the text of a finger that slips.
 SLIP = 'SLIP'
 
-#: Number of channels that are named as not valid.
+#: Most channels that are named as not valid, and most groups that are named as ON.
 MOST_NAMED = 4
 
-#: Red, green and blue: of a level the first at rest, the second at the threshold. They are those
-#: of the report and of the page, and differ in lightness too.
+#: Colours (red, green, blue) of a bar at rest and at the threshold, and of the other states. They
+#: are those of report and page, and differ in lightness, too.
 QUIET, NEAR = (0.925, 0.937, 0.945), (0.435, 0.490, 0.529)
 ON, NOT_VALID, DISABLED = (0.835, 0.369, 0.0), (0.612, 0.176, 0.471), (0.6, 0.6, 0.6)
 
 DISABLED_OPACITY = 0.4
 
-#: Markers of many fingers take long: they get this share of the time, the pages the rest.
+#: Largest share of the time that is spent on markers, so that the pages are not held up.
 SHARE = 0.2
 
 
 def finger_markers(finger: Finger) -> list[Marker]:
-    """Return the markers of one finger as it is now: a bar for each channel, and its state.
+    """Return the markers of one finger: a bar for each channel, and a text with its state.
 
-    A bar stands on the taxel's place: the higher the level, the higher the bar; one that is ON is
-    wider. A channel that is not valid is a cube, a disabled one a flat and half transparent disc.
-    The text has the number 0, a channel its own.
+    A bar stands at the taxel's position: the higher the level, the higher the bar; one that is ON
+    is wider. A channel that is not valid is a cube, a disabled one a flat and half transparent
+    disc. The text has the id 0, a channel its number.
 
     Examples
     --------
@@ -106,7 +106,7 @@ def finger_markers(finger: Finger) -> list[Marker]:
 
 
 class MarkersShown:
-    """Turns fingers into messages, and deletes what is there no more.
+    """Turns fingers into messages, and deletes markers of fingers that have gone.
 
     Examples
     --------
@@ -136,15 +136,15 @@ class MarkersShown:
 
 
 class MarkerTopic:
-    """Publishes the markers of all fingers on ``~/taxels``, while somebody subscribes.
+    """Publishes the markers of all fingers on ``~/taxels`` while it has subscribers.
 
     Parameters
     ----------
     node
         The node that publishes.
     server
-        With its ticks, at most 30 a second, the markers are published; as long as they are, it
-        watches all fingers.
+        The markers are published at its ticks, at most 30 a second; meanwhile it watches all
+        fingers.
     """
 
     def __init__(self, node: Node, server: Server) -> None:
@@ -172,7 +172,7 @@ class MarkerTopic:
 
 
 def _silence(finger: Finger) -> str:
-    """Return what does not come any more, in the words of the page; empty where all does."""
+    """Return what has stopped arriving, in the words of the page; empty if nothing has."""
     if finger.silent_words():
         return 'detector silent'
     silent_s = time.monotonic() - finger.sample_s
@@ -184,7 +184,7 @@ def _silence(finger: Finger) -> str:
 def _latest(finger: Finger) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the level of each channel over the threshold, and which are ON.
 
-    The level is NaN where it is not valid.
+    The level of a channel that is not valid is NaN.
     """
     levels = finger.track.levels
     if not len(levels):
@@ -196,20 +196,20 @@ def _latest(finger: Finger) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
 
 
 def _shares(level: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how much of their height bars have: 0 at rest, 1 at the threshold."""
+    """Return the heights of the bars: 0 at rest, 1 at the threshold."""
     with np.errstate(divide='ignore'):
         return np.clip(1.0 + np.log2(level) / OCTAVES, 0.0, 1.0 + ABOVE)
 
 
 def _state_words(finger: Finger, level: NDArray[np.float64]) -> str:
-    """Return how a finger is that is heard, in the words of the page."""
+    """Return the state of a finger that is not silent, in the words of the page."""
     config = finger.config
     words = 'rest'
     if not finger.valid:
         words = 'not valid'
     elif finger.slip:
         groups = [name for name, on in zip(config.groups, finger.groups, strict=True) if on]
-        words = f'{SLIP} {listed(groups, MOST_NAMED)}'.rstrip()  # Without publish_groups none is.
+        words = f'{SLIP} {listed(groups, MOST_NAMED)}'.rstrip()  # Without publish_groups no names.
     disabled = set(config.disabled_channels)
     names = [
         name
@@ -220,7 +220,7 @@ def _state_words(finger: Finger, level: NDArray[np.float64]) -> str:
 
 
 def _marker(finger: Finger, number: int, position: NDArray[np.float64]) -> Marker:
-    """Return a marker at a place, for the latest transform of its frame."""
+    """Return a marker at a position, which follows the transform of its frame."""
     marker = Marker(ns=finger.label, id=number, action=Marker.ADD, frame_locked=True)
     marker.header.frame_id = finger.frame_id or NO_FRAME
     marker.pose.orientation.w = 1.0
@@ -231,7 +231,7 @@ def _marker(finger: Finger, number: int, position: NDArray[np.float64]) -> Marke
 
 
 def _text(finger: Finger, positions: NDArray[np.float64], unit_m: float, words: str) -> Marker:
-    """Return the state of a finger as a text beyond its uppermost channels."""
+    """Return the state of a finger as a text above its uppermost channels."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     place = np.array([(low[0] + high[0]) / 2, high[1] + 2 * TEXT * unit_m, high[2]])
     marker = _marker(finger, 0, place)
@@ -243,7 +243,7 @@ def _text(finger: Finger, positions: NDArray[np.float64], unit_m: float, words: 
 
 
 def _shape(marker: Marker, kind: int, width_m: float, height_m: float) -> None:
-    """Let a marker be a solid that stands on its place."""
+    """Make a marker a solid that stands on its position."""
     marker.type = kind
     marker.scale.x = marker.scale.y = width_m
     marker.scale.z = height_m

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Quality of service and stamps of the nodes' topics."""
+"""Quality-of-service profiles of the nodes' topics, and conversion of stamps."""
 
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
@@ -95,7 +95,7 @@ def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
     depth
         Queue length, for a subscriber that may be busy and must not miss a change.
     deadline_s
-        Longest time between messages that is promised, or requested.
+        Longest time between messages that a publisher promises or a subscriber requests.
 
     Examples
     --------
@@ -114,9 +114,9 @@ def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
 def heartbeat_qos(deadline_s: float) -> QoSProfile:
     """Return the profile of states that are repeated.
 
-    A subscriber that requests the same times, or longer ones, is told when the messages stop
-    (deadline) and when no publisher is alive (liveliness). A publisher is alive while it
-    publishes: one that hangs is not.
+    A subscriber that requests the same times, or longer ones, gets an event when the messages stop
+    (deadline) and when no publisher is alive (liveliness). Only a publisher that publishes is
+    alive, not one that hangs.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The detector's publishers: decisions when they change; slip and slip_valid repeatedly too."""
+"""The detector's publishers: decisions are published on change, slip and slip_valid repeatedly."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ from slip_detector.nodes.messages import (
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, subscriber_counter
 from slip_detector.parameters.detector import DetectorConfig
 
-#: The longest silence of ``slip`` that is promised, in periods of the heartbeat.
+#: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
 
 #: Parameters on which the topics and the columns of the decisions depend.
@@ -52,18 +52,18 @@ TOPIC_PARAMETERS = (
 )
 
 
-#: A detector has at most so many topics of channels and groups: each is a publisher, which takes
-#: time, memory and a place in the lists of all nodes that can be reached.
+#: Most topics of channels, and most of groups: each is a publisher, which costs time and memory
+#: here and in all nodes that discover it.
 MOST_TOPICS = 1000
 
 
 def check_topics(node: Node, config: DetectorConfig) -> None:
-    """Check that the topics of channels and groups are not too many, and can be named so.
+    """Check the number of topics of channels and groups, and the lengths of their names.
 
     Raises
     ------
     ValueError
-        When they are, or a name is too long for a topic in the node's namespace.
+        When there are too many, or a name is too long for a topic in the node's namespace.
     """
     groups = list(config.groups) if config.publish_groups else []
     channels = config.names if config.publish_channels else ()
@@ -88,7 +88,7 @@ def check_topics(node: Node, config: DetectorConfig) -> None:
 
 
 class Outputs:
-    """The publishers of one configuration, and the decisions that were published last.
+    """The publishers of one configuration, and the latest decisions.
 
     Parameters
     ----------
@@ -97,22 +97,23 @@ class Outputs:
     config
         Its parameters.
     before
-        The outputs that these replace. Publishers that stay the same and what was decided go over
-        to these; the other publishers are destroyed when the new ones have said what holds.
+        The outputs that these replace. Decisions, and publishers that stay the same, are taken
+        over; the other publishers are destroyed once the new ones have published the present
+        state.
 
     Attributes
     ----------
     onsets : int
-        How many onsets were published.
+        Number of onsets that were published.
     envelope_subscribers : callable
-        Returns how many subscribe to the envelope.
+        Returns the number of subscribers to the envelope.
     """
 
     def __init__(
         self, node: Node, config: DetectorConfig, before: 'Outputs | None' = None
     ) -> None:
         self._node, self._config = node, config
-        # By topic and deadline: what is still here at the end is new, or was there before.
+        # By topic and deadline. Of `_before`, publishers that are used again are taken out.
         self._publishers: dict[tuple[str, int], Publisher] = {}
         self._before = {} if before is None else before._publishers
         self._new: list[Publisher] = []
@@ -127,8 +128,7 @@ class Outputs:
         channels = config.names if config.publish_channels else ()
         disabled = {channel - 1 for channel in config.disabled_channels}
         n_groups = len(config.groups)
-        # From a column of the result's flags to the publisher of its changes; slip, in column 0,
-        # is not among them.
+        # By column of the result's flags, the publisher of its changes; without slip, column 0.
         self._listeners: dict[int, Publisher] = {}
         for g, name in enumerate(groups):
             self._listeners[1 + g] = self._publisher(Bool, f'slip/group/{name}', state_qos())
@@ -161,7 +161,7 @@ class Outputs:
         self._publishers.clear()
 
     def _carried_to(self, config: DetectorConfig) -> NDArray[np.bool_]:
-        """Return what was decided last, in the columns of another configuration."""
+        """Return the latest decisions in the columns of another configuration."""
         groups, channels = list(self._config.groups), self._config.channels
         n_groups = len(config.groups)
         flags = np.zeros(1 + 2 * n_groups + 2 * config.channels, np.bool_)
@@ -170,7 +170,7 @@ class Outputs:
             if name in groups:
                 was = 1 + groups.index(name)
                 flags[[1 + g, 1 + n_groups + g]] = self._flags[[was, was + len(groups)]]
-        if channels == config.channels:  # else the channels are others
+        if channels == config.channels:  # Otherwise these are different channels.
             flags[1 + 2 * n_groups :] = self._flags[1 + 2 * len(groups) :]
         return flags
 
@@ -191,7 +191,7 @@ class Outputs:
     def announce(
         self, flags: NDArray[np.bool_], at_ns: int, frame_id: str, *, settled: bool = True
     ) -> None:
-        """Publish each decision on a sample that differs from the one before.
+        """Publish the decisions on a sample that differ from those on the sample before.
 
         Parameters
         ----------
@@ -200,8 +200,8 @@ class Outputs:
         at_ns, frame_id
             Stamp and frame of the sample.
         settled
-            Whether ``slip`` that comes ON is an onset; else a parameter was changed, and that may
-            be why.
+            Whether a change of ``slip`` to ON is an onset: shortly after a change of parameters it
+            may be a consequence of that.
         """
         flags_bytes = flags.tobytes()
         if flags_bytes == self._flags_bytes:
@@ -209,11 +209,10 @@ class Outputs:
         slip, was_on = flags_bytes[0], self._flags_bytes[0]
         before, self._flags, self._flags_bytes = self._flags, flags, flags_bytes
         valid = 1 in flags_bytes[self._can_vote]
-        if valid < self._valid:  # Before slip: the OFF that follows cannot be relied on.
+        if valid < self._valid:  # Before slip, as an OFF that follows cannot be relied on.
             self._slip_valid.publish(self._messages[valid])
-        if (
-            slip != was_on
-        ):  # Before NumPy looks for the others, which takes a tenth of the latency.
+        # Before NumPy searches for the others, which takes a tenth of the latency.
+        if slip != was_on:
             self._slip.publish(self._messages[slip])
         for column in np.flatnonzero(flags != before).tolist():
             publisher = self._listeners.get(column)
@@ -227,9 +226,9 @@ class Outputs:
         self._valid = valid
 
     def show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
-        """Publish the levels that are compared with the threshold, of the last row.
+        """Publish the levels of the last row, which are compared with the threshold.
 
-        A channel that is not valid has none: NaN stands for it.
+        The level of a channel that is not valid is NaN.
         """
         if self._writer is None or frame_id != self._frame_id:
             self._frame_id = frame_id
@@ -244,12 +243,11 @@ class Outputs:
         self._slip_valid.publish(self._messages[self._valid])
 
     def _publisher(self, message_type: Any, topic: str, qos: QoSProfile) -> Publisher:
-        """Return the publisher of before if it is the same, else create one.
+        """Return the same publisher of the outputs before, or else create one.
 
-        It has no callback for subscribers with an incompatible quality of service:
-
-        rclpy would check for such events each time the executor waits, which for 24 publishers
-        costs more than everything else together. Such a subscriber logs a warning anyway.
+        It has no callback for subscribers with an incompatible quality of service: rclpy would
+        check for such events each time the executor waits, which for 24 publishers costs more than
+        everything else together. Such a subscriber logs a warning anyway.
         """
         key = topic, qos.deadline.nanoseconds
         publisher = self._before.pop(key, None)

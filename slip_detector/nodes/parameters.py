@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Declares the fields of a configuration as ROS parameters and follows their changes."""
+"""Declares the fields of a configuration as ROS parameters, and applies their changes."""
 
 import dataclasses
 import itertools
@@ -49,17 +49,17 @@ def declare(
     Parameters
     ----------
     node, config_class
-        The node, and the configuration whose fields are declared on it.
+        The node, and the class of its configuration.
     fixed
         Fields that cannot be changed while the node runs; None: all.
     cli_args
-        ROS arguments for this node, beside those of the process.
+        ROS arguments for this node, in addition to those of the process.
 
     Raises
     ------
     ValueError
-        For an unknown name, a value that is not allowed, or a parameter file that is for nodes of
-        other names.
+        For an unknown name, a value that is not allowed, or a parameter file for nodes with other
+        names.
     """
     words = [*sys.argv, *(cli_args or [])]
     files = [path for option, path in itertools.pairwise(words) if option == '--params-file']
@@ -86,17 +86,17 @@ def follow_changes(
     check: Callable[[Any], None],
     take: Callable[[Any], None],
 ) -> None:
-    """Let the parameter services change a node's configuration, as a set or not at all.
+    """Let the parameter services change a node's configuration, all values of a request or none.
 
-    The node must allow undeclared parameters, so that a wrong name reaches the check, which has
-    the better message than rclpy, and so that groups can be added and deleted.
+    The node must allow undeclared parameters, so that groups can be added and deleted, and so that
+    a wrong name reaches the check here, whose message is clearer than rclpy's.
 
     Parameters
     ----------
     node
         The node, with its parameters declared.
     current
-        Returns the configuration that the parameters now have.
+        Returns the present configuration.
     check
         Raises a ValueError when a configuration, though valid, cannot be run.
     take
@@ -105,10 +105,11 @@ def follow_changes(
     refusal = ''
 
     def converted(parameters: list[Parameter]) -> list[Parameter]:
-        """Check the change, and convert numbers to their types: 1 becomes 1.0 in a real one.
+        """Check the change, and convert numbers to the types of their parameters, as 1 to 1.0.
 
-        rclpy then checks types and ranges itself, and does not say in a user's words what is
-        allowed. So of a change that is refused here it gets the present values, which pass.
+        rclpy checks types and ranges afterwards, with messages that do not tell what is allowed.
+        If the change is refused here, rclpy therefore gets the present values, which pass, and
+        `checked` returns the message from here.
         """
         nonlocal refusal
         refusal = ''
@@ -133,7 +134,8 @@ def follow_changes(
         config = changed(current(), parameters)
         for parameter in parameters:
             name = parameter.name
-            if name.startswith('groups.') and node.has_parameter(name):  # Not a new one's.
+            # rclpy declares a new group without a descriptor; a deleted one is gone.
+            if name.startswith('groups.') and node.has_parameter(name):
                 descriptor = _descriptor(type(config), name, parameter.value, read_only=False)
                 node.set_descriptor(name, descriptor)
         take(config)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Subscriptions whose messages are taken now and then, many at once, and not waited for."""
+"""Subscriptions that are polled, so that many messages are taken at once."""
 
 from collections.abc import Callable
 from typing import Any
@@ -24,15 +24,15 @@ from rclpy.subscription import Subscription
 
 from slip_detector.nodes.rclpy_internals import receiver
 
-#: Number of messages of a topic that are taken at once: more than a queue of samples holds.
+#: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
 AT_MOST = 2000
 
 
 class PolledTopics:
-    """The subscriptions of a node that nobody spins.
+    """The subscriptions of a node that is not spun.
 
-    To wait for each message, wake up and gather what has come costs several times as much as the
-    message. It is true while there are any subscriptions.
+    An executor that wakes up for each message costs several times as much as the message. The
+    object is true while it has subscriptions.
 
     Parameters
     ----------
@@ -57,13 +57,13 @@ class PolledTopics:
         *,
         raw: bool = False,
     ) -> None:
-        """Subscribe; each message goes to a function, which may ask for its information too."""
+        """Subscribe; ``take`` gets each message and, if it has a second argument, its info."""
         subscription = self._node.create_subscription(
             message_type,
             topic,
             take,
             qos,
-            # No events are awaited, and who waits for them would be woken at each message.
+            # Events are not needed, and would only cost time.
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=raw,
         )
@@ -71,7 +71,7 @@ class PolledTopics:
         self._receivers.append(receiver(subscription, AT_MOST))
 
     def poll(self) -> None:
-        """Pass on what has come, in the order in which the subscriptions were added."""
+        """Pass on received messages, in the order in which the subscriptions were added."""
         for receive in self._receivers:
             receive()
 

@@ -14,8 +14,8 @@
 
 """All uses of internals of rclpy, in one place.
 
-Each function says on which internals of Jazzy and Kilted it relies. When a distribution has
-changed one of them, a :class:`RuntimeError` names it; ``test_rclpy_internals.py`` checks each of
+Each function states the internals of Jazzy and Kilted that it relies on. If a distribution has
+changed one of them, a :class:`RuntimeError` names it; ``test_rclpy_internals.py`` checks all of
 them in the installed rclpy.
 """
 
@@ -45,7 +45,8 @@ from rclpy.timer import Timer
 
 Entity = TypeVar('Entity', Subscription, Timer, GuardCondition)
 
-#: Longest time for the shutdown of the middleware; normally it takes some hundredths of a second.
+#: Longest time, in seconds, for the shutdown of the middleware, which normally takes some
+#: hundredths of a second.
 SHUTDOWN_S = 0.4
 
 
@@ -67,25 +68,24 @@ def _internal(owner: Any, name: str) -> Any:
         ) from None
 
 
-#: What the library below rclpy raises, as for a name it does not take; only the implementation has
-#: it.
+#: The exception of the library below rclpy, raised for an invalid name, for example.
 ROS_ERROR: type[Exception] = _internal(rclpy_implementation, 'RCLError')
 
 
 def given_parameters(node: Node) -> dict[str, Parameter]:
     """Return the parameters that the user gave to a node, by name, declared or not.
 
-    rclpy returns them only for declared names, so that an unknown name would go unnoticed.
+    rclpy's own methods return only declared ones, so that an unknown name would go unnoticed.
     Relies on ``Node._parameter_overrides``, which ``Node.declare_parameter`` reads.
     """
     return dict(_internal(node, '_parameter_overrides'))
 
 
 def answer_impossible_transitions(node: LifecycleNode) -> None:
-    """Let requests for a transition that is impossible in the present state be refused.
+    """Refuse requests for a transition that is impossible in the present state.
 
-    In rclpy the error would end the process. Relies on ``LifecycleNode._service_change_state``,
-    the service, whose ``callback`` may be replaced.
+    In rclpy the error ends the process. Relies on ``LifecycleNode._service_change_state``, the
+    service, whose ``callback`` may be replaced.
     """
     service = _internal(node, '_service_change_state')
     change_state = _internal(service, 'callback')
@@ -102,17 +102,17 @@ def answer_impossible_transitions(node: LifecycleNode) -> None:
 
 
 def mend_parameter_services(node: Node) -> None:
-    """Answer two requests about parameters whose errors in rclpy would end the process.
+    """Answer two requests about parameters whose errors in rclpy end the process.
 
-    One sets a value of a type that does not exist: it is refused. The other asks the detector,
-    which takes names of groups that were not declared, for the type of such a one. Relies on
-    ``Service.srv_type``, and on ``Service.callback``, which may be replaced.
+    One sets a value of a type that does not exist, and is refused. The other asks for the type of
+    a parameter that is not declared, which the detector allows. Relies on ``Service.srv_type``,
+    and on ``Service.callback``, which may be replaced.
     """
 
     def types(
         request: GetParameterTypes.Request, response: GetParameterTypes.Response
     ) -> GetParameterTypes.Response:
-        # Of one that is not declared rclpy gives the member of the enumeration, not its number.
+        # For an undeclared parameter rclpy returns a member of the enumeration, not its number.
         with suppress(ParameterNotDeclaredException):
             found = [Parameter.Type(node.get_parameter_type(name)) for name in request.names]
             response.types = [each.value for each in found]
@@ -127,7 +127,7 @@ def mend_parameter_services(node: Node) -> None:
 
 
 def _refusing_types(take: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a callback that sets parameters, but refuses all where one's type does not exist."""
+    """Return a callback that sets parameters, but refuses all if the type of one is unknown."""
 
     def answer(request: Any, response: Any) -> Any:
         try:
@@ -146,11 +146,11 @@ def _refusing_types(take: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any
 
 
 def ignore_impossible_times(node: Node) -> None:
-    """Let times on ``/clock`` that no clock of ROS can have, as they are negative, be ignored.
+    """Ignore negative times on ``/clock``, which no ROS clock can have.
 
-    In rclpy the error would end the process. Relies on ``Node._time_source``, whose
-    ``clock_callback`` may be replaced, and on its ``_clock_sub``, the subscription or None, whose
-    ``callback`` may be replaced.
+    In rclpy the error ends the process. Relies on ``Node._time_source``, whose ``clock_callback``
+    may be replaced, and on its ``_clock_sub``, the subscription or None, whose ``callback`` may be
+    replaced.
     """
     source = _internal(node, '_time_source')
     take = _internal(source, 'clock_callback')
@@ -165,19 +165,19 @@ def ignore_impossible_times(node: Node) -> None:
                 throttle_duration_sec=1.0,
             )
 
-    source.clock_callback = take_if_possible  # for the subscription that use_sim_time makes later
+    source.clock_callback = take_if_possible  # For a later subscription, made by use_sim_time.
     subscription = _internal(source, '_clock_sub')
     if subscription is not None:
         subscription.callback = take_if_possible
 
 
 class WaitSet:
-    """Waits for the messages and guard conditions of a context, and for nothing else.
+    """Waits for messages and guard conditions only.
 
-    rclpy's executors gather all entities of all nodes each time. Relies on the ``WaitSet`` of
+    rclpy's executors gather all entities of all nodes at each wait. Relies on the ``WaitSet`` of
     ``rclpy.impl.implementation_singleton``, which takes the numbers of subscriptions, guard
     conditions, timers, clients, services and events, and the context; and on the ``handle`` of an
-    entity, whose ``pointer`` is in the list of those that are ready.
+    entity, whose ``pointer`` identifies it in the list of ready ones.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ class WaitSet:
     context
         The context of the entities.
     at_most
-        Number of messages of a subscription that are passed on in a row.
+        Most messages of a subscription that are passed on at once.
     """
 
     def __init__(
@@ -203,10 +203,10 @@ class WaitSet:
         self._receivers = {each.handle.pointer: receiver(each, at_most) for each in subscriptions}
 
     def wait(self, timeout_ns: int) -> list[Callable[[], None]]:
-        """Wait, at most for a given time, and return what passes the messages to the callbacks.
+        """Wait, at most for the given time, and return functions that handle the messages.
 
-        There is a function, see :func:`receiver`, for each subscription that has messages. A
-        triggered guard condition ends one wait only.
+        There is one for each subscription that has messages, see :func:`receiver`. A guard
+        condition that is triggered ends one wait only.
         """
         made = self._made
         made.clear_entities()
@@ -219,17 +219,17 @@ class WaitSet:
 
 
 def held(entities: Iterable[Entity], until: ExitStack) -> list[Entity]:
-    """Return those of the entities that still exist, and keep them from being destroyed.
+    """Return the entities that still exist, and keep them from being destroyed.
 
-    Another thread may destroy an entity at any time. Relies on its ``handle``, which exists as
-    long as it is entered as a context manager.
+    Another thread may destroy an entity at any time. Relies on its ``handle``, a context manager
+    that keeps it while entered.
 
     Parameters
     ----------
     entities
         Subscriptions, timers or guard conditions.
     until
-        When this is closed, the entities may be destroyed.
+        Once this is closed, the entities may be destroyed.
     """
     kept = []
     for entity in entities:
@@ -242,9 +242,9 @@ def held(entities: Iterable[Entity], until: ExitStack) -> list[Entity]:
 def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
     """Return a function that passes the messages of a subscription to its callback.
 
-    Relies on ``Subscription._callback_type``, which says whether the callback takes the
-    middleware's information too, and on ``take_message`` of the handle, which returns a message
-    and its information, or None.
+    Relies on ``Subscription._callback_type``, which tells whether the callback also takes the
+    middleware's information on the message, and on ``take_message`` of the handle, which returns a
+    message and this information, or None.
     """
     kind = _internal(subscription, '_callback_type')
     with_info = kind is subscription.CallbackType.WithMessageInfo
@@ -262,7 +262,7 @@ def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
 
 
 def send_request(client: Client, request: Any) -> int:
-    """Ask a service without waiting; return the number of the request.
+    """Send a request to a service without waiting; return the number of the request.
 
     Relies on ``send_request`` of the handle.
     """
@@ -272,10 +272,11 @@ def send_request(client: Client, request: Any) -> int:
 
 
 def take_answer(client: Client) -> tuple[int, Any] | None:
-    """Return the number of a request that has been answered, and the answer; None: there is none.
+    """Return the number of an answered request and its answer; None if there is none.
 
-    rclpy's executors gather all entities of a node for that. Relies on ``take_response`` of the
-    handle, which returns the header, with the ``request_id``, and the answer, or None twice.
+    With rclpy, an executor has to gather all entities of the node for that. Relies on
+    ``take_response`` of the handle, which returns the header, with the ``request_id``, and the
+    answer, or None twice.
     """
     with client.handle:
         header, answer = client.handle.take_response(client.srv_type.Response)
@@ -283,17 +284,17 @@ def take_answer(client: Client) -> tuple[int, Any] | None:
 
 
 def subscriber_counter(publisher: Publisher) -> Callable[[], int]:
-    """Return a function that counts the subscribers of a publisher, as long as that exists.
+    """Return a function that counts the subscribers of a publisher, which must still exist.
 
     rclpy's own method keeps the publisher from being destroyed meanwhile, which costs more than
-    counting. Relies on ``get_subscription_count`` of the handle.
+    the counting. Relies on ``get_subscription_count`` of the handle.
     """
     count: Callable[[], int] = publisher.handle.get_subscription_count
     return count
 
 
 def publisher_counter(subscription: Subscription) -> Callable[[], int]:
-    """Return a function that counts the publishers of a subscription, as long as that exists.
+    """Return a function that counts the publishers of a subscription, which must still exist.
 
     As :func:`subscriber_counter`; relies on ``get_publisher_count`` of the handle.
     """
@@ -304,18 +305,17 @@ def publisher_counter(subscription: Subscription) -> Callable[[], int]:
 def until_due_ns(timer: Timer) -> int | None:
     """Return the time until a timer is due; None for a timer that was cancelled.
 
-    Relies on ``time_until_next_call`` of the handle, which works for a timer that is :func:`held`
-    while another thread destroys it.
+    Relies on ``time_until_next_call`` of the handle, which works for a :func:`held` timer even if
+    another thread destroys it.
     """
     until_ns: int | None = timer.handle.time_until_next_call()
     return until_ns
 
 
 def call_if_due(timer: Timer) -> None:
-    """Call the callback of a timer that is due, and set when it is due next.
+    """Call the callback of a timer if it is due, and begin its next period.
 
-    Relies on ``is_timer_ready`` and ``call_timer`` of the handle, also for a timer that is
-    :func:`held`.
+    Relies on ``is_timer_ready`` and ``call_timer`` of the handle, also of a :func:`held` timer.
     """
     if timer.handle.is_timer_ready():
         timer.handle.call_timer()
@@ -325,7 +325,7 @@ def call_if_due(timer: Timer) -> None:
 def ignore_what_a_signal_leaves(initialised: Callable[[], bool]) -> None:
     """Do not print exceptions in destructors of rclpy's objects after a signal.
 
-    A signal shuts the context down in the middle of a call. Python would then print exceptions in
+    A signal shuts the context down in the middle of a call. Python then prints exceptions in
     destructors, which mean nothing to a user.
 
     Parameters
@@ -342,23 +342,23 @@ def ignore_what_a_signal_leaves(initialised: Callable[[], bool]) -> None:
 
 
 def shut_down(takedowns: Sequence[Callable[[], object]], code: int) -> None:
-    """Shut everything down, the context last; if it takes too long, leave with the exit code.
+    """Shut everything down, the context last; if this takes too long, end with the exit code.
 
-    The middleware sometimes hangs during its shutdown, which must not keep the process alive. The
-    alarm is for a hang in which no other thread of Python can run.
+    The middleware sometimes hangs during its shutdown, which must not keep the process alive. A
+    timer ends the process; the alarm does so if the hang keeps Python's threads from running.
 
     Parameters
     ----------
     takedowns
         Functions that shut down the executor and the nodes, in this order.
     code
-        Exit code of a process that has to leave before the shutdown is complete.
+        Exit code if the process has to end before the shutdown is complete.
     """
     bound = threading.Timer(SHUTDOWN_S, os._exit, (code,))
     bound.daemon = True
     bound.start()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    # Later than the timer even where a starved machine wakes its thread late.
+    # Later than the timer, even if a busy machine wakes its thread late.
     signal.setitimer(signal.ITIMER_REAL, 5 * SHUTDOWN_S)
     for takedown in takedowns:
         takedown()
@@ -368,8 +368,8 @@ def shut_down(takedowns: Sequence[Callable[[], object]], code: int) -> None:
 def leave(code: int) -> NoReturn:
     """End the process at once.
 
-    The normal end of the interpreter and the libraries takes up to a second, may hang, and does
-    nothing that the shutdown of rclpy has not done already.
+    The normal end of the interpreter takes up to a second, may hang in a library, and does nothing
+    that the shutdown of rclpy has not done already.
     """
     sys.stdout.flush()
     sys.stderr.flush()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs a node as a process that ends silently on signals and with one line on errors."""
+"""Runs nodes in a process that ends silently on signals and with one line on errors."""
 
 import gc
 import os
@@ -24,10 +24,10 @@ from itertools import pairwise
 from pathlib import PurePath
 from typing import Any, NoReturn
 
-#: What a ROS namespace may be named; longer ones are too long for the names of topics in it.
+#: Allowed names of namespaces; the length leaves room for the names of topics.
 NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
 
-#: The options beside those of ROS; each is followed by a list with commas.
+#: Options that are not of ROS; each is followed by a list separated by commas.
 OPTIONS = ('--fingers', '--configs')
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
@@ -36,11 +36,11 @@ EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 def run(executable: str) -> int:
     """Spin the nodes of an executable until they end or a signal arrives.
 
-    There is one node, or with ``--fingers`` one in each of the namespaces that it names, and of
-    the detector with ``--configs`` one for each parameter file; all are in one process.
+    There is one node; with ``--fingers`` one in each of these namespaces; of the detector with
+    ``--configs`` one for each parameter file. All run in this process.
 
-    Slow imports come after the signal handlers are set, because otherwise a signal during start-up
-    would end in a traceback.
+    Slow imports come after the signal handlers are set: otherwise a signal during start-up ends in
+    a traceback.
 
     Returns
     -------
@@ -52,9 +52,9 @@ def run(executable: str) -> int:
     code = 0
 
     def on_signal(*_: Any) -> None:
-        # Before rclpy is initialised there is nothing to clean up, and an exception could break an
-        # import off. Later rclpy's own handler runs before this one and ends the spinning; a node
-        # that still compiles would take up to minutes to get there, and has published nothing.
+        # Before rclpy is initialised there is nothing to clean up, and an exception could break
+        # an import. Later rclpy's own handler runs before this one and ends the spinning; a node
+        # that still compiles would take minutes to reach that point, and has published nothing.
         if not initialised or (compiles and not takedowns):
             os._exit(0)
 
@@ -64,7 +64,7 @@ def run(executable: str) -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
-    # What is made until the nodes run stays: the garbage collector need not look at it.
+    # Objects made during start-up live until the end: the garbage collector need not check them.
     gc.disable()
     import rclpy
     from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -97,14 +97,14 @@ def run(executable: str) -> int:
         gc.enable()
         executor: Executor
         if executable == 'grasp_controller':
-            # Its messages and its timers must be handled in one thread.
+            # It takes few messages, and has no lock: all its callbacks run in one thread.
             executor = SingleThreadedExecutor()
             for node in nodes:
                 executor.add_node(node)
         else:
             executor = SampleExecutor(nodes)
             takedowns.insert(0, executor.shutdown)
-        while True:  # It ends with an ExternalShutdownException.
+        while True:  # Ends with an ExternalShutdownException.
             executor.spin_once(timeout_sec=LONGEST_WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -112,7 +112,7 @@ def run(executable: str) -> int:
         print(f'{executable}: {error}', file=sys.stderr)
         code = 1
     except Exception as error:
-        # rcl cannot read a parameter file or an argument, or make a node of such a name.
+        # rcl refuses a parameter file, an argument or the name of a node.
         if not initialised or (not takedowns and isinstance(error, ROS_ERROR)):
             print(f'{executable}: {" ".join(str(error).split())}', file=sys.stderr)
             code = 1
@@ -121,7 +121,7 @@ def run(executable: str) -> int:
             raise
         # Otherwise a signal has shut the context down during a call, which is a normal end.
     finally:
-        # A second signal (ros2 launch sends two) must not interrupt the clean-up.
+        # A second signal (ros2 launch sends two) must not interrupt the shutdown.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
         shut_down(takedowns, code)
@@ -141,7 +141,7 @@ def _check_files(words: list[str]) -> None:
 
 
 def _listed(option: str, words: list[str]) -> list[str] | None:
-    """Return the items with commas between them that follow an option; None without the option."""
+    """Return the list, separated by commas, that follows an option; None without the option."""
     if option not in words:
         return None
     text = ''.join(words[words.index(option) + 1 :][:1])
@@ -152,7 +152,7 @@ def _listed(option: str, words: list[str]) -> list[str] | None:
 
 
 def _check_words(ours: list[str]) -> None:
-    """Refuse a word that is no option; a typing error would start a node unlike the one meant."""
+    """Refuse unknown options: a typing error would start a node other than the one meant."""
     words = ours[1:]
     while words:
         if words[0] not in OPTIONS:
@@ -165,11 +165,11 @@ def _check_words(ours: list[str]) -> None:
 
 
 def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | None]:
-    """Return the ROS arguments of each node, where there may be several.
+    """Return the ROS arguments of each node.
 
-    ``--fingers`` puts a node into a namespace for each finger. ``--configs`` puts one into a
-    namespace below that for each parameter file, named like the file; all of a finger receive the
-    same ``voltages``.
+    ``--fingers`` gives a node in the namespace of each finger. ``--configs`` gives, below that, a
+    node for each parameter file, in a namespace named after the file; all nodes of a finger
+    receive the same ``voltages``.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
     Raises
     ------
     ValueError
-        When names are missing or not different, or a file's name cannot be that of a namespace.
+        When names are missing or not different, or a file's name is not allowed as a namespace.
     """
     fingers, configs = _listed('--fingers', ours), _listed('--configs', ours)
     if fingers is None and configs is None:
@@ -190,7 +190,7 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
                 f'--fingers has {finger!r}, allowed: up to 64 letters, digits and single _, no '
                 'digit first, as each is a namespace'
             )
-    # A namespace of the whole process is put before the others, which would replace it.
+    # A namespace given for the whole process would be replaced by the others: put it before them.
     whole = [word.partition(':=')[2] for word in words if word.startswith('__ns:=')]
     hand = whole[-1].strip('/') if whole else ''
     above = ['/' + '/'.join(filter(None, (hand, finger))) for finger in fingers or ['']]
@@ -213,7 +213,7 @@ def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | No
 
 
 def _maker(executable: str, on_compiling: Callable[[], None]) -> Callable[[list[Any]], list[Any]]:
-    """Return the function that makes the nodes of an executable from the arguments of each."""
+    """Return the function that creates an executable's nodes from the arguments of each."""
     if executable == 'grasp_controller':
         from slip_detector.nodes.grasp_controller import GraspController
 
@@ -229,7 +229,7 @@ def _maker(executable: str, on_compiling: Callable[[], None]) -> Callable[[list[
     from slip_detector.chain.warm_up import compile_chain
     from slip_detector.nodes.detector import Detector
 
-    compile_chain()  # here, where a signal ends the process at once
+    compile_chain()  # Before the first node, as a signal then ends the process at once.
 
     def detectors(of_each: list[list[str] | None]) -> list[Detector]:
         made = []
@@ -238,7 +238,7 @@ def _maker(executable: str, on_compiling: Callable[[], None]) -> Callable[[list[
                 made.append(Detector(arguments))
             except ValueError as error:
                 path = arguments[-1] if arguments and '--params-file' in arguments else ''
-                # What is wrong with the sections of a file names it already.
+                # An error in the sections of a file names the file already.
                 if not path or str(error).startswith(f'{path}: '):
                     raise
                 raise ValueError(f'{path}: {error}') from error
@@ -257,7 +257,7 @@ def log_compiling(executable: str, begins: Callable[[], None] = lambda: None) ->
 
     def say(module: str) -> None:
         begins()
-        gc.enable()  # Compiling leaves garbage.
+        gc.enable()  # Compiling leaves garbage to collect.
         subpackage = module.rpartition('.')[0]
         if subpackage not in said:
             said.add(subpackage)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The threads in which the drivers of a process publish; another one spins their nodes."""
+"""The threads in which the drivers of a process publish; the main thread spins their nodes."""
 
 import threading
 import time
@@ -99,7 +99,7 @@ class Scheduler:
         return threading.Thread(target=run, daemon=True)
 
     def _run_tasks(self) -> None:
-        # All say when they are due before the first has its turn.
+        # All tasks are asked for their first time before any of them is resumed.
         first_s = {task: next(task, None) for task in self._tasks}
         due_s = {task: moment_s for task, moment_s in first_s.items() if moment_s is not None}
         while due_s:

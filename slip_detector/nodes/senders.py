@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether one publisher sends on a topic, or several at the same time."""
+"""Detects whether several publishers send on a topic at the same time."""
 
 import time
 from collections.abc import Callable
@@ -23,28 +23,29 @@ from rclpy.node import Node
 from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.rclpy_internals import publisher_counter
 
-#: A publisher whose numbers go on after so many is the same one: the others were lost.
+#: Most messages of a publisher that may be lost in a row; after a larger step of the numbers it
+#: counts as another publisher.
 MOST_LOST = 1000
 
-#: So many publishers are told from each other.
+#: Most publishers that are told from each other.
 MOST_SENDERS = 8
 
 
 class Senders:
-    """Tells by the numbers of messages whether several publishers send on a topic.
+    """Detects by the numbers of messages whether several publishers send on a topic.
 
-    The middleware counts the messages of each publisher. So one message after another has the next
-    number, and of two publishers that both send the numbers go to and fro between two rows. A
-    publisher that only exists is not counted: one that was killed is known for some twenty
-    seconds more, and one that waits does no harm. Where a topic has more than one, another is
-    taken only when the one before has been silent for the window. Where the middleware does not
-    count, each publisher is taken to send.
+    The middleware numbers the messages of each publisher. With one publisher each message has the
+    next number; if two publishers send, the numbers alternate between two sequences. A publisher
+    that exists but does not send is ignored: one that was killed stays known for some twenty
+    seconds, and one that is silent does no harm. If a topic has several publishers, the accepted
+    one is replaced only after it has been silent for the window. If the middleware does not number
+    messages, each publisher counts as sending.
 
     Parameters
     ----------
     window_s
-        For so long after they were last heard in turns, several count as sending; and for so long
-        one is awaited that was heard before.
+        Time for which several publishers count as sending after they were heard in turns, and for
+        which an accepted publisher may be silent.
 
     Examples
     --------
@@ -57,10 +58,10 @@ class Senders:
 
     def __init__(self, window_s: float) -> None:
         self.window_s = window_s
-        # The number that was heard last of each row, the latest at the end.
+        # The last number of each sequence, that of the latest message at the end.
         self._rows: list[int] = []
         self._several_s = float('-inf')
-        # The last number of the publisher that is taken, and when it was heard.
+        # The last number of the accepted publisher, and when it was heard.
         self._taken: int | None = None
         self._taken_s = float('-inf')
 
@@ -70,14 +71,14 @@ class Senders:
         return time.monotonic() - self._several_s < self.window_s
 
     def accepts(self, number: int | None, publishers: int) -> bool:
-        """Take note of a message; return whether it is of the only publisher that sends.
+        """Note a message; return whether it comes from the only publisher that sends.
 
         Parameters
         ----------
         number
-            The number that the middleware gave to the message; None where it gives none.
+            The middleware's number of the message; None if it has none.
         publishers
-            How many publishers the topic has for the subscriber.
+            Number of publishers that are connected to the subscription.
         """
         if publishers < 2:
             self._rows = [] if number is None else [number]
@@ -95,7 +96,7 @@ class Senders:
             self._rows.remove(before)
         self._rows = [*self._rows[1 - MOST_SENDERS :], number]
         goes_on = self._taken is not None and 0 <= before - self._taken <= MOST_LOST
-        # Another one is taken when the one before has ended.
+        # Another publisher is accepted when the one before has been silent.
         if goes_on or (known and now_s - self._taken_s >= self.window_s):
             self._taken, self._taken_s = number, now_s
             return not self.several
@@ -103,19 +104,19 @@ class Senders:
 
 
 class SenderWatch(Senders):
-    """A subscription that tells whether several publishers send to it.
+    """A subscription that detects whether several publishers send to it.
 
     Parameters
     ----------
     node
         The node that subscribes.
     message_class, topic
-        What it subscribes to, as samples are sent.
+        What it subscribes to, with the quality of service of samples.
     call
-        Called with each serialised message and what the middleware says of it; it asks
-        :meth:`accepts_message`.
+        Called with each serialised message and the middleware's information on it, which it has to
+        pass to :meth:`accepts_message`.
     window_s
-        As of :class:`Senders`.
+        As for :class:`Senders`.
     """
 
     def __init__(
@@ -133,8 +134,8 @@ class SenderWatch(Senders):
             topic,
             call,
             sensor_qos(),
-            # Each sample would wake who waits for events, and there are none: such a quality of
-            # service goes with any publisher's.
+            # Without this, each sample wakes a wait for events, of which there are none: this
+            # quality of service is compatible with that of any publisher.
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
@@ -145,13 +146,13 @@ class SenderWatch(Senders):
         self._node.destroy_subscription(self._subscription)
 
     def accepts_message(self, info: dict[str, int | None]) -> bool:
-        """Take note of a message; return whether it is of the only publisher that sends."""
+        """Note a message; return whether it comes from the only publisher that sends."""
         return self.accepts(info['publication_sequence_number'], self._publishers())
 
     def names(self) -> list[str]:
-        """Return the full names of the nodes that publish, where several send; else none.
+        """Return the full names of the publishing nodes if several send; empty otherwise.
 
-        Which of them send the middleware does not say.
+        Nodes that only have a publisher are included: the middleware does not tell who sends.
         """
         if not self.several:
             return []
@@ -161,7 +162,7 @@ class SenderWatch(Senders):
 def publishing_nodes(node: Node, topic: str) -> list[str]:
     """Return the full names of the nodes that have a publisher of a topic.
 
-    One that was killed is among them for some twenty seconds.
+    A node that was killed is among them for some twenty seconds.
     """
     found = node.get_publishers_info_by_topic(topic)
     return sorted(f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in found)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The part of the driver that publishes what a sensor sends."""
+"""The part of the driver that publishes the samples of a sensor."""
 
 import threading
 import time
@@ -27,16 +27,16 @@ from slip_detector.nodes.diagnostics import Diagnostics
 from slip_detector.nodes.health import Level, Status
 from slip_detector.sources import Source
 
-#: Period of the reports on the sensor: on ``/diagnostics``, and on the log where something was
-#: dropped or lost.
+#: Period, in seconds, of the reports on the sensor: on ``/diagnostics``, and in the log if
+#: something was dropped or lost.
 REPORT_S = 1.0
 
-#: The counts that are not of faults.
+#: Counts that are not faults.
 GOOD = ('packets', 'samples')
 
 
 class SensorRelay:
-    """Publishes each sample of a sensor as it comes, and reports on the sensor.
+    """Publishes each sample of a sensor as it arrives, and reports on the sensor.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class SensorRelay:
         Publishes a sample, given its stamp in nanoseconds, the names of its channels and the
         volts.
     flush
-        Publishes the samples of an incomplete message; called when the sensor is gone.
+        Publishes the samples of an incomplete message; called when the sensor is disconnected.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class SensorRelay:
         Raises
         ------
         ValueError
-            When a parameter does not allow the source to start.
+            When the source cannot start with its parameters.
         """
         source, names = self._source, list(self._source.channel_names)
         source.start()
@@ -91,7 +91,7 @@ class SensorRelay:
             source.close()
 
     def _log_state(self, source: Source) -> None:
-        """Write to the log when the sensor comes or goes."""
+        """Log when the sensor is connected or disconnected."""
         if source.state != self._logged_state:
             self._logged_state = source.state
             if source.connected:
@@ -101,7 +101,7 @@ class SensorRelay:
                 self._node.get_logger().warning(source.state)
 
     def _status(self, source: Source) -> Status:
-        """Sum up what came since the last report; write to the log what was dropped or lost."""
+        """Sum up the time since the last report; log what was dropped or lost."""
         since = source.counts - self._reported_counts
         self._reported_counts = source.counts.copy()
         status = sensor_status(source.state, source.connected, since)
@@ -119,7 +119,7 @@ def sensor_status(state: str, connected: bool, since: Counter[str]) -> Status:
     Parameters
     ----------
     state, connected
-        As :class:`.Source` has them: whether the sensor is connected, and how or why not.
+        Attributes of :class:`.Source`: how the sensor is connected, or why not; and whether it is.
     since
         Counts since the last report.
 

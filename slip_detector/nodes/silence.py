@@ -12,19 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The watch for an input that falls silent."""
+"""Detects that the input has fallen silent."""
 
-#: The input is looked for this often within ``input_timeout_s``, and counts as lost when this
-#: share of it has passed since the last look that found a sample. That is between 0.8 and 0.9 of
-#: the timeout after the last sample.
+#: Number of checks within ``input_timeout_s``, and the share of the timeout after which the input
+#: counts as lost, from the last check that found a sample. That is between 0.8 and 0.9 of the
+#: timeout after the last sample.
 LOOKS, GIVEN_UP_AFTER = 10, 0.75
 
 
 class SilenceWatch:
-    """Tells when no samples arrive any more.
+    """Detects that samples have stopped arriving.
 
-    Who receives samples sets ``heard``, and somebody looks ``LOOKS`` times within the timeout. A
-    sample costs no look at the clock so. Where the clock is set back, the timeout begins again.
+    The receiver of samples sets ``heard``, and a timer calls :meth:`is_lost` ``LOOKS`` times
+    within the timeout: so the clock is not read for each sample. If the clock is set back, the
+    timeout begins again.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ class SilenceWatch:
     Attributes
     ----------
     heard : bool
-        Whether a sample has arrived since the last look.
+        Whether a sample has arrived since the last check.
 
     Examples
     --------
@@ -46,11 +47,11 @@ class SilenceWatch:
 
     def __init__(self, now_ns: int) -> None:
         self.heard = False
-        # Time of the last look that found a sample.
+        # Time of the last check that found a sample, and whether the loss has been reported.
         self._heard_ns, self._told = now_ns, False
 
     def is_lost(self, now_ns: int, timeout_s: float) -> bool:
-        """Return whether the input counts as lost; True once, until samples arrive again.
+        """Return whether the input is lost; True only once, until samples arrive again.
 
         Parameters
         ----------

@@ -22,9 +22,9 @@ from rclpy.timer import Timer
 
 
 class Timers:
-    """Timers of a node that are started again one by one: the others keep their time.
+    """Timers of a node; one can be restarted without disturbing the others.
 
-    It is true while there are any.
+    The object is true while it has timers.
     """
 
     def __init__(self, node: Node) -> None:
@@ -35,7 +35,7 @@ class Timers:
         return bool(self._timers)
 
     def start(self, name: str, period_s: float, call: Callable[[], None], clock: Clock) -> None:
-        """Start a timer; one of this name ends."""
+        """Start a timer; it replaces one of the same name."""
         self.stop(name)
         self._timers[name] = self._node.create_timer(period_s, call, clock=clock)
 

@@ -29,24 +29,24 @@ from slip_detector.commands.command_line import Parser, whole_number
 if TYPE_CHECKING:
     from slip_detector.nodes.demonstration import NodeProcesses
 
-#: Where the page is unless told otherwise; 8765 is the port of the bridge to Foxglove.
+#: Default address of the page; the port differs from 8765, that of the Foxglove bridge.
 HOST, PORT = '127.0.0.1', 8470
 
-#: Where recordings and saved parameters go unless told otherwise.
+#: Default folder for recordings and saved parameters.
 FOLDER = Path('slip_recordings')
 
 #: The namespace of the nodes that play a scene.
 SCENE_NAMESPACE = 'scene'
 
-#: How often it is checked whether the nodes that play a scene run.
+#: Period, in seconds, at which the nodes that play a scene are checked.
 CHECK_S = 1.0
 
 
 def run() -> int:
     """Serve the page until a signal arrives.
 
-    Slow imports come after the signal handlers are set, because otherwise a signal during start-up
-    would end in a traceback.
+    Slow imports come after the signal handlers are set: otherwise a signal during start-up ends in
+    a traceback.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def run() -> int:
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
-    # What is made until the page is served stays: the garbage collector need not look at it.
+    # Objects made during start-up live until the end: the garbage collector need not check them.
     gc.disable()
     import rclpy
     from rclpy.signals import SignalHandlerOptions
@@ -71,11 +71,11 @@ def run() -> int:
         arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
         _check(arguments)
         if arguments.scene:
-            # Processes on one machine need no network.
+            # All processes are on this machine.
             os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-        # The page uses the middleware until it has said good-bye, also after a signal.
+        # The server uses the middleware until its pages are closed, also after a signal.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        # From here on there is something to clean up.
+        # From here on, a signal must not skip the shutdown.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.default_int_handler)
         with NodeProcesses(SCENE_NAMESPACE, lambda: None) as nodes:
@@ -94,7 +94,7 @@ def run() -> int:
 
 
 def _ignore_signals() -> None:
-    """Let no second signal (ros2 launch sends two) interrupt the clean-up."""
+    """Ignore a second signal (ros2 launch sends two), which would interrupt the shutdown."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
 
@@ -104,8 +104,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--host',
         default=HOST,
-        help='address to listen at; %(default)s, which only this machine reaches, unless given: '
-        '0.0.0.0 is all of this machine, and then the address of the page has a token',
+        help='address to listen at (%(default)s, which only this machine can reach); '
+        'with 0.0.0.0 all machines can, and the address of the page has a token',
     )
     parser.add_argument(
         '--port',
@@ -113,9 +113,7 @@ def _parser() -> argparse.ArgumentParser:
         default=PORT,
         help='port to listen at; 0: any that is free (%(default)s)',
     )
-    parser.add_argument(
-        '--token', default='', help='the token; a new one at each start unless given'
-    )
+    parser.add_argument('--token', default='', help='the token (a new one at each start)')
     parser.add_argument(
         '--read-only', action='store_true', help='let no page change, record or save anything'
     )
@@ -129,7 +127,7 @@ def _parser() -> argparse.ArgumentParser:
         '--config',
         default='',
         help='the parameter file that the detectors were started with, for "as in the file"; '
-        'several, with commas between: of each the namespace of its name',
+        'or several, separated by commas, each for the namespace of its name',
     )
     parser.add_argument('--scene', help='play this scene in a loop, its name or path')
     parser.add_argument(
@@ -139,7 +137,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    """Raise a ValueError for what cannot be done, before anything is started."""
+    """Raise a ValueError for impossible arguments, before anything is started."""
     from slip_detector.scenes.scene_files import find_scene
 
     arguments.configs = [Path(name.strip()) for name in arguments.config.split(',') if name]
@@ -167,7 +165,7 @@ def _play(nodes: 'NodeProcesses', arguments: argparse.Namespace) -> None:
         'source': 'scene',
         'scene': arguments.scene,
         'loop': 'true',
-        # No detector misses anything while it starts.
+        # A detector that is still starting must not miss samples.
         'wait_for_subscribers': '1',
     }
     words = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
@@ -193,7 +191,7 @@ async def _serve(
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     token = arguments.token or ('' if is_loopback(arguments.host) else new_token())
-    # Nobody spins the node: a service of its own would keep those waiting who ask.
+    # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)
     takedowns.append(node.destroy_node)
     hand = RosHand(node)
@@ -206,7 +204,7 @@ async def _serve(
     except (OSError, UnicodeError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise ValueError(
-            f'--host {arguments.host} --port {arguments.port} cannot be had ({why}), '
+            f'--host {arguments.host} --port {arguments.port} cannot be used ({why}), '
             'allowed: an address of this machine and a port that is free'
         ) from None
     gc.freeze()
@@ -217,7 +215,7 @@ async def _serve(
         await server.run(stop)
     finally:
         hand.close()
-        # Else the end of the loop gives the signals back what they did at first.
+        # The end of the loop would otherwise reset the signals, and not leave them ignored.
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().remove_signal_handler(number)
         _ignore_signals()
@@ -225,7 +223,7 @@ async def _serve(
 
 
 async def _check_nodes(nodes: 'NodeProcesses', stop: asyncio.Event) -> None:
-    """Stop when a node that plays the scene has ended, and raise a RuntimeError then."""
+    """Stop, and raise a RuntimeError, when a node that plays the scene has ended."""
     while not stop.is_set():
         try:
             nodes.check()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The detectors that run, as fingers of the live page: found by what they publish."""
+"""Finds running detectors by their topics, and shows them as fingers of the live page."""
 
 import asyncio
 import contextlib
@@ -31,30 +31,30 @@ from slip_detector.nodes.senders import publishing_nodes
 from slip_detector.nodes.view_parameters import ParameterClient, changes_in
 from slip_detector.view.hand import Diagnosis, Finger, Hand
 
-#: How often detectors are looked for.
+#: Period, in seconds, at which detectors are looked for.
 LOOK_S = 1.0
 
-#: What was said on ``/diagnostics`` holds for so long: it is said once a second.
+#: Time, in seconds, for which a message on ``/diagnostics`` is shown; it comes once a second.
 DIAGNOSIS_S = 3.5
 
-#: What was set is told by an event, which comes by itself. It is waited for so long, and looked
-#: for so often.
+#: A parameter that was set is reported by an event: longest time to wait for it, and period at
+#: which it is looked for, in seconds.
 EVENT_S, EVENT_LOOK_S = 1.0, 0.01
 
-#: Of so many fingers that have gone it is known what they had.
+#: Most fingers that have gone whose data is kept.
 MOST_GONE = 20
 
 HEADER = 'std_msgs/msg/Header'
 
-#: Who publishes ``slip_onset`` and has these parameters is a detector.
+#: A node that publishes ``slip_onset`` and has these parameters is a detector.
 OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
 
-#: The middleware's word for a node that it does not know yet.
+#: The middleware's name for a node that it does not know yet.
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
 
 class ReadTask(NamedTuple):
-    """Parameters that are being read, and whether that is because a detector was started."""
+    """A task that reads parameters, and whether it was begun because a detector was started."""
 
     task: asyncio.Task[None]
     started: bool
@@ -63,41 +63,40 @@ class ReadTask(NamedTuple):
 class RosHand(Hand):
     """The fingers of all detectors that can be reached.
 
-    A node that publishes a topic ``slip_onset`` and has the parameters of a detector is one.
-    Nothing is subscribed to for a finger that is not watched.
+    A node that publishes a topic ``slip_onset`` and has the parameters of a detector is one. Only
+    the topics of watched fingers are subscribed to.
 
     Parameters
     ----------
     node
-        It is not spun: what it is sent is taken by :meth:`poll`.
+        The node that subscribes. It is not spun: :meth:`poll` takes its messages.
     """
 
     def __init__(self, node: Node) -> None:
         super().__init__()
         self._node = node
         self._clients: dict[str, ParameterClient] = {}
-        # The publishers of each detector: a new one is a detector that was started again.
+        # By detector, its publishers: a new one tells that it was started again.
         self._publishers: dict[str, set[bytes]] = {}
-        # Fingers that have gone, the latest last: what changes with a restart is told when they
-        # come again.
+        # Fingers that have gone, the latest last: if one comes back, its changes are reported.
         self._past: dict[str, Finger] = {}
         self._readings: dict[str, ReadTask] = {}
         self._watched: dict[str, FingerTopics] = {}
-        # Who publishes the samples of a finger that is watched: what they say is shown too.
+        # By watched finger, the nodes that publish its samples: their diagnostics are shown, too.
         self._senders: dict[str, list[str]] = {}
         self._shared = PolledTopics(node)
         self._said: dict[tuple[str, str], tuple[float, Diagnosis]] = {}
         self._looked_s = float('-inf')
 
     def watch(self, names: Collection[str]) -> None:
-        """Receive what comes of these fingers, and nothing of any other."""
+        """Receive the data of these fingers, and of no others."""
         wanted = {name for name in names if name in self.fingers}
         for name in set(self._watched) - wanted:
             self._watched.pop(name).close()
         for name in wanted - set(self._watched):
             topics = self._topics_of(name)
             self._watched[name] = FingerTopics(self._node, self.fingers[name], topics)
-            # Its parameters may have been changed while nobody watched.
+            # Its parameters may have changed while it was not watched.
             self._read(name)
         if self._watched and not self._shared:
             self._shared.add(
@@ -110,7 +109,7 @@ class RosHand(Hand):
             self._shared.close()
 
     def poll(self) -> None:
-        """Take what has come; once a second, look who is there."""
+        """Process received messages; once a second, look for detectors."""
         now_s = time.monotonic()
         if now_s - self._looked_s >= LOOK_S:
             self._looked_s = now_s
@@ -121,10 +120,10 @@ class RosHand(Hand):
             topics.poll()
 
     async def set_parameters(self, name: str, values: Mapping[str, Any]) -> str:
-        """Set parameters of a finger's detector, all or none; return why not, or ''.
+        """Set parameters of a finger's detector, all or none; return the refusal, or ''.
 
-        When they are set, the panel of a finger that is watched has them: whoever saves next
-        saves these.
+        It waits until the panel of a watched finger has the new values, so that a request to save
+        that follows saves them.
         """
         refusal = await self._client(name).set(values)
         panel, until_s = self.panel(name), time.monotonic() + EVENT_S
@@ -135,7 +134,7 @@ class RosHand(Hand):
         return refusal
 
     def close(self) -> None:
-        """Let go of everything."""
+        """Release all resources."""
         self.watch(())
         for reading in self._readings.values():
             reading.task.cancel()
@@ -143,13 +142,13 @@ class RosHand(Hand):
             client.destroy()
         self._clients.clear()
 
-    # Who is there.
+    # Detectors that come and go.
 
     def _look_around(self) -> None:
         """Notice detectors that have come, were started again, or have gone."""
         found: dict[str, set[bytes]] = {}
         for topic, types in self._node.get_topic_names_and_types():
-            # With another heartbeat_hz slip and slip_valid have other publishers, this has not.
+            # Unlike those of slip and slip_valid, this publisher stays if heartbeat_hz changes.
             if types == [HEADER] and topic.rpartition('/')[2] == 'slip_onset':
                 for each in self._node.get_publishers_info_by_topic(topic):
                     if each.node_name != UNKNOWN:
@@ -186,7 +185,7 @@ class RosHand(Hand):
                 del self._past[oldest], self.gone[oldest], self.panels[oldest]
 
     def _topics_of(self, name: str) -> Topics:
-        """Return the topics of a detector as they are in the graph, where they may be remapped."""
+        """Return the topics of a detector from the ROS graph, as they may be remapped."""
         namespace, _, node = name.rpartition('/')
         config = self.fingers[name].config
         subscribed = []
@@ -213,7 +212,7 @@ class RosHand(Hand):
         return self._clients[name]
 
     def _read(self, name: str, *, started: bool = False) -> None:
-        """Read the parameters of a detector; a reading that is under way begins again."""
+        """Read the parameters of a detector; a task that is under way is replaced."""
         before = self._readings.pop(name, None)
         if before is not None:
             before.task.cancel()
@@ -225,11 +224,11 @@ class RosHand(Hand):
         try:
             reading = await self._client(name).read()
         except ValueError:
-            # It hangs, or is about to end or to begin: it is asked again.
+            # The detector hangs, starts or ends: ask again.
             await asyncio.sleep(LOOK_S)
             self._read(name, started=started)
             return
-        # Another detector may have taken the place of the one that was asked.
+        # The detector may have been replaced by another one meanwhile.
         self._look_around()
         under_way = self._readings.get(name)
         if under_way is None or under_way.task is not asyncio.current_task():
@@ -269,20 +268,20 @@ class RosHand(Hand):
             return
         panel = self.panel(name)
         if any(each.name in panel.values for each in event.new_parameters):
-            return  # The detector is starting again: it is read when it publishes.
+            return  # The detector is restarting: its parameters are read when it publishes.
         if name in self._readings:
             self._read(name)
             return
         panel.take(changes_in(event))
         try:
             self._take_config(name, started=False)
-        except ValueError:  # Some of several events were lost, or are still to come.
+        except ValueError:  # Some of several events are missing, lost or still to come.
             self._read(name)
 
-    # What they say of themselves.
+    # Their diagnostics.
 
     def _on_diagnostics(self, array: DiagnosticArray) -> None:
-        """Take what detectors say of themselves, and the nodes that publish their samples."""
+        """Take the diagnostics of detectors, and of the nodes that publish their samples."""
         now_s = time.monotonic()
         for status in array.status:
             node, _, part = status.name.partition(': ')
@@ -309,6 +308,6 @@ class RosHand(Hand):
 
 
 def _long(message_type: str) -> str:
-    """Return the name of a message type as the graph has it."""
+    """Return the name of a message type in the form that the ROS graph uses."""
     package, _, name = message_type.partition('/')
     return f'{package}/msg/{name.removeprefix("msg/")}'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Asks detectors for their parameters, and sets them, through the services that every node has."""
+"""Reads and sets the parameters of detectors through the services that every node has."""
 
 import asyncio
 import time
@@ -35,14 +35,14 @@ from rclpy.serialization import serialize_message
 from slip_detector.nodes.rclpy_internals import send_request, take_answer
 from slip_detector.view.parameter_panel import Reading
 
-#: Longest time for an answer. The detector takes no longer than it takes to check parameters.
+#: Longest time for an answer, in seconds; a detector needs only the time to check parameters.
 ANSWER_S = 5.0
 
-#: A question that has not been answered is asked again after this time: a service may answer
-#: before it knows who asks, and that answer is lost.
+#: Time, in seconds, after which an unanswered request is sent again: an answer is lost if the
+#: service has not discovered the client yet.
 ASK_AGAIN_S = 0.5
 
-#: How often answers are looked for.
+#: Period, in seconds, at which answers are looked for.
 LOOK_S = 0.01
 
 SERVICES = {
@@ -54,16 +54,16 @@ SERVICES = {
 
 
 class ParameterClient:
-    """The parameter services of one node, asked without keeping the event loop waiting.
+    """Calls the parameter services of one node without blocking the event loop.
 
-    Nothing has to be spun: each call takes its answers itself.
+    No node has to be spun: each call takes its answers itself.
 
     Parameters
     ----------
     node
-        Who asks.
+        The node that sends the requests.
     of_node
-        Full name of the node whose parameters these are.
+        Full name of the node whose parameters are read and set.
     """
 
     def __init__(self, node: Node, of_node: str) -> None:
@@ -72,11 +72,11 @@ class ParameterClient:
             name: node.create_client(kind, f'{of_node}/{name}') for name, kind in SERVICES.items()
         }
         self._destroyed = False
-        # One question after the other, so that an answer that nobody waits for can be dropped.
+        # One request at a time, so that an answer to an earlier one can be dropped.
         self._asking = asyncio.Lock()
 
     def destroy(self) -> None:
-        """Let go of the services; whoever waits for an answer is told."""
+        """Destroy the clients; requests under way end with an error."""
         self._destroyed = True
         for client in self._clients.values():
             self._node.destroy_client(client)
@@ -108,8 +108,7 @@ class ParameterClient:
         Returns
         -------
         str
-            Why not, in the words of the node, or in ours where it does not answer; empty when
-            they are set.
+            Why not: the message of the node, or that it does not answer; empty if they are set.
         """
         try:
             parameters = [Parameter(*_typed(n, v)).to_parameter_msg() for n, v in values.items()]
@@ -118,8 +117,8 @@ class ParameterClient:
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
             return f'this cannot be sent to the detector: {error}'
         try:
-            # An empty set changes nothing, so it may be sent again until it is answered. Then the
-            # node knows who asks, and no answer is lost.
+            # An empty set changes nothing, so it may be sent repeatedly until it is answered. Then
+            # the node has discovered this client, and no answer is lost.
             await self._ask('set_parameters_atomically')
         except ValueError as error:
             return f'nothing was changed: {error}'
@@ -155,7 +154,7 @@ class ParameterClient:
 
 
 def as_python(value: Any) -> Any:
-    """Return a value of a message as Python has it; None where there is none.
+    """Return a value of a message as a Python value; None if it is not set.
 
     Examples
     --------
@@ -169,7 +168,7 @@ def as_python(value: Any) -> Any:
 
 
 def _typed(name: str, value: Any) -> tuple[str, Parameter.Type | None, Any]:
-    """Return name, type and value of a parameter; numbers in a list become of one type."""
+    """Return name, type and value of a parameter; numbers in a list get one type."""
     if value is None:
         return name, Parameter.Type.NOT_SET, None
     whole = isinstance(value, int) and not isinstance(value, bool)
@@ -185,7 +184,7 @@ def _typed(name: str, value: Any) -> tuple[str, Parameter.Type | None, Any]:
 
 
 def changes_in(event: ParameterEvent) -> dict[str, Any]:
-    """Return what a parameter event tells: values by name, None of one that was deleted.
+    """Return the changes in a parameter event: values by name, None for a deleted parameter.
 
     Examples
     --------

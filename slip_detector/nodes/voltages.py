@@ -36,7 +36,7 @@ class Voltages:
     node
         The driver.
     frame_id
-        Frame of the messages that have one.
+        Frame of the messages, if their type has one.
     samples_per_message
         1: each sample is a ``JointState`` with stamp and names. More: this many samples are a
         ``Float32MultiArray``, which has neither.

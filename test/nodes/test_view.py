@@ -174,9 +174,9 @@ def test_with_read_only_a_page_changes_nothing(bench):
         (['--prot', '0'], 2, 'unrecognized arguments: --prot 0'),
         (['--config', 'none.yaml'], 1, "--config is 'none.yaml', allowed: the path of a"),
         (['--token', 'a\tb'], 1, '--token has a character that cannot be seen, allowed:'),
-        (['--host', 'a..b'], 1, '--host a..b --port 8470 cannot be had ('),
+        (['--host', 'a..b'], 1, '--host a..b --port 8470 cannot be used ('),
         (['--scene', 'plate'], 1, "no scene 'plate', allowed: "),
-        (['--host', '192.0.2.1'], 1, '--host 192.0.2.1 --port 8470 cannot be had (Cannot assign'),
+        (['--host', '192.0.2.1'], 1, '--host 192.0.2.1 --port 8470 cannot be used (Cannot assign'),
         (['--ros-args', '-r', 'a b'], 1, "Couldn't parse remap rule: '-r a b'"),
     ],
 )  # fmt: skip
@@ -193,6 +193,6 @@ def test_a_port_that_is_taken_is_said_in_one_line(bench):
         port = taken.getsockname()[1]
         line = start(bench, '--port', port).refusal()
     assert line == (
-        f'slip_view: --host 127.0.0.1 --port {port} cannot be had (Address already in use), '
+        f'slip_view: --host 127.0.0.1 --port {port} cannot be used (Address already in use), '
         'allowed: an address of this machine and a port that is free'
     )

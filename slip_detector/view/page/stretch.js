@@ -50,7 +50,7 @@ export class Stretch {
     else this.goOn();
   }
 
-  // Show another stretch; how: 'whole', 'zoom' or 'move', as Timeline calls it.
+  // Show another stretch; how: 'zoom', 'move', 'choose' or 'whole', as Timeline has it.
   look(from, to, how) {
     if (how === 'whole') this.goOn(WINDOW_S.first);
     else if (how === 'zoom' && this.live) this.goOn(to - from);
