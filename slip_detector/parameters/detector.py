@@ -257,8 +257,8 @@ class ChainConfig(ParameterSet):
     )
     threshold: float = parameter(
         0.5,
-        'Level above which a channel is ON; with evidence in dB s, and the channel is OFF again '
-        'below half of it.',
+        'Level above which a channel is ON; with evidence in dB s, and the channel goes OFF at '
+        'half of it.',
         low=1e-30,
         high=1e30,
         heading='Threshold and vote',

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated fingertip: a module for each part; a scene file says which parts there are."""
+"""The simulated fingertip: one module for each part; a scene file lists the parts of a scene."""
 
 from slip_detector.scenes.scene import Scene, SceneSamples
 from slip_detector.scenes.scene_files import find_scene, load_scene

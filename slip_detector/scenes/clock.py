@@ -22,12 +22,12 @@ from slip_detector.parameters.sets import ParameterSet
 
 @dataclasses.dataclass(frozen=True)
 class Clock(ParameterSet):
-    """A sensor whose clock does not run at its nominal rate.
+    """A sensor that does not take samples at its nominal rate.
 
     Examples
     --------
     >>> from slip_detector.scenes.clock import Clock
-    >>> 380.0 * Clock(rate_ratio=1.01).rate_ratio  # samples in a second, of a sensor of 380 Hz
+    >>> 380.0 * Clock(rate_ratio=1.01).rate_ratio  # samples per second, nominally 380
     383.8
     """
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Checks that the parts of a scene go together."""
+"""Checks that the parts of a scene are compatible with each other and with its steps."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from slip_detector.scenes.tremor import TREMOR_PEAK
 
 
 def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: float) -> None:
-    """Raise an error for parts that do not go together.
+    """Raise an error for parts of a scene that contradict each other.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: f
         if texture and not electronics.bandwidth_hz:
             raise ValueError(
                 'electronics: bandwidth_hz is 0, allowed: above 0 with an object and texture, as '
-                'ridges may pass too fast for the sample rate'
+                'ridges may pass faster than the sample rate can resolve'
             )
     elif any(step.carried >= 0.0 or step.pull_n for step in steps):
         raise ValueError('steps: carried and pull_n are for an object, allowed: with that part')
@@ -73,8 +73,8 @@ def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: f
         highest_hz = largest_velocity_m_s * texture.highest_wavenumber_1_m
         if highest_hz > true_rate_hz / 2:
             raise ValueError(
-                f'texture: passes at up to {highest_hz:.4g} Hz, which {true_rate_hz:g} Hz of '
-                'samples cannot tell from slower; allowed: with bandwidth_hz of the part '
+                f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases at a sample '
+                f'rate of {true_rate_hz:g} Hz; allowed: with bandwidth_hz of the part '
                 'electronics, or below half the sample rate'
             )
     if friction:
@@ -96,7 +96,7 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
     Raises
     ------
     ValueError
-        As :func:`slip_detector.scenes.friction.check_solvable`.
+        As in :func:`slip_detector.scenes.friction.check_solvable`.
 
     Examples
     --------

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Builds the constants of a scene: what the integrator needs and does not change while it runs."""
+"""Builds the constants of a scene: the integrator's inputs that do not change while it runs."""
 
 import math
 from collections.abc import Mapping
@@ -31,10 +31,10 @@ from slip_detector.scenes.roughness import Roughness, RoughNumbers
 from slip_detector.scenes.skin import Skin, SkinNumbers
 from slip_detector.scenes.texture import RidgeNumbers, Texture
 
-#: Longest step as a phase of the skin's own oscillation.
+#: Longest step of the integrator, as a phase angle of the skin's own oscillation.
 RINGING_RAD = 0.4
 
-#: Largest number of steps for a second of a scene; more would take too long.
+#: Largest number of integrator steps per second of a scene; more would take too long.
 MOST_STEPS_HZ = 2e6
 
 NO_FRICTION = FrictionNumbers(0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0)
@@ -50,7 +50,7 @@ def scene_constants(
     frontend: Frontend,
     of_texture: np.random.Generator,
 ) -> SceneConstants:
-    """Build the constants of a scene; absent parts are empty in it.
+    """Build the constants of a scene; an absent part has empty or neutral constants.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def scene_constants(
     frontend
         The electronics, with the sensitivities of the channels.
     of_texture
-        Generator of the place on its ridges at which the plate is put down.
+        Generator of the random phase of the ridges: where on the plate the scene begins.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def scene_constants(
 
 
 def _ringing_step_s(skin: Skin) -> float:
-    """Return the longest step for the skin's own oscillation; infinite without oscillation."""
+    """Return the longest step that resolves the skin's own oscillation; infinite without one."""
     if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
         return math.inf
     return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)

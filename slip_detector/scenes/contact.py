@@ -41,7 +41,7 @@ class Contact(ParameterSet):
     Examples
     --------
     >>> from slip_detector.scenes.contact import Contact
-    >>> round(Contact().largest_load_n(force_n=1.0), 4)  # newtons on a taxel in the middle
+    >>> round(Contact().largest_load_n(force_n=1.0), 4)  # newtons, on a taxel at the centre
     0.0228
     """
 
@@ -53,10 +53,10 @@ class Contact(ParameterSet):
         high=1.0,
     )
     centre_m: tuple[float, float] = parameter(
-        (0.0, 0.0), 'Where the fingertip touches: x, y.', unit='m', low=-1.0, high=1.0
+        (0.0, 0.0), 'Centre of the contact: x, y.', unit='m', low=-1.0, high=1.0
     )
     taxel_area_m2: float = parameter(
-        1.39e-6, 'Area whose pressure a taxel feels.', unit='m2', low=1e-12, high=1.0
+        1.39e-6, 'Area over which a taxel senses pressure.', unit='m2', low=1e-12, high=1.0
     )
 
     def numbers(self) -> HertzNumbers:
@@ -64,7 +64,7 @@ class Contact(ParameterSet):
         return HertzNumbers(self.radius_at_1n_m**2, self.taxel_area_m2)
 
     def largest_load_n(self, force_n: float) -> float:
-        """Return the largest load of a taxel, which is in the middle of the contact."""
+        """Return the largest load of a taxel: that of one at the centre of the contact."""
         out = np.zeros(1)
         spread_load(force_n, 0.0, 0.0, np.zeros((1, 2)), self.numbers(), 0.0, out)
         return float(out[0])
@@ -89,8 +89,8 @@ def spread_load(force_n, centre_x_m, centre_y_m, positions_m, hertz, rest_patche
     rest_patches : float
         Number of patches of skin between the taxels.
     loads_n : ndarray, shape (channels,) or (channels + 1,)
-        Is filled. An element after those of the taxels gets the load of a patch between them;
-        these patches together carry the rest of the force.
+        Output. An extra element gets the load of one patch of skin between the taxels; all these
+        patches together carry the rest of the force.
     """
     n = positions_m.shape[0]
     if not force_n > 0.0:

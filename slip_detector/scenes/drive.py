@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What acts on the fingertip at one instant or at many: forces and motion of all parts together.
+"""The drive of a scene: forces and motion of all parts together, at one instant or at many.
 
 The same compiled function serves a scene, which calls it for all instants of a read at once, and
-an integrator, which calls it for one instant after another.
+an integrator that calls it for one instant after another.
 """
 
 from collections.abc import Mapping, Sequence
@@ -73,9 +73,9 @@ class DriveNumbers(NamedTuple):
         The tremor, in newtons and, on a plate, metres; the rows are the fields of
         :class:`slip_detector.scenes.sines.Sines`.
     force_sines_from_n : float
-        Above this normal force the tremor's force acts in full.
+        Normal force from which on the tremor's force acts in full.
     load_sines : ndarray, shape (3, k)
-        Inertial force of the object in a trembling hand, in newtons.
+        Inertial force on the object in a trembling hand, in newtons.
     """
 
     force: ForceNumbers
@@ -103,7 +103,7 @@ def drive_numbers(
     steps
         The steps of the scene.
     of_tremor
-        Generator of the tremor of one trial.
+        Generator of the tremor in this trial.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def drive_numbers(
             motion_sines=np.array(sines),
         )
         if free_object:
-            # In the frame of the trembling hand the object's inertia acts against the motion.
+            # In the frame of the trembling hand an inertial force acts on the object.
             inertia_n = free_object.mass_kg * sines.amplitude * sines.angular_rate_rad_s**2
             numbers = numbers._replace(load_sines=np.array(sines._replace(amplitude=inertia_n)))
     return numbers
@@ -159,9 +159,9 @@ class Drive(NamedTuple):
     centre_x_m, centre_y_m
         Centre of the contact.
     velocity_m_s, position_m
-        Velocity and position of the surface; 0 where the surface is that of a free object.
+        Velocity and position of the plate; 0 in a scene with an object, which moves by itself.
     load_n
-        Force on the object; 0 where there is none.
+        Force on the object; 0 without an object.
     """
 
     force_n: Any
@@ -197,8 +197,8 @@ def drive_at(t, side, numbers):
     t : float or ndarray, shape (n,)
         The instants in seconds.
     side : as ``t``
-        At a corner, where two smooth pieces meet, a time within the wanted piece; elsewhere the
-        instant itself.
+        Selects the piece at a corner, where two smooth pieces meet: a time within the wanted
+        piece. Elsewhere the instant itself.
     numbers : DriveNumbers
         The numbers of the scene.
 

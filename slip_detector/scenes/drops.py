@@ -38,7 +38,7 @@ class Drops(ParameterSet):
 
     share: float = parameter(0.01, 'Share of the samples that are lost.', low=0.0, high=0.99)
     burst_samples: float = parameter(
-        1.0, 'Mean number lost in a row; 1: never two.', low=1.0, high=1e6
+        1.0, 'Mean number of consecutive lost samples; 1: never two.', low=1.0, high=1e6
     )
 
     def __post_init__(self) -> None:
@@ -48,7 +48,7 @@ class Drops(ParameterSet):
         if self.share > most:
             raise ValueError(
                 f'parameter share is {self.share:g}, allowed: at most {most:g} with a '
-                f'burst_samples of {self.burst_samples:g}, as one sample comes between bursts'
+                f'burst_samples of {self.burst_samples:g}, as a sample arrives between two bursts'
             )
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From loads to volts: the electronics of the 16 channels."""
+"""The electronics of the 16 channels: from loads to volts."""
 
 import dataclasses
 
@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class Electronics(ParameterSet):
-    """The electronics of one fingertip; its seed draws the differences between the channels.
+    """The electronics of one fingertip; a seed determines the differences between the channels.
 
     Examples
     --------
@@ -47,7 +47,8 @@ class Electronics(ParameterSet):
     )
     normal_along_share: float = parameter(
         1.0,
-        'Share of the sensitivity to normal load that the units along the finger (groups L) have.',
+        'Sensitivity of the units along the finger (groups L) to normal load, as a share of '
+        'normal_v_n.',
         low=0.0,
         high=1.0,
     )
@@ -59,7 +60,11 @@ class Electronics(ParameterSet):
         high=1e6,
     )
     shear_along_share: float = parameter(
-        0.5, 'Share of it that the units along the finger (groups L) feel.', low=0.0, high=1.0
+        0.5,
+        'Sensitivity of the units along the finger (groups L) to shear load, as a share of '
+        'shear_v_n.',
+        low=0.0,
+        high=1.0,
     )
     spread: float = parameter(
         0.1, 'Standard deviation of the sensitivities, as a share of them.', low=0.0, high=1.0
@@ -73,7 +78,7 @@ class Electronics(ParameterSet):
     )
     drift_v: float = parameter(
         0.0,
-        'Standard deviation that each baseline has wandered after one second (random walk).',
+        'Random walk of each baseline: its standard deviation after one second.',
         unit='V/sqrt(s)',
         low=0.0,
         high=100.0,
@@ -82,14 +87,18 @@ class Electronics(ParameterSet):
         0.5e-3, 'Standard deviation of the noise of a sample.', unit='V', low=0.0, high=100.0
     )
     rails_v: tuple[float, float] = parameter(
-        (0.0, 5.0), 'Lowest and highest voltage there is.', unit='V', low=-1000.0, high=1000.0
+        (0.0, 5.0),
+        'Lowest and highest voltage of the electronics.',
+        unit='V',
+        low=-1000.0,
+        high=1000.0,
     )
     adc_bits: int = parameter(
         0, 'Resolution over the range of rails_v; 0: no quantisation.', low=0, high=32
     )
 
     def __post_init__(self) -> None:
-        """Check that ranges are the right way round."""
+        """Check that the ranges begin with their lower end."""
         super().__post_init__()
         low, high = self.baseline_v
         if low > high:
@@ -115,8 +124,8 @@ class Frontend:
     electronics
         The properties of the electronics.
     noise
-        Generator of the trial. Two children are always spawned from it, for the drift and for
-        the noise, in this order, so that the bits of one do not depend on the other.
+        Generator of the trial. The drift and the noise always get a child of it each, in this
+        order, so that one does not change the draws of the other.
 
     Attributes
     ----------
@@ -153,16 +162,15 @@ class Frontend:
     def sample(self, clean_v: Floats, sample_period_s: float) -> Floats:
         """Sample clean voltages: add drift and noise, then apply rails and converter.
 
-        It is called with consecutive rows and continues the drift; any cut of the rows into calls
-        gives the same bits.
+        Call it with consecutive rows: the drift continues from call to call. Any cut of the rows
+        into calls gives the same bits.
 
         Parameters
         ----------
         clean_v : ndarray, shape (n, 16)
             Voltages after the low-pass, without drift and noise.
         sample_period_s
-            Time from row to row; the baselines are at ``baseline_v`` one period before the
-            first row, and drift from there.
+            Time from row to row. The drift begins one period before the first row.
 
         Returns
         -------
@@ -186,6 +194,6 @@ class Frontend:
         if electronics.adc_bits:
             top_code = 2**electronics.adc_bits - 1
             share = np.rint((volts - low_v) / (high_v - low_v) * top_code) / top_code
-            # This form gives both rails exactly; the clip is for rails that are nearly equal.
+            # This form gives both rails exactly; the clip catches round-off if they nearly agree.
             volts = np.clip(low_v * (1.0 - share) + high_v * share, low_v, high_v)
         return np.asarray(volts, dtype=np.float64)

@@ -36,13 +36,13 @@ class Faults(ParameterSet):
     (3,)
     """
 
-    from_s: float = parameter(0.0, 'When they fail.', unit='s', low=0.0, high=1e6)
+    from_s: float = parameter(0.0, 'Time at which the channels fail.', unit='s', low=0.0, high=1e6)
     dead_channels: tuple[int, ...] = parameter(
-        (), 'Channels that read the lowest voltage there is.', low=1, high=PAPER_CHANNELS
+        (), 'Channels that read the lower of rails_v.', low=1, high=PAPER_CHANNELS
     )
     flat_channels: tuple[int, ...] = parameter(
         (),
-        'Channels that go on reading the first sample of that time.',
+        'Channels that keep reading their first sample from that time on.',
         low=1,
         high=PAPER_CHANNELS,
     )
@@ -50,7 +50,11 @@ class Faults(ParameterSet):
         (), 'Channels with more noise.', low=1, high=PAPER_CHANNELS
     )
     noise_v: float = parameter(
-        0.05, 'Standard deviation of the noise they have more.', unit='V', low=0.0, high=100.0
+        0.05,
+        'Standard deviation of the additional noise of noisy_channels.',
+        unit='V',
+        low=0.0,
+        high=100.0,
     )
 
     def __post_init__(self) -> None:
@@ -109,12 +113,12 @@ class FaultyChannels:
         self._held_v: Floats | None = None
 
     def before_converter(self, clean_v: Floats, time_s: Floats) -> Floats:
-        """Add the noise of the noisy channels; it is called with consecutive rows.
+        """Add the noise of the noisy channels; call it with consecutive rows.
 
         Parameters
         ----------
         clean_v : ndarray, shape (n, 16)
-            Voltages without that noise.
+            Voltages without the additional noise.
         time_s : ndarray, shape (n,)
             When each row is sampled.
 
@@ -132,7 +136,7 @@ class FaultyChannels:
         return volts
 
     def after_converter(self, volts: Floats, time_s: Floats) -> Floats:
-        """Overwrite the dead and the flat channels; it is called with consecutive rows.
+        """Overwrite the dead and the flat channels; call it with consecutive rows.
 
         Parameters
         ----------

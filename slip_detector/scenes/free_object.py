@@ -22,7 +22,7 @@ from slip_detector.parameters.sets import ParameterSet
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 
-#: The fingertips that hold an object, all alike.
+#: Number of equal fingertips that hold an object.
 FINGERS = 2.0
 
 
@@ -51,17 +51,17 @@ class FreeObject(ParameterSet):
     1.961
     """
 
-    mass_kg: float = parameter(0.2, 'Mass.', unit='kg', low=1e-3, high=10.0)
+    mass_kg: float = parameter(0.2, 'Mass of the object.', unit='kg', low=1e-3, high=10.0)
     length_m: float = parameter(
         0.1,
-        'How far it can slide through the fingers before it is lost.',
+        'How far the object can slide through the fingers before it is lost.',
         unit='m',
         low=1e-4,
         high=10.0,
     )
     rest_patches: float = parameter(
         50.0,
-        'How many taxel patches the skin between the taxels is as stiff as.',
+        'Number of further skin patches, each as stiff as that over a taxel, between the taxels.',
         low=1.0,
         high=1e4,
     )

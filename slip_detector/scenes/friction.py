@@ -14,19 +14,20 @@
 
 """Friction between the skin over a taxel and the surface that moves over it.
 
-LuGre (Canudas de Wit, Olsson, Astrom, Lischinsky 1995): bristles of deflection z bend with the
-velocity w of the surface against the skin,
+LuGre model (Canudas de Wit, Olsson, Astrom, Lischinsky 1995): bristles of deflection z under a
+surface that moves with the velocity w against the skin,
 
     dz/dt = w - sigma0 |w| / g(w) z - r(z),      F = sigma0 z + sigma1(w) (w - sigma0 |w| / g(w) z)
                                                      + sigma2 w,
     g(w) = N (mu_k + (mu_s - mu_k) exp(-(w / v_s)^2))
 
-with two additions, without which the model would create energy or hold without a load:
+with two additions; without the first the model would create energy, without the second it would
+hold a surface without load:
 
 - sigma1(w) = sigma1 / (1 + sigma1 |w| / g(w)): with a constant sigma1 the damper of the bristles
   could do work where sigma1 |w| > 4 g(w). In Olsson 1996 it falls with w for the same reason.
 - r(z) = (z - clip(z, -Z, Z)) / tau with Z = mu_s N / sigma0: bristles that are bent further than
-  the load can hold relax, also where nothing slides.
+  the load can hold relax, even if nothing slides.
 """
 
 import dataclasses
@@ -40,21 +41,21 @@ from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.skin import SkinNumbers
 
-#: Least load in g(w), which must not be zero. The friction under it, less than a micronewton, is
-#: too small for a taxel.
+#: Lower limit of the load in g(w), which must not be zero. Friction under this load, less than a
+#: micronewton, is too small for a taxel to sense.
 LIGHTEST_LOAD_N = 1e-6
 
-#: Newton's method on a stage ends when a step changes the velocity by less than this share. Each
-#: step squares the error, so the remaining error is about the square of this.
+#: Newton's method on a stage ends when an iteration changes the velocity by less than this share.
+#: Each iteration squares the error, so the remaining error is about the square of this.
 TOLERANCE = 1e-6
 
-#: A balance of forces below this share of the forces counts as zero.
+#: A sum of opposing forces below this share of them counts as zero.
 ROUND_OFF = 1e-15
 
-#: Skin without load is at rest when its displacement (m) and velocity (m/s) are below this.
+#: Unloaded skin counts as at rest when its displacement (m) and velocity (m/s) are below this.
 AT_REST = 1e-15
 
-#: Ten times the largest number of steps that Newton's method was seen to take.
+#: Limit of Newton's iterations: ten times the largest number that was observed.
 MOST_ITERATIONS = 200
 
 COULOMB, LUGRE = 1, 2
@@ -90,7 +91,7 @@ class Friction(ParameterSet):
     )
     stribeck_velocity_m_s: float = parameter(
         10e-3,
-        'Velocity at which friction has come down from static to kinetic by 1 - 1/e (lugre).',
+        'Velocity at which friction has fallen from static to kinetic by 1 - 1/e (lugre).',
         unit='m/s',
         low=1e-6,
         high=1e3,
@@ -110,7 +111,8 @@ class Friction(ParameterSet):
     )
     unloading_s: float = parameter(
         1e-4,
-        'Time in which bristles let go that are bent further than the load holds (lugre).',
+        'Time constant with which bristles relax that are bent further than the load can hold '
+        '(lugre).',
         unit='s',
         low=1e-9,
         high=1.0,
@@ -172,7 +174,7 @@ def bristle_force(w, z, load, law):
 
 @compiled
 def _drop(ratio):
-    """Return exp(-ratio^2); where it is 1 the exponential is not computed, to save time."""
+    """Return exp(-ratio^2); the exponential is skipped where it rounds to 1, to save time."""
     squared = ratio * ratio
     return np.exp(-squared) if squared > 1e-17 else 1.0
 
@@ -214,7 +216,7 @@ def _bristle_stage(w, z, load, step, law):
 
 @compiled
 def _guess(available, impedance, w, z, load, step, law):
-    """Solve the stage with g(w) and sigma1(w) of one w, which gives a quadratic in w >= 0."""
+    """Solve the stage with g and sigma1 fixed at a given w: a quadratic equation in w >= 0."""
     drop = (law.static - law.kinetic) * _drop(w / law.stribeck_m_s)
     per_level = 1.0 / (load * (law.kinetic + drop))
     damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * w * per_level)
@@ -235,8 +237,8 @@ def _guess(available, impedance, w, z, load, step, law):
 def lugre_stage(available, impedance, w_last, z, load, step, law):
     """Find the velocity w at which available - impedance w is the friction force.
 
-    An implicit step solves this for each patch. w has the sign of the balance at w = 0, and the
-    balance passes through zero on that side. So Newton's method between two bounds, with bisection
+    An implicit step solves this for each patch. w has the sign of the balance of forces at w = 0,
+    and the balance has a zero on that side. So Newton's method between two bounds, with bisection
     where it would leave them, always finds w.
 
     Returns
@@ -270,7 +272,7 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
         change = balance / steepness if steepness > 0.0 else np.inf
         following = speed + change
         if abs(change) <= TOLERANCE * speed or abs(balance) <= round_off:
-            # The next change would be the square of this one.
+            # Newton's method converges quadratically: the next change would be negligible.
             change *= sign
             return sign * following, force + slope * change, slope, after + after_slope * change
         if not low < following < high:
@@ -329,8 +331,8 @@ def check_solvable(
     ------
     ValueError
         When friction falls with velocity faster than the skin's damping rises: each patch would
-        stick and slip by itself, too fast for any step. Also on skin without mass and damping,
-        where nothing determines how fast a patch moves while it lets go.
+        stick and slip by itself, too fast for any step. Also for skin without mass and damping,
+        where nothing determines how fast a patch moves when it begins to slip.
 
     Examples
     --------

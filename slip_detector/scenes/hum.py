@@ -41,7 +41,10 @@ class Hum(ParameterSet):
         5e-3, 'Amplitude (peak) of the fundamental.', unit='V', low=0.0, high=100.0
     )
     harmonics: tuple[float, ...] = parameter(
-        (), 'Amplitudes of the 2nd, 3rd, ... harmonic, relative to it.', low=0.0, high=10.0
+        (),
+        'Amplitudes of the 2nd, 3rd, ... harmonic, relative to the fundamental.',
+        low=0.0,
+        high=10.0,
     )
 
 
@@ -53,7 +56,7 @@ class HumVoltage:
     hum
         The properties of the hum.
     trial
-        Generator of the phases, first of the fundamental, then of each harmonic.
+        Generator of the phases: of the fundamental first, then of each harmonic.
 
     Attributes
     ----------

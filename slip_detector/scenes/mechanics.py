@@ -14,11 +14,11 @@
 
 """The mechanics of the simulated fingertip, fast enough for a live driver.
 
-The integrator is the two-stage singly diagonally implicit Runge-Kutta method of second order that
-is L-stable (Alexander 1977), so stiff bristles do not shorten its steps. The patches of skin act
-on each other only through the surface that moves over them. Therefore each stage of each patch is
-one equation for one velocity. An object in the grip adds one equation for its own velocity. An
-absent part of a scene has empty arrays in :class:`SceneConstants`.
+The integrator is the L-stable, two-stage, singly diagonally implicit Runge-Kutta method of second
+order (Alexander 1977), so stiff bristles do not shorten its steps. The patches of skin act on each
+other only through the surface that moves over them. Therefore each stage of each patch is one
+equation for one velocity. An object in the grip adds one equation for its own velocity. An absent
+part of a scene has empty arrays or neutral numbers in :class:`SceneConstants`.
 """
 
 from typing import NamedTuple
@@ -41,14 +41,16 @@ from slip_detector.scenes.texture import RidgeNumbers, ridges_between
 
 Floats = NDArray[np.float64]
 
-#: The times of the two stages as shares of a step; the first is also the method's diagonal.
+#: The times of the two stages as shares of a step; the first is also the method's coefficient on
+#: the diagonal.
 STAGE_TIMES = (1.0 - np.sqrt(0.5), 1.0)
 DIAGONAL = STAGE_TIMES[0]
 
-#: The share of the first stage's rate in the second stage.
+#: Weight of the first stage's rate in the second stage, relative to the diagonal.
 CARRY = (1.0 - DIAGONAL) / DIAGONAL
 
-#: Newton's method on the object ends when a step changes its velocity by less than this share.
+#: Newton's method on the object ends when an iteration changes its velocity by less than this
+#: share.
 OBJECT_TOLERANCE = 1e-9
 
 #: Below this velocity of the surface against the skin a patch creeps and does not slide.
@@ -61,13 +63,13 @@ FOUND_PASSING, FOUND_FORCE, FOUND_SLOPE, FOUND_DEFLECTION = range(4)
 # The object's state.
 POSITION, SPEED, LOST = range(3)
 
-# The ledger: work done on the friction, energy stored in its bristles, and the smallest difference
-# of the two so far.
+# The ledger of energy: work done on the friction, energy stored in its bristles, and the smallest
+# difference of the two so far.
 WORK, STORED, LEAST = range(3)
 
 
 class SceneConstants(NamedTuple):
-    """What the integrator needs and does not change while a scene runs.
+    """The integrator's inputs that do not change while a scene runs.
 
     Attributes
     ----------
@@ -78,7 +80,7 @@ class SceneConstants(NamedTuple):
         Factor on the low-pass filter's state in a step; negative without a filter.
     positions_m : ndarray, shape (channels, 2)
     patches : ndarray, shape (patches,)
-        The number of equal patches of skin that each element stands for; empty without friction.
+        How many equal patches of skin each element stands for; empty without friction.
     normal_v_n, shear_v_n : ndarray, shape (channels,)
         Sensitivities of the channels.
     hertz, skin, friction, ridges, rough, body
@@ -113,8 +115,8 @@ class State(NamedTuple):
     smoothed_v : ndarray, shape (channels,)
         State of the low-pass filter.
     before : ndarray, shape (channels, 3)
-        Load, displacement of the skin and position of the surface against it at the end of the
-        last step.
+        Load, displacement of the skin, and position of the surface relative to it, at the end of
+        the last step.
     """
 
     patches: Floats
@@ -155,7 +157,8 @@ def _find_stage(v, step, loads, base, patches, found, constants):
 def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, constants):
     """Find the velocity of the object at the end of an implicit step.
 
-    M (v - v_base) / step + friction of both fingers (v) = load; the left side rises with v.
+    It solves M (v - v_base) / step + friction of both fingers (v) = load, whose left side rises
+    with v.
     """
     inertia = constants.body.mass_kg / step
     low, high = -np.inf, np.inf
@@ -196,7 +199,7 @@ def _take_stage(v, step, base, patches, found):
 
 @compiled
 def _book(weight_s, found, constants, ledger):
-    """Add the work of a stage on the friction to the ledger."""
+    """Add the work done on the friction in a stage to the ledger."""
     for p in range(constants.patches.size):
         ledger[WORK] += (
             weight_s * constants.patches[p] * found[p, FOUND_FORCE] * found[p, FOUND_PASSING]
@@ -205,7 +208,7 @@ def _book(weight_s, found, constants, ledger):
 
 @compiled
 def _step(i, drive, state, constants, loads, base, found, ledger):
-    """Take one step of skin and object; afterwards ``loads`` are those at its end."""
+    """Take one step of skin and object; ``loads`` are set to those at its end."""
     patches, body = state.patches, state.body
     diagonal_s = DIAGONAL * constants.step_s
     with_object = constants.body.mass_kg > 0.0
@@ -256,7 +259,7 @@ def _step(i, drive, state, constants, loads, base, found, ledger):
 def _sense(c, load, displacement, way, before, constants):
     """Return the mean voltage of a channel since ``before``, without its baseline.
 
-    Without a low-pass filter ``before`` is the present, and the mean is the present value.
+    Without a low-pass filter ``before`` is the present state, and the mean is the present value.
     """
     mean_load = 0.5 * (before[0] + load)
     texture = 0.0
@@ -299,13 +302,13 @@ def _sliding_share(state, loads, constants):
 
 @compiled
 def advance(drive, state, constants, begin, clean_v, position_m, sliding, ledger):
-    """Advance a scene by some samples; the state is changed in place.
+    """Advance a scene by some samples, and change its state in place.
 
     Parameters
     ----------
     drive : Drive
-        Arrays of shape (m, 2): at the two stages, :data:`STAGE_TIMES`, of each step. There are
-        ``steps_per_sample`` steps for each sample. With ``begin`` the first sample is taken
+        Arrays of shape (m, 2), with the values at the two stages (:data:`STAGE_TIMES`) of each
+        step. Each sample has ``steps_per_sample`` steps. With ``begin`` the first sample is taken
         before any step, and the first row of the drive is for this sample.
     state : State
         The state of the scene.
@@ -321,7 +324,7 @@ def advance(drive, state, constants, begin, clean_v, position_m, sliding, ledger
         Filled with the share of the load under which the surface slides; 0 without friction.
     ledger : ndarray, shape (3,) or (0,)
         Work done on the friction, energy stored in it, and the smallest difference of the two so
-        far; it is not computed if the array is empty.
+        far; not computed if the array is empty.
     """
     n_patches = constants.patches.size
     loads = np.zeros(max(n_patches, constants.positions_m.shape[0]))

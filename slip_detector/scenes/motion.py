@@ -14,9 +14,9 @@
 
 """The normal force of the steps, and the motion of the plate or the load on the object.
 
-Each is a closed form in pieces, which meet at corners. The compiled functions take one instant or
-many, and ``side``: at a corner, where two pieces meet, a time within the wanted piece; elsewhere
-the instant itself.
+Each has a closed form in pieces, which meet at corners. The compiled functions take one instant or
+many, and ``side``, which selects the piece at a corner: a time within the wanted piece there, the
+instant itself elsewhere.
 """
 
 import dataclasses
@@ -33,8 +33,8 @@ from slip_detector.scenes.steps import Step
 
 Floats = NDArray[np.float64]
 
-#: A damping ratio closer to 1 than this is replaced by 1 plus this: the closed form of the ringing
-#: divides by the difference of the two roots, which is 0 at a ratio of 1.
+#: Smallest distance of a damping ratio from 1; a closer ratio is replaced by 1 plus this. The
+#: closed form of the ringing divides by the difference of two roots, which is 0 at a ratio of 1.
 LEAST_FROM_CRITICAL = 1e-6
 
 
@@ -58,7 +58,9 @@ class Motion(ParameterSet):
         low=0.1,
         high=1e6,
     )
-    ringing_damping: float = parameter(0.3, 'Its damping ratio.', low=0.01, high=10.0)
+    ringing_damping: float = parameter(
+        0.3, 'Damping ratio of that oscillation.', low=0.01, high=10.0
+    )
 
 
 @compiled
@@ -70,7 +72,7 @@ def _piece_at(side_s, starts_s):
     side_s : float or ndarray, shape (n,)
         The times.
     starts_s : ndarray, shape (k,)
-        When each piece begins, in rising order.
+        Begin of each piece, in rising order.
     """
     return np.maximum(np.searchsorted(starts_s, side_s, side='right') - 1, 0)
 
@@ -100,7 +102,7 @@ class ForceNumbers(NamedTuple):
 
 @compiled
 def _pulling_force_at(t, side, numbers):
-    """Return the force, with negative values where the plate would have to pull."""
+    """Return the force, which is negative where the plate would have to pull the fingertip."""
     k = _piece_at(side, numbers.starts_s)
     since = t - numbers.starts_s[k]
     force = numbers.command_n[k] + numbers.slope_n_s[k] * (since - numbers.lag_s)
@@ -159,7 +161,7 @@ def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
 def held_force(numbers: ForceNumbers, time_s: float, force_n: float) -> ForceNumbers:
     """Return the force with the command ``force_n`` from ``time_s`` on.
 
-    The later commands of the steps are dropped, and the pieces before the present one too.
+    The later commands of the steps are dropped, and so are the pieces before ``time_s``.
     """
     before = _pieces(numbers, slice(int(_piece_at(time_s, numbers.starts_s)) + 1))
     return _pieces(_with_piece(before, time_s, force_n, 0.0), slice(-2, None))
@@ -184,7 +186,7 @@ def _with_piece(
     force_n = float(_pulling_force_at(start_s, start_s, numbers))
     a = force_n - (command_n - slope_n_s * numbers.lag_s)
     first = (rate_n_s - slope_n_s - q * a) / (p - q)
-    # A step that is shorter than the resolution of the time replaces the one before.
+    # Pieces must begin at different times: a step shorter than the resolution of the time is lost.
     replaced = bool(start_s <= numbers.starts_s[-1])
     before = _pieces(numbers, slice(len(numbers.starts_s) - replaced))
     return before._replace(
@@ -266,7 +268,7 @@ def plate_numbers(motion: Motion, steps: Sequence[Step]) -> PlateNumbers:
             if time_s > corner_times[-1]:
                 corner_times.append(time_s)
                 velocities.append(velocities[-1])
-            # A change takes at least the resolution of the time.
+            # Even an instantaneous change takes the resolution of the time: corners must differ.
             corner_times.append(max(time_s + change, np.nextafter(time_s, np.inf)))
             velocities.append(step.velocity_m_s)
         time_s += step.duration_s
@@ -274,7 +276,7 @@ def plate_numbers(motion: Motion, steps: Sequence[Step]) -> PlateNumbers:
     passed_m = lasts_s * (np.array(velocities[:-1]) + velocities[1:]) / 2
     return PlateNumbers(
         starts_s=np.array(corner_times),
-        # The plate keeps the last velocity.
+        # After the last step the plate keeps its velocity.
         acceleration_m_s2=np.append(np.diff(velocities) / lasts_s, 0.0),
         velocity_m_s=np.array(velocities),
         position_m=np.concatenate([[0.0], np.cumsum(passed_m)]),
@@ -287,7 +289,7 @@ class LoadNumbers(NamedTuple):
     Attributes
     ----------
     corners_s, force_n : ndarray, shape (k,)
-        Empty where there is no object.
+        Empty without an object.
     """
 
     corners_s: Floats
@@ -301,7 +303,7 @@ def load_at(t, numbers):
 
 
 def load_numbers(weight_n: float, steps: Sequence[Step]) -> LoadNumbers:
-    """Return the load on the object: the carried share of its weight and the further pull.
+    """Return the load on the object: the carried share of its weight plus the pull of the steps.
 
     Parameters
     ----------

@@ -37,7 +37,8 @@ from slip_detector.scenes.taps import Taps
 from slip_detector.scenes.texture import Texture
 from slip_detector.scenes.tremor import Tremor
 
-#: The parts, in the order in which they get their random generators.
+#: The class of each part. The order must not change: each part draws from the generator that is
+#: spawned for its position.
 PARTS: dict[str, type[ParameterSet]] = {
     'motion': Motion,
     'contact': Contact,
@@ -70,7 +71,7 @@ class Sampling(ParameterSet):
     sample_rate_hz: float = parameter(380.0, 'Rate of the samples.', unit='Hz', low=1.0, high=1e6)
     step_s: float = parameter(
         3.5e-4,
-        'Longest step of the integrator; a sample period is cut into equal ones.',
+        'Longest step of the integrator; each sample period has a whole number of equal steps.',
         unit='s',
         low=1e-7,
         high=1.0,
@@ -101,8 +102,7 @@ def read_sampling(description: Mapping[str, Any]) -> Sampling:
 def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
     """Read the parts of a scene.
 
-    ``friction: none`` stands for no friction, ``friction: coulomb`` for that model with its
-    defaults.
+    ``friction: none`` means no friction, ``friction: coulomb`` that model with its defaults.
 
     Parameters
     ----------

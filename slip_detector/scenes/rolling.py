@@ -43,17 +43,13 @@ class RollingNumbers(NamedTuple):
 class Rolling(ParameterSet):
     """The object rolls over the fingertip and back: the contact moves, and nothing slides."""
 
-    start_s: float = parameter(1.0, 'When it begins.', unit='s', low=0.0, high=1e6)
-    duration_s: float = parameter(
-        0.5, 'How long it takes to roll one way.', unit='s', low=1e-3, high=3600.0
-    )
-    hold_s: float = parameter(
-        0.0, 'How long it rests at either end.', unit='s', low=0.0, high=3600.0
-    )
+    start_s: float = parameter(1.0, 'When rolling begins.', unit='s', low=0.0, high=1e6)
+    duration_s: float = parameter(0.5, 'Time to roll one way.', unit='s', low=1e-3, high=3600.0)
+    hold_s: float = parameter(0.0, 'Rest at either end.', unit='s', low=0.0, high=3600.0)
     distance_m: tuple[float, float] = parameter(
         (1.5e-3, 0.0), 'How far the centre of contact moves: x, y.', unit='m', low=-0.1, high=0.1
     )
-    repeats: int = parameter(1, 'How often it rolls there and back.', low=1, high=10**6)
+    repeats: int = parameter(1, 'Number of times it rolls there and back.', low=1, high=10**6)
 
     @property
     def cycle_s(self) -> float:
@@ -85,7 +81,7 @@ class Rolling(ParameterSet):
 
 @compiled
 def _smooth_step(u):
-    """Return ``3 u^2 - 2 u^3`` between 0 and 1: its slope is zero at both ends."""
+    """Return ``3 u^2 - 2 u^3`` of ``u`` limited to 0 to 1; its slope is zero at both ends."""
     u = np.minimum(np.maximum(u, 0.0), 1.0)
     return u * u * (3.0 - 2.0 * u)
 
@@ -94,8 +90,8 @@ def _smooth_step(u):
 def rolled_at(t, numbers):
     """Return the displacement of the centre of contact from its place at rest.
 
-    It moves along a smooth step, so that its velocity is continuous and zero at both ends. It is
-    exactly zero before the start and after the last way back.
+    The centre moves along a smooth step, with a continuous velocity that is zero at both ends. The
+    displacement is exactly zero before the start and after the last way back.
 
     Parameters
     ----------

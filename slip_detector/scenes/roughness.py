@@ -26,11 +26,11 @@ from slip_detector.parameters.sets import ParameterSet
 
 Floats = NDArray[np.float64]
 
-#: Points of the profile in a correlation length, and in the whole profile, after which it repeats.
+#: Points of the profile in a correlation length and in the whole profile, which then repeats.
 POINTS_PER_LENGTH = 8
 PROFILE_POINTS = 8192
 
-#: Over a distance below this share of the points' spacing the mean is the height in the middle.
+#: For a distance below this share of the points' spacing the height in the middle is the mean.
 SHORT = 1e-3
 
 
@@ -69,19 +69,19 @@ class Roughness(ParameterSet):
         50e-6, 'Correlation length of the profile.', unit='m', low=1e-9, high=1.0
     )
     indentation_m: float = parameter(
-        670e-6, 'Height that doubles the load of the taxel over it.', unit='m', low=1e-9, high=1.0
+        670e-6, 'Height that doubles the load of the taxel on it.', unit='m', low=1e-9, high=1.0
     )
-    surface_seed: int = parameter(1, 'Seed of the profile: one seed is one surface.', low=0)
+    surface_seed: int = parameter(1, 'Seed of the profile; each seed is another surface.', low=0)
 
     def numbers(self) -> RoughNumbers:
         """Return the numbers for compiled code."""
         noise = np.random.default_rng(self.surface_seed).standard_normal(PROFILE_POINTS)
-        # Noise after this Gaussian filter has the correlation exp(-(distance / length)^2).
+        # White noise through this Gaussian filter has the correlation exp(-(distance / length)^2).
         cycles = np.fft.rfftfreq(PROFILE_POINTS) * POINTS_PER_LENGTH
         profile = np.fft.irfft(np.fft.rfft(noise) * np.exp(-0.5 * np.square(np.pi * cycles)))
         profile -= profile.mean()
         heights = profile * (self.height_rms_m / self.indentation_m / profile.std())
-        # Area under the cubic through four neighbours, from the second of them to the third.
+        # Area under the Catmull-Rom cubic of four neighbours, between the second and the third.
         before, one, two = np.roll(heights, 1), np.roll(heights, -1), np.roll(heights, -2)
         areas = (13.0 * (heights + one) - before - two) / 24.0
         integral = np.concatenate([[0.0], np.cumsum(areas)])
@@ -99,7 +99,7 @@ def _cell(place, heights):
 
 @compiled
 def _height(place, rough):
-    """Return the height at a place: the cubic through the points (Catmull-Rom)."""
+    """Return the height at a place, by Catmull-Rom interpolation of the points."""
     a, b, c, d, t = _cell(place, rough.heights)
     slope = c - a
     bend = 2.0 * a - 5.0 * b + 4.0 * c - d
@@ -125,7 +125,7 @@ def roughness_between(from_m, to_m, rough):
     Parameters
     ----------
     from_m, to_m : float
-        Places on the surface along x; where they are equal it is the height there.
+        Places on the surface along x; if they are equal, the result is the height there.
     rough : RoughNumbers
         The numbers of the surface.
 
@@ -134,7 +134,7 @@ def roughness_between(from_m, to_m, rough):
     >>> from slip_detector.scenes.roughness import PROFILE_POINTS, Roughness, roughness_between
     >>> surface = Roughness(height_rms_m=1e-6).numbers()
     >>> whole_m = PROFILE_POINTS / surface.per_m
-    >>> abs(round(roughness_between(0.0, whole_m, surface), 12))  # the whole profile has no mean
+    >>> abs(round(roughness_between(0.0, whole_m, surface), 12))  # the profile has mean 0
     0.0
     """
     start, end = from_m * rough.per_m, to_m * rough.per_m

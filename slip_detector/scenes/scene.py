@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A scene: its parts put together and played row by row."""
+"""A scene: combines its parts and produces samples."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -49,7 +49,7 @@ class SceneSamples(NamedTuple):
     position_m : ndarray, shape (n,)
         Position of the platform, or of the object where the scene has one.
     time_s : ndarray, shape (n,)
-        When each sample was taken, from the beginning of the scene.
+        Time of each sample since the beginning of the scene.
 
     Examples
     --------
@@ -66,11 +66,11 @@ class SceneSamples(NamedTuple):
 
 
 class Scene:
-    """A simulated fingertip and what acts on it.
+    """A simulated fingertip with the forces and motions that act on it.
 
     A scene has the parts that its description names. Without ``friction`` the skin is not sheared,
-    without ``texture`` and ``roughness`` the surface is smooth, without ``object`` the plate moves
-    as in the steps. Contact, motion and electronics are always there, with their defaults.
+    without ``texture`` and ``roughness`` the surface is smooth, without ``object`` a plate moves
+    as the steps tell. Contact, motion and electronics have defaults and are always there.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Scene:
         The content of a scene file: ``steps``, ``sample_rate_hz``, ``step_s`` and the parts.
     trial
         Generator of everything that differs from trial to trial: noise, phases, losses. Each part
-        draws from a child of its own, so that no part changes the draws of another.
+        draws from its own child of it, so that no part changes the draws of another.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Scene:
         Nominal rate of the sensor; see the part ``clock``.
     channel_names : tuple of str
     length : int
-        Number of samples, with those that ``drops`` loses.
+        Number of samples, including those that the part ``drops`` loses.
     true_rate_hz : float
         Rate at which the samples are taken.
     duration_s : float
@@ -104,7 +104,7 @@ class Scene:
     Raises
     ------
     ValueError
-        For an unknown part, a value that is not allowed or parts that do not go together; names
+        For an unknown part, a value that is not allowed or parts that contradict each other; names
         the part and the parameter.
 
     Examples
@@ -156,23 +156,23 @@ class Scene:
             np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
         )
         self._next = 0
-        #: The largest grip that was checked; what holds under it holds under a smaller one.
+        #: Largest grip that passed the check; a smaller one passes too.
         self._allowed_n = 0.0
-        # Compiles the functions here, so that the first read does not wait for it.
+        # Compile the functions now, so that the first read does not wait for it.
         advance(self.drive(np.zeros((0, 2))), self.state, self.constants, False, np.zeros((0, 16)),
                 np.zeros(0), np.zeros(0), np.zeros(0))  # fmt: skip
         self._truth(np.zeros(0), np.zeros(0))
 
     @property
     def largest_velocity_m_s(self) -> float:
-        """Largest velocity of the plate in either direction; 0 where it stands."""
+        """Largest speed of the plate in either direction; 0 if it never moves."""
         return float(np.abs(PlateNumbers(*self.drive_numbers.plate).velocity_m_s).max())
 
     def hold_force(self, force_n: float) -> None:
-        """Command a normal force from the next sample on, instead of that of the steps.
+        """Command a normal force from the next sample on, in place of that of the steps.
 
-        A grasp controller calls it while the scene runs. The force follows the command as the
-        part ``motion`` describes.
+        For a grasp controller, while the scene runs. The force follows the command as the part
+        ``motion`` describes.
 
         Raises
         ------
@@ -188,11 +188,11 @@ class Scene:
         self.drive_numbers = self.drive_numbers._replace(force=held)
 
     def force_n(self, time_s: Floats) -> Floats:
-        """Return the normal force at any times, with disturbances."""
+        """Return the normal force at given times, with disturbances."""
         return np.asarray(normal_force_at(time_s, time_s, self.drive_numbers), dtype=np.float64)
 
     def drive(self, time_s: Floats) -> Drive:
-        """Return what acts on the fingertip at given instants.
+        """Return forces and motion at given instants.
 
         Parameters
         ----------
@@ -217,7 +217,7 @@ class Scene:
     def clean(
         self, n: int, ledger: Floats | None = None
     ) -> tuple[Floats, Floats, Floats, NDArray[np.float64]]:
-        """Advance by up to ``n`` samples; return the signals of the fingertip, without noise.
+        """Advance by up to ``n`` samples and return the signals of the fingertip without noise.
 
         Parameters
         ----------
@@ -231,8 +231,8 @@ class Scene:
         -------
         time_s, clean_v, position_m, sliding
             Times, shape (m,); volts without the baselines, shape (m, 16); position of the
-            surface, shape (m,); share of the load under which it slides, shape (m,). m is less
-            than ``n`` at the end.
+            surface, shape (m,); share of the load under which it slides, shape (m,). At the end of
+            the scene m is less than ``n``.
         """
         first = self._next
         last = min(first + n, self.length)
@@ -241,7 +241,7 @@ class Scene:
         constants = self.constants
         clean_v, position_m, sliding = np.empty((m, PAPER_CHANNELS)), np.empty(m), np.empty(m)
         begin = first == 0
-        # Steps are numbered from the scene's start, so that no bit depends on how reads are cut.
+        # Step times are multiples since the scene's start: any cut into reads gives the same bits.
         of_steps = np.arange(
             max(first - 1, 0) * constants.steps_per_sample,
             max(last - 1, 0) * constants.steps_per_sample,
@@ -264,8 +264,8 @@ class Scene:
         Returns
         -------
         SceneSamples
-            Fewer than ``n`` at the end and where the part ``drops`` loses some; none only after
-            the end.
+            Fewer than ``n`` at the end or if the part ``drops`` loses some; none only after the
+            end.
         """
         while True:
             time_s, clean_v, position_m, sliding = self.clean(n)
@@ -293,7 +293,7 @@ class Scene:
         return np.asarray((velocity_m_s != 0.0) & (self.force_n(time_s) > 0.0))
 
     def _digitised(self, clean_v: Floats, time_s: Floats) -> Floats:
-        """Return the samples that the electronics make of the clean signals."""
+        """Return the clean signals as sampled by the electronics, with hum and faults."""
         volts = clean_v + self._frontend.baseline_v
         if self._hum:
             volts += self._hum.volts(time_s)[:, np.newaxis]

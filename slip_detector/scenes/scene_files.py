@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Finds scene files by their names, and builds their scenes."""
+"""Finds scene files by name, and builds their scenes."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from slip_detector.scenes.scene import Scene
 
 
 def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
-    """Build the scene of a YAML file.
+    """Build the scene that a YAML file describes.
 
     Parameters
     ----------

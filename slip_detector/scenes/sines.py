@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sums of sines, as hum and tremor are."""
+"""Sums of sines, for hum and tremor."""
 
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 class Sines(NamedTuple):
-    """A sum of sines: ``amplitude * sin(angular_rate_rad_s * t + phase_rad)`` of each.
+    """A sum of ``k`` sines, each ``amplitude * sin(angular_rate_rad_s * t + phase_rad)``.
 
     Attributes
     ----------

@@ -21,13 +21,13 @@ from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
-#: Largest number of steps: what a scene draws from them is in memory at once.
+#: Largest number of steps: a scene holds the motion of all steps in memory.
 MOST_STEPS = 10_000
 
 
 @dataclasses.dataclass(frozen=True)
 class Step(ParameterSet):
-    """One step of a scene; forces and shares reach their values at its end, on a ramp.
+    """One step of a scene; forces and shares change linearly to reach their values at its end.
 
     Examples
     --------
@@ -35,21 +35,30 @@ class Step(ParameterSet):
     0.0
     """
 
-    duration_s: float = parameter(1.0, 'How long it takes.', unit='s', low=1e-3, high=36000.0)
+    duration_s: float = parameter(1.0, 'Duration of the step.', unit='s', low=1e-3, high=36000.0)
     force_n: float = parameter(
-        -1.0, 'Normal force at its end; negative: as before.', unit='N', low=-1.0, high=1000.0
+        -1.0,
+        'Normal force at the end of the step; negative: as before.',
+        unit='N',
+        low=-1.0,
+        high=1000.0,
     )
     velocity_m_s: float = parameter(
         0.0, 'Velocity of the plate along x.', unit='m/s', low=-10.0, high=10.0
     )
     carried: float = parameter(
         -1.0,
-        "Share of the object's weight that the fingers carry at its end; negative: as before.",
+        "Share of the object's weight that the fingers carry at the end of the step; negative: as "
+        'before.',
         low=-1.0,
         high=1.0,
     )
     pull_n: float = parameter(
-        0.0, 'Further force on the object along x at its end.', unit='N', low=-1e3, high=1e3
+        0.0,
+        'Further force on the object along x at the end of the step.',
+        unit='N',
+        low=-1e3,
+        high=1e3,
     )
 
 

@@ -47,16 +47,20 @@ class Taps(ParameterSet):
 
     times_s: tuple[float, ...] = parameter(
         (),
-        'When each begins.',
+        'Times at which the taps begin.',
         unit='s',
         low=0.0,
         high=1e6,
         allows='at least one, rising, at least duration_s apart, 0 to 1e+06 s',
     )
     peak_force_n: float = parameter(
-        0.5, 'Peak; negative: it relieves the contact.', unit='N', low=-1000.0, high=1000.0
+        0.5,
+        'Peak force; a negative one relieves the contact.',
+        unit='N',
+        low=-1000.0,
+        high=1000.0,
     )
-    duration_s: float = parameter(0.01, 'How long one takes.', unit='s', low=1e-4, high=10.0)
+    duration_s: float = parameter(0.01, 'Duration of a tap.', unit='s', low=1e-4, high=10.0)
 
     def __post_init__(self) -> None:
         """Check that there are taps, and that they do not overlap."""
@@ -64,7 +68,7 @@ class Taps(ParameterSet):
         if not self.times_s:
             raise ValueError('parameter times_s is empty, allowed: at least one time')
         for before, after in zip(self.times_s[:-1], self.times_s[1:], strict=True):
-            # A tap that begins at the end of another may be early by a round-off error.
+            # Round-off may put a tap that begins at the end of another slightly before that end.
             if after - before < self.duration_s * (1 - 1e-9):
                 raise ValueError(
                     f'parameter times_s has {after:g} s after {before:g} s, allowed: rising, at '
@@ -85,8 +89,8 @@ def tap_force_at(t, side, numbers):
     t : float or ndarray, shape (n,)
         The instants in seconds.
     side : as ``t``
-        At the beginning or the end of a tap a time on the wanted side of it; elsewhere the
-        instant itself.
+        Selects the value at the beginning or the end of a tap: a time on the wanted side of it.
+        Elsewhere the instant itself.
     numbers : TapNumbers
         The numbers of at least one tap.
 

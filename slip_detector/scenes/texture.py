@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ridges with a spatial period, under a taxel that slides over them."""
+"""Ridges with a spatial period, and the load that they add to a taxel sliding over them."""
 
 import dataclasses
 from typing import NamedTuple
@@ -49,7 +49,11 @@ class Texture(ParameterSet):
         400e-6, 'Distance from ridge to ridge.', unit='m', low=1e-6, high=1.0
     )
     ridge_height_m: float = parameter(
-        100e-6, 'Height of a ridge above the middle.', unit='m', low=0.0, high=1e-2
+        100e-6,
+        'Amplitude of the ridges: height of the first harmonic above the mean.',
+        unit='m',
+        low=0.0,
+        high=1e-2,
     )
     harmonics: tuple[float, ...] = parameter(
         (0.0, -0.22),
@@ -58,11 +62,11 @@ class Texture(ParameterSet):
         high=10.0,
     )
     indentation_m: float = parameter(
-        670e-6, 'Height that doubles the load of the taxel over it.', unit='m', low=1e-9, high=1.0
+        670e-6, 'Height that doubles the load of the taxel on it.', unit='m', low=1e-9, high=1.0
     )
 
     def __post_init__(self) -> None:
-        """Check that no groove takes all load from a taxel."""
+        """Check that the load of a taxel does not become negative in a groove."""
         super().__post_init__()
         highest_m = self.ridge_height_m * (1.0 + sum(map(abs, self.harmonics)))
         if highest_m > self.indentation_m:
@@ -73,11 +77,11 @@ class Texture(ParameterSet):
 
     @property
     def highest_wavenumber_1_m(self) -> float:
-        """Ridges per metre of the highest harmonic."""
+        """Wavenumber of the highest harmonic, in ridges per metre."""
         return (1 + len(self.harmonics)) / self.spatial_period_m
 
     def numbers(self, trial: np.random.Generator) -> RidgeNumbers:
-        """Return the numbers for compiled code; ``trial`` draws the place of the plate."""
+        """Return the numbers for compiled code; ``trial`` draws the phase of the ridges."""
         heights = self.ridge_height_m * np.array([1.0, *self.harmonics])
         return RidgeNumbers(
             2.0 * np.pi / self.spatial_period_m,
@@ -90,8 +94,8 @@ class Texture(ParameterSet):
 def ridges_between(from_m, to_m, ridges):
     """Return the mean height of the ridges between two places, as a share of the indentation.
 
-    Where both places are equal it is the height there. A sensor of limited bandwidth reads the
-    mean over the distance of one step, also of ridges that pass too fast to be resolved.
+    If both places are equal, the result is the height there. A sensor of limited bandwidth reads
+    the mean over the distance of one step, even if ridges pass too fast to be resolved.
 
     Parameters
     ----------
@@ -107,7 +111,7 @@ def ridges_between(from_m, to_m, ridges):
     >>> sine = RidgeNumbers(2 * np.pi / 400e-6, 0.0, np.array([0.15]))
     >>> round(float(ridges_between(100e-6, 100e-6, sine)), 6)  # a quarter of a period: a crest
     0.15
-    >>> round(float(ridges_between(0.0, 400e-6, sine)), 6)  # a whole period has no mean
+    >>> round(float(ridges_between(0.0, 400e-6, sine)), 6)  # the mean of a whole period is 0
     0.0
     """
     middle = ridges.start_rad + ridges.wavenumber_rad_m * 0.5 * (from_m + to_m)

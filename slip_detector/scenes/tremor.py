@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tremor of the hand, in the normal force and in the position of the surface."""
+"""Tremor of the hand: it changes the normal force and the position of the surface."""
 
 import dataclasses
 
@@ -22,13 +22,13 @@ from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.sines import NO_SINES, Sines
 
-#: The band of a tremor has this number of parts of equal ratio, with a pair of sines in each.
+#: Number of parts, of equal frequency ratio, of the band of a tremor; each has a pair of sines.
 TREMOR_PAIRS = 3
 
-#: Amplitude of the second sine of a pair over that of the first, which makes the pair beat.
+#: Amplitude ratio of the second sine of a pair to the first; their sum beats.
 TREMOR_BEAT = 0.5
 
-#: Upper bound of the peak of a tremor over its RMS.
+#: Upper bound of the ratio of a tremor's peak to its RMS.
 TREMOR_PEAK = 4.0
 
 
@@ -49,14 +49,14 @@ class Tremor(ParameterSet):
     low_hz: float = parameter(2.0, 'Lowest frequency.', unit='Hz', low=0.01, high=1e3)
     high_hz: float = parameter(20.0, 'Highest frequency.', unit='Hz', low=0.01, high=1e3)
     force_rms_n: float = parameter(
-        0.01, 'RMS of what is added to the normal force.', unit='N', low=0.0, high=100.0
+        0.01, 'RMS of the force that is added to the normal force.', unit='N', low=0.0, high=100.0
     )
     motion_rms_m: float = parameter(
         5e-6, 'RMS of the motion of the surface along x.', unit='m', low=0.0, high=0.1
     )
 
     def __post_init__(self) -> None:
-        """Check that there is a band."""
+        """Check that the band is not empty."""
         super().__post_init__()
         if self.low_hz >= self.high_hz:
             raise ValueError(
@@ -68,21 +68,21 @@ class Tremor(ParameterSet):
 class HandMotion:
     """The tremor of one trial: six sines for the normal force, six others for the position.
 
-    The band has three parts of equal ratio; in each of them two neighbouring sines beat slowly.
-    All frequencies are within the band, and the RMS over a long time is the configured one.
+    The band has three parts of equal frequency ratio; in each of them two neighbouring sines beat
+    slowly. All frequencies are within the band, and the long-term RMS is the configured one.
 
     Parameters
     ----------
     tremor
         The properties of the tremor.
     trial
-        Generator of the trial. Two children are always spawned from it, for the force and for
-        the motion, in this order; nothing is drawn where the RMS is zero.
+        Generator of the trial. Force and motion always get a child of it each, in this order;
+        nothing is drawn if the RMS is zero.
 
     Attributes
     ----------
     force_sines, motion_sines : Sines
-        In newtons and metres; empty where the RMS is zero.
+        In newtons and metres; empty if the RMS is zero.
 
     Examples
     --------

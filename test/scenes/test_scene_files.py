@@ -122,7 +122,7 @@ SHIPPED = sorted(path.stem for path in (shared_folder() / 'config' / 'scenes').g
         (
             'steps: [{duration_s: 1, velocity_m_s: 0.08}]\n'
             'texture: {spatial_period_m: 4.0e-4, harmonics: [0, 0]}',
-            'which 380 Hz of samples cannot tell from slower; allowed: with bandwidth_hz',
+            'which aliases at a sample rate of 380 Hz; allowed: with bandwidth_hz',
         ),
         (
             'steps: [{force_n: 1}]\nfriction: {kinetic_coefficient: 0.1, static_coefficient: 1, '
