@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The algorithm (the paper's Section 2): filters, kernel and votes; and the stamps of its rows."""
+"""The algorithm (the paper's Section 2): filters, kernel and votes, and the stamps of samples."""

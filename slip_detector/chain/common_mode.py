@@ -12,13 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The common mode: what all valid channels of a row have in common, as mean or median.
+"""The common mode: the mean or median of all valid channels of a row.
 
-It is taken of deviations from each channel's first good sample: baselines differ by far more than
-the signal, and a channel without a good sample in one row would otherwise make all others jump. A
-channel that starts late is taken to have followed the others until then.
+It is computed from deviations from each channel's first good sample. Of the samples themselves it
+would jump whenever a channel has no good sample, as baselines differ by far more than the signal.
+A channel that starts late is assumed to have followed the others until then.
 
-A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane.
+A *seat* is a channel's place in the tiles: 16 x the index of its tile + its lane.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ from slip_detector.chain.stages import COMMON_V, FIRST, FIRST_ROW, HIGH, LOW, NO
 NO_COMMON_MODE, MEAN, MEDIAN = range(3)
 COMMON_MODE_NUMBERS = {'none': NO_COMMON_MODE, 'mean': MEAN, 'median': MEDIAN}
 
-#: For the median up to this many channels are sorted by exchanges, sixteen rows side by side.
+#: Largest number of channels whose median is found by exchanges, sixteen rows side by side.
 EXCHANGED_CHANNELS = 32
 
 
@@ -49,15 +49,15 @@ def _all_valid(rows, seats, tiles, valid):
 def _medians(volts, start, rows, columns, seats, tiles, deviations, common_v):
     """Write the medians of rows in which all channels are valid.
 
-    A sort of one row has an unpredictable branch for each pair; exchanges of sixteen rows have
-    none.
+    Sorting one row takes an unpredictable branch for each pair; exchanging values in sixteen rows
+    at once takes none.
     """
     channels = seats.size
     for i in range(channels):
         first = tiles[seats[i] // LANES, FIRST, seats[i] % LANES]
         for k in range(rows):
             deviations[i, k] = volts[start + k, columns[i]] - first
-    # Each pass carries the largest value that is left to its place; half of the passes are enough.
+    # Each pass moves the largest remaining value to the end; the median needs half of the passes.
     for k in range(0, rows, LANES):
         for end in range(channels - 1, channels - channels // 2 - 2, -1):
             most = load(deviations, (0, k))
@@ -74,7 +74,7 @@ def _medians(volts, start, rows, columns, seats, tiles, deviations, common_v):
 
 @compiled
 def _of_row(kind, values, before_v):
-    """Return the mean or median of a row's values; without values, that of the row before."""
+    """Return the mean or median of a row's values; without values, the one of the row before."""
     n = values.size
     if n == 0:
         return before_v
@@ -96,21 +96,21 @@ def find_common_mode(
     Parameters
     ----------
     volts, start, rows
-        The samples, and which of them.
+        The samples, the first row and the number of rows.
     kind
         ``MEAN`` or ``MEDIAN``.
     bases
         First column of each tile.
     columns, seats
-        Of the enabled channels.
+        Column and seat of each enabled channel.
     ranges, tiles
-        Of good samples, and the state.
+        Ranges of good samples, and the state.
     valid
-        Rows in which each seat has a good sample that is not flat, as words.
+        Words by seat: the rows in which the channel has a good sample that is not flat.
     deviations
-        Memory to work in, shape (channels, WORD_ROWS).
+        Working memory, shape (channels, WORD_ROWS).
     common_v
-        Shape (rows,) or more.
+        Output, shape (rows,) or more.
     """
     if (
         kind == MEDIAN

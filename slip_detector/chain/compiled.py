@@ -27,7 +27,7 @@ import numpy as np
 
 @contextlib.contextmanager
 def _as_if_missing(module: str) -> Iterator[None]:
-    """Within a block, let the import of a module fail, unless it has been loaded before."""
+    """Within a block, make the import of a module fail, unless it is loaded already."""
     if module in sys.modules:
         yield
         return
@@ -39,8 +39,8 @@ def _as_if_missing(module: str) -> Iterator[None]:
 
 
 try:
-    # Where it is installed Numba loads it too, a tenth of what the start of a node takes, for a
-    # measurement of coverage, which has loaded it before.
+    # Numba loads the package coverage if it is installed, which takes a tenth of a node's start.
+    # Only a measurement of coverage needs it, and has loaded it already.
     with _as_if_missing('coverage'):
         from numba import njit
 
@@ -49,12 +49,12 @@ except ImportError:  # not every robot has Numba
     COMPILED = False
 
 
-#: A file that contains one of these has compiled functions.
+#: Texts that mark a file with compiled functions.
 MARKS = (b'@compiled', b'@intrinsic')
 
 
 def _fingerprint() -> str:
-    """Return a number that changes with any file that has compiled functions."""
+    """Return a checksum of all files that have compiled functions."""
     number = 0
     for path in sorted(Path(__file__).parents[1].rglob('*.py')):
         source = path.read_bytes()
@@ -69,10 +69,10 @@ FINGERPRINT = _fingerprint()
 def load_numba_alone() -> None:
     """Load what Numba needs for a compiled function, but not SciPy's linear algebra.
 
-    At its first compiled function Numba looks whether there is such, by loading it: a sixth of
-    what the start of a node takes, for nothing that the chain uses. Where it finds none,
-    ``numpy.cov`` and ``numpy.corrcoef`` cannot be compiled in this process any more. SciPy itself
-    can be loaded later as ever.
+    For its first compiled function Numba tries to load ``scipy.linalg``, which takes a sixth of a
+    node's start and is of no use to the chain. This function makes that fail. Afterwards Numba
+    cannot compile ``numpy.cov`` and ``numpy.corrcoef`` in this process; SciPy itself can still be
+    loaded.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def on_compiling(say: Callable[[str], None]) -> None:
     Parameters
     ----------
     say
-        Is given the module of the function that is compiled, before it is, in the same thread.
+        Called before the compilation, in the same thread, with the name of the function's module.
 
     Examples
     --------
@@ -130,38 +130,38 @@ def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any
     if not COMPILED:
         return function
     function.__qualname__ += f'_{FINGERPRINT}'
-    # Divisions by zero as in NumPy: a check of each division would take a tenth of a scene's time.
-    # Without the last one a function is compiled as the one that calls it.
+    # error_model: Python's check of each divisor would take a tenth of a scene's time. _nrt:
+    # without it Numba compiles a function with the setting of its caller.
     common = {'cache': True, 'error_model': 'numpy', '_nrt': True}
     kept: Callable[..., Any] = njit(**common | options)(function)
     return kept
 
 
 def compiled_in_place(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
-    """Compile a function that makes no array and no list, so that little is done to call it.
+    """Compile a function that makes no array and no list, so that a call costs little.
 
-    Numba counts no references in it. Elsewhere it makes an object for each array of a call from
-    Python that keeps the array alive, and each function counts all arrays that it is given, those
-    within tuples too.
+    Numba counts no references in such a function. In others it wraps each array of a call from
+    Python in an object that keeps the array alive, and counts references to all array arguments,
+    those within tuples too.
 
-    A function that does make an array is refused when it is compiled. What is returned to Python
-    must be numbers, no arrays.
+    Numba refuses to compile such a function if it makes an array. To Python it may return numbers,
+    but no arrays.
     """
     return compiled(function, _nrt=False, **options)
 
 
 def compiled_for(signature: str, function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a compiled function for calls from Python with arguments of these types alone.
+    """Return a compiled function for calls from Python with arguments of exactly these types.
 
-    Elsewhere Numba looks up the types of the arguments at each call. Here nobody does: memory
-    that is of another type is read and written wrongly.
+    An ordinary compiled function looks up the types of its arguments at each call. This one does
+    not check them: with another type it would read and write memory wrongly.
 
     Parameters
     ----------
     signature
-        The types, in Numba's words, such as ``(float64[:, ::1], int64)``.
+        The types as Numba writes them, such as ``(float64[:, ::1], int64)``.
     function
-        Of :func:`compiled` or :func:`compiled_in_place`. It is compiled, or loaded, at once.
+        A result of :func:`compiled` or :func:`compiled_in_place`; compiled or loaded at once.
     """
     if not COMPILED:
         return function

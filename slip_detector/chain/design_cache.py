@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Keeps filter designs on disk, so that a start does not wait for SciPy's signal package.
+"""Cache of filter designs on disk, so that a start does not wait for SciPy's signal package.
 
 Loading that package takes longer than loading everything else that a chain needs.
 """
@@ -33,14 +33,14 @@ from slip_detector.parameters.files import whole_file, writable_folder
 
 Array = NDArray[np.float64]
 
-#: Where the designs are kept: the user's cache, as the XDG base directory specification has it.
+#: Folder of the designs, in the user's cache (XDG base directory specification).
 FOLDER = Path(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')) / 'slip_detector'
 
 
 def load_or_make(key: tuple[object, ...], design: Callable[[], Array]) -> Array:
     """Return a design from disk, or make it and write it to disk.
 
-    Where the signal package is loaded already, nothing is read or written: no time could be saved,
+    If the signal package is loaded already, nothing is read or written: there is no time to save,
     and a search over thousands of filters leaves no files.
 
     Parameters
@@ -65,20 +65,20 @@ def load_or_make(key: tuple[object, ...], design: Callable[[], Array]) -> Array:
     if 'scipy.signal' in sys.modules:
         return design()
     path = FOLDER / f'design-{_name(key)}.npy'
-    # A file that cannot be read is replaced.
+    # A missing or damaged file is replaced below.
     with contextlib.suppress(OSError, ValueError, EOFError):
         sections: Array = np.load(path)
         if sections.ndim == 2 and sections.shape[1] == 6 and sections.dtype == np.float64:
             return sections
     sections = design()
-    # If the file cannot be written, the next start takes as long as this one.
+    # Without the file the next start only takes longer.
     with contextlib.suppress(ValueError), whole_file(writable_folder(FOLDER) / path.name) as new:
         np.save(new, sections)
     return sections
 
 
 def _name(key: tuple[object, ...]) -> str:
-    """Return a name that depends on the key, the versions of the libraries and our own code."""
+    """Return a name that depends on the key, the versions of the libraries and our design code."""
     source = zlib.crc32(Path(__file__).with_name('filters.py').read_bytes())
     everything = repr((scipy.__version__, np.__version__, source, key))
     return hashlib.sha256(everything.encode()).hexdigest()[:32]

@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The decision by evidence: each channel held against its own noise, sixteen side by side.
+"""The decision by evidence: compares each channel with its own noise, sixteen side by side.
 
 The *excess* of a channel is how far its envelope is above its noise floor, in dB. Evidence is the
-sum of excess over time, less an offset: it grows while there is slip and falls while there is none
-(a CUSUM). docs/method.md has the equations.
+integral over time of the excess less an offset: it grows during slip and falls otherwise (a
+CUSUM). docs/method.md has the equations.
 
-A channel that is not valid keeps floor and evidence. In the rows that an impact is held for, no
-channel has any excess.
+An invalid channel keeps its floor and its evidence. During an impact and its hold time the excess
+of all channels is 0.
 """
 
 import numpy as np
@@ -43,10 +43,10 @@ from slip_detector.chain.stages import (
 )
 from slip_detector.chain.votes import rows_of_count
 
-#: The share of a channel's rest in which its envelope is below the floor.
+#: Share of the time at rest during which a channel's envelope is below its floor.
 QUANTILE = 0.1
 
-#: The least excess: less would tell of a pause between two slips, not of noise.
+#: Lower limit of the excess: less is a pause between two slips, not noise.
 LEAST_EXCESS_DB = -8.7
 
 
@@ -54,7 +54,7 @@ LEAST_EXCESS_DB = -8.7
 def _find_steps(volts, start, rows, column, tile_range, impact_v, tile, steps, seat):
     """Write the rows in which a channel steps by more than ``impact_v`` as words, by seat.
 
-    A step is from the last good sample, which is what the filters are given for a bad one.
+    A step counts from the last good sample, as the filters get that in place of a bad one.
     """
     low, high = load(tile_range, (LOW, 0)), load(tile_range, (HIGH, 0))
     last, found, row = load(tile, (LAST, 0)), spread(NO_ROW), spread(FIRST_ROW)
@@ -69,21 +69,21 @@ def _find_steps(volts, start, rows, column, tile_range, impact_v, tile, steps, s
 
 @compiled_in_place
 def rows_of_impact(volts, start, rows, settings, ranges, layout, tiles, steps, digits):
-    """Return the rows that an impact is held for, as a word.
+    """Return the rows within the hold time of an impact, as a word.
 
-    What is remembered is how long the last one is held for yet. The samples must not have been
-    checked yet: the last good ones are those before the first row.
+    The state keeps the number of rows that remain of the hold time. Call this before
+    ``check_samples``, which replaces the last good samples before the first row.
 
     Parameters
     ----------
     volts, start, rows
-        The samples, and which of them.
+        The samples, the first row and the number of rows.
     settings, ranges, layout
-        Of the plan.
+        Parts of the plan.
     tiles
         The state.
     steps, digits
-        Memory to work in: a word a seat, and for counting channels.
+        Working memory: a word per seat, and the digits for counting channels.
     """
     for t in range(layout.bases.size):
         _find_steps(
@@ -111,26 +111,26 @@ def gains_of_evidence(
     block, rows, settings, least_db, settle_rows, valid, held, tile, signals, start, floor_column,
     excess_column,
 ):  # fmt: skip
-    """Replace squares of the envelope by what each row adds to the evidence, and follow the floor.
+    """Replace squares of the envelope by each row's gain of evidence, and track the noise floor.
 
     Parameters
     ----------
     block, rows
-        Squares of the envelope, and how many rows of them.
+        Squares of the envelope, and the number of rows.
     settings
-        Of the plan.
+        Settings of the plan.
     least_db
-        The least floor of each channel.
+        Lower limit of each channel's floor.
     settle_rows
-        From a channel's first valid row on, rows in which its envelope says nothing yet.
+        Number of rows, from a channel's first valid one, before its envelope counts.
     valid
-        Rows in which a channel is, as words.
+        Words: the rows in which each channel is valid.
     held
-        Rows that an impact is held for, as a word.
+        Word: the rows within the hold time of an impact.
     tile
-        The state. A floor that is no number begins with the envelope.
+        The state. A floor that is NaN begins with the envelope.
     signals, start, floor_column, excess_column
-        Where floor and excess are kept; where the column is negative they are not.
+        Output of floor and excess; a negative column means that it is not wanted.
     """
     most_db = least_db + settings.floor_range_db
     up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
@@ -163,9 +163,9 @@ def gains_of_evidence(
 
 @compiled_in_place
 def sum_evidence(block, rows, limit, tile, signals, start, column, past_caches):
-    """Replace what each row adds to the evidence by the evidence, from 0 to ``limit``.
+    """Replace each row's gain of evidence by the evidence, from 0 to ``limit``.
 
-    Where ``column`` is not negative it is kept there.
+    It is also written to ``column`` of the signals, unless that is negative.
     """
     evidence = load(tile, (EVIDENCE, 0))
     for k in range(rows):
@@ -182,9 +182,9 @@ def sum_evidence(block, rows, limit, tile, signals, start, column, past_caches):
 def hold_evidence(block, rows, tile):
     """Replace evidence by the number that is above a threshold exactly where the channel is ON.
 
-    A channel comes ON above its threshold and goes OFF where twice its evidence is not above it.
-    So at any threshold, whichever it is, this decides: the evidence itself, or what the number was
-    before as long as that is not more than twice the evidence.
+    A channel comes ON when its evidence exceeds the threshold, and goes OFF when twice its
+    evidence does not. One number decides this for any threshold: the number of the row before, but
+    at least the evidence and at most twice the evidence.
     """
     held = load(tile, (HELD_EVIDENCE, 0))
     for k in range(rows):
@@ -197,16 +197,16 @@ def hold_evidence(block, rows, tile):
 
 
 def floor_steps_db(rate_db_s: float, sample_rate_hz: float) -> tuple[float, float]:
-    """Return by how much a row moves a floor up, and down, in dB.
+    """Return by how much one row moves a noise floor up or down, in dB.
 
-    A floor stays where up and down are in balance: ``QUANTILE`` of the rows below it.
+    The floor settles where both balance: with a share ``QUANTILE`` of the rows below it.
 
     Parameters
     ----------
     rate_db_s
-        How fast it moves up.
+        How fast the floor moves up.
     sample_rate_hz
-        Rows a second.
+        Rows per second.
 
     Examples
     --------

@@ -29,25 +29,25 @@ Array = NDArray[np.float64]
 #: Largest relative error of the designed gain at an edge; a design with a larger one is refused.
 EDGE_TOLERANCE = 1e-3
 
-#: Largest bound of the gain's relative error by rounding the coefficients to float64. The actual
-#: error is about a tenth of the bound. Narrow bands at low edges exceed it.
+#: Largest allowed bound of the gain's relative error from rounding the coefficients to float64.
+#: The actual error is about a tenth of the bound. Narrow bands at low edges exceed it.
 LARGEST_ROUND_OFF = 3e-6
 
-#: Least distance of a pole from the unit circle: in float64 a closer pole cannot be told from an
-#: unstable one.
+#: Least distance of a pole from the unit circle: in float64 a closer pole cannot be distinguished
+#: from an unstable one.
 STABILITY_MARGIN = 1e-9
 
 
 def design(config: ChainConfig) -> Array:
     """Design the whole network: band-pass (Eq. 1-2), then each stop-band (Eq. 4).
 
-    The filters are designed as sections: polynomials of the same filters lose their poles to
-    round-off at low edges.
+    The filters are designed as second-order sections: in the polynomials of the same filters,
+    round-off destroys the poles at low edges.
 
     Parameters
     ----------
     config
-        The parameters of the chain; the gain is in the first section.
+        The parameters of the chain; their gain goes into the first section.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def design(config: ChainConfig) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _unit_gain_network(*parameters: Any) -> Array:
-    """Return the network with a gain of 1, from memory or disk if it is there."""
+    """Return the network with a gain of 1, from a cache in memory or on disk if possible."""
     return design_cache.load_or_make(parameters, lambda: _designed_network(*parameters))
 
 
@@ -95,7 +95,7 @@ def _designed_network(
     attenuation_db: float,
 ) -> Array:
     """Design and check the network with a gain of 1."""
-    # Imported here, as loading it takes longer than loading everything else that a node needs.
+    # A late import: it takes longer than loading everything else that a node needs.
     from scipy import signal
 
     low, high = passband_hz
@@ -106,7 +106,7 @@ def _designed_network(
             passband_degree // 2, [low, high], 'bandpass', output='sos', fs=rate
         )
     edges = [low] if high == 0.0 else [low, high]
-    # A Butterworth filter lets half the power through at its edges.
+    # At the edges of a Butterworth filter the power is halved.
     _check(passband, edges, rate, 'passband_hz', np.sqrt(0.5))
     parts = [passband]
     for pair in stopbands_hz:
@@ -141,7 +141,7 @@ def _check(sections: Array, edges_hz: list[float], rate_hz: float, name: str, ga
 
 
 def largest_pole_radius(sections: Array) -> float:
-    """Return the distance of the outermost pole from the origin; a stable filter is below 1.
+    """Return the distance of the outermost pole from the origin: below 1 for a stable filter.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def largest_pole_radius(sections: Array) -> float:
 
 
 def round_off(sections: Array) -> float:
-    """Return a bound of the gain's relative error by rounding the denominators.
+    """Return a bound of the gain's relative error that rounding the denominators causes.
 
     The error is largest where a denominator is smallest: on the unit circle next to a pole.
 

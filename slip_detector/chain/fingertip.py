@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The 16-channel piezoresistive fingertip of the paper: where its taxels sit and how they group.
+"""The 16-channel piezoresistive fingertip of the paper: positions of its taxels.
 
 The fingertip carries a 2 x 2 array of MEMS sensors, each with four piezoresistive units at the
-ends of a cross. Channels are numbered from 1. Given are the numbers, the groups of Table 1 and the
-density of the units; which sensor a channel belongs to, which way its unit points and how far it
-sits from the sensor's centre are inferred from these (see :func:`taxel_positions`).
+ends of a cross. Channels are numbered from 1. The publications give these numbers, the groups of
+Table 1 and the density of the units. We infer from them which sensor a channel belongs to, which
+way its unit points and how far it is from the sensor's centre (see :func:`taxel_positions`).
 """
 
 import numpy as np
@@ -26,20 +26,20 @@ from numpy.typing import NDArray
 from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
 
 #: Distance between the centres of two neighbouring sensors: 16 units on 22.3 mm2 (the density
-#: given for this fingertip) are four cells of 2.36 mm.
+#: published for this fingertip) are four sensors in cells of 2.36 mm x 2.36 mm.
 SENSOR_PITCH_M = 2.36e-3
 
-#: Distance of a unit from the centre of its sensor: half of a 1.4 mm die, less the frame.
+#: Distance of a unit from the centre of its sensor: half of the 1.4 mm die, less its frame.
 UNIT_RADIUS_M = 0.5e-3
 
 
 def taxel_positions() -> NDArray[np.float64]:
-    """Positions of the 16 taxels on the fingertip's surface.
+    """Return the positions of the 16 taxels on the fingertip's surface.
 
     Channels 1-4 belong to the distal ulnar sensor, 5-8 to the distal radial, 9-12 to the proximal
-    radial and 13-16 to the proximal ulnar one; this is the only assignment under which every
-    group of Table 1 holds units of two neighbouring sensors. In each sensor the units at the two
-    ends of one arm of the cross have odd numbers, those of the other arm even ones.
+    radial and 13-16 to the proximal ulnar one; with no other assignment does every group of
+    Table 1 have units of two neighbouring sensors. In each sensor the units at the two ends of one
+    arm of the cross have odd numbers, those of the other arm have even numbers.
 
     Returns
     -------

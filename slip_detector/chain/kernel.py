@@ -14,12 +14,12 @@
 
 """The kernel: all stages of the chain over rows of volts, from samples to decisions.
 
-It is plain Python that Numba compiles; where Numba is missing the same functions run interpreted,
-to the same bits. Channels are taken in tiles of sixteen (:mod:`slip_detector.chain.lanes`) and
-rows in blocks of at most 64, so that what a block needs stays in the first-level cache; one tile
-takes all blocks of a chunk before the next tile does, so that its state stays there too. Nothing
-that is computed for a row depends on where a block, a chunk or a call begins, hence any cut of
-the rows gives the same bits.
+It is plain Python that Numba compiles; without Numba the same functions run interpreted, with the
+same bits. The kernel processes channels in tiles of sixteen (:mod:`slip_detector.chain.lanes`) and
+rows in blocks of at most 64, so that the data of a block stay in the first-level cache. All blocks
+of a chunk pass one tile before the next tile, so that the tile's state stays there too. No result
+of a row depends on where a block, a chunk or a call begins, so any cut of the rows gives the same
+bits.
 """
 
 from functools import cache
@@ -68,7 +68,7 @@ from slip_detector.chain.votes import (
 #: first fetch the cache line that it overwrites.
 CACHED_VALUES = 2**18
 
-#: Bits of the signals that are kept, in their order.
+#: Bits of the argument ``kept``: which signals are wanted, in the order of their columns.
 KEEP_ENVELOPE, KEEP_LEVEL, KEEP_FLOOR, KEEP_EXCESS = 1, 2, 4, 8
 
 #: The types of the arguments of :func:`run`.
@@ -82,7 +82,7 @@ MEAN_ALONE = np.array([VOTE_MEAN])
 
 @compiled_in_place
 def _decide(rows, vote, threshold, on, valid, layout, scratch):
-    """Let each group's valid channels vote (Table 1) and take the OR of the groups."""
+    """Compute the vote of each group's valid channels (Table 1) and the OR of the groups."""
     n_groups, slip = layout.bounds.size - 1, NO_ROW
     for g in range(n_groups):
         first, end = layout.bounds[g], layout.bounds[g + 1]
@@ -114,7 +114,7 @@ def _decide(rows, vote, threshold, on, valid, layout, scratch):
 
 @compiled_in_place
 def _write_flags(decisions, flags, start, rows):
-    """Write each word as one column of flags, with a byte for each of its rows."""
+    """Write each word to a column of flags: one byte for each of its bits."""
     width = flags.shape[1]
     if width < LANES:
         for i in range(width):
@@ -133,12 +133,12 @@ def _write_flags(decisions, flags, start, rows):
 
 @compiled_in_place
 def _write_statistics(rows, layout, threshold, scratch, signals, start):
-    """Write the statistic of each vote, ON above 1, to the last columns of ``signals``."""
+    """Write the statistic of each vote (above 1: ON) to the last columns of ``signals``."""
     scratch.statistics[:] = 0.0
     raise_to_votes(scratch.levels, layout.bounds, rows, layout.votes, scratch.statistics)
     column = signals.shape[1] - layout.votes.size
     for v in range(layout.votes.size):
-        if threshold != 1.0:  # it is 1 for the tuner
+        if threshold != 1.0:  # saves the division for the tuner, which sets 1
             for k in range(0, rows, LANES):
                 store(load(scratch.statistics, (v, k)) / threshold, scratch.statistics, (v, k))
         for k in range(rows):
@@ -147,10 +147,7 @@ def _write_statistics(rows, layout, threshold, scratch, signals, start):
 
 @compiled_in_place
 def _take_all_channels(volts, chunk, end, settings, ranges, layout, tiles, scratch):
-    """Check the samples of a chunk, and find what takes all channels of a row.
-
-    These are impacts and the common mode.
-    """
+    """Run the stages that need all channels of a row: check of samples, impacts, common mode."""
     for start in range(chunk, end, WORD_ROWS):
         rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
         if settings.impact_v > 0.0:
@@ -172,9 +169,9 @@ def _take_all_channels(volts, chunk, end, settings, ranges, layout, tiles, scrat
 
 @compiled_in_place
 def _column(kept, signal, column, width):
-    """Return where a signal that is kept begins, -1 for one that is not.
+    """Return the column of a tile in a signal of the output; -1 if the signal is not wanted.
 
-    ``column`` is the tile's in each signal, and ``width`` the number of columns of a signal.
+    ``column`` is the tile's first column within a signal, ``width`` the number of columns of one.
     """
     if kept & signal == 0:
         return -1
@@ -187,7 +184,7 @@ def _run_tile(
     volts, chunk, end, t, settings, checked, tile_range, least_db, sections, layout, tile, scratch,
     signals, kept, past_caches,
 ):  # fmt: skip
-    """Run the rows of a chunk through one tile, up to where its channels are ON and valid.
+    """Run the rows of a chunk through one tile, up to the ON and valid bits of its channels.
 
     ``checked`` tells whether the samples have been checked already.
     """
@@ -247,7 +244,7 @@ def _run_tile(
 
 @compiled_in_place
 def _write_held(held, signals, column, start, rows):
-    """Write the rows that an impact is held for as numbers, 1 or 0."""
+    """Write 1 for the rows within the hold time of an impact, 0 for the others."""
     for k in range(start, start + rows):
         signals[k, column] = 1.0 if held & FIRST_ROW else 0.0
         held = held >> FIRST_ROW
@@ -263,17 +260,18 @@ def run(volts, flags, signals, tiles, plan, kept):
     volts
         Rows of volts, shape (n, columns), at least sixteen columns.
     flags
-        Decisions, shape (n, 1 + 2 g + 2 c): slip, groups, whether they can vote, channels, valid.
+        Output of decisions, shape (n, 1 + 2 g + 2 c): slip, groups, whether each group can vote,
+        channels, valid.
     signals
-        Envelope, level, floor and excess, where they are kept, each with as many columns as
-        ``volts``; after excess a column that tells where an impact is held for; then the
-        statistics of v votes, a column each.
+        Output of envelope, level, floor and excess, as far as they are wanted, each with as many
+        columns as ``volts``; with excess, a column that is 1 within the hold time of an impact;
+        then the statistics of v votes, one column each.
     tiles
         The state, shape (t, slots, 16).
     plan
         See :mod:`slip_detector.chain.plan`.
     kept
-        The bits of the signals that are kept.
+        The bits of the signals that are wanted.
     """
     settings, ranges, least_db, sections, layout, scratch = parts_of(plan)
     # The size is compared first, as an empty array has no address.
@@ -282,7 +280,7 @@ def run(volts, flags, signals, tiles, plan, kept):
         and signals.shape[1] % LINE == 0
         and signals.ctypes.data % (LINE * signals.itemsize) == 0
     )
-    # Where no impact is looked for none is held for.
+    # Without detection of impacts nothing else writes these words.
     scratch.held[:] = NO_ROW
     checked = settings.common_mode != NO_COMMON_MODE or settings.impact_v > 0.0
     chunk_rows = scratch.on.shape[0] * WORD_ROWS
@@ -309,8 +307,8 @@ def run(volts, flags, signals, tiles, plan, kept):
 
 @cache
 def kernel():
-    """Return :func:`run` for calls from Python, compiled or loaded at the first time.
+    """Return :func:`run` for calls from Python; the first call compiles or loads it.
 
-    Nobody looks at the types of what it is given; they are those of :data:`SIGNATURE`.
+    The arguments must have the types of :data:`SIGNATURE`, which are not checked.
     """
     return compiled_for(SIGNATURE, run)

@@ -14,10 +14,10 @@
 
 """Sixteen values side by side: one value for Numba, a small NumPy array without it.
 
-An inner loop over so few values costs more to enter than to run, and the compiler does not keep
-its values in registers from one row to the next. So compiled functions say themselves what is a
-vector. There are three kinds: of float64, of uint64 (words) and of bool. Operators take two
-vectors of a kind, or a vector and a number:
+An inner loop over so few values takes longer to enter than to run, and the compiler does not keep
+its values in registers from one row to the next. Therefore compiled functions use vectors
+explicitly. There are three kinds: of float64, of uint64 (words) and of bool. Operators take two
+vectors of the same kind, or a vector and a number:
 
 - float64: ``+ - * /`` and the comparisons, which are false for NaN;
 - words: ``+ & | >> <<`` and ``!=``;
@@ -34,12 +34,12 @@ import numpy as np
 
 from slip_detector.chain.compiled import COMPILED
 
-#: Values in a vector. The widest registers hold half of them: while the result of one half is
-#: awaited, the other half is computed.
+#: Values in a vector: twice as many as the widest registers hold, so that the processor computes
+#: one half while it waits for the result of the other.
 LANES = 16
 
-#: Float64 values in a cache line: to load or store a vector costs double unless it begins where
-#: a line does.
+#: Float64 values in a cache line: loading or storing a vector takes twice as long unless it begins
+#: where a line does.
 LINE = 8
 
 if not COMPILED:
@@ -92,7 +92,7 @@ if not COMPILED:
         return np.abs(values)
 
     def floor(values):
-        """Return the largest integers that are not larger."""
+        """Return the largest integers that are not above the values."""
         return np.floor(values)
 
     def words_of(values):
@@ -100,7 +100,7 @@ if not COMPILED:
         return values.view(np.uint64)
 
     def floats_of(words):
-        """Return the float64 that have these words as their bits."""
+        """Return words, read as the bits of float64."""
         return words.view(np.float64)
 
 else:
@@ -109,7 +109,7 @@ else:
     from numba.extending import intrinsic, models, overload, register_model
     from numba.np.arrayobj import populate_array
 
-    #: Since llvmlite 0.44, of Numba 0.61, a pointer does not know what it points to.
+    #: Since llvmlite 0.44 (of Numba 0.61) a pointer has no type of what it points to.
     NEEDS_TYPE = 'typ' in inspect.signature(ir.IRBuilder.load).parameters
 
     class Lanes(types.Type):
@@ -129,7 +129,7 @@ else:
 
     @register_model(Lanes)
     class _LanesModel(models.PrimitiveModel):
-        """A vector is one value of LLVM."""
+        """Represents a vector as one LLVM value."""
 
         def __init__(self, manager, kind):
             super().__init__(manager, kind, ir.VectorType(kind.bits, LANES))
@@ -151,7 +151,7 @@ else:
     def _of_vectors(result, emit):
         """Return the result type and a code generator for ``intrinsic``.
 
-        ``emit`` is given the builder and the arguments, numbers among them in all lanes.
+        ``emit`` gets the builder and the arguments, of which numbers are spread to all lanes.
         """
 
         def codegen(context, builder, signature, args):
@@ -206,7 +206,7 @@ else:
         _operator(operator.or_, _kind, _kind, _instruction('or_'))
 
     def _address(context, builder, array_type, at_type, array, at):
-        """Return where in an array the value with the index ``at`` is."""
+        """Return the address of the value of an array with the index ``at``."""
         made = context.make_array(array_type)(context, builder, array)
         several = isinstance(at_type, types.BaseTuple)
         indices = cgutils.unpack_tuple(builder, at) if several else [at]
@@ -231,14 +231,14 @@ else:
         return kind(array, at), codegen
 
     def _write(context, builder, signature, args, align):
-        """Write a vector to an array from an index on; return the instruction of LLVM."""
+        """Write a vector to an array from an index on; return the LLVM instruction."""
         address = _address(context, builder, *signature.args[1:], *args[1:])
         pointer = builder.bitcast(address, args[0].type.as_pointer())
         return builder.store(args[0], pointer, align=align)
 
     @intrinsic
     def store(typing, values, array, at):
-        """Write a vector to an array from the index ``at`` on; bool takes a byte each."""
+        """Write a vector to an array from the index ``at`` on; a bool takes one byte."""
 
         def codegen(context, builder, signature, args):
             value, align = args[0], 8
@@ -265,10 +265,10 @@ else:
         return types.void(values, array, at), codegen
 
     def _part_as(element):
-        """Return a function of an array of 64-bit values, a place in it, and a shape.
+        """Return a function that returns a part of an array of 64-bit values as another type.
 
-        It returns the part that begins there, with this type of element. The part keeps no
-        reference to the array, which it must not outlive.
+        Its arguments are the array, the index at which the part begins, and the part's shape. The
+        part keeps no reference to the array, so it must not outlive the array.
         """
 
         @intrinsic
@@ -325,7 +325,7 @@ else:
         return types.boolean(mask), codegen
 
     def _of_floats(name):
-        """Return a function that emits a call of LLVM's function of this name on each float64."""
+        """Return a function that emits a call of an LLVM intrinsic by its name, on float64."""
 
         def emit(builder, a):
             kind = ir.FunctionType(a.type, [a.type])
@@ -348,7 +348,7 @@ else:
 
     @intrinsic
     def floor(typing, values):
-        """Return the largest integers that are not larger."""
+        """Return the largest integers that are not above the values."""
         return _of_vectors(FLOATS(values), _of_floats('floor'))
 
     def _bits_as(kind):
@@ -361,5 +361,5 @@ else:
 
     @intrinsic
     def floats_of(typing, words):
-        """Return the float64 that have these words as their bits."""
+        """Return words, read as the bits of float64."""
         return _of_vectors(FLOATS(words), _bits_as(FLOATS))

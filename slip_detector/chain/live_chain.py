@@ -28,11 +28,11 @@ from slip_detector.chain.settling import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 
-#: The rows of this time are kept, and a new chain starts with them. The slowest response of the
-#: paper's filters falls to a thousandth in two seconds.
+#: Time for which rows are kept; a new chain starts with them. The slowest response of the paper's
+#: filters falls to a thousandth in two seconds.
 HISTORY_S = 5.0
 
-#: The state of the chain does not depend on these parameters: they change at once.
+#: Parameters that can change at once, as the state of the chain does not depend on them.
 DECISION_PARAMETERS = (
     'channel_names',
     'valid_range_v',
@@ -53,32 +53,32 @@ DECISION_PARAMETERS = (
     'groups',
 )
 
-#: A chain in which only these differ from the one before, and those of the decision, takes over
-#: its noise floors: five seconds tell less of them than all rows before did.
+#: If only these parameters and those of the decision change, the new chain takes over the noise
+#: floors, which the rows of :data:`HISTORY_S` would determine less well.
 FLOOR_OUTLASTS = ('disabled_channels', 'envelope_window_s', 'decision_window_s')
 
-#: One chain is built for all changes that come within this time of the first.
+#: One chain is built for all changes within this time after the first.
 GATHER_S = 0.1
 
-#: When one of these parameters changes, the rows kept cannot be used. The last two are the
-#: detector's: other fields of a message are another signal.
+#: Parameters after whose change the kept rows cannot be used. The last two are the detector's:
+#: another field of a message is another signal.
 INPUT_PARAMETERS = ('sample_rate_hz', 'channels', 'input_type', 'input_field')
 
 
 class Replacement(NamedTuple):
-    """A chain that is ready to take the place of the running one.
+    """A chain that is ready to replace the running one.
 
     Attributes
     ----------
     chain : SlipChain or None
-        None where only parameters of the node were changed, which the chain does not have.
+        None if only parameters changed that belong to the node and not to the chain.
     config : ChainConfig
         The whole configuration.
     settled : tuple of int or None
-        The numbers of rows and of resets at the time at which the chain was given the rows kept;
-        None where it takes over the state of the running one.
+        The numbers of rows and of resets when the chain got the kept rows; None if it takes over
+        the state of the running one.
     settling : int
-        For how many rows at first it decides by what the change has begun.
+        Number of rows whose decisions may still be an effect of the change.
 
     Examples
     --------
@@ -97,28 +97,27 @@ class LiveChain:
     """A :class:`SlipChain` for a stream of rows, whose configuration can be replaced.
 
     Rows may come in one thread while another changes the configuration: no row waits for the
-    design of filters or for a new chain. :meth:`change` orders a chain, and :meth:`swap` puts it
-    in the place of the running one, between two rows.
+    design of filters or for a new chain. :meth:`change` orders a chain, and :meth:`swap` replaces
+    the running one by it, between two rows.
 
     When only parameters of the decision change (threshold, vote, groups, ..., and those of floors,
     evidence and impacts), the new chain is ready at once and takes over the state of the running
-    one. Otherwise it is built in a thread of its own, after ``GATHER_S`` in which further changes
-    are awaited, and is given the rows of the last ``HISTORY_S``: it decides as if it had run for
-    that long. When the rate, the number of channels or the input changes, it starts without any
-    rows.
+    one. Otherwise a separate thread waits ``GATHER_S`` for further changes, builds the chain and
+    gives it the rows of the last ``HISTORY_S``: it decides as if it had run for that long. When
+    the rate, the number of channels or the input changes, it starts without any rows.
 
     Parameters
     ----------
     config
-        To begin with.
+        The first configuration.
     on_built
-        Called, in the thread that built it, when a chain waits for :meth:`swap`.
+        Called when a chain has been built and waits for :meth:`swap`, in the thread that built it.
 
     Attributes
     ----------
     unsettled_rows : int
-        For how many of the next rows slip may come ON because of a change of the configuration,
-        and not because it begins there.
+        In this many of the next rows slip may come ON because the configuration changed, and not
+        because slip begins.
 
     Examples
     --------
@@ -134,20 +133,20 @@ class LiveChain:
         self.unsettled_rows = 0
         self._chain = SlipChain(config)
         self._on_built = on_built
-        # Held while rows are taken, and for nothing that takes longer than a row.
+        # Rows wait for this lock: nothing may hold it for longer than a row takes.
         self._lock = threading.Lock()
         self._history: deque[NDArray[np.float64]] = deque()
         self._kept_rows = config.samples(HISTORY_S)
         self._rows_in_history = 0
         self._rows_seen = 0  # since the last reset
         self._resets = 0
-        # The chain that is to be built, and whether a thread is waiting to build it.
+        # The configuration to build a chain for, and whether a thread waits to build it.
         self._ordered: ChainConfig | None = None
         self._gathering = False
         self._replacement: Replacement | None = None
 
     def update(self, rows: NDArray[np.float64], *, level: bool) -> SlipResult:
-        """Take the next rows, shape (n, c), and decide on each."""
+        """Process the next rows, shape (n, c), and decide on each."""
         with self._lock:
             self._history.append(rows)
             self._rows_seen += len(rows)
@@ -158,7 +157,7 @@ class LiveChain:
             return self._chain.update(rows, envelope=False, level=level)
 
     def reset(self) -> None:
-        """Forget all rows: the next row is the first."""
+        """Forget all rows; the next row is treated as the first."""
         with self._lock:
             self._chain.reset()
             self.unsettled_rows = 0
@@ -173,8 +172,8 @@ class LiveChain:
     def change(self, config: ChainConfig) -> bool:
         """Order another configuration; return whether :meth:`swap` may be called for it at once.
 
-        If not, a chain is built first, and then ``on_built`` is called. An order replaces the one
-        before it, unless that is in place already.
+        If not, a chain is built first, and then ``on_built`` is called. An order replaces an
+        earlier one that has not been swapped in yet.
         """
         with self._lock:
             differ = self._differ(config)
@@ -193,12 +192,12 @@ class LiveChain:
         return decision_only
 
     def swap(self) -> bool:
-        """Put the chain that was ordered last in the place of the running one.
+        """Replace the running chain by the one that was ordered last.
 
         Returns
         -------
         bool
-            False where no chain is ready, or it is in place already.
+            False if no chain is ready or the last one has been swapped in already.
         """
         with self._lock:
             if self._replacement is None:
@@ -228,7 +227,7 @@ class LiveChain:
         }
 
     def _build(self) -> None:
-        """Build the chain that was ordered; say so unless another has been ordered meanwhile."""
+        """Build the ordered chain; call ``on_built`` unless another was ordered meanwhile."""
         with self._lock:
             self._gathering = False
             config = self._ordered
@@ -249,7 +248,7 @@ class LiveChain:
         self._on_built()
 
     def _catch_up(self, chain: SlipChain, seen: int, resets: int) -> None:
-        """Give a chain the rows that have come since it was built."""
+        """Give a new chain the rows that have come since it was built."""
         if self._differ(chain.config) & set(INPUT_PARAMETERS):
             self._forget()
         elif resets != self._resets:
@@ -260,7 +259,7 @@ class LiveChain:
             chain.update(behind, envelope=False, level=False)
 
     def _keep_floors(self, chain: SlipChain) -> None:
-        """Give a chain that has been built the noise floors of the running one if they fit."""
+        """Give a new chain the noise floors of the running one if they are comparable."""
         evidence = chain.config.decision == self.config.decision == 'evidence'
         if evidence and self._differ(chain.config) <= {*DECISION_PARAMETERS, *FLOOR_OUTLASTS}:
             chain.take_floors(self._chain)
@@ -272,5 +271,5 @@ class LiveChain:
 
 
 def _responds_rows(config: ChainConfig) -> int:
-    """Return how many rows it takes at least until a change of the decision has had its effect."""
+    """Return the least number of rows after which a change of the decision has taken effect."""
     return config.samples(evidence_falls_s(config)) if config.decision == 'evidence' else 1

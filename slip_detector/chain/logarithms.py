@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Exponents, fractions and logarithms of float64 in vectors, by operations that IEEE 754 rounds.
+"""Exponents, fractions and logarithms of vectors of float64, with rounding defined by IEEE 754.
 
-Logarithms of a library differ in their last bits from one machine to another; these do not, and
-they take a fraction of the time.
+A library's logarithms differ in their last bits from machine to machine; these do not, and they
+take a fraction of the time.
 """
 
 import numpy as np
@@ -23,23 +23,23 @@ import numpy as np
 from slip_detector.chain.compiled import compiled_in_place
 from slip_detector.chain.lanes import floats_of, spread, words_of
 
-# The parts of a float64: the bits of the fraction and their number, the bits of 1.0, and the bias
-# of the exponent.
+# Layout of a float64: mask and number of the fraction's bits, the bits of 1.0, and the bias of the
+# exponent.
 FRACTION = np.uint64(2**52 - 1)
 FRACTION_BITS = np.uint64(52)
 ONE = np.uint64(0x3FF << 52)
 BIAS = 1023.0
 
-# The sum of 2^52 and a smaller integer has that integer as the bits of its fraction.
+# In the sum of 2^52 and a smaller integer, the bits of the fraction are that integer.
 LARGE = 2.0**52
 LARGE_BITS = np.uint64(0x433 << 52)
 
-#: Decibels of the root of 2, as :func:`root_decibels` is given squares.
+#: Decibels of the square root of 2: :func:`root_decibels` takes squares.
 OCTAVE_DB = 10.0 * float(np.log10(2.0))
 
-#: q of log2(1 + t) = t + t (1 - t) q(t), from the highest power of t to the lowest: the polynomial
-#: of its degree with the least error for t within [0, 1]. At both ends it is exact, so that the
-#: logarithm is continuous, and it always rises.
+#: Coefficients of q in log2(1 + t) = t + t (1 - t) q(t), highest power first: the polynomial of
+#: its degree with the least error for t within [0, 1]. The logarithm is exact at both ends, hence
+#: continuous, and it rises everywhere.
 BETWEEN_OCTAVES = (
     0.025841442564341566,
     -0.09595644602069042,
@@ -51,7 +51,7 @@ BETWEEN_OCTAVES = (
 #: Largest error of :func:`root_decibels`.
 DECIBEL_ERROR = 7e-6
 
-#: What :func:`root_decibels` gives for 0 and for infinity.
+#: Results of :func:`root_decibels` for 0 and for infinity.
 LEAST_DB, MOST_DB = -BIAS * OCTAVE_DB, (BIAS + 1.0) * OCTAVE_DB
 
 
@@ -84,11 +84,10 @@ def polynomial(coefficients, x):
 
 @compiled_in_place
 def root_decibels(squares):
-    """Return the decibels of the roots of numbers that are not negative: 10 log10 of them.
+    """Return the square roots of non-negative numbers in decibels: 10 log10 of the numbers.
 
-    The error is at most ``DECIBEL_ERROR``. Below the least normal number the logarithm falls
-    along a line to ``LEAST_DB`` at 0; of infinity it is ``MOST_DB``. Nothing gives infinity or
-    what is no number.
+    The error is at most ``DECIBEL_ERROR``. Below the least normal number the result falls linearly
+    to ``LEAST_DB`` at 0; for infinity it is ``MOST_DB``. It is never infinite or NaN.
     """
     t = fractions(squares) - 1.0
     return (exponents(squares) + (t + t * (1.0 - t) * polynomial(BETWEEN_OCTAVES, t))) * OCTAVE_DB

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How much memory a chain takes: known, and refused, before any is taken."""
+"""Memory of a chain: computed and checked before any is allocated."""
 
 import contextlib
 import os
@@ -24,21 +24,21 @@ from slip_detector.chain.stages import FIXED_SLOTS
 from slip_detector.chain.tiles import tile_bases_of
 from slip_detector.parameters.detector import ChainConfig
 
-#: Share of the memory that a chain may take: a new one is built beside it when parameters change.
+#: Share of the memory that a chain may take; while parameters change there are two chains.
 SHARE = 0.25
 
-#: Where Linux says how much a container may have, in its second and its first version.
+#: Files with the memory limit of a container in Linux, of cgroup versions 2 and 1.
 CONTAINER_LIMITS = (
     '/sys/fs/cgroup/memory.max',
     '/sys/fs/cgroup/memory/memory.limit_in_bytes',
 )
 
-#: Bytes of a value.
+#: Bytes of a float64.
 VALUE = 8
 
 
 def machine_bytes() -> int:
-    """Return how many bytes of memory the machine has, or the container allows.
+    """Return the bytes of memory of the machine, or of the container if it allows fewer.
 
     Examples
     --------
@@ -47,13 +47,13 @@ def machine_bytes() -> int:
     """
     limits = [os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')]
     for path in CONTAINER_LIMITS:
-        with contextlib.suppress(OSError, ValueError):  # There is none, or it is "max".
+        with contextlib.suppress(OSError, ValueError):  # not in a container, or "max"
             limits.append(int(Path(path).read_text(encoding='ascii')))
     return min(limits)
 
 
 def state_shape(config: ChainConfig) -> tuple[int, int, int]:
-    """Return the shape of a chain's state: tiles, slots that a channel takes, and lanes.
+    """Return the shape of a chain's state: tiles, slots of each channel, and lanes.
 
     Examples
     --------
@@ -68,19 +68,19 @@ def state_shape(config: ChainConfig) -> tuple[int, int, int]:
 
 
 def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
-    """Check that a chain, and the rows that are kept for the next one, fit into memory.
+    """Check that a chain, and the rows that are kept for the next chain, fit into memory.
 
     Parameters
     ----------
     config
-        Of the chain.
+        Configuration of the chain.
     kept_s
         Time for which rows are kept.
 
     Raises
     ------
     ValueError
-        When they take more than :data:`SHARE` of it; says what takes so much.
+        When they need more than :data:`SHARE` of the memory; names the parameters that need it.
 
     Examples
     --------

@@ -12,17 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The plan: all that the kernel needs beside samples and state, in one array.
+"""The plan: all inputs of the kernel except samples and state, in one array.
 
 A call of compiled code takes 260 ns longer with a tuple of all these arrays and numbers than with
 one array. Therefore a *plan* is one array of float64, and the kernel divides it into its parts:
 :class:`Settings`, then the tiles' ranges of good samples and least noise floors and the filters'
-sections, then :class:`Layout` as the bits of integers, then :class:`Scratch`. Without Numba
-dividing it would cost each call time: there a plan is its :class:`Parts`.
+sections, then :class:`Layout` as the bits of integers, then :class:`Scratch`. Without Numba the
+division would slow each call down, so there a plan is its :class:`Parts`.
 
-A *seat* is a channel's place in the tiles: sixteen times its tile, and its lane. Tiles may
-overlap; then a channel's seat is in the first of them, and in the other it is computed to the
-same bits.
+A *seat* is a channel's place in the tiles: 16 x the index of its tile + its lane. A channel in two
+overlapping tiles has its seat in the first; the second computes it too, with the same bits.
 """
 
 from collections.abc import Sequence
@@ -42,18 +41,18 @@ from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
 
-#: Words of a channel in a chunk of rows. With many channels the state is larger than the caches:
-#: it is fetched once a chunk.
+#: Words of each channel in a chunk of rows. With many channels the state is larger than the caches
+#: and is fetched once per chunk.
 CHUNK_WORDS = 8
 
 
 class Settings(NamedTuple):
-    """What the kernel needs of a configuration, as numbers.
+    """The parameters that the kernel reads, as numbers.
 
     Attributes
     ----------
     flat_rows : float
-        Repeats of a sample from which on a channel is flat; may be infinite.
+        Number of repeats of a sample that makes a channel flat; may be infinite.
     threshold : float
     common_mode : float
         ``NO_COMMON_MODE``, ``MEAN`` or ``MEDIAN``.
@@ -63,21 +62,21 @@ class Settings(NamedTuple):
     vote : float
         As :func:`slip_detector.chain.votes.vote_numbers` returns it.
     envelope_rows, level_rows : float
-        Lengths of the windows; with evidence there is no second one.
+        Lengths of the windows; with evidence there is no window of the level.
     comb_rows : float
-        Rows of whole periods of the mains; 0: nothing is taken off.
+        Number of rows that hold whole mains periods; 0: no comb.
     evidence : float
         1 for the decision by evidence, else 0.
     floor_range_db, floor_up_db, floor_down_db : float
-        How far a noise floor may rise, and how far it moves in a row.
+        How far a noise floor may rise, and how far it moves up or down per row.
     cap_db, offset_db, limit_db_s : float
-        Most excess, what is taken off it, and most evidence.
+        Largest excess, the offset that is subtracted from it, and the largest evidence.
     period_s : float
-        Time of a row.
+        Sample period.
     impact_v, impact_channels, hold_rows : float
-        What an impact is, and how long it is held for; 0 V: none is looked for.
+        Definition of an impact, and its hold time; 0 V: no detection of impacts.
     channels, enabled, groups, tiles, sections, votes : float
-        How many there are; the votes are those whose statistic is wanted.
+        Numbers of these; ``votes`` counts those whose statistic is wanted.
     """
 
     flat_rows: float
@@ -118,16 +117,16 @@ class Layout(NamedTuple):
     columns, seats : ndarray of int, shape (e,)
         Column and seat of each enabled channel.
     places : ndarray of int, shape (16 t,)
-        By seat the row of ``Scratch.levels``, which has the groups' members one after the other;
-        -1 for none.
+        Row of ``Scratch.levels`` for each seat, -1 for none; the rows are the members of all
+        groups, one group after the other.
     bounds : ndarray of int, shape (g + 1,)
-        Where each group begins and ends among all members.
+        Index in ``members`` at which each group begins, and the end of the last.
     members : ndarray of int, shape (e,)
-        Their seats.
+        Seats of the members of all groups, one group after the other.
     flag_seats : ndarray of int, shape (c,)
         Seat of each channel; 16 t for a disabled one.
     votes : ndarray of int, shape (v,)
-        Whose statistic is wanted.
+        The votes whose statistic is wanted.
     """
 
     bases: NDArray[np.int64]
@@ -141,31 +140,33 @@ class Layout(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory to work in, overwritten by each chunk of rows.
+    """Working memory, overwritten by each chunk of rows.
 
-    A chunk has w words a channel: one where levels are gathered, else ``CHUNK_WORDS``.
+    A chunk has w words per channel: one if levels are gathered for votes, else ``CHUNK_WORDS``.
 
     Attributes
     ----------
     block : ndarray, shape (64, 16)
-        Rows of a tile on their way through the stages.
+        Rows of a tile, which the stages replace in place.
     common_v : ndarray, shape (w, 64)
+        Common mode of each row.
     digits : ndarray of words, shape (DIGITS,)
-        For counting votes.
+        Digits for counting votes.
     on, valid : ndarray of words, shape (w, 16 t + 1)
-        For each seat the rows in which the channel is; the last seat stands for disabled channels
-        and has none.
+        For each seat the rows in which the channel is ON, or valid; the last seat stands for
+        disabled channels and has no rows.
     steps : ndarray of words, shape (16 t,)
-        For each seat the rows in which the channel steps; none where no impact is looked for.
+        For each seat the rows in which the channel steps; empty without detection of impacts.
     held : ndarray of words, shape (w,)
-        Rows that an impact is held for.
+        Rows within the hold time of an impact.
     decisions : ndarray of words, shape (1 + 2 g + 2 c,)
         The columns of the flags, as words.
     mean : ndarray, shape (1, 64)
-        For the geometric mean of a group.
+        Geometric means of a group.
     deviations, levels : ndarray, shape (e, 64)
-        For the common mode and for the votes; empty where these do not need them.
+        For the common mode and for the votes; empty if these do not need them.
     statistics : ndarray, shape (v, 64)
+        Statistic of each vote.
     """
 
     block: Floats
@@ -194,10 +195,10 @@ def settings_of(plan):
 
 @compiled_in_place
 def filters_of(plan, settings):
-    """Return the ranges of good samples, (t, 2, 16), and what the filters and floors begin with.
+    """Return ranges, least noise floors and sections of a plan, and the index after them.
 
-    After the ranges these are the least noise floors in dB, (t, 16), which only evidence has, the
-    sections, (s, 6), and where all of them end.
+    The ranges of good samples have the shape (t, 2, 16), the floors, in dB, (t, 16), or (0, 16)
+    without evidence, and the sections (s, 6).
     """
     tiles, sections = int(settings.tiles), int(settings.sections)
     floors = tiles * int(settings.evidence)
@@ -211,7 +212,7 @@ def filters_of(plan, settings):
 
 @compiled_in_place
 def layout_of(plan, settings, bases):
-    """Return the layout of a plan, which begins with ``bases``, and where it ends."""
+    """Return the layout of a plan, which begins at the index ``bases``, and the index after it."""
     enabled, tiles = int(settings.enabled), int(settings.tiles)
     channels, votes = int(settings.channels), int(settings.votes)
     columns = bases + tiles
@@ -236,7 +237,7 @@ def layout_of(plan, settings, bases):
 
 @compiled_in_place
 def _scratch_bounds(settings, begin):
-    """Return where the parts of the scratch memory begin, and where the last one ends."""
+    """Return the index of each part of the working memory, and the index after the last."""
     enabled, votes = int(settings.enabled), int(settings.votes)
     gathered = settings.vote == VOTE_MEAN or votes > 0
     words = 1 if gathered else CHUNK_WORDS
@@ -267,7 +268,7 @@ def _scratch_bounds(settings, begin):
 
 @compiled_in_place
 def scratch_of(plan, settings, begin):
-    """Return the scratch memory of a plan, from the first cache line at or after ``begin`` on."""
+    """Return the working memory of a plan: from the first cache line at or after ``begin`` on."""
     (
         block, common_v, digits, on, valid, steps, held, decisions, mean, deviations, levels,
         statistics, end,
@@ -296,7 +297,7 @@ class Parts(NamedTuple):
     ----------
     settings : Settings
     ranges : ndarray, shape (t, 2, 16)
-        Of good samples.
+        Ranges of good samples.
     least_db : ndarray, shape (t, 16)
         Least noise floors; of shape (0, 16) without evidence.
     sections : ndarray, shape (s, 6)
@@ -320,26 +321,26 @@ def _parts_of(plan):
 
 
 if COMPILED:
-    # So many values are costly to return.
+    # Returning this many values from a call costs time: its code becomes part of the caller.
     parts_of = compiled_in_place(_parts_of, forceinline=True)
 else:
 
     def parts_of(plan):
-        """Return the plan itself, which has been taken apart once for all calls."""
+        """Return the plan itself, which :func:`plan_of` has divided already."""
         return plan
 
 
 def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -> Floats | Parts:
-    """Return the plan of a chain: one array for compiled functions, its parts for others.
+    """Return the plan of a chain: one array for a compiled kernel, parts for an interpreted one.
 
     Parameters
     ----------
     config
-        Of the chain.
+        Configuration of the chain.
     sections
-        Of its filters, shape (s, 6).
+        Sections of its filters, shape (s, 6).
     votes
-        Whose statistic is wanted.
+        The votes whose statistic is wanted.
 
     Raises
     ------
@@ -351,7 +352,7 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
     enabled = [c for c in range(config.channels) if c not in disabled]
     bases = tile_bases_of(config)
     seats: dict[int, int] = {}
-    # No sample is good enough for a channel that takes no part.
+    # In an empty range no sample of a disabled channel is good.
     ranges = np.full((len(bases), 2, LANES), [[np.inf], [-np.inf]])
     for t, base in enumerate(bases):
         for lane in range(LANES):
@@ -402,7 +403,7 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
         sections=len(sections),
         votes=len(wanted),
     )
-    # With other types Numba would compile again.
+    # For other types Numba would compile the functions again.
     settings = Settings(*map(float, settings))
     least_db = least_floors_db(config)
     integers = np.concatenate(layout).view(np.float64)

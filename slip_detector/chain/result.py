@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The decisions of the chain, and the signals that they are based on."""
+"""The result of the chain: decisions, and the signals that they are based on."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,21 +59,21 @@ class SlipResult:
 
     @property
     def can_vote(self) -> Bools:
-        """Whether the group has as many valid channels as its vote takes; shape (n, g)."""
+        """Whether the group has as many valid channels as its vote needs; shape (n, g)."""
         return self.flags[:, 1 + self._shape[0] : 1 + 2 * self._shape[0]]
 
     @property
     def channels(self) -> Bools:
         """Whether the channel is ON; shape (n, c).
 
-        It is where its level is above the threshold; with evidence it then stays ON until the
-        level is not above half of it.
+        It is ON while its level is above the threshold; with evidence it stays ON until the level
+        falls to half the threshold.
         """
         return self.flags[:, 1 + 2 * self._shape[0] :][:, : self._shape[1]]
 
     @property
     def valid(self) -> Bools:
-        """Whether the channel is enabled, its sample good and it is not flat; shape (n, c)."""
+        """Whether the channel is enabled and not flat, and its sample is good; shape (n, c)."""
         return self.flags[:, 1 + 2 * self._shape[0] + self._shape[1] :]
 
     @property
@@ -83,7 +83,7 @@ class SlipResult:
 
     @property
     def level(self) -> Floats:
-        """The number that is held against the threshold; shape (n, c).
+        """The number that is compared with the threshold; shape (n, c).
 
         It is the mean of the envelope, or the evidence in dB s.
         """
@@ -96,16 +96,16 @@ class SlipResult:
 
     @property
     def excess(self) -> Floats:
-        """How far the envelope counts above the floor, in dB; shape (n, c).
+        """Excess of the envelope over the floor, within its limits, in dB; shape (n, c).
 
-        It is 0 where it does not count: before the windows are full, where the channel is not
-        valid, and for some time from an impact on.
+        It is 0 before the windows are full, while the channel is not valid, and for
+        ``impact_hold_s`` from an impact on.
         """
         return self._columns('excess', KEEP_EXCESS)
 
     @property
     def after_impact(self) -> Bools:
-        """Whether excess is held at 0 after an impact, kept with it; shape (n,)."""
+        """Whether excess is held at 0 after an impact; kept if excess is; shape (n,)."""
         if not self._kept & KEEP_EXCESS:
             raise ValueError('after_impact was not kept: call update with excess=True')
         held: Bools = self._signals[:, self._signals.shape[1] - self._shape[2] - 1] != 0.0
@@ -115,20 +115,20 @@ class SlipResult:
     def vote_statistic(self) -> Floats:
         """The decision statistic of each vote that was asked for; shape (n, v).
 
-        It is dimensionless, and above 1 exactly where ``slip`` would be ON with that vote. It is
-        the largest number of all groups that :mod:`slip_detector.chain.votes` describes, divided
-        by the threshold; a group that cannot vote has 0. At a threshold of 1 the statistic has the
-        unit of the level, and can be compared with any other threshold: it is above that threshold
-        exactly where a chain with it has ``slip`` ON.
+        It is dimensionless, and above 1 exactly where ``slip`` would be ON with that vote. Of the
+        groups' numbers, which :mod:`slip_detector.chain.votes` describes, it is the largest,
+        divided by the threshold; a group that cannot vote has 0. With a threshold of 1 the
+        statistic has the unit of the level and serves any other threshold: it exceeds that
+        threshold exactly where a chain with that threshold has ``slip`` ON.
         """
         return self._signals[:, self._signals.shape[1] - self._shape[2] :]
 
     def _columns(self, name: str, signal: int) -> Floats:
-        """Return the channels of a signal, which is one of the bits of what is kept."""
+        """Return the columns of a signal, given by its name and its bit."""
         if not self._kept & signal:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
         before = (self._kept & (signal - 1)).bit_count()
-        # With few channels there are further columns, which have no meaning.
+        # Fewer channels than a tile has lanes are padded with columns without meaning.
         others = self._shape[2] + bool(self._kept & KEEP_EXCESS)
         columns = (self._signals.shape[1] - others) // self._kept.bit_count()
         return self._signals[:, columns * before :][:, : self._shape[1]]

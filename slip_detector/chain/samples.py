@@ -27,12 +27,12 @@ class Samples(NamedTuple):
     ----------
     volts : ndarray, shape (n, c)
     stamps_ns : ndarray of int, shape (n,)
-        When each sample was taken.
+        Time at which each sample was taken.
     truth : ndarray of bool, shape (n,), or None
-        Whether there is slip, where it is known.
+        Whether there is slip, if that is known.
     position_m : ndarray, shape (n,), or None
-        Position of the platform or the object, where it is known. It is written to recordings;
-        when they are read, the truth can be derived from it.
+        Position of the platform or the object, if known. It is written to recordings; a reader can
+        derive the truth from it.
 
     Examples
     --------
@@ -61,7 +61,7 @@ class Samples(NamedTuple):
     def then(self, more: 'Samples') -> 'Samples':
         """Return these samples followed by those of ``more``.
 
-        Truth and position are known for the whole where they are known for both parts.
+        Truth and position are kept only if both parts have them.
         """
         truth, position_m = None, None
         if self.truth is not None and more.truth is not None:

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How long a chain settles after it was started or reset.
+"""Settling time of a chain after a start or a reset.
 
-Before its first row it takes the input to have been constant. Where it was not, as after a gap in
-the midst of a slip, the first rows are answered by what began there and not by what is there.
+The chain assumes that the input was constant before its first row. If it was not, as after a gap
+during a slip, the first results are a response to that error and not to the signal.
 """
 
 import math
@@ -28,27 +28,27 @@ from slip_detector.chain.evidence import floor_steps_db
 from slip_detector.chain.filters import design
 from slip_detector.parameters.detector import ChainConfig
 
-#: Filters have settled where their response to a step is below this share of its peak.
+#: Filters have settled when their step response is below this share of its peak.
 SETTLED = 0.01
 
-#: Evidence with a smaller offset is taken to fall as fast as with this one.
+#: Lower limit of the offset in the time that evidence takes to fall, which bounds that time.
 LEAST_OFFSET_DB = 0.5
 
-#: A floor that is not learnt begins with the first envelope, which of noise alone may be so much
-#: above where the floor settles.
+#: A floor that is not learnt begins at the first envelope. In noise alone that may be this far
+#: above the level where the floor settles.
 FIRST_FLOOR_DB = 5.0
 
-#: For so many rows the response is computed at first.
+#: Number of rows for which the step response is computed first; it is doubled until it suffices.
 SHORTEST = 256
 
 
 def settling_rows(config: ChainConfig) -> int:
-    """Return for how many rows filters and windows settle.
+    """Return the number of rows in which filters, windows, evidence and floors settle.
 
-    After so many rows the response of the filters to a step at the first row has fallen below
-    :data:`SETTLED` of its peak, and what was above it has left the windows. The comb that takes
-    off the mains answers the step once its first periods are over. Evidence has fallen from its
-    limit, and a floor that is not learnt by :data:`FIRST_FLOOR_DB`, where it follows at all.
+    After these rows the response of the filters to a step at the first row has fallen below
+    :data:`SETTLED` of its peak, and larger values have left the windows. The response begins only
+    after the rows of the mains comb, whose output is 0 before. Evidence has fallen from its limit,
+    and a floor that is not learnt by :data:`FIRST_FLOOR_DB`, unless its rate is 0.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def settling_rows(config: ChainConfig) -> int:
 
 
 def evidence_falls_s(config: ChainConfig) -> float:
-    """Return the time in s in which evidence falls from its limit to 0 where there is only noise.
+    """Return the time, in seconds, in which evidence falls from its limit to 0 in noise alone.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def _comb_rows(config: ChainConfig) -> int:
 
 
 def _floor_rows(config: ChainConfig) -> int:
-    """Return the number of rows in which a floor falls to where it settles; 0 if it need not."""
+    """Return the number of rows in which a floor settles; 0 if it is learnt or fixed."""
     _, down_db = floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
     if config.noise_floor_learnt or not down_db:
         return 0
@@ -102,7 +102,7 @@ def _filter_rows(sections: NDArray[np.float64]) -> int:
         _step_response(sections, step)
         size = np.abs(step)
         last = int(np.flatnonzero(size > SETTLED * size.max())[-1])
-        # What stays small for as long as it took to become so has settled.
+        # The response has settled if it stays small for as long as it took to become small.
         if last < step.size // 2:
             return last + 1
         step = np.empty(2 * step.size)

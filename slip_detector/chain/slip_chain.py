@@ -47,14 +47,14 @@ from slip_detector.chain.stages import (
 from slip_detector.chain.tiles import aligned, least_floors_db, tile_bases_of
 from slip_detector.parameters.detector import ChainConfig
 
-BOOL_TYPE = np.dtype(np.bool_)  # made once: to look the type up takes longer than to make an array
+BOOL_TYPE = np.dtype(np.bool_)  # a constant, as the look-up takes longer than making an array
 
 
 class SlipChain:
     """The chain with its state, for live nodes and for whole recordings.
 
-    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls. Everything
-    that it remembers of the rows so far is in its ``state``.
+    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls. Its
+    ``state`` holds everything that depends on earlier rows.
 
     Parameters
     ----------
@@ -94,18 +94,18 @@ class SlipChain:
         self._columns, self._channels = max(config.channels, LANES), config.channels
         self._groups = len(config.groups)
         self._width = 1 + 2 * self._groups + 2 * config.channels
-        # Columns of disabled channels may be in no tile; these are not written.
+        # The kernel does not write columns that are in no tile, as those of disabled channels.
         self._new_signals = np.zeros if config.disabled_channels else np.empty
         self.reset()
-        # Compiles the kernel, or loads it from the cache, before the first sample comes.
+        # Compile the kernel, or load it from the cache, before the first sample comes.
         self.update(np.zeros((0, config.channels)))
 
     def reset(self) -> None:
-        """Forget all rows: the next row is the first."""
+        """Forget all rows; the next row is treated as the first."""
         self.state = aligned(np.zeros, self._tiles_shape)
         self.state[:, [LAST, FIRST]] = np.nan
         if self._evidence:
-            # One that is not learnt begins with the first envelope.
+            # NaN: a floor that is not learnt begins at the first envelope.
             learnt = self.config.noise_floor_learnt
             self.state[:, FLOOR] = least_floors_db(self.config) if learnt else np.nan
 
@@ -127,12 +127,12 @@ class SlipChain:
         Parameters
         ----------
         other
-            A chain with as many channels. Channels that it does not compute keep their floors.
+            A chain with as many channels. Channels that are disabled in it keep their floors here.
 
         Raises
         ------
         ValueError
-            When one of the two does not decide by evidence, or has other channels.
+            When one of the two does not decide by evidence, or their numbers of channels differ.
 
         Examples
         --------
@@ -158,13 +158,13 @@ class SlipChain:
         Parameters
         ----------
         other
-            A chain with the same channels, filters, mains and common mode; its windows, threshold,
-            decision and vote may differ.
+            A chain with the same channels, valid range, filters, mains and common mode. Its
+            windows, threshold, decision and vote may differ.
 
         Raises
         ------
         ValueError
-            When its channels, filters, mains or common mode are not the same.
+            When one of these differs that must be the same.
         """
         same = ('channels', 'disabled_channels', 'valid_range_v', 'common_mode', 'mains_hz')
         for name in same:
@@ -178,7 +178,7 @@ class SlipChain:
         of_filters = [COMB_ROW, COMB_AGE, *range(FIXED_SLOTS, end)]
         kept = [LAST, REPEATS, FIRST, HELD, COMMON_V, *of_filters]
         self.state[:, kept] = other.state[:, kept]
-        # The filters' rows have come, those of the window have not.
+        # The comb is filled, the windows are empty.
         self.state[:, AGE] = np.minimum(self.state[:, COMB_AGE], self.config.mains_rows)
 
     def update(
@@ -191,7 +191,7 @@ class SlipChain:
         excess: bool = False,
         votes: Sequence[str | int] = (),
     ) -> SlipResult:
-        """Take the next rows and decide on each.
+        """Process the next rows and decide on each.
 
         Parameters
         ----------
@@ -200,7 +200,7 @@ class SlipChain:
         envelope, level
             Whether the result has these signals.
         floor, excess
-            The same of those that only a decision by evidence has.
+            Whether the result has these signals, which only the decision by evidence has.
         votes
             The votes whose :attr:`SlipResult.vote_statistic` is computed: ``all``, ``mean`` or
             numbers of channels. They do not depend on the vote of the configuration.

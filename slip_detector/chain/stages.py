@@ -14,11 +14,11 @@
 
 """The stages of the chain on one tile: sixteen channels side by side, some rows at a time.
 
-Each function takes a tile's state, an array of shape (slots, 16) with one value a lane in each
-slot, and ``block``, the rows that are on their way through the stages, shape (rows, 16). Decisions
-about rows are words, one a lane, with a bit a row: the lowest one is the first row.
+Each function takes a tile's state, an array of shape (slots, 16) with one value per lane in each
+slot, and ``block``, shape (rows, 16), whose rows each stage replaces in place. Decisions about
+rows are words, one per lane, with one bit per row; the lowest bit is the first row.
 
-What a stage computes for a row does not depend on which row of a block it is.
+The result of a row does not depend on its position in a block.
 """
 
 import numpy as np
@@ -35,16 +35,18 @@ from slip_detector.chain.lanes import (
     store_past_caches,
 )
 
-#: Rows that fit into a word.
+#: Number of rows in a word.
 WORD_ROWS = 64
 
 NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
 
-# The first slots of a tile's state; those of the sections, of the comb and of the windows follow.
-# Five are one number for the whole tile, in lane 0: ENVELOPE_ROW and LEVEL_ROW, the rows of the
-# present stretch of a window so far, COMB_ROW, the same of the comb, and, in the first tile alone,
-# COMMON_V, the common mode of the last row, and HOLD_ROWS, how many more rows an impact is held
-# for. From COMB_ROW on they are those of comb and evidence.
+# The first slots of a tile's state; the slots of the sections, the comb and the windows follow.
+# Five have one number for the whole tile, in lane 0:
+# - ENVELOPE_ROW, LEVEL_ROW: rows so far in the current stretch of a window
+# - COMB_ROW: rows so far in the current period of the comb
+# - COMMON_V, in the first tile only: common mode of the last row
+# - HOLD_ROWS, in the first tile only: remaining rows of the hold time of an impact
+# The slots from COMB_ROW on are for comb and evidence.
 (
     LAST,
     REPEATS,
@@ -95,9 +97,9 @@ def check_samples(volts, start, rows, column, tile_range, flat_rows, tile, words
 def load_deviations(volts, start, rows, column, tile_range, common_v, tile, block):
     """Write the filters' input to ``block``: deviations from each channel's first good sample.
 
-    The network passes no constant, so the deviation from the first sample, filtered from rest, is
-    the sample itself filtered from the steady state of the first, without the rounding errors of
-    a large constant. A bad sample is replaced by the input of the row before.
+    The network has no gain at 0 Hz. Therefore filtering the deviation from rest gives the same as
+    filtering the samples from the steady state of the first one, without the rounding errors of a
+    large constant. A bad sample is replaced by the input of the row before.
     """
     low, high = load(tile_range, (LOW, 0)), load(tile_range, (HIGH, 0))
     first, held = load(tile, (FIRST, 0)), load(tile, (HELD, 0))
@@ -113,16 +115,16 @@ def load_deviations(volts, start, rows, column, tile_range, common_v, tile, bloc
 
 @compiled_in_place
 def count_up(age, valid, row):
-    """Return the rows since each channel's first valid one, that one included; 0 before it."""
+    """Return the number of rows from each channel's first valid row on; 0 before that row."""
     return select(((valid & row) != NO_ROW) | (age > 0.0), age + 1.0, age)
 
 
 @compiled_in_place
 def take_off_mains(block, rows, comb_rows, valid, tile, tail):
-    """Take off each row what it was ``comb_rows`` before: whole periods of the mains.
+    """Subtract from each row the row ``comb_rows`` earlier, which is whole mains periods earlier.
 
-    A channel is 0 for so many rows from its first valid one on. ``valid`` has the rows in which a
-    channel is, as words, and ``tail`` is the slot of the first of the rows that are remembered.
+    The result is 0 for the first ``comb_rows`` rows from a channel's first valid row on. ``valid``
+    has the valid rows of each channel, as words, and ``tail`` is the first slot of earlier rows.
     """
     position, age, row = int(tile[COMB_ROW, 0]), load(tile, (COMB_AGE, 0)), spread(FIRST_ROW)
     for k in range(rows):
@@ -168,7 +170,7 @@ def _section(u, coefficients, delays):
 def run_filters(block, rows, sections, tile):
     """Run rows through the second-order sections, in place.
 
-    They go through two sections at a time: the registers hold as many coefficients and delays.
+    Each pass runs two sections, whose coefficients and delays fit into the registers.
     """
     n = sections.shape[0]
     for s in range(0, n - 1, 2):
@@ -195,7 +197,7 @@ def rectified_power(block, rows, full_wave, exponent):
         u = load(block, (k, 0))
         u = absolute(u) if full_wave else select(u > 0.0, u, 0.0)
         power = u
-        if exponent == 3:  # the paper's, without a loop
+        if exponent == 3:  # faster for the paper's exponent
             power = u * u * u
         else:
             for _ in range(exponent - 1):
@@ -207,7 +209,7 @@ def rectified_power(block, rows, full_wave, exponent):
 def keep(values, signals, at, past_caches):
     """Write the values of a tile's row to the result.
 
-    ``past_caches`` tells whether the result is large and the place begins where a cache line does.
+    ``past_caches`` requires a place at which a cache line begins, and pays for large results.
     """
     if past_caches:
         store_past_caches(values, signals, at)
@@ -220,15 +222,15 @@ def window_means(
     block, rows, window, tile, row_slot, head_slot, tail, take_root, signals, start, column,
     past_caches,
 ):  # fmt: skip
-    """Replace each value by the mean of the last ``window`` values, zeros before the first.
+    """Replace each value by the mean of the last ``window`` values, zeros before the first row.
 
-    Time is cut into stretches of ``window`` rows. A window is the head of the present stretch and
-    the tail of the one before; the sums of all tails are computed once, when a stretch ends. Terms
-    are added and never subtracted: so a huge value leaves no error behind. ``tail`` is the slot of
-    the first tail. With ``take_root`` the result is the root of the mean.
+    Time is cut into stretches of ``window`` rows. A window is the head of the current stretch plus
+    the tail of the previous one; the sums of all tails are computed once, when a stretch ends.
+    Terms are added and never subtracted, so a huge value leaves no error behind. ``tail`` is the
+    slot of the first tail. With ``take_root`` the result is the root of the mean.
 
-    Where ``column`` is not negative the means are kept there. Kept one by one, they are on their
-    way to memory while the next ones are computed.
+    The means are also written to ``column`` of the signals, unless that is negative. Each is
+    written at once, so that it reaches memory while the next one is computed.
     """
     position, head, per = int(tile[row_slot, 0]), load(tile, (head_slot, 0)), 1.0 / window
     for k in range(rows):
@@ -252,7 +254,7 @@ def window_means(
 
 @compiled_in_place
 def keep_roots(block, rows, signals, start, column):
-    """Copy the roots of a tile's values to the result, from ``column`` on."""
+    """Write the square roots of a tile's values to the signals, from ``column`` on."""
     for k in range(rows):
         store(square_root(load(block, (k, 0))), signals, (start + k, column))
 

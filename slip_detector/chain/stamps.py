@@ -14,8 +14,8 @@
 
 """Stamps of incoming samples: finds missing samples, gaps and stamps that run backwards.
 
-The rule for gaps is here, for live input and recordings: a short gap is bridged with the last row,
-and after a long one the chain starts as from the first row.
+The rule for gaps of live input and recordings is here: a short gap is bridged with the last row,
+after a long one the chain starts again.
 """
 
 from itertools import pairwise
@@ -26,54 +26,54 @@ from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.compiled import compiled_in_place
 
-#: The grid is a line that is fitted to the stamps of about this many samples: after a start, and
-#: in the long run. A long memory averages jitter and still follows a drift.
+#: Number of samples whose stamps the line of the grid is fitted to, after a start and later. A
+#: long memory averages jitter and still follows a drift.
 FIRST_MEMORY, LONG_MEMORY = 16, 256
 
-#: Largest jitter in periods: where a sample is further ahead of the grid, a new grid begins.
+#: Largest jitter, in periods. A sample further ahead of the grid begins a new grid.
 LARGEST_JITTER = 2.0
 
 #: Number of samples after which observed jitter is forgotten.
 JITTER_MEMORY = 2048
 
-#: The grid follows a clock whose rate is wrong by up to this share; more means missing samples.
+#: Largest error of a clock's rate, as a share, that the grid follows; more means missing samples.
 LARGEST_RATE_ERROR = 0.15
 
-#: A longer step in periods is a gap, a shorter one is jitter, where nothing else is known.
+#: Limit between jitter and a gap, in periods from stamp to stamp, without further knowledge.
 GAP_PERIODS = 1.5
 
-#: A sample this many periods behind the grid comes after a gap, unless the jitter is larger.
+#: A sample that is late by this many periods comes after a gap, unless the jitter is larger.
 BEHIND_A_GAP = 0.5
 
-#: A message whose number follows the one before may be late by this much. After a longer pause
-#: the source itself must have stopped.
+#: Longest delay of a message whose number follows the one before. After a longer pause the source
+#: itself must have stopped.
 LONGEST_DELAY_S = 1.0
 
 #: Jitter in periods that is assumed before any was observed.
 FIRST_JITTER = 0.75
 
 
-# The line, as an array: the period of a sample in nanoseconds, the time until the next sample is
+# Elements of the array that holds the line: the sample period, the time until the next sample is
 # expected, the memory in messages, the jitter in periods, and the bounds of the period.
 PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS = range(6)
 
 
 @compiled_in_place
 def _follow(line, behind, rows):
-    """Move the line towards the stamp of a message that is ``behind`` it.
+    """Move the line towards the stamp of a message that is late by ``behind`` periods.
 
     The gains are those of a least-squares line through the last ``memory`` messages.
     """
     n = line[MEMORY]
     if n < LONG_MEMORY:
         line[MEMORY] = n + 1.0
-    # A late sample may come after a gap; an early one can only be jitter.
+    # Lateness beyond BEHIND_A_GAP may be a gap and not jitter; an early sample is always jitter.
     off = -behind if behind < 0.0 else min(behind, BEHIND_A_GAP)
     jitter = line[JITTER] * (1.0 - 1.0 / JITTER_MEMORY)
     line[JITTER] = off if off > jitter else jitter
     gain = 1.0 / (n * (n + 1.0))
     period_ns = line[PERIOD_NS]
-    # From this stamp to its place on the line, and from there to the next one.
+    # The time until the next sample: from this stamp to its place on the line, plus one period.
     on_line_ns = -behind * (1.0 - 2.0 * (2.0 * n - 1.0) * gain) * rows * period_ns
     period_ns *= 1.0 + behind * 6.0 * gain
     period_ns = min(max(period_ns, line[FASTEST_NS]), line[SLOWEST_NS])
@@ -83,7 +83,7 @@ def _follow(line, behind, rows):
 
 @compiled_in_place
 def _follow_all(line, steps_ns):
-    """Follow samples as long as each is the next one; return whether all were."""
+    """Follow samples until one is not the next one expected; return whether all were."""
     for i in range(steps_ns.size):
         step_ns = float(steps_ns[i])
         behind = (step_ns - line[UNTIL_NEXT_NS]) / line[PERIOD_NS]
@@ -100,11 +100,11 @@ class Arrival(NamedTuple):
     Attributes
     ----------
     accepted : bool
-        Whether the sample is used; one whose stamp is not after the last one is dropped.
+        Whether the sample is used; it is dropped if its stamp is not after the last one.
     missing : int
         Number of missing samples before it, which are bridged with the last row.
     reset : bool
-        Whether it is the first of a new stretch: too many are missing, or the clock was set.
+        Whether the sample begins a new stretch: too many are missing, or the clock was set back.
     """
 
     accepted: bool
@@ -112,7 +112,7 @@ class Arrival(NamedTuple):
     reset: bool
 
     def bridge(self, last: ArrayLike, rows: ArrayLike) -> NDArray[Any]:
-        """Return rows with the missing rows before them, which repeat the last one.
+        """Return rows preceded by the missing ones, for which the last row is repeated.
 
         Parameters
         ----------
@@ -140,12 +140,12 @@ class MendedSamples(NamedTuple):
     Attributes
     ----------
     places : ndarray of int, shape (n,)
-        Index of each sample among the input, from 0; -1 is the last sample before the input.
+        Index of each sample in the input; -1 is the last sample before the input.
     stamps_ns : ndarray of int, shape (n,)
     stretches : tuple of slice
-        Runs of samples, at least one each; all but the first begin a new stretch.
+        The samples of each stretch, at least one. The first may continue an earlier stretch.
     first_is_new : bool
-        Whether the first run begins a new stretch too.
+        Whether the first of them begins a new stretch.
     gaps, bridged, dropped : int
         Number of short gaps, of samples that bridge them, and of samples that were dropped.
     """
@@ -160,9 +160,7 @@ class MendedSamples(NamedTuple):
 
 
 def missing_rows(last_ns: int, stamp_ns: int, sample_rate_hz: float) -> int:
-    """Return the number of missing rows between two stamps.
-
-    It is 0 where the clock was set back.
+    """Return the number of missing rows between two stamps; 0 if the clock was set back.
 
     Examples
     --------
@@ -177,19 +175,18 @@ def missing_rows(last_ns: int, stamp_ns: int, sample_rate_hz: float) -> int:
 class StampGrid:
     """A grid of times at which samples are expected; it decides on each sample by its stamp.
 
-    The grid is even and follows the stamps: it is a line fitted to them with a fading memory. So
-    a stamp may be wrong by half a period, and the rate of the clock by ``LARGEST_RATE_ERROR``,
-    and no sample is taken to be missing. Where samples ahead of the grid show more jitter, a delay
-    must be larger to be a gap.
+    The grid is even and follows the stamps: it is a line fitted to them with a fading memory. So a
+    stamp may be wrong by half a period, and the rate of the clock by ``LARGEST_RATE_ERROR``,
+    without any sample being counted as missing. If early samples show more jitter, a delay must be
+    larger to count as a gap.
 
-    A sample whose stamp is not after the one before is dropped. When the stamps of dropped samples
-    rise for longer than ``max_gap_s``, the clock was set back, or a bag was started again, and a
-    new stretch begins. Else one such step would silence the detector forever.
+    A sample whose stamp is not after the previous one is dropped. When the stamps of dropped
+    samples rise for longer than ``max_gap_s``, the clock was set back or a bag was started again,
+    and a new stretch begins. Otherwise one step back would silence the detector forever.
 
-    The time at which a message was published may be later than that of its samples by any number
-    of periods: a late message, with the next ones close behind it, is not a gap. Where whoever
-    carries the messages numbers them, the numbers tell exactly which of them are missing, and
-    the stamps only follow.
+    A message may be published any number of periods after its samples were taken: a late message,
+    closely followed by the next ones, is not a gap. If messages are numbered, the numbers tell
+    exactly which of them are missing, and the grid only follows the stamps.
 
     Parameters
     ----------
@@ -237,12 +234,12 @@ class StampGrid:
         Parameters
         ----------
         stamp_ns
-            Of its last sample. Messages with numbers may have the time of publication instead.
+            Stamp of its last sample. For numbered messages it may be the time of publication.
         rows
-            Number of its samples; they arrive or are missing as a whole.
+            Number of its samples, which arrive or are missing together.
         number
-            Of the message, which is one more than that of the message sent before it; None where
-            messages are not numbered. A number that is not greater than the last one is that of
+            Number of the message, one more than that of the message sent before it; None if
+            messages are not numbered. A number that is not greater than the last one comes from
             another sender: such a message is judged by its stamp.
 
         Examples
@@ -264,11 +261,11 @@ class StampGrid:
         return arrival
 
     def skip(self, number: int | None) -> None:
-        """Take note of the number of a message without samples, which is not missing."""
+        """Register the number of a message without samples, which is not missing."""
         self._number = number
 
     def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
-        """Take all samples at once if each is the next one; else take none of them.
+        """Accept all samples at once if each is the next one expected; else accept none of them.
 
         Parameters
         ----------
@@ -278,7 +275,7 @@ class StampGrid:
         Returns
         -------
         bool
-            Whether they were taken; if not, :meth:`mend` takes them one by one.
+            Whether they were accepted; if not, call :meth:`mend` for them.
         """
         if not stamps_ns.size:
             return True
@@ -295,7 +292,7 @@ class StampGrid:
         return False
 
     def mend(self, stamps_ns: NDArray[np.int64]) -> MendedSamples:
-        """Take samples one by one: drop samples, bridge gaps and separate stretches.
+        """Decide on samples one by one: drop samples, bridge gaps and separate stretches.
 
         Parameters
         ----------
@@ -368,7 +365,7 @@ class StampGrid:
         return Arrival(True, missing * rows, False) if missing else NEXT
 
     def _arrive_by_number(self, stamp_ns: int, rows: int, lost: int) -> Arrival:
-        """Return what to do with a message before which so many messages are missing."""
+        """Return what to do with a message before which ``lost`` messages are missing."""
         assert self._last_ns is not None
         step_ns = stamp_ns - self._last_ns
         missing = lost * rows

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tiles of sixteen channels: which columns they hold, and arrays with a value for each lane."""
+"""Tiles of sixteen channels: their columns, and arrays with a value for each lane."""
 
 import contextlib
 import mmap
@@ -27,22 +27,22 @@ from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
 
-#: The C library may use freed memory again, except for arrays larger than this.
+#: Largest array whose freed memory the C library may use again.
 REUSED_BYTES = 2**25
 
-#: Of the processors that have pages so large.
+#: Size of a huge page on common processors.
 HUGE_PAGE_BYTES = 2**21
 
 
 def aligned(new: Callable[[int], Floats], shape: tuple[int, ...]) -> Floats:
-    """Return an array that begins where a cache line does; a large one has memory of its own.
+    """Return an array that begins where a cache line does; a large one is in huge pages.
 
     Parameters
     ----------
     new
-        Makes an array of so many values: ``numpy.zeros`` or ``numpy.empty``.
+        Makes an array of a given number of values: ``numpy.zeros`` or ``numpy.empty``.
     shape
-        Of the array.
+        Shape of the array.
 
     Examples
     --------
@@ -57,14 +57,14 @@ def aligned(new: Callable[[int], Floats], shape: tuple[int, ...]) -> Floats:
 
 
 def _in_huge_pages(size: int) -> Floats:
-    """Return zeros in whole huge pages, where the system has them.
+    """Return zeros in whole huge pages, if the system has them.
 
-    The system clears a page when it is first used, and 512 small ones take longer than a huge
-    one. NumPy asks for huge ones too, but has small ones where its arrays begin and end.
+    The system clears a page when it is first used; 512 small pages take longer than a huge one.
+    NumPy requests huge pages too, but its arrays begin and end in small ones.
     """
     pages = -(-8 * size // HUGE_PAGE_BYTES)
     memory = mmap.mmap(-1, pages * HUGE_PAGE_BYTES, flags=mmap.MAP_PRIVATE)
-    with contextlib.suppress(AttributeError, OSError):  # The system has none.
+    with contextlib.suppress(AttributeError, OSError):  # no huge pages
         memory.madvise(mmap.MADV_HUGEPAGE)
     return np.frombuffer(memory, count=size)
 
@@ -72,7 +72,7 @@ def _in_huge_pages(size: int) -> Floats:
 def tile_bases_of(config: ChainConfig) -> list[int]:
     """Return the first columns of the tiles that hold all enabled channels.
 
-    Tiles without any are left out, and the last one may overlap the one before it.
+    Tiles without an enabled channel are left out; the last tile may overlap the one before it.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def tile_bases_of(config: ChainConfig) -> list[int]:
     [0, 24]
     """
     disabled = set(config.disabled_channels)
-    # The rows that the kernel is given have at least the columns of one tile.
+    # Rows of fewer channels are padded to the columns of one tile.
     last = max(config.channels, LANES) - LANES
     bases: list[int] = []
     for channel in range(config.channels):
@@ -92,7 +92,7 @@ def tile_bases_of(config: ChainConfig) -> list[int]:
 
 
 def least_floors_db(config: ChainConfig) -> Floats:
-    """Return the least noise floors in dB by tile and lane; none without evidence.
+    """Return the least noise floors, in dB, by tile and lane; no rows without evidence.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def least_floors_db(config: ChainConfig) -> Floats:
     if config.decision != 'evidence':
         return np.zeros((0, LANES))
     bases = tile_bases_of(config)
-    # Lanes beyond the last channel never have a sample: any number will do.
+    # Lanes beyond the last channel are never valid, so their floor has no effect.
     by_channel = np.zeros(max(config.channels, LANES))
     by_channel[: config.channels] = [least_floor_db(floor) for floor in config.noise_floors]
     return np.array([by_channel[base : base + LANES] for base in bases])

@@ -14,18 +14,18 @@
 
 """The vote of a group: one number, which is compared with the threshold.
 
-Each vote computes it from the levels of the valid channels, in the level's own unit:
+Each vote computes this number from the levels of the valid channels, in the unit of the level:
 
-- ``all``: the least of them: where it is above the threshold, all are;
-- k: the k-th largest;
-- ``mean``: the geometric mean.
+- ``all``: the smallest level: if it is above the threshold, all are;
+- k: the k-th largest level;
+- ``mean``: the geometric mean of the levels.
 
-The group is ON where that number is above the threshold (the paper has ``all``, Table 1). The
+The group is ON where the number is above the threshold (the paper has ``all``, Table 1). The
 number does not depend on the threshold, which can be chosen afterwards.
 
-Where only the decision is asked for, ``all`` and k are computed for 64 rows at once, from words
-with a bit a row that tell where a channel is ON and where it is valid. The numbers are computed
-from levels of shape (members, rows), where :data:`NO_VOTE` stands for a channel that is not valid.
+If only the decision is wanted, ``all`` and k are computed for 64 rows at once, from words with one
+bit per row for where a channel is ON and where it is valid. The numbers are computed from levels
+of shape (members, rows), with :data:`NO_VOTE` for a channel that is not valid.
 """
 
 from collections.abc import Sequence
@@ -46,30 +46,31 @@ from slip_detector.chain.lanes import (
 from slip_detector.chain.logarithms import exponents, fractions, polynomial, powers_of_2
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW
 
-#: The votes that are not a count of channels, as numbers.
+#: Numbers that stand for the votes that are not a count of channels.
 VOTE_ALL, VOTE_MEAN = 0, -1
 
-#: Binary digits of a count of channels; there are never as many channels as they can count.
+#: Binary digits of a count of channels, more than any number of channels needs.
 DIGITS = 32
 
-#: Stands for the level of a channel that is not valid: less than any level.
+#: In place of the level of a channel that is not valid; less than any level.
 NO_VOTE = -1.0
 
 #: The least normal float64; smaller ones are scaled by 2^54 before they are split into parts.
 LEAST_NORMAL = 2.0**-1022
 SCALE_BITS = 54.0
 
-#: A product of so few factors, each below this and above its inverse, does not over- or underflow.
+#: A product of at most ``FEW`` factors, each below ``LARGE`` and above its inverse, neither over-
+#: nor underflows.
 FEW, LARGE = 16, 2.0**62
 
-#: Products that differ by a smaller share may have means in another order, by rounding.
+#: If two products differ by a smaller share than this, rounding may swap the order of their means.
 NEAR = 1e-12
 
 #: A product of this many factors, each below 2, does not overflow.
 FACTORS = 512
 
 # ln m = 2 (s + s^3/3 + s^5/5 + ...) with s = (m - 1) / (m + 1), and exp z = 1 + z + z^2/2 + ...:
-# coefficients from the last to the first. What is left out is below 1e-17 for m within
+# coefficients from the last to the first. The truncation error is below 1e-17 for m within
 # [sqrt(1/2), sqrt(2)] and for z within [-0.75, 0.75].
 LOGARITHM = tuple(2.0 / k for k in range(23, 0, -2))
 EXPONENTIAL = tuple(1.0 / float(np.prod(np.arange(1.0, k + 1))) for k in range(18, -1, -1))
@@ -78,7 +79,7 @@ ROOT_2 = float(np.sqrt(2.0))
 
 
 def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
-    """Return votes as numbers, which the kernel takes.
+    """Return votes as numbers for the kernel.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
 
 @compiled_in_place
 def rows_of_all(members, on, valid):
-    """Return the rows in which all valid members are ON, and there is one."""
+    """Return the rows in which all valid members are ON and at least one member is valid."""
     able, against = NO_ROW, NO_ROW
     for m in members:
         able |= valid[m]
@@ -128,7 +129,7 @@ def rows_of_count(count, members, words, valid, digits):
     """Return the rows in which at least ``count`` valid members have their bit in ``words``.
 
     The counts of 64 rows are binary numbers, and each word of ``digits`` holds one digit of all of
-    them: to count a member is to add one bit to 64 numbers at once.
+    them: counting a member adds one bit to 64 numbers at once.
     """
     digits[:] = NO_ROW
     for m in members:
@@ -136,7 +137,7 @@ def rows_of_count(count, members, words, valid, digits):
         while carry:
             digits[p], carry = digits[p] ^ carry, digits[p] & carry
             p += 1
-    # From the highest digit on: where the count is more, and where it is equal so far.
+    # Compare from the highest digit on: rows whose count is larger, rows equal so far.
     more, equal = NO_ROW, ~NO_ROW
     for p in range(DIGITS - 1, -1, -1):
         wanted = ~NO_ROW if (count >> p) & 1 else NO_ROW
@@ -149,7 +150,7 @@ def rows_of_count(count, members, words, valid, digits):
 def gather_levels(block, rows, valid, at, levels, places):
     """Copy the levels of a tile to ``levels``, which has a row for each member of a group.
 
-    The tile's words in ``valid`` begin at ``at``: the word's number and the tile's first seat.
+    ``at`` is the index of the tile's words in ``valid``: number of the word, seat of lane 0.
     ``places`` has the row in ``levels`` of each seat, -1 for none.
     """
     row = FIRST_ROW
@@ -169,16 +170,16 @@ def gather_levels(block, rows, valid, at, levels, places):
 
 @compiled_in_place
 def _raise(number, able, statistics, at):
-    """Raise a statistic of sixteen rows to a number where that is larger and the group votes."""
+    """Raise a statistic of sixteen rows to a number if that is larger and the group can vote."""
     before = load(statistics, at)
     store(select(able & (number > before), number, before), statistics, at)
 
 
 @compiled_in_place
 def _extremes(levels, first, end, k):
-    """Return the least valid level of sixteen rows and the largest.
+    """Return the smallest and the largest valid level of sixteen rows.
 
-    Where none is valid they are infinity and ``NO_VOTE``.
+    In rows without a valid level they are infinity and ``NO_VOTE``.
     """
     least, most = spread(np.inf), spread(NO_VOTE)
     for j in range(first, end):
@@ -190,7 +191,7 @@ def _extremes(levels, first, end, k):
 
 @compiled_in_place
 def _plain_product(levels, first, end, k):
-    """Return how many levels of sixteen rows are valid, and their product."""
+    """Return the number of valid levels in each of sixteen rows, and their product."""
     count, product = spread(0.0), spread(1.0)
     for j in range(first, end):
         level = load(levels, (j, k))
@@ -202,10 +203,10 @@ def _plain_product(levels, first, end, k):
 
 @compiled_in_place
 def _product(levels, first, end, k):
-    """Return how many levels of sixteen rows are valid, and their product in two parts.
+    """Return the number of valid levels in each of sixteen rows, and their product in two parts.
 
-    Fractions are multiplied and exponents are added, so that nothing over- or underflows. The
-    fraction is that of the plain product, where that does not either.
+    Fractions are multiplied and exponents are added, so that nothing over- or underflows. If the
+    plain product does not either, its fraction has the same bits.
     """
     count, exponent, product = spread(0.0), spread(0.0), spread(1.0)
     for j in range(first, end):
@@ -225,10 +226,10 @@ def _product(levels, first, end, k):
 
 @compiled_in_place
 def _mean_logarithm(count, exponent, product):
-    """Return the mean logarithm of sixteen rows in two parts.
+    """Return the mean logarithm of the levels in each of sixteen rows, in two parts.
 
-    The first is a whole number, to base 2, the second the rest, to base e. ``exponent`` and
-    ``product`` are the parts of the product of ``count`` levels.
+    The first part is a whole number, to base 2; the second is the rest, to base e. ``exponent``
+    and ``product`` are the parts of the product of ``count`` levels.
     """
     large = product > ROOT_2
     exponent = select(large, exponent + 1.0, exponent)
@@ -247,14 +248,14 @@ def _raise_to_mean(count, exponent, product, least, most, statistics, at):
     ``least`` and ``most`` are the extremes of these levels, and ``exponent`` and ``product`` the
     parts of their product.
 
-    All operations are those whose rounding IEEE 754 defines; the logarithms of two libraries may
-    differ in their last bits.
+    It uses only operations with a rounding defined by IEEE 754, as the logarithms of two libraries
+    may differ in their last bits.
     """
     whole, rest = _mean_logarithm(count, exponent, product)
-    # In two steps: the smallest numbers are below 2^-1022.
+    # The power is applied in two steps, as the smallest means are below 2^-1022.
     half = floor(whole * 0.5)
     mean = polynomial(EXPONENTIAL, rest) * powers_of_2(half) * powers_of_2(whole - half)
-    # Not beyond the levels by rounding: of equal levels it is that level.
+    # Rounding must not take the mean beyond the levels; the mean of equal levels is that level.
     mean = select(mean < least, least, mean)
     mean = select(mean > most, most, mean)
     mean = select(most < np.inf, mean, most)
@@ -266,8 +267,8 @@ def _raise_to_mean(count, exponent, product, least, most, statistics, at):
 def _raise_to_means(levels, bounds, k, statistics, v):
     """Raise a statistic of sixteen rows to the geometric means of groups.
 
-    Of groups with as many valid channels the largest product has the largest mean. So a root is
-    drawn for several groups at once, but where rounding could decide between two of them.
+    Among groups with equally many valid channels, the largest product has the largest mean. So one
+    root is computed for several groups, unless rounding could decide between two of them.
     """
     waiting = False
     count = product = least = most = spread(0.0)
@@ -298,7 +299,7 @@ def _raise_to_means(levels, bounds, k, statistics, v):
 
 @compiled_in_place
 def _sort(levels, first, end, count, k):
-    """Bring the ``count`` largest levels of sixteen rows to the front, the largest first."""
+    """Move the ``count`` largest levels of sixteen rows to the front, the largest first."""
     for i in range(first, first + count):
         most = load(levels, (end - 1, k))
         for j in range(end - 2, i - 1, -1):
@@ -312,21 +313,21 @@ def _sort(levels, first, end, count, k):
 @as_silent
 @compiled_in_place
 def raise_to_votes(levels, bounds, rows, votes, statistics):
-    """Raise the statistic of each vote to the largest number of the groups, where that is larger.
+    """Raise the statistic of each vote to the largest number of the groups, if that is larger.
 
     Parameters
     ----------
     levels
-        Shape (members of all groups, rows or more in whole vectors); the order of a group's
+        Shape (members of all groups, rows, padded to whole vectors); the order of a group's
         members is not kept.
     bounds
-        The first member of each group, and the end of the last one.
+        Index of the first member of each group, and the end of the last one.
     rows
-        How many there are.
+        Number of rows.
     votes
-        As :func:`vote_numbers` returns them.
+        As returned by :func:`vote_numbers`.
     statistics
-        Shape (votes, rows or more in whole vectors), not less than 0; it stays where no group can
+        Shape (votes, rows, padded to whole vectors), not below 0; unchanged where no group can
         vote.
     """
     most_counted = 0

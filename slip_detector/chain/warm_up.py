@@ -24,8 +24,8 @@ from slip_detector.chain.stamps import StampGrid
 def compile_chain() -> None:
     """Run each compiled function of the chain and of the stamps once.
 
-    Without a cache this takes seconds. What it has compiled serves any configuration, and any
-    later process of the same user.
+    Without a cache this takes seconds. The compiled functions serve any configuration, and all
+    later processes of the same user.
 
     Examples
     --------
