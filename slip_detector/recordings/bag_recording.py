@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings in bags: a topic with the rows, and perhaps a topic that tells where slip is."""
+"""Recordings in bags: a topic with the rows, and perhaps a topic with the true slip."""
 
 from collections.abc import Callable, Iterator
 from itertools import islice
@@ -41,10 +41,10 @@ Stamps = NDArray[np.int64]
 
 T = TypeVar('T')
 
-#: The topic that is read where no other is configured.
+#: The topic that is read if no other is configured.
 TOPIC = 'voltages'
 
-#: Number of messages that are decoded first, for the rate and the samples in a message.
+#: Number of messages that are decoded first, to find the rate and the samples per message.
 FIRST_MESSAGES = 1024
 
 
@@ -58,8 +58,7 @@ class BagRecording(Recording):
     config
         Topics of the rows and of the truth, and the field that has the channels.
     labels
-        Labels that a person wrote, which are used instead of a topic with the truth; None: no
-        such labels.
+        Labels written by hand, which take precedence over a topic with the truth; None: none.
 
     Raises
     ------
@@ -148,7 +147,7 @@ class BagRecording(Recording):
     def _decoded(
         self, topic: Topic, decoder: MessageDecoder
     ) -> Iterator[tuple[MessageRows, Stamps]]:
-        """Yield the messages of a topic, decoded, and when each was received."""
+        """Yield decoded messages of a topic, and the time at which each was received."""
         messages = self._storage.messages({topic.name})
         n = FIRST_MESSAGES
         while some := self._naming(lambda: self._some(messages, n)):  # noqa: B023
@@ -160,7 +159,7 @@ class BagRecording(Recording):
                 n = max(1, PIECE_ROWS // max(1, int(np.median(decoded.samples))))
 
     def _some(self, messages: Iterator[Message], n: int) -> list[Message]:
-        """Return the next messages, at most n, and at most as many as may be held."""
+        """Return the next messages, at most n, and at most as many as the memory limit allows."""
         some = []
         n_bytes = 0
         for message in islice(messages, n):
@@ -176,7 +175,7 @@ class BagRecording(Recording):
         """Return the stamp of each row.
 
         A message with several samples has the stamp of the last one. The others are spread evenly
-        over the time since the message before or, after a gap, over their nominal periods.
+        over the time since the previous message or, after a gap, have their nominal period.
         """
         ends_ns, samples = decoded.stamps_ns, decoded.samples
         if (samples == 1).all():
@@ -193,10 +192,10 @@ class BagRecording(Recording):
         return np.asarray(np.repeat(ends_ns, samples) - back_ns)
 
     def _truth(self) -> 'Callable[[Stamps, Stamps], Bools] | None':
-        """Return a function that gives the truth of rows; None where the bag does not tell it.
+        """Return a function that gives the truth of rows; None if the bag does not have it.
 
-        It takes the stamps of the rows and their delays until receipt. A Bool has no stamp: it
-        holds for the rows that were received after it. Positions have stamps, as the rows have.
+        Its arguments are the stamps of the rows and their delays until receipt. A Bool has no
+        stamp: it holds for the rows that were received after it. Positions have stamps like rows.
         """
         if self._labels is not None:
             return None
@@ -248,14 +247,14 @@ class BagRecording(Recording):
         )
 
     def _beside(self, config: RecordingConfig, parameter: str, msgtype: str) -> 'Topic | None':
-        """Find a topic that labels the rows, first in their namespace, then in any other."""
+        """Find a topic that labels the rows: in their namespace, else in any other."""
         name = getattr(config, parameter)
         alike = [topic for topic in self._storage.topics if topic.msgtype == msgtype]
         full = f'{self._topic.name.rpartition("/")[0]}/{name}'
         found = [topic for topic in alike if topic.name == full]
         found = found or [topic for topic in alike if _is_named(topic.name, name)]
         if len(found) == 1:
-            # A topic without messages is not used.
+            # A topic without messages labels nothing.
             return found[0] if self._storage.counts.get(found[0].name, 1) else None
         if name == getattr(RecordingConfig, parameter):
             return None
@@ -266,7 +265,7 @@ class BagRecording(Recording):
         )
 
     def _usual_field(self, topic: Topic) -> str:
-        """Return the field with the channels in messages of a common type."""
+        """Return the field that usually has the channels in messages of this type."""
         if topic.msgtype == JOINT_STATE:
             return 'position'
         if topic.msgtype.endswith('MultiArray'):
@@ -280,5 +279,5 @@ class BagRecording(Recording):
 
 
 def _is_named(topic: str, name: str) -> bool:
-    """Return whether a topic has a name, in any namespace unless the name begins with /."""
+    """Return whether a topic has this name; a name without leading / matches any namespace."""
     return topic == name or (not name.startswith('/') and f'/{topic}'.endswith(f'/{name}'))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads the messages of a bag with rosbags, and of a damaged one from what is left of it."""
+"""Reads the messages of a bag with rosbags, and what can be read of a damaged bag."""
 
 import contextlib
 import re
@@ -41,16 +41,16 @@ _DAMAGED: dict[str, type[DamagedMcap | DamagedDatabase]] = {
 #: Endings of the files of a bag.
 BAG_ENDINGS = tuple(_DAMAGED)
 
-#: Ending of a file that the recorder has compressed as a whole.
+#: Ending of a bag's file that the recorder has compressed as a whole.
 _COMPRESSED = '.zstd'
 
-#: A compressed file may unpack to this many times its size, beside the bytes that may be held.
+#: Largest ratio of a decompressed file to its size, in addition to the memory limit.
 MOST_RATIO = 100
 
 #: Bytes that are copied at a time.
 _STEP = 1 << 20
 
-#: The byte of a database at which the size of its pages is written.
+#: Offset of the page size in an SQLite file.
 _PAGE_SIZE_AT = 16
 
 
@@ -72,7 +72,7 @@ def load_rosbags() -> Any:
         from rosbags.rosbag2 import storage_mcap
     except ImportError:
         raise ValueError('bags need the package rosbags: pip install rosbags') from None
-    # rosbags itself would decompress a chunk to any length before it compares that.
+    # rosbags would decompress a chunk to any length before it compares the length.
     for name in ('zstd', 'lz4'):
         storage_mcap.DECOMPRESSORS[name] = partial(_chunk_content, name)
     return rosbag2
@@ -90,18 +90,18 @@ class BagStorage:
     path
         The folder of a bag, or one of its files.
     limit
-        What may be held in memory.
+        The memory limit.
 
     Attributes
     ----------
     topics : list of Topic
         Sorted by name.
     counts : dict
-        Number of messages of each topic, by its name, where the bag has it.
+        Number of messages of each topic by its name, as far as the bag tells it.
     lost : list of str
-        What could not be read in the last reading.
+        One line for each part that the last reading could not read.
     doubts : list of str
-        Why damage would go unseen.
+        One line for each reason why damage may go unnoticed.
 
     Raises
     ------
@@ -121,14 +121,14 @@ class BagStorage:
         metadata = _metadata(path)
         self._compression = str(metadata.get('compression_mode')).lower()
         try:
-            # rosbags decompresses files and messages to any length.
+            # Not read with rosbags, which decompresses files and messages to any length.
             if self._compression in ('file', 'message') or (path.is_dir() and not metadata):
                 raise ValueError('is compressed, or has no metadata')
             with self._rosbag2.Reader(path) as reader:
                 topics = [_topic(connection) for connection in reader.connections]
                 counts = [(one.topic, one.msgcount) for one in reader.connections]
                 self._whole = True
-        except Exception:  # rosbags raises many kinds of error for a cut file.
+        except Exception:  # rosbags raises many kinds of error for a truncated file.
             self._whole = False
             counts = _counts(metadata)
             with self._readers() as readers:
@@ -139,21 +139,21 @@ class BagStorage:
         self.topics = [by_name[name] for name in sorted(by_name)]
 
     def messages(self, topics: set[str]) -> Iterator[Message]:
-        """Yield the messages of some topics, in the order in which they were received."""
+        """Yield the messages of some topics in order of receipt, as far as damage allows."""
         self.lost = []
         last_ns = -1
         if self._whole:
             try:
                 for message in self._messages_of_whole(topics):
-                    # A database takes any type in any column.
+                    # SQLite stores any type in any column.
                     if not isinstance(message[1], int) or not isinstance(message[2], bytes):
                         raise ValueError('a message has no bytes or no time')
                     last_ns = message[1]
                     yield message
                 if last_ns >= 0:
                     return
-                # rosbags leaves out a topic on which metadata.yaml and the files disagree.
-            except Exception as error:  # Damage raises an error when it is reached.
+                # rosbags omits a topic on which metadata.yaml and the files disagree.
+            except Exception as error:  # rosbags reaches the damage only here.
                 why = ' '.join(str(error).split())
                 self.lost.append(f'{self._path.name} is damaged ({why})')
         per_message = self._compression == 'message'
@@ -194,7 +194,7 @@ def _topic(connection: Any) -> Topic:
 
 
 def _metadata(path: Path) -> dict[str, Any]:
-    """Return the metadata of a bag; empty where they are missing or damaged."""
+    """Return the metadata of a bag; empty if they are missing or damaged."""
     try:
         return dict(read_yaml(path / METADATA)['rosbag2_bagfile_information'])
     except (ValueError, TypeError, KeyError):
@@ -202,7 +202,7 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _message(raw: bytes, limit: ReadingLimit) -> bytes:
-    """Return a message decompressed; a damaged one is empty, and the decoder leaves it out."""
+    """Return a decompressed message; empty if damaged, so that the decoder leaves it out."""
     try:
         return decompressed(raw, 'zstd', limit.message_bytes)
     except ValueError:
@@ -210,7 +210,7 @@ def _message(raw: bytes, limit: ReadingLimit) -> bytes:
 
 
 def _counts(metadata: dict[str, Any]) -> list[tuple[str, int]]:
-    """Return the number of messages of each topic; empty where the metadata do not have it."""
+    """Return the number of messages of each topic; empty if the metadata do not have it."""
     try:
         return [
             (str(topic['topic_metadata']['name']), int(topic['message_count']))
@@ -230,10 +230,10 @@ def _files(path: Path) -> list[Path]:
 
 
 def _readable(file: Path, folder: Path, limit: ReadingLimit) -> Path:
-    """Return the file itself, or a copy of it in the folder that can be read.
+    """Return the file itself or, if it must be changed to be read, a copy in the folder.
 
-    A file that was compressed as a whole is decompressed up to the damage. A database is cut to
-    whole pages: SQLite fills an incomplete page with zeros and reads them as content.
+    A file that was compressed as a whole is decompressed up to the damage. A database is truncated
+    to whole pages: SQLite fills an incomplete page with zeros and reads them as content.
     """
     if file.suffix == _COMPRESSED:
         unpacked = folder / file.stem
@@ -242,12 +242,12 @@ def _readable(file: Path, folder: Path, limit: ReadingLimit) -> Path:
         with (
             open(file, 'rb') as packed,
             open(unpacked, 'wb') as plain,
-            contextlib.suppress(Exception),  # The part before the damage is kept.
+            contextlib.suppress(Exception),  # keep the part before the damage
         ):
             while left > 0 and (part := packed.read(_STEP)):
                 left -= plain.write(stream.decompress(part, left))
         if left <= 0:
-            raise ValueError(f'{file.name} stands for more than {MOST_RATIO} times its size')
+            raise ValueError(f'{file.name} decompresses to more than {MOST_RATIO} times its size')
         file = unpacked
         if file.suffix == '.mcap':
             survey(file, limit)

@@ -30,10 +30,10 @@ from slip_detector.recordings.mcap_chunks import write_checksums
 from slip_detector.recordings.message_encoder import JointStateEncoder
 from slip_detector.recordings.topics import BOOL, JOINT_STATE, standard_typestore
 
-#: Version of the metadata that ROS 2 Jazzy and later read.
+#: Version of the bag metadata for ROS 2 Jazzy and later.
 BAG_VERSION = 9
 
-#: What rosbags calls the storage of each ending.
+#: Name of rosbags for the storage of each ending.
 PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
 
 
@@ -41,7 +41,7 @@ class BagWriter:
     """A bag that is written piece by piece.
 
     The rows are on ``voltages``, the truth on ``slip_truth`` and the position on
-    ``platform_position``. Messages are received at their stamps.
+    ``platform_position``. The time of receipt of a message is its stamp.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ class BagWriter:
     ValueError
         When rosbags is not installed.
     FileExistsError
-        When the folder is there already.
+        When the folder exists already.
     OSError
-        When it cannot be made.
+        When the folder cannot be made.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class BagWriter:
     ...     path = Path(folder) / 'trial'
     ...     bag = BagWriter(path, ['a', 'b'])
     ...     bag.write(Samples(volts, np.arange(100) * 10_000_000, slip))
-    ...     bag.flush()  # from here on it can be read, whatever becomes of this process
+    ...     bag.flush()  # can be read from here on, even if this process is killed
     ...     bag.close()
     ...     sum(int(piece.truth.sum()) for piece in open_recording(path).pieces())
     50
@@ -118,7 +118,7 @@ class BagWriter:
         Raises
         ------
         OSError
-            When the file cannot be written, or an MCAP cannot hold a stamp, as it is negative.
+            When the file cannot be written, or a stamp is negative, which MCAP cannot store.
         """
         n = len(piece.volts)
         if self.path.suffix == '.mcap' and np.any(piece.stamps_ns < 0):
@@ -148,9 +148,9 @@ class BagWriter:
                 self._writer.write(self._voltages, stamp_ns, row)
 
     def flush(self) -> None:
-        """Hand all rows so far to the system, which keeps them when this process is killed.
+        """Pass all rows so far to the operating system, so that they survive a killed process.
 
-        This is for MCAP: the rows since the last time become a chunk.
+        Only for MCAP: the rows since the last call become a chunk.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class BagWriter:
         Raises
         ------
         OSError
-            When they cannot be written. What was flushed is kept.
+            When these cannot be written. Flushed rows are kept.
         """
         try:
             with _as_os_errors():
@@ -180,15 +180,15 @@ class BagWriter:
             raise
 
     def abort(self) -> None:
-        """Close the file as it is."""
-        # What the buffer has left is tried once more, and may fail once more.
+        """Close the file as it is, after a failed write."""
+        # Closing writes the rest of the buffer, which may fail again.
         with contextlib.suppress(OSError, sqlite3.Error):
             self._writer.abort()
 
 
 @contextlib.contextmanager
 def _as_os_errors() -> Iterator[None]:
-    """Raise what a database says, as on a full disk, as the OSError that other files raise."""
+    """Turn errors of a database, for example of a full disk, into OSError as of other files."""
     try:
         yield
     except sqlite3.Error as error:
@@ -196,9 +196,9 @@ def _as_os_errors() -> Iterator[None]:
 
 
 def _qualities() -> tuple[Any, Any]:
-    """Return the quality of service that the driver has for samples and for states.
+    """Return the driver's quality of service for samples and for states.
 
-    ``ros2 bag play`` offers it again, so that a late subscriber gets the last state.
+    ``ros2 bag play`` publishes with it, so that a late subscriber gets the last state.
     """
     from rosbags import interfaces
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Decompression of bags up to the length that is allowed."""
+"""Decompression of parts of bags, up to an allowed length."""
 
 import importlib
 import sys
@@ -34,10 +34,10 @@ def zstd() -> Any:
 
 
 def decompressor(compression: str) -> Any:
-    """Return an object that decompresses a stream, one part after another.
+    """Return an object that decompresses a stream part by part.
 
-    Its ``decompress(data, max_length)`` returns at most ``max_length`` bytes, the next with the
-    next call.
+    Its ``decompress(data, max_length)`` returns at most ``max_length`` bytes; the next call
+    continues.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ def decompressor(compression: str) -> Any:
 
 
 def decompressed(data: bytes, compression: str, most_bytes: int) -> bytes:
-    """Decompress data that is to have at most a number of bytes.
+    """Decompress data, up to a number of bytes.
 
     Raises
     ------
     ValueError
-        When it has more, is cut or is damaged.
+        When the result has more bytes, or the data is truncated or damaged.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def decompressed(data: bytes, compression: str, most_bytes: int) -> bytes:
         stream = decompressor(compression)
         try:
             part = stream.decompress(data, left + 1)
-        except Exception as error:  # Each library has errors of its own.
+        except Exception as error:  # each library has its own exceptions
             raise ValueError(f'is damaged ({error})') from None
         left -= len(part)
         if left < 0:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings in csv files: a line of names, a column of times, a column for each channel."""
+"""Recordings in csv files: a header of names, a column of times, a column for each channel."""
 
 import contextlib
 import csv
@@ -35,22 +35,22 @@ from slip_detector.recordings.truth import as_truth
 
 TIME = 'time_s'
 
-#: Characters of a cell, up to which a line may have as many cells as there may be channels.
+#: Characters allowed per channel in a line: the limit of a line is this times the most channels.
 MOST_CELL = 64
 
-#: Largest time: stamps are nanoseconds in 64 bits.
+#: Limit of a time in seconds, as stamps are nanoseconds in 64 bits.
 MOST_S = 9e9
 
 
 class _Lines(NamedTuple):
-    """Lines of the file: (n, columns) numbers and (n,) stamps, exact to the nanosecond."""
+    """Lines of the file: numbers, (n, columns), and stamps, (n,), exact to the nanosecond."""
 
     cells: NDArray[np.float64]
     stamps_ns: NDArray[np.int64]
 
 
 class CsvRecording(Recording):
-    """A csv file whose column ``time_s`` says when each row was taken.
+    """A csv file with the time of each row in the column ``time_s``.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class CsvRecording(Recording):
     config
         Name of the column with the labels.
     labels
-        Labels that a person wrote; None: no such labels.
+        Labels written by hand; None: none.
 
     Raises
     ------
@@ -116,7 +116,7 @@ class CsvRecording(Recording):
             yield Samples(lines.cells[:, columns], lines.stamps_ns, truth)
 
     def array(self, name: str) -> 'NDArray[np.float64] | None':
-        """Return a column of the file by its name; None where there is none."""
+        """Return a column of the file by its name; None if there is no such column."""
         if name not in self._names:
             return None
         column = self._names.index(name)
@@ -128,16 +128,16 @@ class CsvRecording(Recording):
 
     @contextlib.contextmanager
     def _open(self) -> 'Iterator[csv._reader]':  # type: ignore[name-defined]
-        """Open the file; an error names it."""
+        """Open the file; errors are one line with its path."""
         try:
-            # Spreadsheets begin the file with a byte order mark.
+            # utf-8-sig: spreadsheets begin the file with a byte order mark.
             with open(self.path, newline='', encoding='utf-8-sig') as file:
                 yield csv.reader(self._limited(file))
         except (UnicodeError, csv.Error):
             raise ValueError(f'{self.path}: is broken or not csv') from None
 
     def _limited(self, file: TextIO) -> Iterator[str]:
-        """Yield the lines of the file, none of which may be longer than the most channels."""
+        """Yield the lines of the file; refuse a line longer than the most channels can need."""
         most = self._limit.channels * MOST_CELL
         number = 0
         while line := file.readline(most + 1):
@@ -175,7 +175,7 @@ class CsvRecording(Recording):
 
 
 def _check_digits(line: list[str]) -> None:
-    """Refuse what float() takes for a number and nobody writes: 1_0, digits of other scripts."""
+    """Refuse text that only Python takes for a number: 1_0, digits of other scripts."""
     text = ''.join(line)
     if '_' in text or not text.isascii():
         odd = next(cell for cell in line if '_' in cell or not cell.isascii())
@@ -187,7 +187,7 @@ def _nanoseconds(text: str) -> int:
     try:
         seconds = decimal.Decimal(text.strip())
         fits = seconds.is_finite() and abs(seconds) < MOST_S
-    except decimal.DecimalException:  # an exponent that Decimal does not have
+    except decimal.DecimalException:  # an exponent beyond the range of Decimal
         fits = False
     if not fits:
         raise ValueError(f'{TIME} is {shown_name(text.strip())}, allowed: below {MOST_S:g} s')

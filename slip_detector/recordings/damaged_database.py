@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads SQLite databases of bags that were cut off, up to the first missing page."""
+"""Reads truncated SQLite databases of bags, up to the first missing page."""
 
 import contextlib
 import sqlite3
@@ -24,20 +24,20 @@ from slip_detector.recordings.topics import Message, Topic
 
 
 class DamagedDatabase:
-    """A database that is cut off or damaged.
+    """A database that is truncated or damaged.
 
     Parameters
     ----------
     path
         The file, with whole pages only: SQLite reads an incomplete page as content.
     name
-        The name of the file in messages; the file may be a copy.
+        Name of the file for messages, as ``path`` may be that of a copy.
 
     Attributes
     ----------
     topics : list of Topic
     lost : str
-        Where the file is cut off, as far as it is known; empty while no damage was found.
+        Describes the damage, as far as known; empty if none was found so far.
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -47,13 +47,13 @@ class DamagedDatabase:
         self.topics = []
         definitions: dict[str, tuple[str, str]] = {}
         with contextlib.closing(self._connection()) as connection:
-            with contextlib.suppress(sqlite3.Error):  # Older bags have none.
+            with contextlib.suppress(sqlite3.Error):  # Older bags have no such table.
                 query = 'SELECT topic_type, encoding, encoded_message_definition'
                 for row in connection.execute(f'{query} FROM message_definitions'):
                     msgtype, encoding, text = map(str, row)
                     definitions[msgtype] = (encoding, text)
             try:
-                # A view could stand for any number of rows.
+                # In place of a table a view could yield any number of rows.
                 kinds = connection.execute(
                     "SELECT type FROM sqlite_master WHERE name IN ('topics', 'messages')"
                 )
@@ -80,7 +80,7 @@ class DamagedDatabase:
                 self.lost = f'is cut off or damaged, {self._path.stat().st_size} bytes are left'
 
     def _connection(self) -> sqlite3.Connection:
-        """Open the database, also where it has fewer pages than its first page says."""
+        """Open the database, even if it has fewer pages than its first page says."""
         place = f'file:{quote(str(self._path))}?immutable=1'
         try:
             connection = sqlite3.connect(place, uri=True)

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads the messages of MCAP files that were cut off or damaged.
+"""Reads the messages of truncated or damaged MCAP files.
 
-rosbags refuses a file without its end. The package mcap reads it, but returns nothing of a chunk
-that is cut, and when a recorder dies its last chunk is cut. Here each record is read up to the
-cut, in compressed chunks too.
+rosbags refuses a file without its end. The package mcap reads it, but returns nothing of a
+truncated chunk, and a recorder that dies leaves such a chunk. This reader returns every complete
+record before the end of the file, in compressed chunks too.
 """
 
 import contextlib
@@ -32,30 +32,30 @@ from slip_detector.recordings.topics import Message, Topic
 RECORD = struct.Struct('<BQ')
 MAGIC = b'\x89MCAP0\r\n'
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, MESSAGE, CHUNK = range(1, 7)
-#: Records that are read whole.
+#: Kinds of records whose whole content is read into memory.
 READ_WHOLE = (_SCHEMA, _CHANNEL, MESSAGE, CHUNK)
-#: The record after the last message; an index follows.
+#: Kind of the record after the last message; an index follows.
 _DATA_END = 15
 
-#: Bytes that are decompressed at a time; those before a damaged place are kept.
+#: Bytes that are decompressed at a time; small, as the step with the damage is lost as a whole.
 _STEP = 1 << 14
 
 
 class DamagedMcap:
-    """An MCAP file that is cut off or damaged.
+    """An MCAP file that is truncated or damaged.
 
     Parameters
     ----------
     path
         The file.
     name
-        The name of the file in messages; the file may be a copy.
+        Name of the file for messages, as ``path`` may be that of a copy.
 
     Attributes
     ----------
     topics : list of Topic
     lost : str
-        Where the file is cut off or damaged; empty while no damage was found.
+        Where the file is truncated or damaged; empty if no damage was found so far.
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -86,7 +86,7 @@ class DamagedMcap:
                     yield topic.name, received_ns, record[22:]
 
     def _records(self) -> Iterator[tuple[int, bytes]]:
-        """Yield kind and content of the records, in chunks too, up to the cut."""
+        """Yield kind and content of each complete record, also of those in chunks."""
         self.lost = ''
         size = self._path.stat().st_size
         with open(self._path, 'rb') as file:
@@ -114,7 +114,7 @@ class DamagedMcap:
 
 
 def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, bool]:
-    """Yield the records of a chunk; return whether the chunk was whole and its checksum right."""
+    """Yield the records of a chunk; return whether it is complete and its checksum is right."""
     try:
         _, _, length, checksum = struct.unpack_from('<QQQI', chunk)
         compression, rest = _text(chunk[28:])
@@ -123,7 +123,7 @@ def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, b
         return False
     right = whole and len(content) == length and checksum in (0, zlib.crc32(content))
     if whole and len(content) == length and not right:
-        return False  # Some byte is wrong, and it is not known which one.
+        return False  # Any record may be the wrong one.
     begin = 0
     while begin + RECORD.size <= len(content):
         kind, n = RECORD.unpack_from(content, begin)
@@ -136,7 +136,7 @@ def _in_chunk(chunk: bytes, whole: bool) -> Generator[tuple[int, bytes], None, b
 
 
 def _decompressed(data: bytes, compression: str, most: int) -> Iterator[bytes]:
-    """Yield the content of a chunk, up to its length, or to where it is cut or damaged."""
+    """Yield the content of a chunk, up to its length, its truncation or the first damage."""
     if not compression:
         yield data
         return
@@ -144,7 +144,7 @@ def _decompressed(data: bytes, compression: str, most: int) -> Iterator[bytes]:
     for begin in range(0, len(data), _STEP):
         try:
             part = stream.decompress(data[begin : begin + _STEP], most + 1)
-        except Exception:  # Each library has its own exceptions; the parts before are kept.
+        except Exception:  # Each library has its own exceptions.
             return
         most -= len(part)
         if most < 0:

@@ -14,7 +14,7 @@
 
 """Reads the numbers that a field path like ``pillars[].fz`` selects in messages.
 
-A message is any object with the fields as attributes, of rclpy or from a bag.
+A message is any object with the fields as attributes, such as one of rclpy or of rosbags.
 """
 
 import dataclasses
@@ -56,14 +56,14 @@ class FieldReader:
     Parameters
     ----------
     path
-        Names joined by dots, as ``position`` or ``wrench.force.x``. ``[]`` stands for all
-        elements of a list, as in ``pillars[].fz``, and ``[0]`` for the first, as in
+        Names joined by dots, such as ``position`` or ``wrench.force.x``. ``[]`` means all
+        elements of a list, as in ``pillars[].fz``, and ``[0]`` the first, as in
         ``tactiles[0].pressure``.
 
     Raises
     ------
     ValueError
-        When the text is no such path.
+        When the text is not such a path.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class FieldReader:
     def __init__(self, path: str) -> None:
         self.path = path
         self._steps = [_step(part, path) for part in path.split('.')]
-        # A path of one name is read in a faster way where a message has one sample.
+        # A path of a single name has a faster way to read messages of one sample.
         self._only = path if len(self._steps) == 1 and self._steps[0].element is None else ''
 
     def __call__(self, message: Any) -> Floats:
@@ -96,18 +96,18 @@ class FieldReader:
         Returns
         -------
         ndarray, shape (samples, channels)
-            One row; more for the ``data`` of a ``*MultiArray`` whose layout has the two
+            One row; several for the ``data`` of a ``*MultiArray`` whose layout has the two
             dimensions ``sample`` and ``channel``.
 
         Raises
         ------
         ValueError
-            When there is no such field or it holds no numbers; names the fields there are.
+            When there is no such field or it holds no numbers; names the existing fields.
         """
         if self._only and not hasattr(message, 'layout'):
             value = getattr(message, self._only, None)
             if isinstance(value, np.ndarray) or hasattr(value, 'typecode'):
-                with np.errstate(invalid='ignore'):  # by a NaN of the signalling kind
+                with np.errstate(invalid='ignore'):  # a signalling NaN warns
                     return np.array(value, dtype=np.float64, ndmin=2)
         values: list[Any] = []
         self._collect(message, 0, type(message).__name__.rsplit('__', 1)[-1], values)
@@ -165,13 +165,13 @@ class FieldReader:
             )
         if isinstance(value, (str, bytes)):
             raise ValueError(f'field {self.path}: {where} is text, allowed: numbers')
-        # NumPy reads an array of rclpy (array.array) by its buffer.
+        # NumPy reads the arrays of rclpy (array.array) through their buffer.
         array = np.asarray(value)
         if array.dtype.kind not in 'fiub':
             names = field_names(value[0]) if len(value) else []
             hint = f'numbers, such as {where}[].{names[0]}' if names else 'numbers'
             raise ValueError(f'field {self.path}: {where} is no list of numbers, allowed: {hint}')
-        with np.errstate(invalid='ignore'):  # by a NaN of the signalling kind
+        with np.errstate(invalid='ignore'):  # a signalling NaN warns
             return array.astype(np.float64).reshape(-1)
 
     def _as_laid_out(self, values: Floats, layout: Any) -> Floats:
@@ -198,7 +198,7 @@ def _step(part: str, path: str) -> _PathStep:
 
 
 def field_names(message: Any) -> list[str]:
-    """Return the names of a message's fields in their order; empty for other objects.
+    """Return the names of a message's fields in order; empty for other objects.
 
     Examples
     --------
@@ -209,10 +209,10 @@ def field_names(message: Any) -> list[str]:
     >>> field_names(Vector(1.0, 2.0)), field_names(3.0)
     (['x', 'y'], [])
     """
-    if hasattr(message, 'get_fields_and_field_types'):  # rclpy's
+    if hasattr(message, 'get_fields_and_field_types'):  # a message of rclpy
         return list(message.get_fields_and_field_types())
     if dataclasses.is_dataclass(message):
-        # In classes of rosbags the type's name is among the fields.
+        # The message classes of rosbags have the name of the type as a further field.
         names = [field.name for field in dataclasses.fields(message)]
         return [name for name in names if not name.startswith('__')]
     return []

@@ -31,8 +31,8 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
     Returns
     -------
     dict
-        The files of each set by its name, which is the name of the folder, or its path where two
-        folders have the same name. The files of a given folder are in the order of their names.
+        The files of each set by its name: the name of the folder, or its path if two folders have
+        the same name. The files of a folder in ``arguments`` are sorted by name.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
 
 def _recordings_in(folder: Path) -> list[Path]:
     try:
-        # Bags of ROS 1 are refused when they are opened, with a word on how to convert them.
+        # ROS 1 bags are listed too: opening one gives an error that tells how to convert it.
         files = sorted(filter(is_recording, folder.iterdir())) or sorted(folder.glob('*.bag'))
     except OSError as error:
         raise ValueError(f'{folder}: cannot be read ({error.strerror})') from None

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Labels of true slip that a person wrote: a file of intervals beside the recording."""
+"""Labels of true slip, written by hand: a file of intervals beside the recording."""
 
 import itertools
 from pathlib import Path
@@ -31,11 +31,12 @@ Bools = NDArray[np.bool_]
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
 ENDING = '.labels.yaml'
 
+#: Name of the list of intervals in a file of labels.
 KEY = 'slip_s'
 
 
 class SlipInterval(NamedTuple):
-    """An interval with slip in seconds from the first sample, and its line in the file.
+    """An interval with slip, in seconds from the first sample, and its line in the file.
 
     Examples
     --------
@@ -57,7 +58,7 @@ class Labels:
     path
         The file.
     intervals
-        The intervals in the order of time, without overlap.
+        The intervals in order of time, without overlap.
 
     Examples
     --------
@@ -71,7 +72,7 @@ class Labels:
         self._edges_ns = np.rint([edge * 1e9 for one in intervals for edge in one[:2]])
 
     def at(self, after_ns: Stamps) -> Bools:
-        """Return whether there is slip at each time: from each start up to, but not at, its end.
+        """Return whether there is slip at each time; an interval excludes its end.
 
         Parameters
         ----------
@@ -104,7 +105,7 @@ def labels_name(recording: Path) -> str:
     >>> labels_name(Path('recordings/trial.mcap'))
     'trial.labels.yaml'
     """
-    # In the name of a folder, the part after a dot is not an ending.
+    # A dot in the name of a folder does not begin an ending.
     return f'{recording.name if recording.is_dir() else recording.stem}{ENDING}'
 
 
@@ -121,7 +122,7 @@ def find_labels(setting: str, recording: Path) -> 'Path | None':
     Returns
     -------
     Path or None
-        None where no file is configured and none is beside the recording.
+        None if no file is configured and none is beside the recording.
 
     Raises
     ------
@@ -146,7 +147,7 @@ def find_labels(setting: str, recording: Path) -> 'Path | None':
 
 
 def read_labels(path: Path) -> Labels:
-    """Read the intervals of slip that a person wrote.
+    """Read a file of labels.
 
     Parameters
     ----------
@@ -156,8 +157,8 @@ def read_labels(path: Path) -> Labels:
     Raises
     ------
     ValueError
-        When the file cannot be read, is not such a list, or an interval is empty, begins before
-        the recording or overlaps another; names file and line.
+        When the file cannot be read or has no such list, or an interval is empty, begins before
+        the recording or overlaps another; names the file and the line.
 
     Examples
     --------
@@ -218,7 +219,7 @@ def _interval(node: yaml.Node, path: Path) -> SlipInterval:
 
 
 def _time(node: yaml.Node, where: str) -> float:
-    """Return a number as it is written; YAML 1.1 would read 1:30 as 90 and 010 as 8."""
+    """Read a time as a decimal number; YAML 1.1 would read 1:30 as 90 and 010 as 8."""
     text = node.value if isinstance(node, yaml.ScalarNode) and node.style is None else ''
     try:
         number = float(text)

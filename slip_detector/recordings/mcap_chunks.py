@@ -14,8 +14,8 @@
 
 """The chunks of MCAP files: their sizes and their checksums.
 
-A chunk has the checksum of its content or 0, which stands for none. rosbags writes none, and then
-a byte that a disk has changed is taken for a sample.
+A chunk has the checksum of its content, or 0 for no checksum. rosbags writes 0, so that a byte
+that a disk has corrupted would pass as a sample.
 """
 
 import os
@@ -28,22 +28,22 @@ from typing import NamedTuple
 from slip_detector.recordings.damaged_mcap import CHUNK, MAGIC, MESSAGE, READ_WHOLE, RECORD
 from slip_detector.recordings.reading_limit import ReadingLimit
 
-#: In a chunk: times of the first and the last message, length of the content, checksum.
+#: Head of a chunk: times of the first and the last message, length of the content, checksum.
 _HEAD = struct.Struct('<QQQI')
 _CHECKSUM_AT = 24
 
 
 class Chunk(NamedTuple):
-    """A chunk.
+    """Place and head of a chunk.
 
     Attributes
     ----------
     begin, length : int
         First byte and length of its record's content.
     size : int
-        Length of what is in it when it is decompressed, as it says.
+        Length of the decompressed content, according to the head.
     checksum : int
-        Of what is in it; 0: none.
+        Checksum of the decompressed content; 0: none.
 
     Examples
     --------
@@ -58,9 +58,9 @@ class Chunk(NamedTuple):
 
 
 def _records(path: Path) -> Iterator[tuple[int, int, int, bytes]]:
-    """Yield kind, first byte, length and the first bytes of the records of an MCAP file.
+    """Yield kind, begin, length and first bytes of the content of each record of an MCAP file.
 
-    The last one may be cut; its length is what is left of it.
+    The last record may be truncated; its length is that of the remaining part.
     """
     size = path.stat().st_size
     with open(path, 'rb') as file:
@@ -75,7 +75,7 @@ def _records(path: Path) -> Iterator[tuple[int, int, int, bytes]]:
 
 
 def _chunk(begin: int, length: int, first: bytes) -> Chunk | None:
-    """Return a chunk of which the first bytes are given; None where its head is not whole."""
+    """Return the chunk that begins with these bytes; None if its head is truncated."""
     if length < _HEAD.size:
         return None
     _, _, size, checksum = _HEAD.unpack(first)
@@ -83,7 +83,7 @@ def _chunk(begin: int, length: int, first: bytes) -> Chunk | None:
 
 
 def chunks_of(path: Path) -> Iterator[Chunk]:
-    """Yield the chunks of an MCAP file whose heads are whole; their content is not read.
+    """Yield the chunks of an MCAP file whose heads are complete; their content is not read.
 
     Examples
     --------
@@ -105,17 +105,17 @@ def chunks_of(path: Path) -> Iterator[Chunk]:
 
 
 def survey(path: Path, limit: ReadingLimit) -> str:
-    """Check that no record and no content of a chunk is larger than may be held.
+    """Check that no record and no decompressed chunk exceeds the memory limit.
 
     Returns
     -------
     str
-        One line on messages and chunks without checksum; empty where each has one.
+        One line on messages and chunks without checksum; empty if all have one.
 
     Raises
     ------
     ValueError
-        When a record or a content is too large; names its place.
+        When a record or a chunk is too large; names its place.
     """
     n_chunks = none = 0
     messages = False
@@ -137,14 +137,14 @@ def survey(path: Path, limit: ReadingLimit) -> str:
 
 
 def write_checksums(path: Path) -> None:
-    """Give each chunk that is not compressed and has no checksum its own.
+    """Write the checksum of each uncompressed chunk that has none.
 
     Raises
     ------
     OSError
         When the file cannot be written.
     """
-    # The head, the empty name of the compression and the length of the content.
+    # Bytes before the content: head, empty name of the compression, length of the content.
     before = _HEAD.size + 4 + 8
     with open(path, 'r+b') as file:
         for chunk in chunks_of(path):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Decodes serialised messages (CDR) of one topic to rows, all messages of one layout at once."""
+"""Decodes serialised messages (CDR) of a topic to rows, all messages of one layout at once."""
 
 import struct
 from collections.abc import Sequence
@@ -42,14 +42,14 @@ class MessageRows(NamedTuple):
     samples : ndarray of int, shape (m,)
         Number of rows in each message; their sum is n.
     which : ndarray of int, shape (m,)
-        Indices of these messages. A message that cannot be decoded, or has other channels or
-        names than the first one, is left out.
+        Index of each of these messages in the input. A message is left out if it cannot be
+        decoded, or has other channels or names than the first one.
 
     Examples
     --------
     >>> stamps_ns, one_each = np.array([0, 10]), np.array([1, 1])
     >>> found = MessageRows(np.ones((2, 4)), stamps_ns, one_each, which=np.array([0, 2]))
-    >>> found.which.tolist()  # the message between them could not be decoded
+    >>> found.which.tolist()  # message 1 could not be decoded
     [0, 2]
     """
 
@@ -83,9 +83,9 @@ class MessageDecoder:
     Attributes
     ----------
     channels : int
-        Number of channels in the first message; 0 before it.
+        Number of channels in the first message; 0 before the first message.
     names : tuple of str
-        Names of the channels in the first message; empty where it has none.
+        Names of the channels in the first message; empty if it has none.
 
     Examples
     --------
@@ -112,13 +112,13 @@ class MessageDecoder:
         -------
         rows : ndarray, shape (samples, channels)
         stamp_ns : int or None
-            Stamp of the header; None where the message has none.
+            Stamp of the header; None if the message has no header.
         names : tuple of str
 
         Raises
         ------
         ValueError
-            When it cannot be decoded or has no such field.
+            When the message cannot be decoded or has no such field.
         """
         message = self.message(raw)
         rows = self._field(message)
@@ -132,11 +132,11 @@ class MessageDecoder:
         Raises
         ------
         ValueError
-            When the bytes are not such a message.
+            When the bytes are not a message of this type.
         """
         try:
             return self._typestore.deserialize_cdr(raw, self._msgtype)
-        except Exception as error:  # rosbags generates the decoder from the definition.
+        except Exception as error:  # generated code of rosbags may raise anything
             raise ValueError(f'a message is no {self._msgtype} ({error})') from None
 
     def many(self, raws: Sequence[bytes], received_ns: Sequence[int]) -> MessageRows:
@@ -147,13 +147,14 @@ class MessageDecoder:
         raws
             The messages, oldest first.
         received_ns
-            When each was received; it is the stamp of a message without a header, or whose
-            header's stamp is 0, as in the detector.
+            Time of receipt of each. As in the detector, it is the stamp of a message without
+            header or with the stamp 0.
 
         Raises
         ------
         ValueError
-            As :meth:`one`, before any message was decoded; when no message has channels.
+            As in :meth:`one`, until a first message has been decoded; also if no message has
+            channels.
         """
         try:
             received = np.array(received_ns, dtype=np.int64)
@@ -193,7 +194,7 @@ class MessageDecoder:
     def _groups(
         self, raws: Sequence[bytes], received_ns: Stamps, which: NDArray[np.intp]
     ) -> list[_LayoutGroup]:
-        """Decode messages of one length."""
+        """Decode messages of the same length."""
         length = len(raws[which[0]])
         layouts = self._layouts.setdefault(length, [])
         joined = b''.join([raws[i] for i in which.tolist()])
@@ -219,7 +220,7 @@ class MessageDecoder:
         return groups
 
     def _alone(self, raw: bytes, received_ns: Stamps, i: int) -> _LayoutGroup | None:
-        """Decode one message; return None where that fails and others were decoded before."""
+        """Decode one message; if that fails, return None unless none was decoded before."""
         try:
             rows, stamp_ns, names = self.one(raw)
         except ValueError:
@@ -231,9 +232,9 @@ class MessageDecoder:
         return _LayoutGroup(np.array([i]), rows[np.newaxis], stamps_ns, names)
 
     def _make_layout(self, raw: bytes) -> MessageLayout | None:
-        """Return the layout of a message; None where it cannot be found.
+        """Return the layout of a message; None if it cannot be found.
 
-        Such a message is then decoded alone, which raises an error that says what is wrong.
+        The caller then decodes the message alone, which raises an error that tells what is wrong.
         """
         if sum(map(len, self._layouts.values())) >= MOST_LAYOUTS:
             return None
@@ -244,7 +245,7 @@ class MessageDecoder:
 
 
 def _or_received(stamps_ns: Stamps | None, received_ns: Stamps) -> Stamps:
-    """Return the stamps of messages, and the times of receipt where a stamp is missing or 0."""
+    """Return the stamps of messages, with the time of receipt for a stamp that is missing or 0."""
     if stamps_ns is None:
         return received_ns
     return np.where(stamps_ns == 0, received_ns, stamps_ns)

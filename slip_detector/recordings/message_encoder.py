@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Serialises many rows at once as messages (CDR)."""
+"""Serialises many rows at once as JointState messages (CDR)."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -29,7 +29,7 @@ Stamps = NDArray[np.int64]
 
 
 class JointStateEncoder:
-    """Serialises rows as JointState messages, which all have the same layout.
+    """Serialises rows as JointState messages, which differ only in stamp and numbers.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class JointStateEncoder:
         volts : ndarray, shape (n, c)
             The rows.
         stamps_ns : ndarray of int, shape (n,)
-            Their stamps.
+            The stamp of each row.
         """
         n, length = len(volts), len(self._template)
         block = np.tile(self._template, (n, 1))

@@ -14,10 +14,10 @@
 
 """The places of the numbers in a serialised message (CDR).
 
-They depend only on the type of the message and on the lengths of its texts and lists. They are
-found once: a :class:`~slip_detector.recordings.field_paths.FieldReader` reads a message in which
-each number is replaced by its own place. Every message with the same texts and lengths has its
-numbers at the same places.
+The places depend only on the type of the message and on the lengths of its texts and lists, so
+they are found once for all messages with the same texts and lengths: a
+:class:`~slip_detector.recordings.field_paths.FieldReader` reads a message in which each number is
+replaced by its own place.
 """
 
 import struct
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-#: CDR begins with four bytes; the second one tells the byte order.
+#: Length of the header of a CDR message; its second byte tells the byte order.
 HEADER_BYTES = 4
 
 #: NumPy's types of numbers by their names in message definitions.
@@ -48,8 +48,8 @@ DTYPES = {
 }
 _CODES = list(dict.fromkeys(DTYPES.values()))
 
-#: A place is the index of its type times this, plus the byte at which the number begins. float64
-#: holds it exactly for messages below 4 GB.
+#: A place is a float64: the index of the number's type times this factor, plus the byte at which
+#: the number begins. It is exact for messages below 4 GB.
 _TYPE_STEP = 2.0**32
 
 
@@ -65,11 +65,11 @@ class MessageLayout(NamedTuple):
     places : ndarray, shape (samples, channels)
         Type and place of each number of the field.
     stamp_bytes : tuple of int, or None
-        First bytes of the seconds and the nanoseconds of the header's stamp; None: no header.
+        Bytes at which seconds and nanoseconds of the header's stamp begin; None: no header.
     byte_order : str
         ``<`` or ``>``.
     names : tuple of str
-        Names of the channels; empty where the message has none.
+        Names of the channels; empty if the message has none.
 
     Examples
     --------
@@ -94,7 +94,7 @@ class MessageLayout(NamedTuple):
         return np.asarray((messages[:, self.fixed] == self.fixed_bytes).all(axis=1))
 
     def stamps_ns(self, messages: Bytes) -> 'Stamps | None':
-        """Return the stamps of messages of this layout, (m,); None where they have no header."""
+        """Return the stamps of messages of this layout, (m,); None if they have no header."""
         if self.stamp_bytes is None:
             return None
         seconds, rest = self.stamp_bytes
@@ -105,7 +105,7 @@ class MessageLayout(NamedTuple):
 
     def rows(self, messages: Bytes) -> Floats:
         """Return the numbers of messages of this layout, shape (m, samples, channels)."""
-        with np.errstate(invalid='ignore'):  # by a NaN of the signalling kind
+        with np.errstate(invalid='ignore'):  # a signalling NaN warns
             return self._rows(messages)
 
     def _rows(self, messages: Bytes) -> Floats:
@@ -129,7 +129,7 @@ class MessageLayout(NamedTuple):
 
 
 def _number(messages: Bytes, begin: int, dtype: str) -> NDArray[Any]:
-    """Return the number that begins at one byte of each message, (m,)."""
+    """Return the numbers that begin at the byte ``begin`` of each message, (m,)."""
     size = np.dtype(dtype).itemsize
     return np.ascontiguousarray(messages[:, begin : begin + size]).view(dtype)[:, 0]
 
@@ -162,7 +162,7 @@ def read_layout(raw: bytes, typestore: Any, msgtype: str, field: FieldReader) ->
     msgtype
         Name of the type.
     field
-        Reads the field whose numbers are the channels.
+        Reader of the field whose numbers are the channels.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def read_layout(raw: bytes, typestore: Any, msgtype: str, field: FieldReader) ->
 
 
 def channel_names(message: Any, channels: int) -> tuple[str, ...]:
-    """Return the names of the channels in a message such as JointState; otherwise none.
+    """Return the channel names of a message with names, such as JointState; else none.
 
     Examples
     --------
@@ -215,7 +215,7 @@ def channel_names(message: Any, channels: int) -> tuple[str, ...]:
 
 
 class _LayoutReader:
-    """Reads a serialised message as one with places instead of numbers."""
+    """Deserialises a message with the place of each number instead of the number."""
 
     def __init__(self, raw: bytes, typestore: Any) -> None:
         self._raw, self._typestore = raw, typestore
@@ -224,8 +224,8 @@ class _LayoutReader:
         self.fixed: list[int] = list(range(HEADER_BYTES))
 
     def message(self, msgtype: str, real: bool = False) -> Any:
-        """Return a message with places, or, with ``real``, with its numbers, which are fixed."""
-        # The layout of a MultiArray tells the shape of its data, so it must be the same in all.
+        """Return a message with places or, if ``real``, with numbers, which become fixed bytes."""
+        # The layout of a MultiArray determines the shape of its data, so it must be fixed too.
         real = real or msgtype == 'std_msgs/msg/MultiArrayLayout'
         definition = self._typestore.get_msgdef(msgtype)
         values = [self._value(description, real) for _, description in definition.fields]

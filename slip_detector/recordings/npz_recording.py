@@ -14,8 +14,8 @@
 
 """Recordings in npz files, which are read in pieces.
 
-numpy.load would read all rows at once: 170 MB for an hour of 16 channels at 380 Hz. Pieces take
-2 MB, and the driver has its first sample at once.
+numpy.load would read all rows at once: 170 MB for an hour of 16 channels at 380 Hz. A piece has
+some MB, and the driver gets its first sample at once.
 """
 
 import contextlib
@@ -42,20 +42,20 @@ from slip_detector.recordings.reading_limit import PIECE_ROWS, ReadingLimit
 from slip_detector.recordings.recording import Recording
 from slip_detector.recordings.truth import as_truth
 
-#: Name of the array of stamps in recordings that this package has written.
+#: Name of the array of stamps, as this package writes it.
 STAMPS_KEY = 'stamps_ns'
 
-#: Longest header of an array, as numpy takes it.
+#: Longest header of an array, the same as in numpy.
 MOST_HEADER = 10_000
 
-#: What the name of an array of times has in it.
+#: Matches names of arrays that are probably times.
 _TIMES = re.compile('stamp|time|clock|second|(^|_)(t|ts|ns|us|ms|sec)(_|$)', re.IGNORECASE)
 
-#: A rate of fewer values is shown in the message that it should be one.
+#: If the rate is an array of fewer values, the error message shows them.
 MOST_SHOWN = 10
 
-#: Errors of a damaged archive; zipfile raises RuntimeErrors for encryptions and compressions that
-#: it does not know.
+#: Errors of a damaged archive; RuntimeError is that of zipfile for unknown encryption or
+#: compression.
 _BROKEN = (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, UnicodeError)
 
 #: Errors that NumPy raises for a damaged array.
@@ -63,7 +63,7 @@ _BAD_ARRAY = (ValueError, SyntaxError, TypeError, tokenize.TokenError)
 
 
 class NpzRecording(Recording):
-    """An npz file with arrays of the rows and their rate, and perhaps of labels and stamps.
+    """An npz file with the rows and their rate, and perhaps labels and stamps.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class NpzRecording(Recording):
     config
         Names of the arrays.
     labels
-        Labels that a person wrote; None: no such labels.
+        Labels written by hand; None: none.
 
     Raises
     ------
@@ -138,7 +138,7 @@ class NpzRecording(Recording):
         self._check_no_other_stamps(n)
 
     def _check_no_other_stamps(self, n: int) -> None:
-        """Refuse an array of stamps under another name: the rows would get made-up ones."""
+        """Refuse an array of stamps under another name, which would be ignored silently."""
         if STAMPS_KEY in self._names:
             return
         with _archive(self.path) as archive:
@@ -174,7 +174,7 @@ class NpzRecording(Recording):
                 yield Samples(part[volts_key].astype(np.float64), stamps_ns, truth)
 
     def array(self, name: str) -> 'NDArray[Any] | None':
-        """Return an array of the file by its name; None where there is none."""
+        """Return an array of the file by its name; None if there is no such array."""
         if name not in self._names:
             return None
         with _archive(self.path) as archive:
@@ -187,9 +187,9 @@ class NpzRecording(Recording):
 
 @contextlib.contextmanager
 def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
-    """Open the archive; an error names the file."""
+    """Open the archive; errors are one line with its path."""
     try:
-        # A file that zipfile opens itself stays open for as long as a member is open.
+        # Opened here, as zipfile would keep its own file open while a member is open.
         with open(path, 'rb') as stream, zipfile.ZipFile(stream) as archive:
             yield archive
     except _BROKEN:
@@ -203,7 +203,7 @@ class _BadArrayError(Exception):
 
 
 class _RowArray:
-    """An array in the archive whose rows are read one after another.
+    """An array in the archive, whose rows are read in order.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ class _RowArray:
     name
         Name of the array.
     limit
-        What may be held in memory.
+        The memory limit.
 
     Attributes
     ----------
@@ -238,12 +238,12 @@ class _RowArray:
         return self.shape[0] if self.shape else 1
 
     def whole(self) -> NDArray[Any]:
-        """Return all of the array."""
+        """Return the whole array."""
         self._limit.check(math.prod(self.shape) * self.dtype.itemsize, self._name)
         try:
             with _open_array(self._archive, self._name) as file:
                 array = np.lib.format.read_array(file, allow_pickle=False)
-                file.read(1)  # zipfile checks the checksum when it reaches the end.
+                file.read(1)  # zipfile verifies the checksum when it reaches the end
         except (*_BAD_ARRAY, MemoryError) as error:
             raise _BadArrayError(f'{self._name}: {" ".join(str(error).split())}') from None
         return np.asarray(array)
@@ -260,7 +260,7 @@ class _RowArray:
         if len(content) != size:
             raise EOFError
         if self._next == self.n_rows:
-            self._file.read(1)  # zipfile checks the checksum when it reaches the end.
+            self._file.read(1)  # zipfile verifies the checksum when it reaches the end
         return np.frombuffer(content, self.dtype).reshape(n, *self.shape[1:])
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A piece of a recording as it is given to the chain."""
+"""A piece of a recording, ready for the chain."""
 
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ Bools = NDArray[np.bool_]
 
 
 class Piece(NamedTuple):
-    """Consecutive rows as they are given to the chain, evenly spaced within a stretch.
+    """Consecutive rows, ready for the chain: evenly spaced within a stretch.
 
     Attributes
     ----------
@@ -33,16 +33,16 @@ class Piece(NamedTuple):
     stamps_ns : ndarray of int, shape (n,)
     truth : ndarray of bool, shape (n,), or None
     new_stretch : bool
-        Whether the chain is reset before these rows: in the first piece and after a long gap.
+        Whether the chain must be reset before these rows: in the first piece and after a long gap.
     row_numbers : ndarray of int, shape (n,)
         Number of each row in the recording, from 0; a row that bridges a gap has the number of
-        the row before it.
+        the last row before the gap.
 
     Examples
     --------
     >>> stamps_ns, numbers = np.array([0, 10, 20]), np.array([0, 0, 1])
     >>> piece = Piece(np.ones((3, 2)), stamps_ns, None, new_stretch=True, row_numbers=numbers)
-    >>> (np.diff(piece.row_numbers) == 0).tolist()  # which row bridges a gap
+    >>> (np.diff(piece.row_numbers) == 0).tolist()  # the second row bridges a gap
     [True, False]
     """
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The rate of rows: from their stamps, and beside that of a chain."""
+"""The sample rate of a recording: from its stamps, and compared with that of a chain."""
 
 from pathlib import Path
 from typing import Any
@@ -24,13 +24,13 @@ from slip_detector.chain.stamps import GAP_PERIODS
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import allowed
 
-#: How far a recording's rate may be from that of the chain, as a share of it: beyond, the bands
-#: and windows are no longer those that the configuration speaks of.
+#: Largest difference between the rates of a recording and of the chain, as a share. With a larger
+#: one, bands and windows would differ noticeably from the configured ones.
 RATE_TOLERANCE = 0.02
 
 
 def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
-    """Return whether a recording's rate is too far from that of the chain.
+    """Return whether a recording's rate is too far from the rate of the chain.
 
     Examples
     --------
@@ -41,12 +41,12 @@ def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
 
 
 def checked_rate(rate_hz: float, path: Path) -> float:
-    """Return the rate of a recording, if it is one that a chain can have.
+    """Return the rate of a recording, if a chain can have it.
 
     Raises
     ------
     ValueError
-        When it is not; names the recording.
+        When a chain cannot; names the recording.
 
     Examples
     --------
@@ -63,8 +63,8 @@ def checked_rate(rate_hz: float, path: Path) -> float:
 def rate_of(times_s: NDArray[Any]) -> 'float | None':
     """Return the rate at which rows were taken.
 
-    It is the inverse of the mean step between rows. Gaps and steps backwards are left out, and the
-    jitter of the stamps is averaged.
+    It is the inverse of the mean step between rows, which averages jitter; gaps and steps
+    backwards are left out.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def rate_of(times_s: NDArray[Any]) -> 'float | None':
     Returns
     -------
     float or None
-        Hz; None where there are fewer than two rows or the stamps do not rise.
+        Rate in Hz; None if there are fewer than two rows or the stamps do not rise.
 
     Examples
     --------

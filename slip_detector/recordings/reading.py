@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Opens recordings of all kinds of files."""
+"""Opens recordings in files of all supported formats."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ ENDINGS = ('.npz', '.csv', *BAG_ENDINGS)
 
 
 def is_recording(path: 'str | Path') -> bool:
-    """Return whether a path is a recording: a file with such an ending, or the folder of a bag.
+    """Return whether a path is a recording: a file with a known ending, or the folder of a bag.
 
     Examples
     --------
@@ -44,18 +44,18 @@ def is_recording(path: 'str | Path') -> bool:
 def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) -> Recording:
     """Open a recording to read it in pieces.
 
-    An npz file holds the rows under ``recording_volts_key``, the rate under
-    ``recording_rate_key`` and perhaps the label under ``recording_truth_key``. A csv file has a
-    line of names, a column ``time_s``, perhaps a column of the label, and a column for each
-    channel. A bag (a rosbag2 folder, or one of its .mcap or .db3 files) has a topic
-    ``recording_topic`` with the rows in the field ``recording_field``.
+    An npz file has the rows under ``recording_volts_key``, the rate under ``recording_rate_key``
+    and perhaps the labels under ``recording_truth_key``. A csv file has a header of names, a
+    column ``time_s``, perhaps a column of labels, and a column for each channel. A bag (a rosbag2
+    folder, or one of its .mcap or .db3 files) has a topic ``recording_topic`` with the rows in the
+    field ``recording_field``.
 
     Parameters
     ----------
     path
         The file or the folder of a bag.
     config
-        Where in the recording the samples and labels are; the defaults if not given.
+        Where in the recording the samples and labels are; None: the defaults.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
         labels = None if labels_file is None else read_labels(labels_file)
         if path.suffix == '.csv':
             return CsvRecording(path, config, labels)
-        # The others are not read from front to back; a device, as /dev/zero, may have no end.
+        # Other formats need random access, and a device such as /dev/zero may have no end.
         if path.exists() and not path.is_file() and not path.is_dir():
             raise ValueError(f'{path}: is no file, allowed: a file or the folder of a bag')
         if path.suffix == '.npz':
@@ -94,7 +94,7 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
             return BagRecording(path, config, labels)
         if path.suffix == '.bag':
             raise ValueError(
-                f'{path}: is a bag of ROS 1, allowed: what it becomes by rosbags-convert '
+                f'{path}: is a bag of ROS 1, allowed: a bag of ROS 2, made by rosbags-convert '
                 f'--src {path.name} --dst {path.stem}'
             )
         raise ValueError(

@@ -12,21 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The limit of what is held of a recording at a time: small files can stand for large contents."""
+"""The memory limit for reading a recording: a small file can decompress to a large content."""
 
 from pathlib import Path
 
-#: Number of rows read at a time: fast, and only some MB for 100 channels.
+#: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
 
-#: Share of the limit that one message may take: its numbers take eight times its bytes.
+#: Share of the limit for one message: as float64 its numbers take up to eight times its bytes.
 MESSAGE_SHARE = 1 / 16
 
 
 class ReadingLimit:
-    """Refuses what would take more memory than ``recording_limit_mb``.
+    """Refuses any part of a recording that is larger than ``recording_limit_mb``.
 
-    Reading takes at most four times that, however small the file is.
+    Reading needs at most four times as much memory, whatever the file contains.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class ReadingLimit:
     message_bytes : int
         The limit for one message.
     channels : int
-        Largest number of channels: a piece of rows is to be within the limit.
+        Largest number of channels with which a piece of rows is within the limit.
 
     Examples
     --------
@@ -61,12 +61,12 @@ class ReadingLimit:
         self.channels = self.most_bytes // (PIECE_ROWS * 8)
 
     def check(self, n_bytes: int, what: str, share: float = 1.0) -> None:
-        """Check a size, which may be a share of the limit.
+        """Check a size against the limit, or against a share of it.
 
         Raises
         ------
         ValueError
-            When it is larger; names the recording and what it is.
+            When the size is larger; names the recording and ``what``.
         """
         if n_bytes > share * self.most_bytes:
             of_limit = f'1/{1 / share:.0f} of ' if share < 1.0 else ''
@@ -81,7 +81,7 @@ class ReadingLimit:
         Raises
         ------
         ValueError
-            When it is larger than the limit allows; names the recording.
+            When there are more than the limit allows; names the recording.
         """
         if channels > self.channels:
             raise ValueError(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Base class of all recordings; it treats gaps in the stamps as the detector node does."""
+"""Base class of all recordings; it handles gaps in the stamps like the detector node."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ Stamps = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-#: Bytes that the stamp and the place of a row that bridges a gap take.
+#: Bytes of memory for a row that bridges a gap, in addition to its volts.
 STAMP_BYTES = 80
 
 
@@ -47,22 +47,22 @@ class RecordingCounts:
     Attributes
     ----------
     rows : int
-        Rows that were returned, with those that bridge gaps.
+        Rows that were returned, including those that bridge gaps.
     bridged_rows : int
-        Rows that were missing in short gaps and repeat the row before.
+        Rows that bridge short gaps: copies of the last row before the gap.
     gaps : int
         Short gaps that were bridged.
     stretches : int
-        Runs of rows between long gaps; at least one.
+        Stretches: runs of rows without a long gap; at least one.
     bad_samples : int
         Values that are NaN or infinite.
     dropped : int
-        Rows that were left out, as their stamp is not after the one before or their channels are
-        not those of the first message.
+        Rows that were left out because their stamp is not after the previous one or their channels
+        are not those of the first message.
     lost : str
-        One line on the part of a damaged bag that could not be read; empty where all was read.
+        One line on the part of a damaged bag that could not be read; empty if all was read.
     doubts : str
-        One line on why damage may have gone unseen; empty where it would have been seen.
+        One line on why damage may have gone unnoticed; empty if it would have been noticed.
 
     Examples
     --------
@@ -83,7 +83,7 @@ class RecordingCounts:
 class Recording:
     """A recording that is read in pieces; see :func:`open_recording`.
 
-    Each kind of file has a class of its own that reads the rows.
+    Each file format has a derived class that reads the rows.
 
     Attributes
     ----------
@@ -91,9 +91,9 @@ class Recording:
     sample_rate_hz : float
     channel_names : tuple of str
     named : bool
-        Whether the recording itself names its channels; else they are ch1, ch2, ...
+        Whether the recording itself names its channels; else the names are ch1, ch2, ...
     has_truth : bool
-        Whether it is known where there is slip.
+        Whether the true slip is known.
     counts : RecordingCounts
         Counts of the last reading.
     """
@@ -102,7 +102,7 @@ class Recording:
     sample_rate_hz: float
     channel_names: tuple[str, ...]
     named = False
-    #: Whether :meth:`read` gives a truth of its own.
+    #: Whether the samples of :meth:`read` have a truth.
     labelled = False
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
@@ -113,7 +113,7 @@ class Recording:
 
     @property
     def has_truth(self) -> bool:
-        """Whether it is known where there is slip."""
+        """Whether the true slip is known."""
         return self._labels is not None or self.labelled
 
     def read(self) -> Iterator[Samples]:
@@ -121,7 +121,7 @@ class Recording:
         raise NotImplementedError
 
     def array(self, name: str) -> 'NDArray[Any] | None':
-        """Return another array of the file by its name; None where there is none."""
+        """Return another array of the file by its name; None if there is no such array."""
         return None
 
     def array_names(self) -> list[str]:
@@ -129,7 +129,7 @@ class Recording:
         return []
 
     def rows(self) -> Iterator[Samples]:
-        """Yield all rows as they were recorded, with the labels, if there are any.
+        """Yield all rows as they were recorded, with labels if there are any.
 
         Yields
         ------
@@ -139,7 +139,8 @@ class Recording:
         Raises
         ------
         ValueError
-            When the file is broken or a label ends after the recording; names file and place.
+            When the file is broken or a label ends after the recording; names the file and the
+            place.
         """
         self.counts = RecordingCounts()
         labels = self._labels
@@ -166,15 +167,15 @@ class Recording:
     def pieces(
         self, chain_rate_hz: 'float | None' = None, max_gap_s: float = 0.1
     ) -> Iterator[Piece]:
-        """Yield the rows as the detector node gives them to its chain.
+        """Yield the rows as the detector node passes them to its chain.
 
-        A row whose stamp is not after the one before is dropped. A gap of up to ``max_gap_s`` is
-        bridged with the row before it; after a longer one a new stretch begins.
+        A row whose stamp is not after the previous one is dropped. A gap of up to ``max_gap_s`` is
+        bridged with the last row before it; after a longer gap a new stretch begins.
 
         Parameters
         ----------
         chain_rate_hz
-            Rate that the chain is configured for; that of the recording if not given.
+            Rate for which the chain is configured; None: the rate of the recording.
         max_gap_s
             Longest gap that is bridged.
 
@@ -186,8 +187,8 @@ class Recording:
         Raises
         ------
         ValueError
-            When the file is broken, or its rate is not that of the chain and it is not to be
-            resampled; names the file.
+            When the file is broken, or its rate differs from that of the chain and resampling is
+            not configured; names the file.
 
         Examples
         --------
@@ -228,7 +229,7 @@ class Recording:
             yield piece
 
     def _stretches(self, rate_hz: float, max_gap_s: float) -> Iterator[Piece]:
-        """Yield the rows with bridged gaps, a piece for each stretch."""
+        """Yield the rows with bridged gaps; each piece is within one stretch."""
         grid = StampGrid(1 / rate_hz, max_gap_s)
         first = 0
         last: Piece | None = None
@@ -247,13 +248,13 @@ class Recording:
                 last = part
 
     def _mended(self, piece: Piece, last: 'Piece | None', grid: StampGrid) -> list[Piece]:
-        """Drop rows, bridge gaps and separate stretches; ``last`` is the piece before."""
+        """Drop rows, bridge gaps and separate stretches; ``last`` is the previous piece."""
         mended = grid.mend(piece.stamps_ns)
         self.counts.gaps += mended.gaps
         self.counts.bridged_rows += mended.bridged
         self.counts.dropped += mended.dropped
         rows, which, places = Samples(*piece[:3]), piece.row_numbers, mended.places
-        if last is not None:  # Its last row may bridge the first gap.
+        if last is not None:  # the last row before this piece may have to bridge its first gap
             rows = Samples(*last[:3]).take(slice(-1, None)).then(rows)
             which = np.concatenate([last.row_numbers[-1:], which])
             places = places + 1

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Resampling of rows that come in pieces."""
+"""Resampling of a recording, piece by piece."""
 
 from collections.abc import Iterator
 
@@ -26,24 +26,24 @@ Floats = NDArray[np.float64]
 #: Zero crossings of the sinc on either side of a row.
 LOBES = 16
 
-#: The filter's edge as a share of half of the lower rate. Above half of the lower rate the gain is
+#: Edge of the low-pass as a share of half the lower rate. Above half the lower rate the gain is
 #: below -70 dB.
 EDGE = 0.8
 
-#: Largest factor between the two rates; the input that one row needs grows with it.
+#: Largest factor between the two rates; the number of input rows per output row grows with it.
 MOST_FACTOR = 1000
 
-#: Number of output rows that are made at a time, which bounds their memory.
+#: Number of output rows that are computed at a time, which bounds the memory.
 MOST_ROWS = 8192
 
 
 class Resampler:
     """Interpolates rows with a windowed sinc, a low-pass for the lower of the two rates.
 
-    Rows are taken to be evenly spaced within a stretch, and constant before its first and after
-    its last row. The weights of each row add up to one, so that a constant baseline keeps its
-    value to the bit. In place of a bad value (NaN, infinity) the last good value of its channel is
-    interpolated, and the nearest rows are marked as bad. The result does not depend on how the
+    It assumes that rows are evenly spaced within a stretch, and constant before its first and
+    after its last row. The weights of each row add up to one, so that a constant baseline keeps
+    its value to the bit. A bad value (NaN, infinity) is replaced by the last good value of its
+    channel, and the output rows nearest to it become bad. The result does not depend on how the
     rows are cut into pieces.
 
     Parameters
@@ -71,7 +71,7 @@ class Resampler:
         self._half = int(np.ceil(LOBES / self._edge))
 
     def pieces(self, pieces: 'Iterator[Piece]') -> 'Iterator[Piece]':
-        """Yield the pieces at the new rate, each as soon as the rows that it needs have come."""
+        """Yield the pieces at the new rate, each as soon as the input rows it needs have come."""
         stretch: _Stretch | None = None
         for piece in pieces:
             if piece.new_stretch or stretch is None:
@@ -85,7 +85,7 @@ class Resampler:
             yield from self._some(stretch, end=True)
 
     def _some(self, stretch: '_Stretch', end: bool) -> 'Iterator[Piece]':
-        """Yield the output rows whose input rows are all there."""
+        """Yield the output rows whose input rows have all come."""
         half, step = self._half, self._step
         if end:
             stretch.hold_last(half)
@@ -100,7 +100,7 @@ class Resampler:
             yield self._rows(stretch, j)
 
     def _rows(self, stretch: '_Stretch', j: NDArray[np.int64]) -> 'Piece':
-        """Return the output rows with some numbers, whose input rows are all there."""
+        """Return the output rows with the numbers ``j``, whose input rows have all come."""
         step = self._step
         places = j * step
         base = np.floor(places).astype(np.int64)
@@ -117,9 +117,9 @@ class Resampler:
     def _interpolated(self, stretch: '_Stretch', base: NDArray[np.int64], rest: Floats) -> Floats:
         """Return the weighted sums around the places, (m, c).
 
-        They are added up tap by tap, in the same order for any number of rows, which gives the
-        same bits. The terms are differences from the row before the place, so that a channel that
-        repeats one value keeps it.
+        Summation tap by tap has the same order, hence gives the same bits, for any number of rows.
+        The terms are differences from the row before the place, so that a constant channel stays
+        exactly constant.
         """
         total = np.zeros(len(base))
         before = stretch.good_at(base)
@@ -142,7 +142,7 @@ class _Stretch:
         self._piece = piece
         self._bad = ~np.isfinite(piece.volts)
         self._good = _held(piece.volts, self._bad, None)
-        # The input before the first row is taken to be that row.
+        # The input before the first row is assumed to equal that row.
         self._good = np.concatenate([np.repeat(self._good[:1], half, axis=0), self._good])
         self._first = 0  # place of the first row in memory
         self.known = len(piece.volts)
@@ -170,7 +170,7 @@ class _Stretch:
         self._good = np.concatenate([self._good, np.repeat(self._good[-1:], n, axis=0)])
 
     def good_at(self, places: NDArray[np.int64]) -> Floats:
-        """Return the rows at the places, bad values replaced."""
+        """Return the rows at the places, with bad values replaced."""
         return np.asarray(self._good[places - self._first + self._half])
 
     def bad_at(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -180,7 +180,7 @@ class _Stretch:
     def piece(
         self, base: NDArray[np.int64], volts: Floats, after_ns: NDArray[np.int64]
     ) -> 'Piece':
-        """Make a piece of rows that are at, or just after, the rows at the places."""
+        """Make a piece of output rows that are ``after_ns`` after the input rows ``base``."""
         at = base - self._first
         truth = self._piece.truth
         new, self._new = self._new and self._piece.new_stretch, False
@@ -193,7 +193,7 @@ class _Stretch:
         )
 
     def forget(self, place: int) -> None:
-        """Drop the rows that are not needed from a place on."""
+        """Drop the rows before a place."""
         n = min(place, self.known) - self._first
         if n <= 0:
             return
@@ -209,9 +209,10 @@ class _Stretch:
 
 
 def _held(volts: Floats, bad: NDArray[np.bool_], last: 'Floats | None') -> Floats:
-    """Return the volts with the last good value of its channel in place of each bad one.
+    """Return the volts with each bad value replaced by the last good value of its channel.
 
-    Before the first good one it is that of ``last``; without it the first good one, or 0.
+    Bad values before the first good one are replaced by ``last`` or, if that is None, by the first
+    good value, or by 0 if there is none.
     """
     if not bad.any():
         return volts

@@ -22,14 +22,13 @@ from slip_detector.parameters.conversion import shortened, shown_name
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 BOOL = 'std_msgs/msg/Bool'
 
-#: Characters of the largest definition that is read; the largest of ROS have some 60,000.
+#: Most characters of a type definition; the largest definitions of ROS have some 60,000.
 MOST_DEFINITION = 200_000
 
-#: Most elements of an array of fixed length that are texts or messages. For each of them rosbags
-#: compiles code.
+#: Most elements of a fixed-length array of texts or messages: rosbags compiles code for each.
 MOST_ELEMENTS = 2000
 
-#: Separates the definitions of several types in one text.
+#: Separator of the definitions of several types in one text.
 _RULE = '=' * 80 + '\n'
 
 
@@ -40,9 +39,9 @@ class Topic(NamedTuple):
     ----------
     name : str
     msgtype : str
-        For example ``sensor_msgs/msg/JointState``.
+        Type of the messages, for example ``sensor_msgs/msg/JointState``.
     encoding : str
-        Format of the definition: ``ros2msg``, ``ros2idl``, or '' where there is no definition.
+        Format of the definition: ``ros2msg``, ``ros2idl``, or '' if there is no definition.
     definition : str
         Definition of the type.
 
@@ -64,9 +63,9 @@ Message = tuple[str, int, bytes]
 
 @functools.cache
 def standard_typestore() -> Any:
-    """Return the store of rosbags that has the types of ROS 2 Jazzy, in which bags are written.
+    """Return the type store of rosbags for ROS 2 Jazzy, whose types are written to bags.
 
-    It is the same at each call, as a store compiles the code of each type that is used.
+    It is cached, as a store compiles code for each type that is used.
 
     Examples
     --------
@@ -80,16 +79,16 @@ def standard_typestore() -> Any:
 
 @functools.lru_cache(maxsize=64)
 def typestore_of(topic: Topic) -> Any:
-    """Return the store of rosbags that has the type of a topic.
+    """Return a type store of rosbags with the type of a topic.
 
-    Where the definition in the bag is broken, as some recorders wrote it, it is that of ROS.
-
-    It is the same for the same topic of all recordings, as a store compiles the code of its types.
+    If the definition in the bag is broken, as some recorders write it, the definition of ROS is
+    used. The store is cached for the same topic of other recordings, as it compiles code for its
+    types.
 
     Raises
     ------
     ValueError
-        When the bag does not define the type and ROS does not have it, or the definition is
+        When ROS does not have the type, and the bag does not define it or its definition is
         broken.
 
     Examples
@@ -116,7 +115,7 @@ def typestore_of(topic: Topic) -> Any:
             store.register(get_types_from_msg(topic.definition, topic.msgtype))
         else:
             parts = topic.definition.split(_RULE)
-            # If there are several, each begins with a line that names it.
+            # If there are several definitions, the first line of each is the name of its type.
             texts = parts if len(parts) == 1 else [part.partition('\n')[2] for part in parts[1:]]
             for text in texts:
                 store.register(get_types_from_idl(text))

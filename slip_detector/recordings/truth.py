@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The truth in a recording: labels, states that change, or positions that move."""
+"""The true slip in a recording: from labels, from published states, or from positions."""
 
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
     Raises
     ------
     ValueError
-        When a label is neither, such as NaN or a text; names the file and the label.
+        When a label is neither, such as NaN or a text; names the file, the key and the label.
 
     Examples
     --------
@@ -86,7 +86,7 @@ def states_at(changed_at: NDArray[Any], states: Bools, at: NDArray[Any]) -> Bool
 class PlatformMotion:
     """Finds the times at which a position changes (the paper's Eq. 9).
 
-    There is motion between two messages with different positions, at both of their times too: so
+    There is motion between two messages with different positions, including both of their times:
     the last sample at which the platform still stood is the first sample of the slip.
 
     Parameters
@@ -110,7 +110,7 @@ class PlatformMotion:
         self._edges_ns: list[int] = []
 
     def add(self, stamps_ns: Stamps, positions_m: Floats) -> None:
-        """Take the next stamps, (n,), and positions, (n, axes)."""
+        """Add the next stamps, (n,), and positions, (n, axes)."""
         if self._last is not None:
             stamps_ns = np.concatenate([self._last[0], stamps_ns])
             positions_m = np.concatenate([self._last[1], positions_m])
@@ -119,7 +119,8 @@ class PlatformMotion:
         starts = stamps_ns[np.flatnonzero(edges == 1)].tolist()
         ends = stamps_ns[np.flatnonzero(edges == -1)].tolist()
         if starts and self._edges_ns and starts[0] <= self._edges_ns[-1]:
-            del starts[0], self._edges_ns[-1]  # The motion at the end of the last piece continues.
+            # The motion at the end of the previous call continues.
+            del starts[0], self._edges_ns[-1]
             self._edges_ns.append(ends.pop(0))
         for start, end in zip(starts, ends, strict=True):
             self._edges_ns += [start, end]

@@ -45,11 +45,11 @@ def write_recording(
         with metadata.yaml, as ``ros2 bag record`` writes it). In bags the rows are on
         ``voltages``, the truth on ``slip_truth`` and the position on ``platform_position``.
     pieces
-        The rows, at least one, with the truth in all pieces or in none.
+        The rows, at least one; the truth is in all pieces or in none.
     sample_rate_hz
-        Rate of the rows; it is written to npz only.
+        Rate of the rows; written to npz only.
     channel_names
-        A name for each channel; they are not written to npz.
+        A name for each channel; not written to npz.
     frame_id
         Frame of the messages in a bag.
 
@@ -109,7 +109,7 @@ def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> N
                 piece.stamps_ns.tolist(), piece.volts.tolist(), truth, strict=True
             ):
                 sign, (seconds, rest) = '-' * (stamp_ns < 0), divmod(abs(stamp_ns), 1_000_000_000)
-                # repr writes a float so that it is read back to the bit.
+                # The repr of a float is read back to the same bits.
                 lines.writerow([f'{sign}{seconds}.{rest:09d}', *map(repr, row), *slip])
 
 
@@ -123,7 +123,7 @@ def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> 
 
 
 def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], frame_id: str) -> None:
-    """Write the folder of a bag, or only the file with its messages."""
+    """Write the folder of a bag or, if the path has an ending, only the file with its messages."""
     bag = BagWriter(path.with_suffix(''), names, frame_id, path.suffix or '.mcap')
     try:
         for piece in pieces:

@@ -176,7 +176,7 @@ def test_a_file_that_the_recorder_compressed_does_not_fill_the_disk(tmp_path, en
     write_recording(folder, [rows(10)], 380.0, NAMES)
     (folder / 'a.mcap').unlink()
     (folder / f'a{ending}.zstd').write_bytes(zstd().compress(bytes(10**8)))
-    assert said(folder) == f'a{ending}.zstd stands for more than 100 times its size'
+    assert said(folder) == f'a{ending}.zstd decompresses to more than 100 times its size'
 
 
 def test_a_message_that_is_larger_than_a_share_of_the_limit_is_refused(tmp_path):
