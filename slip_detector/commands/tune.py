@@ -138,7 +138,7 @@ class _Progress:
             sys.stderr.write(f'{count} of {self._total} trials, {self._shown}\n')
 
     def close(self) -> None:
-        """End the bar as it is."""
+        """Close the bar where it stands."""
         self._bar.close()
 
 

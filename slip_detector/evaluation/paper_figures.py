@@ -61,7 +61,7 @@ def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | N
     Returns
     -------
     mean, sd : float or None
-        Of the known delays; the standard deviation with n - 1. None for the mean of no delay and
+        Mean and standard deviation (n - 1) of the known delays. None for the mean of no delay and
         for the standard deviation of fewer than two.
 
     Examples

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The search for parameters, its verdict by held-out recordings, and values learnt at rest."""
+"""The search for parameters, its verdict by held-out recordings, and learning without a search."""

@@ -174,7 +174,7 @@ class SearchSpace:
         Raises
         ------
         ValueError
-            When its parameters do not go together, or noise floors cannot be learnt.
+            When its parameters contradict each other, or noise floors cannot be learnt.
         """
         low_hz = rounded(point['passband_low_hz'])
         high_hz = rounded(low_hz * 2.0 ** point['passband_octaves'])
