@@ -43,11 +43,11 @@ QOS = QoSProfile(
 
 
 class SlipFollower(Node):
-    """Says what a gripper should do; replace :meth:`act` by what moves yours."""
+    """Logs what a gripper should do; replace :meth:`act` to move yours."""
 
     def __init__(self):
         super().__init__('slip_follower')
-        # None: not heard.
+        # The last states; None: not heard yet, or silent.
         self._heard = {'slip': None, 'slip_valid': None}
         self._action = ''
         for topic in self._heard:
@@ -79,7 +79,7 @@ class SlipFollower(Node):
             self.act(action)
 
     def act(self, action):
-        """Say what to do; called when it changes."""
+        """Log the action; called when it changes."""
         self.get_logger().info(action)
 
 

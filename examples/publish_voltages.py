@@ -14,8 +14,8 @@
 
 """Publish the samples of your own sensor for the detector.
 
-Replace ``OwnSensor`` by what reads your sensor. The detector needs a parameter file that describes
-the sensor: ``sample_rate_hz``, ``channels`` and ``groups``.
+Replace ``OwnSensor`` by a class that reads your sensor. The detector needs a parameter file that
+describes the sensor: ``sample_rate_hz``, ``channels`` and ``groups``.
 """
 
 import contextlib
@@ -46,8 +46,8 @@ class OwnSensor:
         Returns
         -------
         int
-            When it was taken, in ns. Not when it is published: from these times the detector
-            knows of lost samples. They have to be true to less than half a sample period.
+            Time at which it was taken, in ns; not the time of publication, as the detector notices
+            lost samples by these times. Their errors must be below half a sample period.
         list of float
             The voltage of each channel in V.
         """

@@ -14,14 +14,14 @@
 
 /* Send the samples of a sensor to slip_driver over a serial line, as docs/packets.md describes.
  *
- * For a microcontroller: no library, no heap. The board has to offer send_byte and micros.
+ * For a microcontroller: no library, no heap. The board has to provide send_byte and micros.
  */
 #include <stdint.h>
 
 #define CHANNELS 16
-#define PERIOD_NS 1000000u /* 1 kHz; counts only with more than one sample in a packet */
+#define PERIOD_NS 1000000u /* 1 kHz; matters only with more than one sample in a packet */
 
-/* The board's own: sends a byte; tells the time in us, wrapping at 2^32 and not earlier. */
+/* Provided by the board: send a byte; return the time in us, which may wrap at 2^32 only. */
 extern void send_byte(uint8_t byte);
 extern uint32_t micros(void);
 
@@ -42,7 +42,7 @@ static void put32(uint8_t *at, uint32_t value)
         at[i] = (uint8_t)(value >> 8 * i);
 }
 
-/* COBS: each block of bytes without a zero is led by its length plus one. */
+/* COBS: each block of bytes without a zero is preceded by its length plus one. */
 static void send_stuffed(const uint8_t *data, uint32_t length)
 {
     uint32_t begin = 0;
@@ -55,7 +55,7 @@ static void send_stuffed(const uint8_t *data, uint32_t length)
             send_byte(data[i]);
         if (end == length)
             break;
-        /* A full block stands for no zero; a shorter one for the zero that ended it. */
+        /* A short block includes the zero that ended it; a full block has none. */
         begin = end - begin == 254 ? end : end + 1;
     }
     send_byte(0);

@@ -57,14 +57,14 @@ def packet(sequence, samples, period_ns):
 
 
 def send(samples_of_packets, period_ns, address=('127.0.0.1', 47380)):
-    """Send a packet of each list of samples, as they come."""
+    """Send a packet for each list of samples."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for sequence, samples in enumerate(samples_of_packets):
             sender.sendto(packet(sequence, samples, period_ns), address)
 
 
 def simulated_samples():
-    """Stand in for a sensor: every other second all channels vibrate at 25 Hz; never ends.
+    """Yield samples without end: every other second all channels vibrate at 25 Hz.
 
     A unit is a millivolt, which is the driver's default (``packet_scale_v``).
     """
@@ -75,7 +75,7 @@ def simulated_samples():
             time_s = 1e-9 * n * PERIOD_NS
             vibration = 50 * math.sin(2 * math.pi * 25 * time_s) if time_s % 2 > 1 else 0
             samples.append([round(4300 + vibration + random.gauss(0, 1)) for _ in range(CHANNELS)])
-        # The last of them is taken now.
+        # Wait until the last of them would have been taken.
         time.sleep(max(0.0, begin_s + time_s - time.monotonic()))
         yield samples
 

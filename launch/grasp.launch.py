@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A grasp: a driver that plays an object in a grip, a detector, and a controller of the grip.
+"""A grasp: a driver that plays an object in a grip, a detector, and a grasp controller.
 
 ros2 launch slip_detector grasp.launch.py seed:=7
 """
@@ -39,9 +39,9 @@ def nodes(context):
         for name in ('config', 'source', 'scene', 'seed')
     )
     if not Path(config).is_file():
-        # The nodes would run on their defaults, unasked.
+        # Without this check the nodes would silently run on their defaults.
         raise FileNotFoundError(f'config is {config!r}, allowed: the path of a parameter file')
-    # The detector misses nothing while it starts, and nothing falls while the controller does.
+    # The driver waits for the other two: no sample is missed, and no object falls meanwhile.
     given = {'source': 'scene', 'wait_for_subscribers': 1, 'wait_for_grip': True}
     if scene:
         if 'object' not in read_yaml(find_scene(scene)):
@@ -92,7 +92,7 @@ def generate_launch_description():
                 'file.',
             ),
             DeclareLaunchArgument('seed', default_value='', description='Seed of its noise.'),
-            # First, so that no controller starts where an argument of the page is refused.
+            # First, so that no node starts if an argument of the page is refused.
             IncludeLaunchDescription(
                 PythonLaunchDescriptionSource(view),
                 launch_arguments=[('configs', LaunchConfiguration('config'))],

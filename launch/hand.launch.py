@@ -16,7 +16,7 @@
 
 ros2 launch slip_detector hand.launch.py fingers:=thumb,index,middle
 
-All drivers share a process, and all detectors: that takes half the processor time.
+All drivers share one process, and all detectors another, which halves the processor time.
 """
 
 from launch import LaunchDescription
@@ -36,7 +36,7 @@ def generate_launch_description():
                 default_value='thumb,index,middle,ring,little',
                 description='Names of the fingers, with commas between; each is a namespace.',
             ),
-            # All other arguments are its own.
+            # It declares all other arguments.
             IncludeLaunchDescription(PythonLaunchDescriptionSource(any_fingers)),
         ]
     )

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One driver and one detector; or, with one process of each kind, both for every finger.
+"""A driver and a detector; or, in one process of each kind, both for every finger.
 
 ros2 launch slip_detector slip_detector.launch.py namespace:=index config:=my.yaml source:=none
 
-With several parameter files there is a detector for each, in a namespace of the file's name; the
-driver has the first one.
+With several parameter files there is a detector for each, in a namespace named after the file; the
+driver uses the first file.
 """
 
 from pathlib import Path
@@ -37,11 +37,11 @@ from launch_ros.substitutions import FindPackageShare
 
 
 def find_config(name, share):
-    """Return the path of a parameter file that is named by its path, or is one of the package."""
+    """Return the path of a parameter file, given by its path or by its name in the package."""
     for path in (Path(name), share / name):
         if path.is_file():
             return str(path)
-    # The nodes would run on their defaults, unasked.
+    # Without this check the nodes would silently run on their defaults.
     own = ', '.join(sorted(path.name for path in share.glob('*.yaml')))
     raise FileNotFoundError(
         f'config is {name!r}, allowed: the path of a parameter file, or one of {own}'
@@ -67,7 +67,7 @@ def nodes(context):
     )
     configs = find_configs(context)
     if not config:
-        # The demonstration: a sensor has a parameter file, or is named.
+        # Without a parameter file, or a source, the demonstration is played.
         source = source or 'scene'
     namespace = LaunchConfiguration('namespace')
     fingers = LaunchConfiguration('fingers').perform(context)
@@ -80,7 +80,7 @@ def nodes(context):
         arguments=[*arguments, '--configs', ','.join(configs)] if several else arguments,
         parameters=[] if several else configs,
     )
-    # No detector misses anything while it starts.
+    # The driver waits for all detectors, so that none misses samples while it starts.
     given = {'wait_for_subscribers': len(configs)}
     if source:
         given['source'] = source
@@ -128,7 +128,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'
             ),
-            # First, so that no node starts where an argument of the page is refused.
+            # First, so that no node starts if an argument of the page is refused.
             OpaqueFunction(function=set_configs),
             IncludeLaunchDescription(PythonLaunchDescriptionSource(view)),
             OpaqueFunction(function=nodes),

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live page, where ``view`` is true: included by the other launch files.
+"""The live page, if ``view`` is true; included by the other launch files.
 
-They have set ``namespace``, and ``configs`` to the paths of the detectors' parameter files, with
-commas between.
+They set ``namespace``, and ``configs`` to the paths of the detectors' parameter files, separated
+by commas.
 """
 
 import shlex
@@ -52,7 +52,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'view_options',
                 default_value='',
-                description='Its options, as --host 0.0.0.0 or --read-only.',
+                description='Options of slip_view, such as --host 0.0.0.0 or --read-only.',
             ),
             OpaqueFunction(function=page, condition=IfCondition(LaunchConfiguration('view'))),
         ]
