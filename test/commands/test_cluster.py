@@ -53,6 +53,11 @@ class Cluster:
         wait_for(lambda: told.exists() and told.read_text())
         self.address = json.loads(told.read_text())['address']
 
+    def worker(self):
+        """Return a worker that runs; it is started where there is none."""
+        running = [process for process in self.processes[1:] if process.poll() is None]
+        return running[-1] if running else self.start_worker()
+
     def start_worker(self):
         return self._start('worker', self.address, '--nthreads', 1, '--no-nanny', '--no-dashboard')
 
@@ -89,7 +94,7 @@ class Cluster:
         return process
 
 
-@pytest.fixture
+@pytest.fixture(scope='module')
 def cluster(tmp_path_factory):
     running = Cluster(tmp_path_factory.mktemp('cluster'))
     yield running
@@ -116,7 +121,7 @@ def test_a_cluster_finds_the_same_to_the_bit_though_workers_die(
         found = trials_of(journal(f'{out}.study.journal'))
         return [(trial.params, trial.values, trial.user_attrs['found']) for trial in found]
 
-    first, second = cluster.start_worker(), cluster.start_worker()
+    first, second = cluster.worker(), cluster.start_worker()
     with cluster.dying(first):
         figures = evaluated('--cluster', cluster.address)
     assert figures == evaluated()
@@ -128,7 +133,7 @@ def test_a_cluster_finds_the_same_to_the_bit_though_workers_die(
 
 
 def test_an_interrupt_leaves_what_a_cluster_found_and_the_cluster_as_it_was(cluster, case):
-    worker = cluster.start_worker()
+    worker = cluster.worker()
     folder, _ = case
     endless = check_interrupted_evaluation(folder / 'set', '--cluster', cluster.address)
     # The worker may wait for the recording, or begin to only now: its end lets it go on.

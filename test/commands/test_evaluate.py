@@ -150,14 +150,18 @@ def test_a_place_that_cannot_be_written_to_is_named(capsys, tmp_path):
 def test_a_full_disk_leaves_the_report_and_the_pictures_as_they_were(capsys, tmp_path):
     path, page = write(tmp_path / 'in' / 'a.npz'), tmp_path / 'page.html'
     folder = tmp_path / 'pictures'
-    arguments = [path, '--report', page, '--plot', folder]
-    assert main([str(word) for word in arguments]) == 0
-    before = {file: file.read_bytes() for file in [page, *folder.iterdir()]}
-    capsys.readouterr()
+    folder.mkdir()
+    names = ('evaluation.png', 'filters.png', 'timeline_a.npz.png', 'figures.txt')
+    before = dict.fromkeys([page, *(folder / name for name in names)], b'of yesterday')
+    for file, content in before.items():
+        file.write_bytes(content)
     with full_disk(left_bytes=20_000):
-        assert complaint(capsys, *arguments) == f'{page}: cannot be written (File too large)'
-        line = complaint(capsys, path, '--plot', folder)
-    assert re.fullmatch(r'.*pictures/\w+.*\.png: cannot be written \(File too large\)', line)
+        line = complaint(capsys, path, '--report', page, '--plot', folder)
+        assert line == f'{page}: cannot be written (File too large)'
+        picture, _, why = complaint(capsys, path, '--plot', folder).partition(': ')
+    assert why == 'cannot be written (File too large)'
+    assert Path(picture) in before
+    assert Path(picture).suffix == '.png'
     assert {file: file.read_bytes() for file in [page, *folder.iterdir()]} == before
     assert set(tmp_path.iterdir()) == {path.parent, page, folder}
 
