@@ -220,7 +220,7 @@ class ChainConfig(ParameterSet):
     )
     evidence_offset_db: float = parameter(
         3.5,
-        'Evidence grows while the envelope is this far above the floor, else it falls.',
+        'Evidence grows while the envelope is more than this above the floor, else it falls.',
         unit='dB',
         low=0.0,
         high=100.0,
@@ -257,8 +257,8 @@ class ChainConfig(ParameterSet):
     )
     threshold: float = parameter(
         0.5,
-        'Level above which a channel is ON; with evidence in dB s, and the channel goes OFF at '
-        'half of it.',
+        'Level above which a channel is ON; with evidence it is in dB s, and a channel goes '
+        'OFF at half of it.',
         low=1e-30,
         high=1e30,
         heading='Threshold and vote',
@@ -344,7 +344,7 @@ class DetectorConfig(ChainConfig):
     input_type: str = parameter(
         'sensor_msgs/msg/JointState',
         'Message type of the topic voltages.',
-        allows='any that is installed, as package/msg/Type',
+        allows='any installed type, as package/msg/Type',
         heading='Input and topics',
     )
     input_field: str = parameter(

@@ -57,8 +57,8 @@ OBJECT_TOLERANCE = 1e-9
 SLIDING_M_S = 1e-4
 
 # Columns of a patch's state, and of the solution of a stage for a patch.
-DISPLACEMENT, VELOCITY, DEFLECTION, PASSING = range(4)
-FOUND_PASSING, FOUND_FORCE, FOUND_SLOPE, FOUND_DEFLECTION = range(4)
+DISPLACEMENT, VELOCITY, DEFLECTION, RELATIVE_VELOCITY = range(4)
+FOUND_RELATIVE_VELOCITY, FOUND_FORCE, FOUND_SLOPE, FOUND_DEFLECTION = range(4)
 
 # The object's state.
 POSITION, SPEED, LOST = range(3)
@@ -133,18 +133,18 @@ def _find_stage(v, step, loads, base, patches, found, constants):
     """
     total, slope = 0.0, 0.0
     for p in range(loads.size):
-        passing, force, stiffness, after = skin_stage(
+        relative_v, force, stiffness, after = skin_stage(
             v,
             base[p, DISPLACEMENT],
             base[p, VELOCITY],
             base[p, DEFLECTION],
-            patches[p, PASSING],
+            patches[p, RELATIVE_VELOCITY],
             loads[p],
             step,
             constants.skin,
             constants.friction,
         )
-        found[p, FOUND_PASSING] = passing
+        found[p, FOUND_RELATIVE_VELOCITY] = relative_v
         found[p, FOUND_FORCE] = force
         found[p, FOUND_SLOPE] = stiffness
         found[p, FOUND_DEFLECTION] = after
@@ -190,19 +190,22 @@ def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, cons
 def _take_stage(v, step, base, patches, found):
     """Set the patches' state to the solution of a stage."""
     for p in range(patches.shape[0]):
-        speed = v - found[p, FOUND_PASSING]
+        speed = v - found[p, FOUND_RELATIVE_VELOCITY]
         patches[p, DISPLACEMENT] = base[p, DISPLACEMENT] + step * speed
         patches[p, VELOCITY] = speed
         patches[p, DEFLECTION] = found[p, FOUND_DEFLECTION]
-        patches[p, PASSING] = found[p, FOUND_PASSING]
+        patches[p, RELATIVE_VELOCITY] = found[p, FOUND_RELATIVE_VELOCITY]
 
 
 @compiled
-def _book(weight_s, found, constants, ledger):
+def _add_work(weight_s, found, constants, ledger):
     """Add the work done on the friction in a stage to the ledger."""
     for p in range(constants.patches.size):
         ledger[WORK] += (
-            weight_s * constants.patches[p] * found[p, FOUND_FORCE] * found[p, FOUND_PASSING]
+            weight_s
+            * constants.patches[p]
+            * found[p, FOUND_FORCE]
+            * found[p, FOUND_RELATIVE_VELOCITY]
         )
 
 
@@ -243,7 +246,7 @@ def _step(i, drive, state, constants, loads, base, found, ledger):
         _take_stage(surface_v, diagonal_s, base, patches, found)
         if ledger.size:
             share = 1.0 - DIAGONAL if stage == 0 else DIAGONAL
-            _book(share * constants.step_s, found, constants, ledger)
+            _add_work(share * constants.step_s, found, constants, ledger)
     if ledger.size:
         stored = 0.0
         for p in range(patches.shape[0]):
@@ -256,7 +259,7 @@ def _step(i, drive, state, constants, loads, base, found, ledger):
 
 
 @compiled
-def _sense(c, load, displacement, way, before, constants):
+def _sense(c, load, displacement, place, before, constants):
     """Return the mean voltage of a channel since ``before``, without its baseline.
 
     Without a low-pass filter ``before`` is the present state, and the mean is the present value.
@@ -264,9 +267,9 @@ def _sense(c, load, displacement, way, before, constants):
     mean_load = 0.5 * (before[0] + load)
     texture = 0.0
     if mean_load > 0.0 and constants.ridges.amplitudes.size:
-        texture += ridges_between(before[2], way, constants.ridges)
+        texture += ridges_between(before[2], place, constants.ridges)
     if mean_load > 0.0 and constants.rough.heights.size:
-        texture += roughness_between(before[2], way, constants.rough)
+        texture += roughness_between(before[2], place, constants.rough)
     shear = constants.skin.stiffness_n_m * 0.5 * (before[1] + displacement)
     return constants.normal_v_n[c] * mean_load * (1.0 + texture) + constants.shear_v_n[c] * shear
 
@@ -277,15 +280,15 @@ def _sense_all(state, loads, position, constants, smooth, out):
     with_skin = state.patches.shape[0] > 0
     for c in range(constants.positions_m.shape[0]):
         displacement = state.patches[c, DISPLACEMENT] if with_skin else 0.0
-        way = position - displacement + constants.positions_m[c, 0]
+        place = position - displacement + constants.positions_m[c, 0]
         before = state.before[c]
         if not smooth:
-            before[0], before[1], before[2] = loads[c], displacement, way
-        value = _sense(c, loads[c], displacement, way, before, constants)
+            before[0], before[1], before[2] = loads[c], displacement, place
+        value = _sense(c, loads[c], displacement, place, before, constants)
         if smooth:
             value += constants.decay * (state.smoothed_v[c] - value)
         state.smoothed_v[c] = value
-        before[0], before[1], before[2] = loads[c], displacement, way
+        before[0], before[1], before[2] = loads[c], displacement, place
         out[c] = value
 
 
@@ -296,7 +299,7 @@ def _sliding_share(state, loads, constants):
     for p in range(constants.patches.size):
         load = constants.patches[p] * loads[p]
         total += load
-        sliding += load if abs(state.patches[p, PASSING]) > SLIDING_M_S else 0.0
+        sliding += load if abs(state.patches[p, RELATIVE_VELOCITY]) > SLIDING_M_S else 0.0
     return sliding / total if total > LIGHTEST_LOAD_N else 0.0
 
 

@@ -200,8 +200,8 @@ class Scene:
             The instants of the two stages of each step of the integrator.
         """
         flat_s = time_s.ravel()
-        done = drive_at(flat_s, flat_s, self.drive_numbers)
-        return Drive(*(part.reshape(time_s.shape) for part in done))
+        drive = drive_at(flat_s, flat_s, self.drive_numbers)
+        return Drive(*(part.reshape(time_s.shape) for part in drive))
 
     def corners_s(self) -> Floats:
         """Return the times at which force or motion has a corner, in order."""

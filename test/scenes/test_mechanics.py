@@ -27,7 +27,7 @@ from slip_detector.chain import fingertip
 from slip_detector.parameters.detector import PAPER_CHANNELS
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
-from slip_detector.scenes.mechanics import DEFLECTION, DISPLACEMENT, LEAST, PASSING, WORK
+from slip_detector.scenes.mechanics import DEFLECTION, DISPLACEMENT, LEAST, RELATIVE_VELOCITY, WORK
 
 ALL = 10**9
 DISTANCE_M = np.hypot(*fingertip.taxel_positions().T)
@@ -292,7 +292,7 @@ def test_all_taxels_stick_and_then_slide_with_those_at_the_edge_first(friction):
         if not len(time_s):
             break
         surface_m_s = min(0.5 * (time_s[0] - PUSH_S), 10e-3)
-        slides = played.state.patches[:, PASSING] > 0.5 * surface_m_s
+        slides = played.state.patches[:, RELATIVE_VELOCITY] > 0.5 * surface_m_s
         first[(first < 0) & slides & (time_s[0] > PUSH_S)] = k
     assert np.all(first > 0)
     # From the edge inward; those at one distance begin together.
