@@ -15,7 +15,7 @@
 """The command line of the benchmarks: ``python -m benchmarks COMMAND``, from a checkout.
 
 ``--json`` prints one object. Its keys ``machine`` (see :func:`benchmarks.measurement.machine`) and
-``quick`` (whether little was measured) are common to all subcommands. The others are in the
+``quick`` (whether the measurement was short) are common to all subcommands. The others are in the
 docstring of the module that measures: :mod:`benchmarks.chain.speed` and
 :mod:`benchmarks.chain.precision`, and ``measure.py`` in :mod:`benchmarks.scenes`,
 :mod:`benchmarks.extremes`, :mod:`benchmarks.tune`, :mod:`benchmarks.soak` and
@@ -32,8 +32,8 @@ if not __package__:
 
 from benchmarks.processes import exit_on_termination
 
-#: The subcommands. Each is a folder with a ``command.py``, which has ``options()``, which returns
-#: a parser, and ``run(words)``, which takes the parsed arguments and returns a ``Measurement``.
+#: The subcommands. Each is a folder with a ``command.py``. Its ``options()`` returns a parser, and
+#: its ``run(words)`` takes the parsed arguments and returns a ``Measurement``.
 COMMANDS = {
     'chain': 'run time and numerical error of the chain',
     'scenes': 'error of the simulated fingertip against run time',

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Noise in which slip comes and goes, so that a chain has something to decide."""
+"""Noise of varying strength, so that the decision of a chain changes."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -45,7 +45,7 @@ def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
     colors = dict(zip(methods, COLORS, strict=False))
 
     def drawn(entry: Mapping[str, Any], method: str) -> float:
-        # When not one digit is right, the size of the error means nothing.
+        # If not one digit is right, the size of the error has no meaning.
         figures = entry['methods'][method]
         return 1.0 if figures['state'] else float(figures['error'])
 
@@ -124,7 +124,7 @@ def draw_scenes_precision(path: Path, figures: Mapping[str, Any]) -> None:
         axis.axhline(1e3, color='0.6', linestyle='--', linewidth=1)
         for name in names:
             runs = [run for run in entry['runs'] if run['method'] == name and not run['said']]
-            # Runs over a stretch only have hollow markers.
+            # Runs over only a stretch of the scene have hollow markers.
             whole = max((run['over'][1] - run['over'][0] for run in entry['runs']), default=0.0)
             for full in (True, False):
                 some = [

@@ -28,13 +28,13 @@ from typing import Any
 #: The folder from which the modules of the benchmarks are found.
 CHECKOUT = Path(__file__).resolve().parents[1]
 
-#: All nodes are on this machine: they need no network.
+#: Environment for processes whose nodes are all on this machine, and need no network.
 ON_THIS_MACHINE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
 
-#: Time for the import of rclpy, long enough for a busy machine.
+#: Time, in seconds, for the import of rclpy, long enough for a busy machine.
 IMPORT_TIMEOUT_S = 120.0
 
-#: Time that a node is given to end before it is killed.
+#: Time, in seconds, that a node is given to end before it is killed.
 END_TIMEOUT_S = 10.0
 
 #: The same for a process that first has to end nodes of its own.
@@ -134,7 +134,7 @@ def _exit(number: int, frame: FrameType | None) -> None:
 def nodes_running(
     commands: Mapping[str, Sequence[str]],
 ) -> 'Iterator[dict[str, subprocess.Popen[bytes]]]':
-    """Start processes, by name; end them on the way out.
+    """Start processes, by name, and end them at the end of the block.
 
     Their stdout is discarded: only the measuring process may print there.
     """
@@ -168,7 +168,7 @@ def raise_if_ended(processes: 'Mapping[str, subprocess.Popen[bytes]]') -> None:
 
 
 def processor_time_s(pid: int) -> float:
-    """Return the processor time, user and system, that a process has taken so far.
+    """Return the processor time, user and system, that a process has used so far.
 
     Examples
     --------

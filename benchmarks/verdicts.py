@@ -59,7 +59,7 @@ def verdicts(
 def values_of(
     bounds: Mapping[str, Bound], figures: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, float | None]:
-    """Return the measured values of claims ``part.figure``; None where there is no such figure.
+    """Return the measured values of claims ``part.figure``; None if there is no such figure.
 
     Examples
     --------

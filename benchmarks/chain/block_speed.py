@@ -40,7 +40,7 @@ Bools = NDArray[np.bool_]
 LEAST_AGREEMENT = 1 - 1e-5
 
 
-#: The default filters with all that evidence has: comb, floors and impacts.
+#: The default filters and all stages of the evidence: comb, floors and impacts.
 ALL_OF_EVIDENCE = ChainConfig(
     decision='evidence', noise_floor=(1e-6,), mains_hz=50.0, impact_v=1.0
 )

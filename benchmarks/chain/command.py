@@ -27,7 +27,7 @@ from benchmarks.pictures import draw_chain_precision
 from benchmarks.processes import figures_of_process
 from slip_detector.report.pictures import writable_picture
 
-#: Time for a measurement that takes a minute or two, and for compiling.
+#: Longest time, in seconds, for a measurement of a minute or two, and for compiling.
 SPEED_TIMEOUT_S = 1200.0
 
 
@@ -58,7 +58,7 @@ def run(words: argparse.Namespace) -> Measurement:
     Raises
     ------
     ValueError
-        When a picture is asked for of what is not measured.
+        When a picture of something that is not measured is requested.
     """
     if words.plot and words.part == 'speed':
         raise ValueError('--plot draws the precision, allowed: --part all or precision')

@@ -38,8 +38,8 @@ COMPILERS = ('g++', 'clang++', 'c++')
 
 OPTIONS = ('-O3', '-march=native')
 
-#: With this in ``NUMBA_CPU_FEATURES`` Numba does not use AVX-512; to name an older processor is
-#: not enough.
+#: With this in ``NUMBA_CPU_FEATURES`` Numba does not use AVX-512; the name of an older processor
+#: does not suffice.
 NUMBA_WITHOUT_AVX512 = '+sse4.2,+avx,+avx2,+bmi,+bmi2,+popcnt,+lzcnt,-avx512f'
 
 #: The same for a C++ compiler.
@@ -49,7 +49,7 @@ COMPILE_TIMEOUT_S = 120.0
 
 
 def find_compiler() -> list[str]:
-    """Return the command of a C++ compiler, ``$CXX`` first; empty where there is none."""
+    """Return the command of a C++ compiler, ``$CXX`` first; empty if there is none."""
     for name in (os.environ.get('CXX', ''), *COMPILERS):
         command = shlex.split(name)
         if command and shutil.which(command[0]):

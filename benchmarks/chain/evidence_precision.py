@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How exact the decision by evidence is, and what it gives on extreme inputs.
+"""How exact the decision by evidence is, and its results on extreme inputs.
 
 :func:`evidence_precision` gives the part ``evidence`` of :mod:`benchmarks.chain.precision`.
 """
@@ -38,7 +38,7 @@ from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
 
-#: Noise of a channel at rest, and what it is multiplied by in a slide.
+#: Noise of a channel at rest, and its factor in a slide.
 NOISE_V, SLIDE = 2e-3, 6.0
 
 #: An hour at the paper's rate, and six minutes at the highest one.
@@ -46,7 +46,7 @@ LONG_SLIDES_S = {380.0: 3600.0, 1e5: 360.0}
 
 ROWS_PER_CALL = 50_000
 
-#: Rows before an event and after it; the last ones are looked at.
+#: Rows before an event and after it, and the last ones, which are judged.
 EVENT_ROW, EVENT_ROWS, AFTER_ROWS = 500, 8500, 760
 
 
@@ -94,9 +94,9 @@ def evidence_precision(
     rates_hz
         Sample rates.
     fewest_rows, seconds
-        That the reference runs.
+        Least number of rows, and length, of the signal that the reference runs.
     share
-        Of the long slides that is run.
+        Share of the long slides that is run.
     """
     rates = [_rate(rate, max(fewest_rows, round(seconds * rate))) for rate in rates_hz]
     slides = [_long_slide(rate, share * slide_s) for rate, slide_s in LONG_SLIDES_S.items()]
@@ -114,7 +114,7 @@ def logarithm_error_db() -> float:
     """Return the worst error of the kernel's logarithm against 50 digits, in dB of the root."""
     random = np.random.default_rng(0)
     squares = 2.0 ** random.uniform(-1022, 1023, 64 * LANES)
-    # Beside random ones those between 1 and 2, where the error is repeated for every octave.
+    # Random numbers, and those between 1 and 2: the error is the same in every octave.
     squares[: 32 * LANES] = np.linspace(1, 2, 32 * LANES, endpoint=False)
     found = np.empty_like(squares)
     _decibels(squares, found)
@@ -155,7 +155,7 @@ def _absolute_error(values: Floats, wanted: list[Any]) -> float:
 
 
 def _long_slide(rate_hz: float, slide_s: float) -> dict[str, Any]:
-    """Let floor and evidence grow for long without a bound, and compare them with exact sums."""
+    """Let floor and evidence grow for long without bounds, and compare them with exact sums."""
     config = evidence_config(
         rate_hz, noise_floor=1e-9, noise_floor_learnt=True, noise_floor_range_db=300.0,
         noise_floor_rate_db_s=0.03, evidence_limit_db_s=1e6,
@@ -185,7 +185,7 @@ def _long_slide(rate_hz: float, slide_s: float) -> dict[str, Any]:
 
 
 def _case(case: str, config: ChainConfig, result: SlipResult, found: str) -> dict[str, Any]:
-    """Return one object of ``extremes``, finite only where all is within its bounds too."""
+    """Return one object of ``extremes``; ``finite`` also requires that all bounds are kept."""
     parts = (result.envelope, result.level, result.floor, result.excess)
     finite = all(bool(np.isfinite(part).all()) for part in parts)
     least_db = float(20.0 * np.log10(config.noise_floors[0]))
@@ -201,12 +201,12 @@ def _case(case: str, config: ChainConfig, result: SlipResult, found: str) -> dic
 
 
 def evidence_extremes(slide_s: float) -> Iterator[dict[str, Any]]:
-    """Yield what the evidence is on extreme inputs.
+    """Yield the results of the evidence on extreme inputs.
 
     Parameters
     ----------
     slide_s
-        Of the long slide.
+        Length of the long slide.
     """
     quiet = slide_v(3 * 2000)[:, None][:2000]
     for case, samples, values, found in (
@@ -227,7 +227,7 @@ def evidence_extremes(slide_s: float) -> Iterator[dict[str, Any]]:
         result = SlipChain(config).update(samples, floor=True, excess=True)
         said = found.replace('OFF', 'NOT OFF' if result.channels.any() else 'OFF')
         yield _case(case, config, result, said)
-    # With a floor that stays, the excess tells all that is left of an event.
+    # With a constant floor, the excess shows all that is left of an event.
     config = evidence_config(
         380.0, noise_floor=1e-3, noise_floor_learnt=True, noise_floor_rate_db_s=0.0
     )

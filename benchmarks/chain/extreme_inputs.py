@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The chain at extreme inputs: its results, the traces that the inputs leave, and the run time."""
+"""The chain at extreme inputs: its results, the traces that inputs leave, and the run time."""
 
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -28,7 +28,7 @@ Bools = NDArray[np.bool_]
 class NumpyChain:
     """The chain as a user of SciPy and NumPy would write it, for whole blocks of rows.
 
-    It does not check the samples, as such scripts do not: the chain does this work in addition.
+    Like such scripts it does not check the samples, which the chain does in addition.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class NumpyChain:
         joined = np.concatenate([before, values])
         kept = joined[-window:].copy()
         sums = np.cumsum(joined, axis=0, out=joined if self._in_place else None)
-        # The difference of two sums may come out below zero by their rounding errors.
+        # Rounding errors may make the difference of two sums negative.
         if self._in_place:
             means = sums[window:] - sums[:-window]
             means *= 1.0 / window

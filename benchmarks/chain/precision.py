@@ -118,7 +118,7 @@ WANTED = {
     'evidence.drift_db': Bound(high=1e-5),
 }
 
-#: With an error of this share not one digit is right.
+#: Relative error at which not one digit is right.
 LOST = 0.1
 
 TIMED_CHANNELS = 16
@@ -153,7 +153,7 @@ class PrecisionSizes(NamedTuple):
     fewest_rows, most_rows : int
         Least and largest number of rows that the reference runs.
     seconds : float
-        Length of what the reference runs at high rates.
+        Length of the signal that the reference runs at high rates.
     long_run_rows : tuple of int
         Numbers of rows of the long run after which its error is taken.
     slide_share : float

@@ -39,8 +39,8 @@ Floats = NDArray[np.float64]
 #: Decimal digits of all numbers here.
 DIGITS = 50
 
-#: Binary digits after the point while filters run: some 120 decimal ones, as a low gain of one
-#: section before a high one of another costs some of them.
+#: Binary digits after the point while filters run: some 120 decimal ones, of which a section with
+#: low gain before one with high gain loses some.
 FRACTION_BITS = 400
 
 #: A number of 50 digits, real or complex: mpmath has no types.
@@ -171,7 +171,7 @@ def _factors(roots: list[Number]) -> list[tuple[Number, Number, Number]]:
 
 
 def exactly(sections: NDArray[Any]) -> list[Section]:
-    """Return given coefficients as they are: with them the only errors are those of the run."""
+    """Return float64 coefficients unchanged: with them only the errors of the run remain."""
     return [
         tuple(mpf(float(value)) / mpf(float(row[3])) for value in (*row[:3], *row[4:]))
         for row in sections
@@ -221,7 +221,7 @@ def envelope_and_level(
     config
         Configuration with rectifier, exponent and windows.
     before
-        What came before the first row: ``zeros``, or the ``same`` rows, for one period of a
+        The rows before the first one: ``zeros``, or the ``same`` rows, for one period of a
         periodic signal.
     """
     if config.rectify == 'half':
@@ -237,14 +237,14 @@ def envelope_and_level(
 def evidence(
     filtered: list[Number], config: ChainConfig
 ) -> tuple[list[Number], list[Number], list[Number], list[bool]]:
-    """Decide on one channel by evidence, from what comes out of the filters.
+    """Decide on one channel by evidence, from the output of the filters.
 
     Parameters
     ----------
     filtered
-        Of :func:`run_filter`, gain included. Each row is valid, and there are no impacts.
+        Result of :func:`run_filter`, gain included. All rows are valid, without impacts.
     config
-        What it decides with.
+        Configuration with the parameters of the evidence.
 
     Returns
     -------

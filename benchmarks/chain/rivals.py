@@ -196,6 +196,6 @@ def run(method: Method, samples: Floats, config: ChainConfig) -> tuple[Reals, Re
     """Run a method over any number of rows; return envelope and level."""
     window = config.samples(config.envelope_window_s)
     filled = np.concatenate([samples, np.repeat(samples[-1:], -len(samples) % window, axis=0)])
-    with np.errstate(all='ignore'):  # An overflow is seen in the figures.
+    with np.errstate(all='ignore'):  # An overflow shows in the figures.
         envelope, level = method.update(filled)
     return envelope[: len(samples)], level[: len(samples)]

@@ -82,7 +82,7 @@ def held_object(mass_kg: float) -> dict[str, Any]:
             {'duration_s': 0.1, 'force_n': 0.0},
         ],
         'object': {'mass_kg': mass_kg},
-        # The contact reaches the taxels with a light grip too: its radius is at least 4 mm.
+        # With a radius of at least 4 mm the contact reaches the taxels even with a light grip.
         'contact': {'radius_at_1n_m': max(5.4e-3, 4e-3 / grip_n ** (1 / 3))},
         'skin': {'damping_n_s_m': 1.0},
         'texture': None,

@@ -15,8 +15,8 @@
 """The mechanics of a scene as a differential equation: its rates, their Jacobian, its volts.
 
 The laws of contact, friction, texture and drive are those of the scene's parts, and the numbers
-are the constants of the scene. All that a step of SciPy's integrators calls is compiled, the
-Jacobian too, so that methods are compared and not languages.
+are the constants of the scene. Everything that a step of SciPy's integrators calls is compiled,
+including the Jacobian, so that methods are compared and not languages.
 """
 
 import numpy as np

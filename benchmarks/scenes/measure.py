@@ -20,7 +20,7 @@ Voltage errors are the worst over samples and channels, as a share of the range 
 reference's volts (clean: without baselines, noise and faults). An onset is when the surface has
 passed 10 um further over a taxel than at the start of the motion. The object's position counts
 until the object is lost. Run times are processor times on one core, without compilation, and
-include everything that makes the volts of the samples. For SciPy's methods the equations, their
+include all computation of the samples' volts. For SciPy's methods the equations, their
 Jacobian and their drive are compiled, and the tolerances are relative to each state's own scale.
 
 A method that cannot solve the whole scene within its budget solves a stretch of it about the start

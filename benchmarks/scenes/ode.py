@@ -174,13 +174,13 @@ class Ode:
         return y
 
     def corners_s(self) -> Floats:
-        """Return the times between which the drive is smooth; contact made or lost is one, too."""
+        """Return the times between which the drive is smooth, with touch-down and lift-off."""
         rising = np.unique([*self.scene.corners_s(), *self._lifts_s])
         # Corners that differ only by round-off are one: no method can step between them.
         return rising[np.diff(rising, prepend=-1.0) > SAME_S]
 
     def moving_s(self) -> float:
-        """Return when plate or object begins to be moved; infinite where none is."""
+        """Return when plate or object begins to move; infinite if neither does."""
         if self.with_object:
             load = LoadNumbers(*self.drive.load)
             pulled = np.flatnonzero(load.force_n)

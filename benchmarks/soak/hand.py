@@ -49,11 +49,11 @@ from slip_detector.nodes.health import AGE_KEYS, COUNT_KEYS
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.recordings import write_recording
 
-#: The first start compiles chain and scene, on a busy machine for minutes.
+#: Time, in seconds, for the start: the first one compiles, which takes minutes on a busy machine.
 START_TIMEOUT_S = 300.0
 SPIN_S = 0.2
 
-#: The recording is this much longer than the soak: it must not end, as to start again takes time.
+#: Seconds by which the recording outlasts the soak: it must not end, as a restart takes time.
 NOISE_EXTRA_S = 60.0
 
 #: Compiling and discovery have ended after a minute, or after this share of a short soak.
@@ -73,7 +73,7 @@ class Watch(Node):
         self.create_timer(1.0, self._note_memory)
 
     def has_samples(self, fingers: int) -> bool:
-        """Return whether the detectors of so many fingers have had samples."""
+        """Return whether the detectors of this many fingers have received samples."""
         last = [reports[-1][1] for reports in self.reports.values()]
         return len(last) == fingers and all(int(values['samples']) > 0 for values in last)
 
@@ -167,7 +167,7 @@ def hand_commands(
     Parameters
     ----------
     namespace, fingers
-        Of the hand, and the number of its fingers, each of which has a namespace within that.
+        The hand's namespace, and the number of its fingers, each with a namespace within it.
     detector, driver
         ROS arguments.
     """
@@ -259,14 +259,14 @@ def figures_of_watch(
 
 
 def memory_growth(looks: Sequence[tuple[float, float]], begin_s: float, end_s: float) -> float:
-    """Return by which share memory grew, from the first tenth of a time to the last.
+    """Return the relative growth of memory from the first tenth of a span of time to the last.
 
     Parameters
     ----------
     looks
-        When it was looked at, and how much there was.
+        Times of the readings, and memory at each.
     begin_s, end_s
-        From when until when.
+        Begin and end of the span.
 
     Examples
     --------

@@ -38,7 +38,7 @@ BASELINE_V = 4.3
 #: samples each.
 CALL_SAMPLES = 20
 
-#: Rest before the tone, in which the messages that are still on their way arrive.
+#: Rest before the tone, in which late messages arrive.
 REST_S = 0.5
 
 #: Start of the tone that is not measured: filters settle and processes warm up.
@@ -122,7 +122,7 @@ class Meter(Node):
             if message.data == last:  # A heartbeat.
                 return
             last = message.data
-            # What comes before the tone, however late, is an answer to the call.
+            # A change received before the tone is an answer to the call, however late.
             if self.sent_ns[name]:
                 received.append((now_ns, last))
             else:
@@ -143,7 +143,7 @@ class Meter(Node):
     def _play_guarded(self) -> None:
         try:
             self._play()
-        except Exception as error:  # Raised where the main thread looks.
+        except Exception as error:  # The main thread raises it.
             self.error = error
 
     def _play(self) -> None:

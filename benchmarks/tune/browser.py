@@ -28,7 +28,7 @@ BROWSERS = (
     'google-chrome-stable',
 )  # fmt: skip
 
-#: Without a screen, updates or requests of its own.
+#: Options of the browser: no screen, no updates, no requests of its own.
 FLAGS = (
     '--headless', '--no-sandbox', '--disable-gpu', '--no-first-run',
     '--disable-background-networking', '--disable-component-update', '--disable-sync',
@@ -42,7 +42,7 @@ OPENINGS = 3
 
 
 def why_no_browser() -> str:
-    """Return why no page can be opened; empty where one can."""
+    """Return why no page can be opened; empty if one can."""
     if importlib.util.find_spec('playwright') is None:
         return 'needs the Python package playwright'
     if not any(map(shutil.which, BROWSERS)):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What it costs to evaluate an hour, against copying it and comparing it with a threshold.
+"""Run time of evaluating an hour, against copying it and comparing it with a threshold.
 
 Both sides read the same npz file, not compressed and in the page cache, in turns. The plain
 pass reads the array with ``numpy.load``, copies it and compares it with a number. The evaluation
@@ -29,7 +29,7 @@ is that of ``slip_evaluate``, from the file to the figures.
 ``times_real_time``
     How many times faster than real time the evaluation is.
 ``figures``
-    Some of what the evaluation found: ``slips``, ``recall``, ``latency_median_ms``, ``auc_all``.
+    Some results of the evaluation: ``slips``, ``recall``, ``latency_median_ms``, ``auc_all``.
 ``wanted``
     For ``ratio``: the measured ``value``, the ``bound`` as text and whether it is ``met``.
 """

@@ -50,11 +50,11 @@ SHARE = 1 / 3
 
 TRIALS = 200
 
-#: There are taps and rolling while the plate is held, before and after the slide.
+#: Times of taps and rolling: while the plate is held, before and after the slide.
 TAPS_S = (2.0, 2.6, 7.3, 8.0)
 ROLLING_S = 6.6
 
-#: How far a baseline has wandered after a second, beside 0.5 mV of noise.
+#: Drift of a baseline in a second, in addition to 0.5 mV of noise.
 DRIFT_V = 0.01
 
 FIGURES = (

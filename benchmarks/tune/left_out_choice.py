@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How much of the figures of a configuration comes from choosing it on the same recordings.
+"""How much a configuration owes to having been chosen on the recordings that it is scored on.
 
-:func:`measure_left_out_choice` tries settings beside the given ones. For each recording it takes
+:func:`measure_left_out_choice` tries settings near the given ones. For each recording it takes
 the setting that is best on the others, with the threshold that costs least there, and scores the
 recording with it. It gives ``settings``, their number, and the median over them of
 ``auc_moving`` (area under the ROC curve of slip against motion, all recordings together); and, of
-the recordings as they are scored, ``auc_moving`` and the figures of events in ``FIGURES``. Beside
-them in ``given`` stand the same figures of the given parameters.
+the recordings scored in this way, ``auc_moving`` and the figures of events in ``FIGURES``.
+``given`` has the same figures of the given parameters.
 """
 
 import dataclasses
@@ -38,7 +38,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.objective import Objective
 from slip_detector.tuning.tracks import Track
 
-#: The given values are multiplied by these, each with each.
+#: Factors of the given values; all combinations are tried.
 FACTORS = {
     'noise_floor': (5 / 6, 1.0, 7 / 6, 4 / 3, 5 / 3),
     'envelope_window_s': (1.0, 1.4, 2.0),
@@ -101,7 +101,7 @@ def measure_left_out_choice(
     tracks
         Labelled recordings with motion; at least two with slip.
     parameters
-        What is chosen beside; decides by evidence.
+        The given parameters, which decide by evidence.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def measure_left_out_choice(
         The keys are in the module's docstring.
     """
     settings = settings_beside(parameters.chain)
-    # The threshold is the given one throughout: so the scores of all settings have one unit.
+    # All settings have the given threshold, so that their scores have the same unit.
     scores = [
         [_replayed(chain, track, parameters).scores for track in tracks] for chain in settings
     ]

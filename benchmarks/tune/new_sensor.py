@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How long the three commands take that make a configuration for a new sensor.
+"""Run time of the three commands that make a configuration for a new sensor.
 
 :func:`measure_new_sensor` gives an object: ``recording_s``, the length of all recordings;
 ``quiet_s``, ``taps_s`` and ``search_s``, the time of each command, and ``total_s``; ``taps_told``,
 whether knocks could be told from slips; and the figures of :data:`.families.FIGURES` on scenes
-with seeds that were not recorded, ``given`` with the noise floors learnt, and ``tuned``.
+with seeds that were not recorded, ``given`` (with learnt noise floors) and ``tuned``.
 """
 
 import subprocess
@@ -45,7 +45,7 @@ RECORDED, JUDGED_ON = range(6200, 6210), range(6300, 6303)
 #: Length of the recordings at rest and of knocks, and the time between two knocks.
 REST_S, KNOCKS_S, BETWEEN_KNOCKS_S = 152.0, 160.0, 2.0
 
-#: What the newcomer begins with: evidence, with a floor below that of any sensor.
+#: The first configuration: evidence, with a noise floor below that of any sensor.
 GIVEN = {
     'decision': 'evidence',
     'noise_floor': [1e-9],

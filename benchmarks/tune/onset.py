@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How soon and how clean ``config/onset.yaml`` is, beside ``config/sure.yaml`` and the paper.
+"""Delay and false time of ``config/onset.yaml``, beside ``config/sure.yaml`` and the paper's.
 
 All scenes are simulated with seeds that the configurations were not chosen on.
 :func:`measure_onset` gives ``seeds``, the figures of ``config/onset.yaml``, and under ``sure`` and
@@ -20,7 +20,7 @@ All scenes are simulated with seeds that the configurations were not chosen on.
 
 ``mean_delay_ms``
     Delay of ``slip`` on the paper's plates, as the mean over the plates' means: from the first row
-    of the slip to the alarm that begins with it. A detector that was ON before has none.
+    of the slip to the alarm that begins in it. A slip before which ``slip`` was ON has none.
 ``mean_channel_delay_ms``
     The same of the paper's delay: the mean over the channels of the time to their first ON
     (Eq. 10).
@@ -30,8 +30,8 @@ All scenes are simulated with seeds that the configurations were not chosen on.
     Share of the time in which a plate does not slide, nor has slid just before (``tail_s`` of
     ``slip_evaluate``), in which ``slip`` is ON.
 ``false_positive_percent``
-    The paper's figure: the same of all time in which a plate does not slide, with what the filters
-    and the evidence take to settle after a slide.
+    The paper's figure: the same over all time in which a plate does not slide, including the time
+    in which filters and evidence settle after a slide.
 ``taps_percent``, ``rolling_percent``, ``tremor_hum_percent``
     ``false_time_percent`` of the scenes of these names, in which nothing slides.
 ``fast_detected_percent``
@@ -55,13 +55,13 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.scenes import find_scene, load_scene
 
-#: Others than those the configuration was chosen on.
+#: Seeds other than those that the configuration was chosen on.
 SEEDS = range(5000, 5030)
 
 FAST = ('fast_40mm_s', 'fast_80mm_s')
 WITHOUT_SLIP = ('taps', 'rolling', 'tremor_hum')
 
-#: Longer than any of the scenes.
+#: Number of rows; more than any scene has.
 LONGEST_S = 60.0
 
 
@@ -84,7 +84,7 @@ def onset_figures(rows: dict[str, list[LabelledRows]], chain: ChainConfig) -> di
     Parameters
     ----------
     rows
-        What :func:`simulate` has returned.
+        Result of :func:`simulate`.
     chain
         The parameters of the chain.
     """
@@ -151,7 +151,7 @@ def _delays(outcomes: Sequence[ReplayOutcome]) -> dict[str, float | None]:
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
-    """Return the mean; None where one of the values is not defined."""
+    """Return the mean; None if one of the values is undefined."""
     return None if None in values else mean_and_sd(values)[0]
 
 

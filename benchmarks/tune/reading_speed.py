@@ -34,7 +34,7 @@ def write_labelled_noise(path: 'str | Path', seconds: float = 3600.0) -> None:
     Parameters
     ----------
     path
-        The new file; its ending tells the format.
+        The new file; its ending determines the format.
     seconds
         Length of the recording.
     """

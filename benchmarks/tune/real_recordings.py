@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What tuning brings on real recordings, each of which is left out of one search.
+"""What tuning brings on real recordings, each of which is left out of one search in turn.
 
 :func:`measure_real_recordings` scores each recording with the chain that a search on the others
 has found. It gives ``recordings``, their number; ``trials`` of a search; the area under the ROC
@@ -21,9 +21,9 @@ curve of slip against motion over all recordings, as ``auc_moving`` and
 searches; and ``least_auc_moving`` of all seeds. The recordings tuned on make the scores of
 different chains comparable: ``auc_moving`` scales them by the median and the quartiles of the rows
 of motion, ``auc_moving_by_threshold`` by the threshold, which depends on a few slips. Evidence is
-0 in most rows of motion; where a quartile is, the threshold scales it in both. Where the given
+0 in most rows of motion; if a quartile is 0, both scale by the threshold. If the given
 parameters decide by evidence, ``choice`` has the figures of
-:mod:`benchmarks.tune.left_out_choice`, else it is None.
+:mod:`benchmarks.tune.left_out_choice`, otherwise it is None.
 """
 
 from collections.abc import Sequence

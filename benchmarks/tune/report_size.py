@@ -37,7 +37,7 @@ SCENES = ('plate_400um', 'taps', 'tremor_hum', 'rolling')
 #: Noise that is added to each sample: repetitions without noise would compress too well.
 NOISE_V = 5e-4
 
-#: The variants differ as much as a chain before and after a search.
+#: Two variants that differ as much as a chain before and after a search.
 CONFIGS = {
     'given': ChainConfig(),
     'tuned': ChainConfig(

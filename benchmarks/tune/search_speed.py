@@ -14,7 +14,7 @@
 
 """A search against the same search with a chain in SciPy and NumPy; their trials take turns.
 
-Both try only what the rival knows: the decision of the paper, and no comb against the mains.
+Both try only chains that the rival supports: the paper's decision, without a mains comb.
 :func:`measure_search` gives one object:
 
 ``trials``, ``minutes``, ``channels``, ``sample_rate_hz``
@@ -85,14 +85,14 @@ class NumpyObjective(Objective):
     def statistics(
         self, chain: ChainConfig, votes: Sequence[Vote]
     ) -> Mapping[Vote, Sequence[Floats]]:
-        """Return what is compared with the threshold, by track and vote; shapes (n,)."""
+        """Return the statistic to compare with the threshold, by vote and track; shapes (n,)."""
         tracks = [_statistics(_level(chain, track.volts), chain, votes) for track in self._tracks]
         return {vote: [one[vote] for one in tracks] for vote in votes}
 
     def sweep(
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
     ) -> ThresholdSweep:
-        """Return what becomes of the tracks, which have no gaps, at each threshold."""
+        """Return the outcome of the tracks, which have no gaps, at each threshold."""
         sweeps = [
             _sweep(part, limits, track, self._evaluation, settling_rows(chain))
             for part, track in zip(statistic, self._tracks, strict=True)
@@ -120,7 +120,7 @@ class NumpyObjective(Objective):
 def _sweep(
     part: Floats, limits: Floats, track: Track, config: EvaluationConfig, settling: int
 ) -> ThresholdSweep:
-    """Return what becomes of one track; its windows must not overlap."""
+    """Return the outcome of one track; its windows must not overlap."""
     rate_hz = track.sample_rate_hz
     rows = ScoredRows(track.slips, track.stretches, settling, config, rate_hz)
     rest = np.zeros(len(part), bool)
@@ -168,7 +168,7 @@ def _level(config: ChainConfig, volts: Floats) -> Floats:
 
 def _windowed_mean(values: Floats, window: int) -> Floats:
     sums = np.cumsum(np.concatenate([np.zeros((window, values.shape[1])), values]), axis=0)
-    # The difference of two sums may come out below zero by their rounding errors.
+    # Rounding errors may make the difference of two sums negative.
     return np.asarray(np.maximum((sums[window:] - sums[:-window]) / window, 0.0))
 
 

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live page: its frames and its memory, and what it takes of the processor."""
+"""The live page: its frames, its memory and its processor time."""

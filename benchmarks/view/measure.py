@@ -19,17 +19,17 @@
 ``fingers``
     How many; each is a simulated fingertip of 16 channels, as ``hand.launch.py`` starts them.
 ``closed``, ``elsewhere``, ``here``
-    Nobody looks; a program takes the frames and draws nothing, as if a browser on another machine
-    did; Chromium draws them on this machine. They take turns. Of each ``seconds``,
+    Without a viewer; with a program that takes the frames and draws nothing, like a browser on
+    another machine; with Chromium on this machine. They take turns. Each has ``seconds``,
     ``latency_median_ms`` and ``latency_p99_ms`` (age of the samples at their decision, as the
-    detectors say every second: the median over a turn, and of all turns), ``cpu_percent`` of a
-    core by executable, and ``slip_view_cpu_percent``, which is one of these.
+    detectors report it every second: the median over a turn, and of all turns), ``cpu_percent`` of
+    a core by executable, and ``slip_view_cpu_percent``, which is one of these.
 
-    Of the two that look also ``frames_a_second``, ``frames_in_the_worst_second`` and
-    ``latency_ratio`` to that of ``closed``; of ``closed`` ``latency_noise``, the ratio of its
-    largest to its smallest turn; of ``here`` ``browser_cpu_percent``, ``memory_mib`` of slip_view
-    and ``memory_growth_percent``, ``heap_mib`` of the page, when all that it no longer uses has
-    been let go, and ``heap_growth_percent``, from the first tenth of the time to the last.
+    The two with a viewer also have ``frames_a_second``, ``frames_in_the_worst_second`` and
+    ``latency_ratio`` to that of ``closed``; ``closed`` has ``latency_noise``, the ratio of its
+    largest to its smallest turn; ``here`` has ``browser_cpu_percent``, ``memory_mib`` of slip_view
+    and ``memory_growth_percent``, ``heap_mib`` of the page after a garbage collection, and
+    ``heap_growth_percent``, from the first tenth of the time to the last.
 ``wanted``
     For each claim, by ``part.figure``: the measured ``value``, the ``bound`` as text and whether
     it is ``met``, which is null where nothing is judged.
@@ -42,7 +42,7 @@ from benchmarks.tune.browser import why_no_browser
 from benchmarks.verdicts import values_of, verdicts
 from slip_detector.evaluation.bounds import Bound
 
-#: The bounds that are wanted. That of the latency is the noise of the same run.
+#: The wanted bounds; that of the latency is the noise of the same run.
 WANTED = {
     'elsewhere.slip_view_cpu_percent': Bound(high=30.0),
     'here.slip_view_cpu_percent': Bound(high=30.0),
@@ -51,7 +51,7 @@ WANTED = {
     'here.heap_growth_percent': Bound(high=5.0),
 }
 
-#: How long the page is open in the browser.
+#: Time, in seconds, for which the page is open in the browser.
 SECONDS, QUICK_SECONDS = 60.0, 8.0
 
 #: Pairs of turns without a page and with one, and how long each turn is.

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Looks at the live page: by Chromium, or by a program that takes frames and draws nothing.
+"""Views the live page in Chromium, or by a program that takes frames and draws nothing.
 
-The program stands for a browser on another machine: what it costs here is what slip_view costs.
+The program stands for a browser on another machine: only the costs of slip_view arise here.
 """
 
 import asyncio
@@ -30,16 +30,16 @@ from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 from benchmarks.tune.browser import PATIENCE_MS, browser
 
-#: The window of a laptop.
+#: Size of the browser's window, as on a laptop.
 WIDTH, HEIGHT = 1366, 768
 
-#: The look of the page as it opens: seconds of the traces and their width.
+#: What the page asks for when it opens: length of the traces in seconds, and width in pixels.
 WINDOW_S, PIXELS = 10.0, 900
 
 #: Time for an answer of the page's server.
 ANSWER_S = 60.0
 
-#: Notes the time of each frame that the page draws: it says so to the server.
+#: Script that notes when each frame is drawn, which the page reports to the server.
 NOTE_FRAMES = """
   const send = WebSocket.prototype.send;
   window.drawnMs = [];
@@ -51,7 +51,7 @@ NOTE_FRAMES = """
 
 
 def frames_a_second(drawn_ms: list[float]) -> tuple[float, float]:
-    """Return how many frames were drawn in a second: in the mean, and in the worst of all seconds.
+    """Return the number of frames drawn in a second: the mean, and the least of all seconds.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Nobody:
     """No page is open."""
 
     def is_drawing(self) -> bool:
-        """Return whether what is to be measured has begun."""
+        """Return whether the state to be measured has begun."""
         return True
 
     def drawn_ms(self) -> list[float]:
@@ -82,7 +82,7 @@ class Nobody:
         return []
 
     def heap_mib(self) -> float | None:
-        """Return the memory of the page's objects; None where nobody knows it."""
+        """Return the memory of the page's objects; None if it is not known."""
         return None
 
 
@@ -202,7 +202,7 @@ class Browser(Nobody):
         return drawn
 
     def heap_mib(self) -> float | None:
-        """Return what the page's objects take when all that is not used has been let go."""
+        """Return the memory of the page's objects after a garbage collection."""
         self._session.send('HeapProfiler.collectGarbage')
         metrics = self._session.send('Performance.getMetrics')['metrics']
         used = {metric['name']: metric['value'] for metric in metrics}['JSHeapUsedSize']

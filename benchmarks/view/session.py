@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The processes of the measurement: a hand, slip_view, and who looks at its page."""
+"""The processes of the measurement: a hand, slip_view, and the viewers of its page."""
 
 import argparse
 import contextlib
@@ -38,19 +38,19 @@ from slip_detector.nodes.health import AGE_KEYS
 
 FINGERS = 5
 
-#: Before it is measured, the traces fill their window and what is compiled is compiled; a share of
-#: a short measurement.
+#: Time before the measurement, in which traces fill their window and compiling ends; for a short
+#: measurement, a share of it.
 SETTLE_S, SETTLE_SHARE = 15.0, 0.2
 
-#: How often the memory of the page's objects is looked at.
+#: Period at which the memory of the page's objects is read.
 HEAP_S = 5.0
 
 
 def run_view(seconds: float, pairs: int, turn_seconds: float) -> dict[str, Any]:
     """Run everything; see :mod:`benchmarks.view.measure`.
 
-    Other load of the machine comes and goes: with and without a page take turns. The browser comes
-    last, when the memory for what slip_view keeps of each finger is taken.
+    As other load of the machine varies, turns with and without a page alternate. The browser comes
+    last, when slip_view has allocated what it keeps of each finger.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def run_view(seconds: float, pairs: int, turn_seconds: float) -> dict[str, Any]:
 
 
 def free_port() -> int:
-    """Return a port of this machine at which nobody listens.
+    """Return a free port of this machine.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def free_port() -> int:
 
 
 class Turns:
-    """Lets nobody, a program and a browser look in turns, and notes what each turn takes.
+    """Alternates turns without a viewer, with a program and with a browser; notes their costs.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ class Turns:
         self._spin(lambda: answers(self._url), end_s, 'the page')
 
     def measure(self, who: str, seconds: float) -> None:
-        """Let one of them look for some time."""
+        """Let one of them view the page for some time."""
         with contextlib.ExitStack() as stack:
             onlooker = Nobody()
             if who == 'elsewhere':
@@ -182,14 +182,14 @@ def figures_of_turns(
     reports: dict[str, list[tuple[float, dict[str, str]]]],
     memory_kib: dict[str, list[tuple[float, int]]],
 ) -> dict[str, Any]:
-    """Compute the figures of who looked, each over all turns of it.
+    """Compute the figures of each kind of viewer over all its turns.
 
     Parameters
     ----------
     turns
-        What :meth:`Turns.measure` noted.
+        Notes of :meth:`Turns.measure`.
     reports, memory_kib
-        What the watch noted.
+        Notes of the watch.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def _latency_ms(
         (float(values[AGE_KEYS[0]]), float(values[AGE_KEYS[1]]))
         for of_one in reports.values()
         for at_s, values in of_one
-        # A report is of the second before it.
+        # A report covers the second before it.
         if turn['begin_s'] + 1.0 < at_s <= turn['end_s'] and values[AGE_KEYS[1]] != '-'
     ]
     if not during:
@@ -253,7 +253,7 @@ def _latency_ms(
 
 
 def answers(url: str) -> bool:
-    """Return whether the page can be had."""
+    """Return whether the page is served."""
     try:
         with urllib.request.urlopen(url, timeout=1.0) as answer:
             return bool(answer.status == 200)
@@ -262,14 +262,14 @@ def answers(url: str) -> bool:
 
 
 def children_s(but: Collection[int], of: int | None = None) -> float:
-    """Return the processor time of all processes below one but some and those below them.
+    """Return the processor time of the descendants of a process, except some and their own.
 
     Parameters
     ----------
     but
-        Those that are left out.
+        Processes that are left out, with their descendants.
     of
-        The one; None: this process.
+        The process; None: this one.
     """
     total_s = 0.0
     with contextlib.suppress(OSError):  # A process may end at any time.

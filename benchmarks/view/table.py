@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.verdicts import claim_in_words
 
-#: Who looks, in words.
+#: Titles of the kinds of turns.
 WHO = {
     'closed': 'no page open',
     'elsewhere': 'a program takes the frames, as a browser on another machine would',
