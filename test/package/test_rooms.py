@@ -15,6 +15,7 @@
 """The rooms of the package, read off its imports."""
 
 import ast
+import functools
 import re
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -72,6 +73,7 @@ def imports_of(tree, modules):
     return found
 
 
+@functools.cache
 def imports(folder):
     """Return what each module of a folder imports of that folder."""
     modules = modules_in(folder)

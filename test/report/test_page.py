@@ -58,40 +58,42 @@ def test_nothing_is_fetched_from_anywhere(page):
     assert not re.search(r'https?://', code)
 
 
-@settings(max_examples=6)
-@given(
-    st.text(max_size=40),
-    st.sampled_from(
-        [
-            '</script>',
-            '<img src=x onerror=alert(1)>',
-            '$title',
-            '&lt;',
-            '\'"`${1}',
-            '$a_$',
-            '\u6ed1',
-        ]
-    ),
-)
-def test_any_text_is_shown_as_it_is(tmp_path_factory, text, hard):
-    words = text.encode('utf-8', 'replace').decode() + hard
+HARD = [
+    '</script>',
+    '<img src=x onerror=alert(1)>',
+    '$title',
+    '&lt;',
+    '\'"`${1}',
+    '$a_$',
+    '\u6ed1',
+]
+
+
+# What takes the time are the two pictures of an example, which names all its texts.
+@settings(max_examples=3)
+@given(st.lists(st.tuples(st.text(max_size=40), st.sampled_from(HARD)), min_size=3, max_size=3))
+def test_any_text_is_shown_as_it_is(tmp_path_factory, texts):
+    # With a number, so that none is another's or a part of it.
+    names = [
+        f'{text.encode("utf-8", "replace").decode()}{k}{hard}'
+        for k, (text, hard) in enumerate(texts)
+    ]
     volts, truth = scenes.volts_and_truth(40)
-    seen = scenes.overview(words, scenes.GIVEN, volts, truth)
+    # The first is the name of the recording and the title too.
+    seen = scenes.overview(names[0], scenes.GIVEN, volts, truth)
+    variants = [Variant(name, scenes.GIVEN, [seen], {name: {name: name}}) for name in names]
+    trials = [
+        SearchTrial(k, 0.1, 1.0, 0.0, 1.0, {name: name}, name) for k, name in enumerate(names)
+    ]
     path = tmp_path_factory.mktemp('text') / 'report.html'
-    variant = Variant(words, scenes.GIVEN, [seen], {words: {words: words}})
-    report.write_page(
-        path,
-        words,
-        [variant],
-        [SearchTrial(0, 0.1, 1.0, 0.0, 1.0, {words: words}, words)],
-        [words],
-    )
+    report.write_page(path, names[0], variants, trials, names)
     shown = read(path)
-    assert shown.header['recordings'][0]['name'] == words
-    assert shown.header['variants'] == [words]
-    normal = ' '.join(words.replace('\0', '\N{REPLACEMENT CHARACTER}').split())
-    texts = ' '.join(''.join(shown.texts).split())
-    assert texts.count(normal) >= 4
+    assert shown.header['recordings'][0]['name'] == names[0]
+    assert shown.header['variants'] == names
+    together = ' '.join(''.join(shown.texts).split())
+    for name in names:
+        normal = ' '.join(name.replace('\0', '\N{REPLACEMENT CHARACTER}').split())
+        assert together.count(normal) >= 4
     assert not [tag for tag, attributes in shown.tags if 'onerror' in attributes]
 
 
