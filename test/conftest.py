@@ -26,7 +26,7 @@ from support.domains import own_domain
 
 ROOT = Path(__file__).resolve().parents[1]
 
-#: All in them is marked ``nodes``.
+#: Every test in these folders is marked ``nodes``.
 OF_NODES = tuple(ROOT / name for name in ('slip_detector/nodes', 'test/nodes', 'test/launch'))
 
 # A run in the background ignores SIGINT, and what it starts would too.
@@ -50,7 +50,7 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_collection_modifyitems(items):
-    """Mark what is in the folders of the nodes."""
+    """Mark the tests in the folders of the nodes."""
     for item in items:
         if any(item.path.is_relative_to(folder) for folder in OF_NODES):
             item.add_marker(pytest.mark.nodes)
@@ -89,7 +89,7 @@ def port(tmp_path):
 
 @pytest.fixture(scope='module')
 def browser():
-    """A browser without a screen; where it may lack, what needs it is skipped."""
+    """A browser without a screen; tests are skipped where it is absent and not required."""
     from benchmarks.tune import browser as system_browser
     from support.browsers import require_browser
 

@@ -20,7 +20,7 @@ import pytest
 
 from benchmarks.tune.browser import why_no_browser
 
-#: For so long a page may take to show something: machines are busy, discovery takes seconds.
+#: Longest time that a page may take to show something: discovery alone takes seconds.
 PATIENCE_MS = 120_000
 
 try:
@@ -34,7 +34,7 @@ __all__ = ['PATIENCE_MS', 'complaints_of', 'expect', 'require_browser']
 
 
 def require_browser():
-    """Skip a test that no browser is there for; where SLIP_NEED_BROWSER is 1, fail it."""
+    """Skip a test where there is no browser; fail it if SLIP_NEED_BROWSER is 1."""
     missing = why_no_browser()
     if missing and os.environ.get('SLIP_NEED_BROWSER') == '1':
         pytest.fail(f'SLIP_NEED_BROWSER is 1 and the test {missing}')

@@ -61,5 +61,5 @@ def quick_evidence(**values):
 
 
 def tone(n, size=1.0):
-    """A sine amid the quick chain's band, on all channels."""
+    """Return a sine in the middle of the quick chain's band, on all channels."""
     return size * np.sqrt(2) * np.repeat(sine(n)[:, None], 4, axis=1)

@@ -38,7 +38,7 @@ def write_bag(path, plugin, mode=CompressionMode.NONE, n=MESSAGES):
 
 
 def read_of(path):
-    """Return what can be read, and the one line on the rest."""
+    """Return the readable rows, and the one-line message about the rest."""
     recording = open_recording(path)
     read = gathered(recording)
     assert '\n' not in recording.counts.lost

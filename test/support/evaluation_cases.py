@@ -70,7 +70,7 @@ def report_of(capsys, *arguments):
 
 
 def complaint(capsys, *arguments, code=1):
-    """Run what must fail; returns the one line that it says."""
+    """Run a command that must fail; return its one-line message."""
     try:
         status = main([*map(str, arguments)])
     except SystemExit as leave:
@@ -90,7 +90,7 @@ def roc_auc(score, label):
 
 
 def expected_scores(path):
-    """Return what the chain holds against the threshold in each row of a file, and its label."""
+    """Return what the chain compares with the threshold in each row of a file, and its label."""
     with np.load(path) as file:
         result = SlipChain().update(file['volts'], votes=('all',))
         return result.vote_statistic[:, 0], file['slip']

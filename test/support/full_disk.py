@@ -22,7 +22,7 @@ import resource
 def full_disk(left_bytes):
     """Within a block, let no file of this process grow beyond some bytes.
 
-    The system writes what fits and refuses the rest, as on a disk that fills up.
+    The system writes as much as fits and refuses the rest, as on a full disk.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (left_bytes, hard))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Inputs that nobody would send: a few in each run of the tests, as many as one likes on request.
+"""Damaged and hostile inputs: a few in each run of the tests, any number on request.
 
 ``make fuzz seconds=600`` tries each subject of ``test/fuzz`` for its share of that time, with new
 inputs each time. What fails is shown as small as Hypothesis can make it, is kept in
@@ -27,7 +27,7 @@ from collections import Counter
 from hypothesis import HealthCheck, given, settings
 from hypothesis.database import DirectoryBasedExampleDatabase
 
-#: For so long each subject is tried; 0: the corpus and a few inputs, the same ones in each run.
+#: Time for each subject, in seconds; 0: the corpus and a few inputs, the same in each run.
 SECONDS = float(os.environ.get('SLIP_FUZZ_SECONDS', '0'))
 
 #: Inputs at a time in a long run.

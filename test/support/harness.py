@@ -46,7 +46,7 @@ from slip_detector.sources import open_source  # noqa: E402
 #: Discovery takes seconds now and then; nothing here is about speed.
 DEADLINE_S = 90.0
 
-#: A service that has not answered is asked again after so long.
+#: Seconds after which a service that has not answered is asked again.
 ASK_AGAIN_S = 1.0
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -97,7 +97,7 @@ class Process:
     def end(self):
         """End it as a user would; kill it when that fails."""
         self._process.terminate()
-        self._process.send_signal(signal.SIGCONT)  # One that a test has stopped hears nothing.
+        self._process.send_signal(signal.SIGCONT)  # A stopped process handles no SIGTERM.
         try:
             self.wait()
         except subprocess.TimeoutExpired:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a browser makes of HTML, without one."""
+"""HTML taken apart as a browser would, without a browser."""
 
 import json
 from html.parser import HTMLParser

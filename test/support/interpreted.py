@@ -40,7 +40,7 @@ def _interpreted_module():
 
 
 def interpreted_chain(config):
-    """Return a SlipChain that nothing of is compiled."""
+    """Return a SlipChain of which nothing is compiled."""
     with warnings.catch_warnings():
         warnings.simplefilter('ignore', RuntimeWarning)
         return _interpreted_module().SlipChain(config)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Commands as processes that are interrupted in the midst of their work."""
+"""Commands as processes that are interrupted during their work."""
 
 import fcntl
 import json
@@ -34,12 +34,12 @@ from support.tuning_cases import SLIP_TUNE, journal, trials_of
 ROOT = Path(__file__).parents[2]
 DEADLINE_S = 120.0
 
-#: A process that has ended, or was told to abort, has written all it had to say after so long.
+#: Seconds after which a process that has ended, or was told to abort, has written all its output.
 QUIET_S = 10.0
 
 
 def wait_for(condition, *processes):
-    """Look again and again, with a deadline: a storage tells nobody that it has changed."""
+    """Poll until a condition holds, with a deadline: a storage has no notification of changes."""
     deadline_s = time.monotonic() + DEADLINE_S
     while not condition():
         assert time.monotonic() < deadline_s
@@ -78,7 +78,7 @@ def check_interrupted_search(case, *words):
 def check_interrupted_evaluation(folder, *words):
     """See that an evaluation tells its progress and leaves what was evaluated."""
     paths = [write(folder / f'{name}.npz', seed) for seed, name in enumerate('ab')]
-    # Who opens it waits without an end for somebody who writes.
+    # Opening it blocks until another process writes.
     endless = folder / 'endless.csv'
     os.mkfifo(endless)
     mine, its = pty.openpty()

@@ -98,7 +98,7 @@ def launched(name, arguments):
 
 
 def check_ends(bench, proc_info, count):
-    """Check that so many processes were launched, and that each has ended with exit code 0."""
+    """Check the number of launched processes, and that each has ended with exit code 0."""
     bench.close()
     assert len(proc_info.process_names()) == count
     assertExitCodes(proc_info)

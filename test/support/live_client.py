@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A client of the live page that is no browser: what it was told, and its frames."""
+"""A client of the live page without a browser: messages and frames that it received."""
 
 import json
 
@@ -70,7 +70,7 @@ class LiveClient:
         return header, arrays
 
     async def until(self, kind, holds=lambda content: True):
-        """Return what was told of this kind when it first holds; frames meanwhile are drawn."""
+        """Return the first message of this kind that meets a condition; draw frames meanwhile."""
         while kind not in self.told or not holds(self.told[kind]):
             frame = await self.next()
             if frame is not None:

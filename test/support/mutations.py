@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bytes and texts that were right before something happened to them."""
+"""Valid bytes and texts with random damage."""
 
 from hypothesis import strategies as st
 
 
 @st.composite
 def mutated_bytes(draw, originals, most=4):
-    """Draw one of some bytes with up to so many pieces changed, cut, doubled or put in."""
+    """Draw one of some bytes with a number of pieces changed, cut, doubled or inserted."""
     data = bytearray(draw(st.sampled_from(originals)))
     for _ in range(draw(st.integers(0, most))):
         begin = draw(st.integers(0, len(data)))
@@ -42,7 +42,7 @@ def mutated_bytes(draw, originals, most=4):
 
 @st.composite
 def mutated_text(draw, originals, pieces):
-    """Draw one of some texts with up to four pieces taken out, doubled or put in."""
+    """Draw one of some texts with up to four pieces removed, doubled or inserted."""
     text = draw(st.sampled_from(originals))
     for _ in range(draw(st.integers(0, 4))):
         begin = draw(st.integers(0, len(text)))

@@ -51,7 +51,7 @@ DOCUMENTS = {
 
 def tables(config_class):
     """Lay out the fields of a configuration as Markdown tables, each below its heading."""
-    # What it has from another set stands in the table of that.
+    # Inherited fields are in the table of their own set.
     inherited = {
         field.name
         for base in config_class.__bases__

@@ -30,7 +30,7 @@ MOST_ROWS = 200 if COMPILED else 120
 
 @st.composite
 def configs(draw, **fixed):
-    """Draw a configuration over all that the chain can do, of filters that are well in reach."""
+    """Draw a configuration over all options of the chain, with well-conditioned filters."""
     rate = draw(st.sampled_from([100.0, 380.0, 1000.0, 2012.5]), label='rate')
     # The last of several tiles mostly overlaps the one before it.
     channels = draw(st.one_of(st.integers(1, 40), st.integers(LANES + 1, 70)))
@@ -153,7 +153,7 @@ def assert_same_votes(config, result, groups, level):
 
 @st.composite
 def with_evidence(draw, config, volts):
-    """Draw a configuration that decides by evidence, with floors amid the envelopes of volts."""
+    """Draw a configuration that decides by evidence, with floors within the envelopes."""
     rate = config.sample_rate_hz
     rows = draw(st.integers(3, 12), label='rows of a mains period')
     mains_hz = draw(st.sampled_from([0.0, rate / rows]), label='mains')

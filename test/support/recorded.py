@@ -64,7 +64,7 @@ def save_text(path, text):
 
 
 def complaint(path, config=None):
-    """Return what is said of a recording that cannot be read, after its path."""
+    """Return the message about a recording that cannot be read, after its path."""
     with pytest.raises(ValueError, match=re.escape(str(path))) as caught:
         read_recording(path, config)
     assert '\n' not in str(caught.value)

@@ -54,7 +54,7 @@ def mains_rows(mains_hz: float, sample_rate_hz: float) -> int:
 
 
 def take_off_mains(x: np.ndarray, ok: np.ndarray, rows: int) -> np.ndarray:
-    """Take off each row the one so many rows before; 0 in the first rows of a channel.
+    """Subtract from each row the one `rows` before; 0 in the first rows of a channel.
 
     Parameters
     ----------
@@ -96,11 +96,11 @@ def after_impact(
     enabled : numpy.ndarray
         Which channels take part, shape (c,).
     impact_v : float
-        A larger step between samples is one of an impact; 0: there are none.
+        A larger step between samples belongs to an impact; 0: no impacts.
     impact_channels : int
-        How many channels it takes.
+        Number of channels that must step at once.
     hold_rows : int
-        How many rows it is held for, its own included.
+        Number of rows for which an impact is held, its own included.
     """
     n_rows, n_channels = volts.shape
     held = np.zeros(n_rows, dtype=bool)
@@ -117,9 +117,9 @@ def after_impact(
 
 
 def rows_that_count(ok: np.ndarray, valid: np.ndarray, settle_rows: int) -> np.ndarray:
-    """Return where a channel's envelope tells something, shape (n, c).
+    """Return where a channel's envelope is meaningful, shape (n, c).
 
-    It is valid, and its first good sample is ``settle_rows`` back or more.
+    There the channel is valid, and its first good sample is at least ``settle_rows`` back.
     """
     counts = np.zeros(valid.shape, dtype=bool)
     for column in range(valid.shape[1]):
@@ -266,7 +266,7 @@ def decide_by_evidence(
     envelope : numpy.ndarray
         Shape (n, c).
     settle_rows : int
-        Rows of a channel before its envelope tells something.
+        Rows of a channel before its envelope is meaningful.
     hold_rows : int
         How many rows an impact is held for.
     config : types.SimpleNamespace

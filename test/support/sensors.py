@@ -28,7 +28,7 @@ import numpy as np
 from slip_detector.sources.cobs import cobs_encode
 from slip_detector.sources.packets import encode
 
-#: What a value is worth where a test does not say otherwise (the driver's default).
+#: Volts of one unit unless a test sets it (the driver's default).
 SCALE_V = 1e-3
 
 
@@ -52,7 +52,7 @@ class Port:
                 data = data[os.write(self._ends[0], data) :]
 
     def is_read(self):
-        """Return whether all that was sent has been taken off the line."""
+        """Return whether everything sent has been read from the line."""
         waiting = fcntl.ioctl(self._ends[1], termios.FIONREAD, bytes(4))
         return not int.from_bytes(waiting, sys.byteorder)
 
@@ -80,7 +80,7 @@ class Sender:
 
 
 def free_udp_port():
-    """Return a port of this machine that nobody listens on."""
+    """Return a free UDP port of this machine."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(('127.0.0.1', 0))
         return probe.getsockname()[1]
@@ -92,7 +92,7 @@ def on_the_line(packet):
 
 
 def make_packets(integers, rate_hz, samples=1, first=0):
-    """Cut rows of integers into packets of so many samples."""
+    """Cut rows of integers into packets of a number of samples."""
     period_ns = round(1e9 / rate_hz)
     return [
         encode(

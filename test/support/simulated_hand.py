@@ -120,7 +120,7 @@ class SimulatedHand(Hand):
             self.add(label, config or DetectorConfig(), seed=i, **of_each)
 
     def add(self, label, config, **simulation):
-        """Let a finger come; returns its simulation."""
+        """Add a finger; return its simulation."""
         name = f'/{label}/slip_detector'
         self.gone.pop(name, None)
         finger = self.fingers[name] = Finger(name, config)
@@ -130,7 +130,7 @@ class SimulatedHand(Hand):
         return self.simulated[name]
 
     def remove(self, label):
-        """Let a finger go."""
+        """Remove a finger."""
         name = f'/{label}/slip_detector'
         self.gone[name] = self.fingers.pop(name).label
         del self.simulated[name]

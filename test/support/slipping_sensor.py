@@ -30,7 +30,7 @@ RATE_HZ = 380.0
 PERIOD_S = 1 / RATE_HZ
 TIMEOUT_S = 0.5
 
-#: What a busy machine may add to a time that the detector promises.
+#: Seconds that a busy machine may add to a time guaranteed by the detector.
 SLACK_S = 0.5
 
 
@@ -108,7 +108,7 @@ class Sensor:
         return not self.valid[-1][1] and not self.slip[-1][1]
 
     def fell_in_time(self):
-        """Check that slip_valid and slip fell in time after the last sample, of themselves."""
+        """Check that slip_valid and slip fell in time after the last sample, by themselves."""
         self.bench.wait_for(self.fell, 'slip_valid and slip to fall')
         at_s = next(at for at, valid in reversed(self.valid[: self._first_false()]) if valid)
         assert at_s - self.sent_s < TIMEOUT_S + SLACK_S
@@ -121,7 +121,7 @@ class Sensor:
         return n
 
     def told(self, part, words):
-        """Return whether the diagnostics say something."""
+        """Return whether the diagnostics contain a text."""
         return any(
             status.name.endswith(f': {part}') and words in status.message
             for report in self.reports

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Labelled recordings with all that can be met in one: tuner and evaluation must agree."""
+"""Labelled recordings with all faults, on which tuner and evaluation must agree."""
 
 import numpy as np
 from hypothesis import strategies as st

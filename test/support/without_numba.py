@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A plugin of pytest that has the package run as on a robot without Numba."""
+"""A plugin of pytest that runs the package as on a robot without Numba."""
 
 import sys
 

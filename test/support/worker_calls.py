@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the tests of workers have them call."""
+"""Functions that the tests of workers have them call."""
 
 import gc
 import os
@@ -48,7 +48,7 @@ def refuse(number):
 
 
 def zeros(number):
-    """Return so many bytes."""
+    """Return a number of zero bytes."""
     return bytes(number)
 
 
