@@ -70,8 +70,8 @@ def frames_a_second(drawn_ms: list[float]) -> tuple[float, float]:
     return float((len(times_s) - 1) / (times_s[-1] - times_s[0])), float(counts.min())
 
 
-class Nobody:
-    """No page is open."""
+class NoViewer:
+    """Stands for a viewer in turns in which no page is open."""
 
     def is_drawing(self) -> bool:
         """Return whether the state to be measured has begun."""
@@ -86,7 +86,7 @@ class Nobody:
         return None
 
 
-class Onlooker(Nobody):
+class Onlooker(NoViewer):
     """A connection that takes frames as fast as they come; a context manager.
 
     Parameters
@@ -178,7 +178,7 @@ def _frame(message: bytes) -> int:
     return int(json.loads(message[4 : 4 + length])['frame'])
 
 
-class Browser(Nobody):
+class Browser(NoViewer):
     """The page as it opens, in Chromium.
 
     Parameters

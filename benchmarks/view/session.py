@@ -33,7 +33,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from benchmarks.processes import nodes_running, print_figures, processor_time_s
 from benchmarks.soak.hand import START_TIMEOUT_S, Watch, hand_commands, memory_growth
-from benchmarks.view.onlookers import Nobody, Onlooker, chromium, frames_a_second
+from benchmarks.view.onlookers import NoViewer, Onlooker, chromium, frames_a_second
 from slip_detector.nodes.health import AGE_KEYS
 
 FINGERS = 5
@@ -131,7 +131,7 @@ class Turns:
     def measure(self, who: str, seconds: float) -> None:
         """Let one of them view the page for some time."""
         with contextlib.ExitStack() as stack:
-            onlooker = Nobody()
+            onlooker = NoViewer()
             if who == 'elsewhere':
                 onlooker = stack.enter_context(Onlooker(self._url, FINGERS))
             elif who == 'here':

@@ -27,7 +27,7 @@ from slip_detector.nodes.rclpy_internals import publisher_counter
 #: counts as another publisher.
 MOST_LOST = 1000
 
-#: Most publishers that are told from each other.
+#: Most publishers that can be distinguished.
 MOST_SENDERS = 8
 
 

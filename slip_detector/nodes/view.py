@@ -113,7 +113,11 @@ def _parser() -> argparse.ArgumentParser:
         default=PORT,
         help='port to listen at; 0: any that is free (%(default)s)',
     )
-    parser.add_argument('--token', default='', help='the token (a new one at each start)')
+    parser.add_argument(
+        '--token',
+        default='',
+        help='the token (a new one at each start; none by default on this machine)',
+    )
     parser.add_argument(
         '--read-only', action='store_true', help='let no page change, record or save anything'
     )

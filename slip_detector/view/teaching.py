@@ -174,7 +174,7 @@ class Teaching:
         self._guarded(lambda: recorder.label(True))
         self._slipping = True
         self.hold()
-        self.words = f'recording {self._path_name()}: slip until the key is let go'
+        self.words = f'recording {self._path_name()}: slip until the key is released'
         if before_s < LEAST_BEFORE_S:
             self.words += (
                 f'. There are only {before_s:.1f} s of rest before it: wait for '

@@ -19,7 +19,7 @@ import time
 
 import pytest
 
-from benchmarks.view.onlookers import Nobody, Onlooker, frames_a_second
+from benchmarks.view.onlookers import NoViewer, Onlooker, frames_a_second
 from support.simulated_hand import SimulatedHand, served_beside
 
 #: Seconds, on however busy a machine.
@@ -72,6 +72,6 @@ def test_fingers_that_are_not_part_of_the_measurement_are_told():
 
 
 def test_nobody_draws_nothing():
-    assert Nobody().is_drawing()
-    assert Nobody().drawn_ms() == []
-    assert Nobody().heap_mib() is None
+    assert NoViewer().is_drawing()
+    assert NoViewer().drawn_ms() == []
+    assert NoViewer().heap_mib() is None
