@@ -36,15 +36,15 @@ FIGURES = {
 }
 
 
-def figure_text(name: str, value: float | None) -> str:
-    """Return one of the figures as text.
+def comparison_text(name: str, value: float | None) -> str:
+    """Return one of the figures as it stands in a comparison.
 
     A latency below 0 is no early detection: ``slip`` was ON before its label, for example from an
     unrelated alarm. The text says so.
 
     Examples
     --------
-    >>> figure_text('latency_median_ms', 41.25), figure_text('latency_median_ms', -96.3)
+    >>> comparison_text('latency_median_ms', 41.25), comparison_text('latency_median_ms', -96.3)
     ('41.2', 'ON 96.3 before')
     """
     form = FIGURES[name][1]
@@ -71,5 +71,7 @@ def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
     for name, (title, _) in FIGURES.items():
         if name == 'auc_moving' and given[name] is None:
             continue
-        rows.append((title, figure_text(name, given[name]), figure_text(name, tuned[name])))
+        rows.append(
+            (title, comparison_text(name, given[name]), comparison_text(name, tuned[name]))
+        )
     return text_table(rows)

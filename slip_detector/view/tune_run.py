@@ -34,7 +34,7 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import writable_folder
 from slip_detector.parameters.writing import write_file
-from slip_detector.report.tuning_table import FIGURES, figure_text
+from slip_detector.report.tuning_table import FIGURES, comparison_text
 from slip_detector.tuning.noise import LEAST_S
 from slip_detector.view.recorded_folder import RecordedFolder
 
@@ -386,7 +386,9 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Compar
         # A negative latency, ON before the slip, is neither better nor worse.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
             change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
-        rows.append(Comparison(title, figure_text(name, was), figure_text(name, now), change))
+        rows.append(
+            Comparison(title, comparison_text(name, was), comparison_text(name, now), change)
+        )
     return rows
 
 
