@@ -89,10 +89,17 @@ def port(tmp_path):
 
 @pytest.fixture(scope='module')
 def browser():
-    """A browser without a screen; tests are skipped where it is absent and not required."""
+    """A browser without a screen; tests are skipped where it is absent and not required.
+
+    All tests of a module open their pages in one process of it: starting one for each page costs
+    as much as loading the page.
+    """
     from benchmarks.tune import browser as system_browser
     from support.browsers import require_browser
 
     require_browser()
-    with system_browser.browser() as running:
-        yield running
+    flags = '--renderer-process-limit=1', '--disable-site-isolation-trials'
+    with system_browser.browser(*flags) as running:
+        context = running.new_context(viewport={'width': 1366, 'height': 768})
+        context.new_page()  # The process ends with its last page.
+        yield context

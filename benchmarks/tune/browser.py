@@ -51,8 +51,13 @@ def why_no_browser() -> str:
 
 
 @contextlib.contextmanager
-def browser() -> Iterator[Any]:
+def browser(*more_flags: str) -> Iterator[Any]:
     """Run the system's browser; see :func:`why_no_browser` first.
+
+    Parameters
+    ----------
+    more_flags
+        Command-line flags of Chromium beside ``FLAGS``.
 
     Yields
     ------
@@ -62,7 +67,7 @@ def browser() -> Iterator[Any]:
     sync_playwright = importlib.import_module('playwright.sync_api').sync_playwright
     path = next(path for path in map(shutil.which, BROWSERS) if path)
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        running = playwright.chromium.launch(executable_path=path, args=[*FLAGS, *more_flags])
         try:
             yield running
         finally:

@@ -30,7 +30,7 @@ def page(bench, browser):
     view = bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0')
     bench.wait_for(lambda: 'http://' in view.log(), 'the address')
     address = re.search(r'http://\S+', view.log()).group()
-    page = browser.new_page(viewport={'width': 1366, 'height': 768})
+    page = browser.new_page()
     page.set_default_timeout(PATIENCE_MS)
     complaints = complaints_of(page, address)
     page.goto(address)

@@ -63,7 +63,8 @@ def opened(browser, folder):
     opened = []
 
     def open_(name, anchor='', width=1280):
-        page = browser.new_page(viewport={'width': width, 'height': 900})
+        page = browser.new_page()
+        page.set_viewport_size({'width': width, 'height': 900})
         opened.append((page, complaints_of(page, ('file://', 'data:'))))
         page.goto((folder / name).as_uri() + anchor)
         page.locator('html[data-ready-ms]').wait_for(state='attached')

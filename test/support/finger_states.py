@@ -16,6 +16,7 @@
 
 import numpy as np
 
+from slip_detector.view import server
 from support.simulated_hand import SimulatedHand
 
 RATE_HZ = 380.0
@@ -50,14 +51,15 @@ class QuietHand(SimulatedHand):
 
 
 class Player:
-    """Plays the same rows to a finger again and again, as its driver does."""
+    """Plays the same rows to a finger again and again, with each tick of the server."""
 
     def __init__(self, hand, label, rows):
         self.hand, self.label, self.rows, self.at = hand, label, rows, 0
 
     def __call__(self):
-        self.hand.play(self.label, self.rows[self.at : self.at + 12])
-        self.at = (self.at + 12) % (len(self.rows) - 12)
+        n = round(RATE_HZ * server.FRAME_S)
+        self.hand.play(self.label, self.rows[self.at : self.at + n])
+        self.at = (self.at + n) % (len(self.rows) - n)
 
 
 def dead_rows():

@@ -18,6 +18,7 @@ import contextlib
 
 import pytest
 
+from slip_detector.view import server
 from slip_detector.view.parameter_requests import ParameterRequests
 from slip_detector.view.teaching_requests import TeachingRequests
 from support.browsers import complaints_of
@@ -26,15 +27,26 @@ from support.simulated_hand import served_beside
 
 
 @pytest.fixture
-def open_page(browser):
+def frame_s():
+    """Period of the frames, longer than for a user: drawing 30 a second takes a third of a core.
+
+    A test that depends on the period is parametrized with that of the server.
+    """
+    return 1 / 10
+
+
+@pytest.fixture
+def open_page(browser, monkeypatch, frame_s):
     """Return what opens the page of a served hand; what it complains of fails the test.
 
     Nothing may be asked of any other address.
     """
     opened = []
+    monkeypatch.setattr(server, 'FRAME_S', frame_s)
 
-    def open_(served, width=1366, height=768):
-        page = browser.new_page(viewport={'width': width, 'height': height})
+    def open_(served, width=1366):
+        page = browser.new_page()
+        page.set_viewport_size({'width': width, 'height': 768})
         opened.append(complaints_of(page, served.url.partition('?')[0]))
         served.before_end(page.close)  # It would complain of the end.
         page.goto(served.url)
@@ -52,20 +64,20 @@ def played(open_page, tmp_path):
     What the page asks for is answered as by ``slip_view``, with a folder of the test.
     """
 
-    def open_(rows_of, prepare=lambda hand: None, access=None, **how):
+    def open_(rows_of, prepare=lambda hand: None, access=None, width=1366, **how):
         hand = QuietHand(tuple(rows_of), **how)
         prepare(hand)
         players = [
             Player(hand, label, rows) for label, rows in rows_of.items() if rows is not None
         ]
 
-        def prepare_server(server):
-            server.each_tick.extend(players)
-            ParameterRequests(server, tmp_path)
-            TeachingRequests(server, tmp_path)
+        def prepare_server(serving):
+            serving.each_tick.extend(players)
+            ParameterRequests(serving, tmp_path)
+            TeachingRequests(serving, tmp_path)
 
         served = ends.enter_context(served_beside(hand, access=access, prepare=prepare_server))
-        return served, open_page(served)
+        return served, open_page(served, width=width)
 
     with contextlib.ExitStack() as ends:
         yield open_

@@ -23,6 +23,7 @@ import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.hand import Diagnosis
+from slip_detector.view.server import FRAME_S
 from support.browsers import expect
 from support.finger_states import STATES, Player, rest_rows, slip_rows
 
@@ -149,9 +150,8 @@ def test_five_fingers_stand_side_by_side_on_a_laptop(played):
 
 # 320 pixels are a laptop's window that is enlarged four times, as WCAG 1.4.10 wants it.
 @pytest.mark.parametrize('width', [320, 400, 800, 1366])
-def test_the_page_is_no_wider_than_its_window(played, open_page, width):
-    served, _ = played(STATES)
-    page = open_page(served, width=width)
+def test_the_page_is_no_wider_than_its_window(played, width):
+    _, page = played(STATES, width=width)
     page.get_by_role('button', name='Keys').click()
     for name in ('Traces', 'Teach', 'Spectrum', 'Parameters'):
         page.get_by_role('tab', name=name).click()
@@ -212,6 +212,7 @@ def test_many_channels_have_their_places_and_as_many_traces_as_are_sent_at_once(
     expect(page.locator('.lane-name.channel').last).to_have_text('ch65')
 
 
+@pytest.mark.parametrize('frame_s', [FRAME_S])
 def test_a_picture_is_painted_only_when_it_shows_something_else(played):
     served, page = played({'index': rest_rows()})
     expect(card(page, 'index')).to_contain_text('rest', timeout=60_000)

@@ -23,6 +23,7 @@ import pytest
 
 from slip_detector.view.access import Access
 from slip_detector.view.parameter_requests import ParameterRequests
+from slip_detector.view.server import FRAME_S
 from support.browsers import expect
 from support.simulated_hand import SimulatedHand, served_beside
 
@@ -53,8 +54,9 @@ def until(page, condition):
     page.wait_for_function(f'() => {{ {data} return {condition}; }}', timeout=60_000)
 
 
-def play_seconds(page, seconds):
-    """Wait until so much of the scene has been played; its stamps begin at 1000 s."""
+def play_seconds(served, page, seconds):
+    """Play so much of the scene and wait until it is drawn; its stamps begin at 1000 s."""
+    served.call(served.hand.simulated[NAME].play, seconds)
     until(page, f'data.toS > {40 + seconds}')
 
 
@@ -72,6 +74,7 @@ def threshold(served):
     return served.call(lambda: served.hand.fingers[NAME].config.threshold)
 
 
+@pytest.mark.parametrize('frame_s', [FRAME_S])
 def test_time_goes_on_and_never_back(page):
     ends = page.evaluate("""() => new Promise((resolve) => {
       const root = document.getElementById('timeline'), ends = [];
@@ -94,7 +97,7 @@ def test_time_goes_on_and_never_back(page):
 
 
 def test_where_nothing_comes_the_axis_stands_still(served, page):
-    play_seconds(page, 1.0)
+    play_seconds(served, page, 1.0)
     served.call(setattr, served.hand, 'real_time', False)
     ends = page.evaluate("""async () => {
       const {dataset} = document.getElementById('timeline'), ends = [];
@@ -134,9 +137,9 @@ def test_after_a_long_silence_the_columns_begin_anew(page):
     assert curve == [1, 1]
 
 
-def test_slip_and_truth_are_bands_and_the_channels_of_the_first_group_have_traces(page):
+def test_slip_and_truth_are_bands_and_the_channels_of_the_first_group_have_traces(served, page):
     names = page.locator('.lane-name')
-    play_seconds(page, 5.0)  # It slips from 3.8 s on.
+    play_seconds(served, page, 5.0)  # It slips from 3.8 s on.
     expect(names.get_by_text('truth')).to_be_visible()
     assert names.all_inner_texts()[:6] == ['slip', 'truth', 'ch9', 'ch11', 'ch14', 'ch16']
     counts = page.evaluate("""() => {
@@ -200,8 +203,7 @@ def test_paused_it_stands_still_can_be_moved_and_zoomed_and_goes_on(page):
 
 def test_paused_it_stands_still_though_the_detector_starts_again(served, page):
     # A minute later than that in which the times of the page begin.
-    served.call(served.hand.simulated[NAME].play, 30.0)
-    play_seconds(page, 31.0)
+    play_seconds(served, page, 31.0)
     page.keyboard.press('p')
     expect(page.locator('#trace-span')).to_contain_text('paused')
     before = stretch(page)
@@ -217,8 +219,8 @@ def test_paused_it_stands_still_though_the_detector_starts_again(served, page):
     expect(page.locator('#traces .readout')).to_contain_text(' V')
 
 
-def test_values_are_read_by_keys_too(page):
-    play_seconds(page, 2.0)
+def test_values_are_read_by_keys_too(served, page):
+    play_seconds(served, page, 2.0)
     page.keyboard.press('p')
     page.focus('#timeline')
     readout = page.locator('#traces .readout')
@@ -237,7 +239,7 @@ def test_values_are_read_by_keys_too(page):
 
 
 def test_a_stretch_is_chosen_and_stays_though_it_is_no_longer_kept(served, page):
-    play_seconds(page, 3.0)
+    play_seconds(served, page, 3.0)
     box = page.locator('#timeline').bounding_box()
     page.keyboard.down('Shift')
     page.mouse.move(box['x'] + box['width'] - 120, box['y'] + 60)
@@ -255,7 +257,7 @@ def test_a_stretch_is_chosen_and_stays_though_it_is_no_longer_kept(served, page)
 
 
 def test_what_is_read_at_the_pointer_is_the_very_sample(served, page):
-    play_seconds(page, 2.0)
+    play_seconds(served, page, 2.0)
     page.keyboard.press('p')
     end_s = stretch(page)[1]
     box = page.locator('#timeline').bounding_box()
