@@ -111,7 +111,7 @@ def test_the_objects_are_held_and_those_through_the_nodes_slide_as_in_simulated_
 
 
 def test_the_table_has_each_condition_and_each_object_through_the_nodes(finished):
-    words = (*conditions(ChainConfig(), GraspConfig()), *HARDER, 'just enough', 'nodes', 'met')
+    words = (*conditions(ChainConfig(), GraspConfig()), *HARDER, 'smallest grip', 'nodes', 'met')
     for word in words:
         assert word in finished[1]
     assert f'Written: {finished[0] / "grasp.json"}' in finished[1]
