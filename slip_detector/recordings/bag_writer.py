@@ -103,7 +103,7 @@ class BagWriter:
             with _as_os_errors():
                 self._writer.open()
         except rosbag2.WriterError:
-            raise FileExistsError(errno.EEXIST, 'is there already') from None
+            raise FileExistsError(errno.EEXIST, 'already exists') from None
         with _as_os_errors():
             self._voltages = self._topic('/voltages', JOINT_STATE, self._samples_quality)
 

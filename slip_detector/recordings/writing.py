@@ -87,7 +87,7 @@ def write_recording(
             f'{path}: is {path.suffix}, allowed: .npz, .csv, .mcap, .db3 or without ending'
         )
     if path.exists():
-        raise ValueError(f'{path}: is there already, allowed: a new path')
+        raise ValueError(f'{path}: already exists, allowed: a new path')
     with write_errors_of(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as new:

@@ -26,7 +26,7 @@ def load_tracks(
     paths: Sequence[str],
     loader: RecordingLoader,
     labelled: bool = True,
-    but: Sequence[str] = (),
+    left_out: Sequence[str] = (),
 ) -> tuple[list[Track], list[str]]:
     """Read recordings into memory.
 
@@ -38,7 +38,7 @@ def load_tracks(
         Opens them for the chain that is tuned.
     labelled
         Whether they must have labels.
-    but
+    left_out
         Recordings and folders of recordings to leave out.
 
     Returns
@@ -67,11 +67,11 @@ def load_tracks(
     (['rest.npz'], [])
     """
     sets = recording_sets(paths)
-    left_out = {file.resolve() for files in recording_sets(but).values() for file in files}
+    unwanted = {file.resolve() for files in recording_sets(left_out).values() for file in files}
     tracks, notes = [], []
     for name, files in sets.items():
         for file in files:
-            if file.resolve() in left_out:
+            if file.resolve() in unwanted:
                 continue
             opened = loader.open(file, labelled)
             shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
@@ -128,6 +128,6 @@ class TrainingFiles(NamedTuple):
         ValueError
             When a recording cannot be read or there are too few slips; names the recordings.
         """
-        tracks, notes = load_tracks(self.paths, self.loader, but=self.left_out)
+        tracks, notes = load_tracks(self.paths, self.loader, left_out=self.left_out)
         training, held = (tracks, []) if self.share is None else held_out(tracks, self.share)
         return training, held, notes

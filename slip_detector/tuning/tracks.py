@@ -255,19 +255,19 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
     if len(with_slip) == 1:
         training, held = _cut_in_two(with_slip[0], share)
     else:
-        training, held = every_so_many(with_slip, share)
-    quiet, quiet_held = every_so_many([track for track in tracks if not track.slips], share)
+        training, held = hold_out_evenly(with_slip, share)
+    quiet, quiet_held = hold_out_evenly([track for track in tracks if not track.slips], share)
     return training + quiet, held + quiet_held
 
 
-def every_so_many(items: Sequence[T], share: float) -> tuple[list[T], list[T]]:
+def hold_out_evenly(items: Sequence[T], share: float) -> tuple[list[T], list[T]]:
     """Divide items into those to tune on and those to hold out, which are evenly spread.
 
     Of two or more at least one is held out, and not all.
 
     Examples
     --------
-    >>> every_so_many(['a', 'b', 'c', 'd'], share=1 / 3)
+    >>> hold_out_evenly(['a', 'b', 'c', 'd'], share=1 / 3)
     (['a', 'b', 'c'], ['d'])
     """
     n = len(items)

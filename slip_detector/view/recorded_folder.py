@@ -24,7 +24,7 @@ from typing import NamedTuple
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.bag_storage import METADATA
 from slip_detector.recordings.labels import labels_name
-from slip_detector.tuning.tracks import every_so_many
+from slip_detector.tuning.tracks import hold_out_evenly
 
 #: Kinds of recordings. The name of a recording is its kind and a number.
 KINDS = ('rest', 'slip', 'taps')
@@ -164,7 +164,7 @@ class RecordedFolder:
 
         They are every third one of each kind; of only two, the second.
         """
-        by_kind = [every_so_many(self.of_kind(kind), HELD_OUT)[1] for kind in KINDS]
+        by_kind = [hold_out_evenly(self.of_kind(kind), HELD_OUT)[1] for kind in KINDS]
         return [name for held_out in by_kind for name in held_out]
 
     def _list(self, every: dict[str, RecordingSummary]) -> None:

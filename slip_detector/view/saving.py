@@ -164,6 +164,6 @@ def save(
     if path.is_symlink():
         raise ValueError(f'{path}: is a link to another file, allowed: a name of its own')
     if path.exists() and not replace:
-        raise FileExistsError(f'{path}: is there already')
+        raise FileExistsError(f'{path}: already exists')
     write_file(path, document, comments)
     return path

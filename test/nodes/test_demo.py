@@ -154,7 +154,7 @@ def test_a_recording_that_is_there_already_is_not_overwritten(tmp_path):
         command, cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE_S, check=False
     )
     assert done.returncode == 1
-    assert done.stderr == f'slip_demo: {path}: is there already, allowed: a new path\n'
+    assert done.stderr == f'slip_demo: {path}: already exists, allowed: a new path\n'
     assert path.read_text() == 'precious'
 
 

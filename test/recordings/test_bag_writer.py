@@ -109,7 +109,7 @@ def test_a_writer_that_is_killed_loses_nothing_that_was_flushed(tmp_path):
 def test_a_folder_that_somebody_else_has_made_is_left_as_it_is(tmp_path):
     (tmp_path / 'trial').mkdir()
     (tmp_path / 'trial' / 'mine.txt').write_text('mine')
-    with pytest.raises(FileExistsError, match='is there already'):
+    with pytest.raises(FileExistsError, match='already exists'):
         BagWriter(tmp_path / 'trial', ['a', 'b'])
     assert [path.name for path in (tmp_path / 'trial').iterdir()] == ['mine.txt']
 

@@ -86,7 +86,7 @@ def test_a_bag_says_with_which_quality_its_topics_were_offered(tmp_path, ending)
 def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
     path = tmp_path / 'a.mcap'
     write_recording(path, [rows(10)], 380.0, NAMES)
-    with pytest.raises(ValueError, match=r'a\.mcap: is there already, allowed: a new path'):
+    with pytest.raises(ValueError, match=r'a\.mcap: already exists, allowed: a new path'):
         write_recording(path, [rows(20)], 380.0, NAMES)
 
     def failing():

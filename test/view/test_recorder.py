@@ -93,7 +93,7 @@ def test_a_folder_that_another_process_has_just_made_is_left_to_it(tmp_path):
     theirs = tmp_path / 'rest_1'
     theirs.mkdir()
     (theirs / 'rest_1.mcap').write_text('theirs')
-    with pytest.raises(ValueError, match=r'rest_1: cannot be written \(is there already\)'):
+    with pytest.raises(ValueError, match=r'rest_1: cannot be written \(already exists\)'):
         Recorder(theirs, Finger('/index/slip_detector', CONFIG), 0)
     assert (theirs / 'rest_1.mcap').read_text() == 'theirs'
 

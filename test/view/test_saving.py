@@ -138,7 +138,7 @@ def test_a_link_is_not_followed_and_a_file_is_replaced_only_where_that_is_wanted
     for replace in (False, True):
         assert 'link' in message_of(save, folder, 'linked', {}, [], replace=replace)
     assert other.read_text(encoding='utf-8') == 'kept'
-    with pytest.raises(FileExistsError, match=r'taken\.yaml: is there already'):
+    with pytest.raises(FileExistsError, match=r'taken\.yaml: already exists'):
         save(folder, 'taken', {}, [])
     assert (folder / 'taken.yaml').read_text(encoding='utf-8') == 'kept'
     save(folder, 'taken', {'a': 1}, [], replace=True)
