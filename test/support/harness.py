@@ -56,9 +56,10 @@ START_NS, PERIOD_NS = 1_700_000_000 * 10**9, round(1e9 / 380)
 
 
 class Process:
-    """A command, its output kept."""
+    """A command as a process; its output is kept, and shown if the test fails."""
 
     def __init__(self, *command, domain, output=None):
+        self._command = ' '.join(map(str, command))
         self._log = tempfile.TemporaryFile('w+')  # noqa: SIM115, closed in end()
         environment = {
             **os.environ,
@@ -104,6 +105,7 @@ class Process:
             self._process.kill()
             raise
         finally:
+            print(f'{self._command}:\n{self.log()}')  # pytest shows this if the test fails.
             self._log.close()
 
 
