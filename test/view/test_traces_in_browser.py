@@ -17,6 +17,7 @@
 import asyncio
 import re
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -58,6 +59,15 @@ def play_seconds(served, page, seconds):
     """Play so much of the scene and wait until it is drawn; its stamps begin at 1000 s."""
     served.call(served.hand.simulated[NAME].play, seconds)
     until(page, f'data.toS > {40 + seconds}')
+
+
+def wait_until_held(served, page):
+    """Wait until the server knows that the page stands still: it keeps what is there for it."""
+    deadline_s = time.monotonic() + 60.0
+    (connection,) = served.server.pages
+    while served.call(lambda: connection.look.until_ns is None):
+        assert time.monotonic() < deadline_s
+        page.wait_for_timeout(20)
 
 
 def stretch(page):
@@ -206,6 +216,7 @@ def test_paused_it_stands_still_though_the_detector_starts_again(served, page):
     play_seconds(served, page, 31.0)
     page.keyboard.press('p')
     expect(page.locator('#trace-span')).to_contain_text('paused')
+    wait_until_held(served, page)
     before = stretch(page)
     finger = served.hand.fingers[NAME]
     served.call(finger.started_again, finger.config)
@@ -250,6 +261,7 @@ def test_a_stretch_is_chosen_and_stays_though_it_is_no_longer_kept(served, page)
     expect(page.locator('#trace-span')).to_contain_text('paused')
     chosen = stretch(page)
     assert chosen[1] - chosen[0] < 3.0
+    wait_until_held(served, page)
     served.call(served.hand.fingers[NAME].track.samples.clear)
     page.mouse.wheel(0, 200)
     page.mouse.move(box['x'] + box['width'] - 60, box['y'] + 60)
