@@ -105,8 +105,9 @@ class Process:
             self._process.kill()
             raise
         finally:
-            print(f'{self._command}:\n{self.log()}')  # pytest shows this if the test fails.
-            self._log.close()
+            if not self._log.closed:  # It has ended before.
+                print(f'{self._command}:\n{self.log()}')  # pytest shows this if the test fails.
+                self._log.close()
 
 
 def patient_qos():
