@@ -102,8 +102,9 @@ $(CHECKS)/types: $(VENV)/installed $(PACKAGE) | $(CHECKS)
 	$(BIN)/mypy
 	touch $@
 
+# Many of these tests wait, for a browser or a process: more workers than cores keep the cores busy.
 $(CHECKS)/core: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
-	$(BIN)/python $(PYTEST) -m 'not nodes'
+	$(BIN)/python $(PYTEST) --numprocesses $$(($$(nproc) * 3 / 2)) -m 'not nodes'
 	touch $@
 
 $(CHECKS)/nodes: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
