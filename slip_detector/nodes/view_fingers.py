@@ -52,6 +52,10 @@ OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
 #: The middleware's name for a node that it does not know yet.
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
+#: Time, in seconds, after which a node that publishes ``slip_onset`` and is still not known by
+#: name is reported.
+NAMELESS_S = 15.0
+
 
 class ReadTask(NamedTuple):
     """A task that reads parameters, and whether it was begun because a detector was started."""
@@ -78,6 +82,8 @@ class RosHand(Hand):
         self._clients: dict[str, ParameterClient] = {}
         # By detector, its publishers: a new one tells that it was started again.
         self._publishers: dict[str, set[bytes]] = {}
+        # By publisher of a node that is not known by name, when it was first seen.
+        self._nameless: dict[bytes, float] = {}
         # Fingers that have gone, the latest last: if one comes back, its changes are reported.
         self._past: dict[str, Finger] = {}
         self._readings: dict[str, ReadTask] = {}
@@ -147,13 +153,18 @@ class RosHand(Hand):
     def _look_around(self) -> None:
         """Notice detectors that have come, were started again, or have gone."""
         found: dict[str, set[bytes]] = {}
+        nameless: dict[bytes, str] = {}
         for topic, types in self._node.get_topic_names_and_types():
             # Unlike those of slip and slip_valid, this publisher stays if heartbeat_hz changes.
             if types == [HEADER] and topic.rpartition('/')[2] == 'slip_onset':
                 for each in self._node.get_publishers_info_by_topic(topic):
-                    if each.node_name != UNKNOWN:
-                        name = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-                        found.setdefault(name, set()).add(bytes(each.endpoint_gid))
+                    publisher = bytes(each.endpoint_gid)
+                    if each.node_name == UNKNOWN:
+                        nameless[publisher] = topic
+                        continue
+                    name = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+                    found.setdefault(name, set()).add(publisher)
+        self._report_nameless(nameless)
         for name in set(self._publishers) - set(found):
             self._forget(name)
         for name, publishers in found.items():
@@ -169,6 +180,19 @@ class RosHand(Hand):
             for name, topics in self._watched.items()
             if topics.names.voltages
         }
+
+    def _report_nameless(self, nameless: Mapping[bytes, str]) -> None:
+        """Report, once each, publishers of a topic whose node does not become known by name."""
+        now_s = time.monotonic()
+        self._nameless = {each: self._nameless.get(each, now_s) for each in nameless}
+        for publisher, since_s in self._nameless.items():
+            if now_s - since_s >= NAMELESS_S:
+                self._nameless[publisher] = float('inf')
+                self._node.get_logger().warning(
+                    f'a node that publishes {nameless[publisher]} has not been known by name for '
+                    f'{NAMELESS_S:g} s, so it cannot be shown: end it, and start it again after '
+                    '20 s'
+                )
 
     def _forget(self, name: str) -> None:
         del self._publishers[name]

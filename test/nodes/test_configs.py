@@ -71,7 +71,7 @@ def test_a_file_for_another_namespace_stops_the_start_with_one_line_that_names_b
     names = ','.join(str(path) for path in files.values())
     process = bench.start('slip_detector', '-r', '__ns:=/index', '--', '--configs', names)
     assert process.wait() == 1
-    assert process.log().strip().splitlines()[-1] == (
+    assert process.lines()[-1] == (
         f'slip_detector: {files["late"]}: has sections for /index/slip_detector, none for this '
         'node, /index/late/slip_detector, allowed: /index/late/slip_detector or /**/slip_detector'
     )
@@ -82,7 +82,7 @@ def test_a_wrong_file_stops_the_start_with_one_line_that_names_it(bench, files):
     names = ','.join(str(path) for path in files.values())
     process = bench.start('slip_detector', '--', '--configs', names)
     assert process.wait() == 1
-    line = process.log().strip().splitlines()[-1]
+    line = process.lines()[-1]
     assert line.startswith(f'slip_detector: {files["late"]}: ')
     assert 'treshold' in line
     assert 'Traceback' not in process.log()

@@ -122,7 +122,7 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
 def test_when_a_node_of_the_scene_ends_so_does_the_page(bench):
     process = start(bench, *OPTIONS, '--scene', 'plate_400um', '--fingers', 'thumb,thumb')
     assert process.wait() == 1
-    last = process.log().strip().splitlines()[-1]
+    last = process.lines()[-1]
     assert re.fullmatch('slip_view: slip_(detector|driver) ended with the exit code 1', last)
     assert 'Traceback' not in process.log()
 
@@ -183,7 +183,7 @@ def test_with_read_only_a_page_changes_nothing(bench):
 def test_what_cannot_be_done_is_said_in_one_line(bench, words, code, said):
     process = start(bench, *words)
     assert process.wait() == code
-    (line,) = process.log().strip().splitlines()
+    (line,) = process.lines()
     assert line.startswith('slip_view: ')
     assert said in line
 

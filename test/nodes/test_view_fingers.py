@@ -17,6 +17,8 @@
 import asyncio
 import signal
 import time
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import pytest
 
@@ -27,8 +29,9 @@ from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
+from slip_detector.nodes import view_fingers  # noqa: E402
 from slip_detector.nodes.messages import event_qos, sensor_qos, time_message  # noqa: E402
-from slip_detector.nodes.view_fingers import MOST_GONE, RosHand  # noqa: E402
+from slip_detector.nodes.view_fingers import HEADER, MOST_GONE, UNKNOWN, RosHand  # noqa: E402
 from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
 from slip_detector.view.hand import Finger  # noqa: E402
 from support.harness import DEADLINE_S  # noqa: E402
@@ -269,6 +272,37 @@ def test_a_detector_that_ends_is_gone_and_comes_again(bench):
         await it.until(lambda: INDEX in it.hand.fingers, 'it to come again')
         assert it.hand.gone == {}
         assert 'started again' in it.hand.fingers[INDEX].notice
+
+    watching(bench, test)
+
+
+def test_a_publisher_whose_node_stays_unknown_by_name_is_reported_once(bench, monkeypatch):
+    class Nameless(NamedTuple):
+        node_name: str
+        node_namespace: str
+        endpoint_gid: list[int]
+
+    warned = []
+
+    async def test(it):
+        publishers = [Nameless(UNKNOWN, '', [7]), Nameless(UNKNOWN, '', [8])]
+        monkeypatch.setattr(it.node, 'get_publishers_info_by_topic', lambda topic: publishers)
+        monkeypatch.setattr(
+            it.node, 'get_topic_names_and_types', lambda: [('/index/slip_onset', [HEADER])]
+        )
+        monkeypatch.setattr(it.node, 'get_logger', lambda: SimpleNamespace(warning=warned.append))
+        it.hand._look_around()
+        assert not warned  # A node becomes known by name some time after its publishers.
+        monkeypatch.setattr(view_fingers, 'NAMELESS_S', 0.0)
+        del publishers[1]  # This one has become known, or has ended.
+        it.hand._look_around()
+        it.hand._look_around()
+        (line,) = warned
+        assert line.startswith('a node that publishes /index/slip_onset has not been known by ')
+        publishers.append(Nameless(UNKNOWN, '', [9]))
+        it.hand._look_around()
+        assert len(warned) == 2
+        assert not it.hand.fingers
 
     watching(bench, test)
 

@@ -79,6 +79,14 @@ class Process:
         file = self._log.fileno()
         return os.pread(file, os.fstat(file).st_size, 0).decode(errors='replace')
 
+    def lines(self):
+        """Return the lines that the process has printed so far, without those of Fast DDS.
+
+        Some of its ports in shared memory are shared by all domains; where two processes open one
+        at the same time it prints an error, and takes another port.
+        """
+        return [line for line in self.log().strip().splitlines() if '[RTPS_' not in line]
+
     def ended(self):
         return self._process.poll() is not None
 
@@ -92,8 +100,8 @@ class Process:
     def refusal(self):
         """Wait for the end with exit code 1; return the one line that the process has printed."""
         assert self.wait() == 1, self.log()
-        (line,) = self.log().strip().splitlines()
-        return line
+        assert len(self.lines()) == 1, self.log()
+        return self.lines()[0]
 
     def end(self):
         """End it as a user would; kill it when that fails."""
