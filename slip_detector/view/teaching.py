@@ -223,7 +223,9 @@ class Teaching:
         self._guarded(recorder.take)
         if self._slipping and now_s - self._held_at_s > HELD_S:
             self._let_go()
-            self.words = f'{recorder.path.name}: the page that held the slip is gone: it was ended'
+            self.words = (
+                f'{recorder.path.name}: the page that held the slip is gone, so the slip was ended'
+            )
         elif self._ends_ns is not None:
             came = len(rows) and int(rows.stamps_ns()[-1]) >= self._ends_ns
             if came or now_s > self._ends_at_s:

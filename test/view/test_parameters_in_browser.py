@@ -165,7 +165,7 @@ def test_changes_are_undone_one_after_the_other_and_all_of_it_is_as_at_first(ser
     running = serve()
     page = opened(running)
     expect(button(page, 'Undo')).to_be_disabled()
-    expect(button(page, 'As at first')).to_be_disabled()
+    expect(button(page, 'As first seen')).to_be_disabled()
     for value in ('0.25', '0.75'):
         field(page, 'threshold').fill(value)
         set_button(page).click()
@@ -179,7 +179,7 @@ def test_changes_are_undone_one_after_the_other_and_all_of_it_is_as_at_first(ser
     field(page, 'gain').fill('7')
     set_button(page).click()
     expect(page.locator('[data-name=gain]')).to_contain_text('In the file: 100.')
-    button(page, 'As at first').click()
+    button(page, 'As first seen').click()
     expect(field(page, 'gain')).to_have_value('100')
     assert config(running) == DetectorConfig()
 

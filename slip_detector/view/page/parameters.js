@@ -151,7 +151,7 @@ export class Parameters {
     this.undoes.textContent = panel?.undo ? `Undo takes back: ${panel.undo}.` : '';
     const differs = panel?.differs ?? [];
     this.asInFile.disabled = !usable || !differs.length;
-    this.asInFile.textContent = panel?.file ? 'As in the file' : 'As at first';
+    this.asInFile.textContent = panel?.file ? 'As in the file' : 'As first seen';
     this.asInFile.title = differs.length ? `Differs: ${differs.join(', ')}` : 'Nothing differs';
     this.save.disabled = this.replace.disabled = !panel || this.locked;
     this.whereTo.textContent = this.told.folder && `It is written to ${this.told.folder}`;

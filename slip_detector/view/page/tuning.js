@@ -50,7 +50,7 @@ export class Tuning {
   }
 
   stepWords(tuning, mine, slips) {
-    if (mine?.stopping) return 'stopping; what was found is judged and kept';
+    if (mine?.stopping) return 'stopping; the best result so far is evaluated and kept';
     if (mine?.running) return mine.step;
     if (tuning?.running) return 'another finger is being tuned';
     if (mine?.table.length) {
