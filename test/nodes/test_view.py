@@ -134,7 +134,7 @@ def test_signals_end_it_with_exit_code_0(bench, number):
     for _ in range(3):  # ros2 launch sends more than one.
         process.signal(number)
     assert process.wait() == 0
-    assert process.log() == f'slip_view: {address}\n'
+    assert process.lines() == [f'slip_view: {address}']
 
 
 def test_beyond_loopback_the_printed_address_has_a_token_that_is_needed(bench):
