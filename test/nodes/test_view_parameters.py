@@ -128,45 +128,51 @@ def test_a_set_is_taken_or_refused_whole_in_the_words_of_the_detector_and_events
 def test_a_detector_that_stands_still_or_is_gone_is_told_within_the_deadline(
     bench, client_of, monkeypatch
 ):
+    def wait_s(seconds):
+        monkeypatch.setattr(view_parameters, 'ANSWER_S', seconds)
+
     process = bench.start('slip_detector')
     client = client_of()
     read(client)
     assert asyncio.run(client.set({'threshold': 0.25})) == ''
-    monkeypatch.setattr(view_parameters, 'ANSWER_S', 1.0)
     process.signal(signal.SIGSTOP)
+    wait_s(1.0)
     assert asyncio.run(client.set({'threshold': 0.75})) == (
         'nothing was changed: /slip_detector has not answered for 1 s'
     )
     process.signal(signal.SIGCONT)
+    wait_s(60.0)
     # An answer that came too late is not taken for that to the next question.
     assert 'is -1' in asyncio.run(client.set({'threshold': -1}))
     assert read(client).values['threshold'] == 0.25
     ask = client._ask
 
-    def in_the_midst(*signals):
-        """Send the process signals when it is about to be told the change."""
+    def in_the_midst(*signals, waiting_s):
+        """Send the process signals when it is about to be told the change; wait so long then."""
 
         async def asked(service, *, once=False, **request):
-            for each in signals if once else ():
-                process.signal(each)
+            if once:
+                wait_s(waiting_s)
+                for each in signals:
+                    process.signal(each)
             return await ask(service, once=once, **request)
 
         monkeypatch.setattr(client, '_ask', asked)
 
-    in_the_midst(signal.SIGSTOP)
+    in_the_midst(signal.SIGSTOP, waiting_s=1.0)
     assert asyncio.run(client.set({'threshold': 0.75})) == (
         'it is not known whether this was set: /slip_detector has not answered for 1 s'
     )
     process.signal(signal.SIGCONT)
+    wait_s(60.0)
     assert read(client).values['threshold'] == 0.75
-    monkeypatch.setattr(view_parameters, 'ANSWER_S', 30.0)
-    in_the_midst(signal.SIGSTOP, signal.SIGTERM, signal.SIGCONT)
+    in_the_midst(signal.SIGSTOP, signal.SIGTERM, signal.SIGCONT, waiting_s=60.0)
     assert asyncio.run(client.set({'threshold': 0.5})) in (
         '',  # It was answered before it ended.
         'it is not known whether this was set: /slip_detector ended before it answered',
     )
     assert process.wait() == 0
-    monkeypatch.setattr(view_parameters, 'ANSWER_S', 1.0)
+    wait_s(1.0)
     words = asyncio.run(client_of().set({'threshold': 0.5}))
     assert words == 'nothing was changed: /slip_detector cannot be reached for 1 s'
 

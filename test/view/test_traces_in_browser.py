@@ -250,7 +250,11 @@ def test_values_are_read_by_keys_too(served, page):
 
 
 def test_a_stretch_is_chosen_and_stays_though_it_is_no_longer_kept(served, page):
-    play_seconds(served, page, 3.0)
+    # Nothing moves under the mouse: the lane of the truth, which comes with the first slip, is
+    # there, and nothing more comes.
+    play_seconds(served, page, 5.0)
+    served.call(setattr, served.hand, 'real_time', False)
+    expect(page.locator('.lane-name').get_by_text('truth')).to_be_visible()
     box = page.locator('#timeline').bounding_box()
     page.keyboard.down('Shift')
     page.mouse.move(box['x'] + box['width'] - 120, box['y'] + 60)
