@@ -91,7 +91,10 @@ class Process:
         return self._process.poll() is not None
 
     def signal(self, number):
+        """Send a signal; return after SIGSTOP when all threads stand still."""
         self._process.send_signal(number)
+        if number == signal.SIGSTOP:  # On a busy machine some threads go on for milliseconds.
+            os.waitid(os.P_PID, self._process.pid, os.WSTOPPED)
 
     def wait(self):
         """Wait for the end and return the exit code."""
