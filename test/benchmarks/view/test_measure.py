@@ -48,7 +48,9 @@ def test_all_figures_are_there_and_each_is_told():
     assert 1.0 < here['heap_mib'] < 100.0
     assert here['memory_mib'] > 50.0
     assert {verdict['met'] for verdict in figures['wanted'].values()} == {None}
-    assert 'Chromium draws them on this machine, 8 s' in view_table(figures)
+    assert here['seconds'] >= 8.0
+    told = f'Chromium draws them on this machine, {here["seconds"]:.0f} s'
+    assert told in view_table(figures)
 
 
 @pytest.mark.parametrize(
