@@ -85,7 +85,8 @@ class Process:
         Some of its ports in shared memory are shared by all domains; where two processes open one
         at the same time it prints an error, and takes another port.
         """
-        return [line for line in self.log().strip().splitlines() if '[RTPS_' not in line]
+        # Its name may stand between codes of colours.
+        return [line for line in self.log().strip().splitlines() if 'RTPS_' not in line]
 
     def ended(self):
         return self._process.poll() is not None
