@@ -358,8 +358,9 @@ def shut_down(takedowns: Sequence[Callable[[], object]], code: int) -> None:
     bound.daemon = True
     bound.start()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    # Later than the timer, even if a busy machine wakes its thread late.
-    signal.setitimer(signal.ITIMER_REAL, 5 * SHUTDOWN_S)
+    # Later than the timer, even if a busy machine wakes its thread seconds late; sooner than
+    # launch, which sends SIGTERM after 5 s.
+    signal.setitimer(signal.ITIMER_REAL, 10 * SHUTDOWN_S)
     for takedown in takedowns:
         takedown()
     rclpy.try_shutdown()

@@ -148,6 +148,7 @@ def test_detector_killed_and_started_again(bench):
     sensor.slips()
     sensor.process.signal(signal.SIGKILL)
     sensor.process.wait()
+    bench.wait_until_forgotten('slip_detector')
     # The state that was kept for late subscribers died with it (see also test_detector_health).
     late = []
     bench.node.create_subscription(Bool, 'slip', late.append, state_qos())
@@ -175,6 +176,7 @@ def test_driver_killed_and_started_again(bench):
     bench.wait_for(lambda: not slip[-1][1] and not valid[-1][1], 'both to fall')
     last_true_s = max(at for at, state in valid if state)
     assert last_true_s - killed_s < TIMEOUT_S + SLACK_S
+    bench.wait_until_forgotten('slip_driver')
     bench.start(
         'slip_driver', parameters={'source': 'scene', 'loop': 'true', 'wait_for_subscribers': 1}
     )

@@ -316,7 +316,8 @@ def test_a_detector_that_is_killed_is_silent_and_one_with_other_channels_takes_i
         await it.until(lambda: '/index/slip_valid' in it.subscribed(), 'the subscriptions')
         first.signal(signal.SIGKILL)
         await it.until(lambda: INDEX not in it.hand.fingers or finger.silent_words(), 'silence')
-        # The middleware keeps who was killed for some time: the finger is the same.
+        # See Bench.wait_until_forgotten.
+        await it.until(lambda: INDEX not in it.hand.fingers, 'it to be forgotten')
         start(bench, 'index', channels=2)
 
         def again():

@@ -63,6 +63,7 @@ def test_each_fault_of_driver_and_detector_is_told_in_words(bench, page):
     words(card.locator('.badge'), 'SLIP')
     detector.signal(signal.SIGKILL)
     words(card, 'was it killed, or stopped?')
+    bench.wait_until_forgotten('slip_detector')
     again = bench.start('slip_detector', *index, parameters={'channels': 8})
     words(card.locator('.notice'), 'with 8 channels instead of 16')
     words(card.locator('.diagnostics'), 'dropped: not as many channels as configured')

@@ -134,8 +134,7 @@ def test_a_detector_that_dies_and_comes_again_is_told_and_what_was_changed_can_b
     expect(field(page, 'threshold')).to_have_value('0.5')
     process.signal(signal.SIGKILL)
     process.wait()
-    # Fast DDS 2.14: a process that takes the place of one that hung, before the others have
-    # forgotten that one, may stay without a name and without services (see docs/faults.md).
+    # See Bench.wait_until_forgotten.
     expect(page.get_by_text('slip_detector: its detector has ended.')).to_be_visible()
     started(bench, tmp_path)
     expect(changes(page).locator('li').last).to_have_text(

@@ -230,6 +230,7 @@ def test_what_was_recorded_is_there_when_slip_view_is_killed_and_whole_when_it_i
             view.signal(number)
             view.wait()
             page.close()
+            bench.wait_until_forgotten('slip_view')
             rows = [piece.stamps_ns for piece in open_recording(recordings / name).rows()]
             # The page rounds to a tenth of a second.
             assert np.ptp(np.concatenate(rows)) > (shown_s - 0.1) * 1e9

@@ -244,6 +244,15 @@ class Bench:
                 pytest.fail(f'waited in vain for {what}; the processes said:\n{logs}')
             self.executor.spin_once(timeout_sec=0.05)
 
+    def wait_until_forgotten(self, name):
+        """Wait until the middleware has forgotten the node of a killed process.
+
+        Fast DDS deletes the shared memory of a killed process when it is found dead. Where that
+        meets the start of its successor, the successor's is deleted: it hears nothing, and nobody
+        sees it (see docs/faults.md).
+        """
+        self.wait_for(lambda: name not in self.node.get_node_names(), f'{name} to be forgotten')
+
     def listen(self, message_type, topic, qos):
         """Return the list that messages of a topic are put on."""
         heard = []
