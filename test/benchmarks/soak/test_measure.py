@@ -28,9 +28,13 @@ pytestmark = pytest.mark.nodes
 
 
 @pytest.mark.parametrize(
-    ('part', 'fingers', 'samples_a_second'), [('finger', 1, 380), ('fast_hand', 5, 5 * 1000)]
+    ('part', 'fingers', 'samples_a_second', 'least_s'),
+    # Where the machine is busy, drivers of five fingers at 1 kHz fall seconds behind.
+    [('finger', 1, 380, 19), ('fast_hand', 5, 5 * 1000, 10)],
 )
-def test_nothing_is_lost_unseen_and_all_figures_are_there(part, fingers, samples_a_second):
+def test_nothing_is_lost_unseen_and_all_figures_are_there(
+    part, fingers, samples_a_second, least_s
+):
     code, output, errors = run('soak', '--part', part, '--seconds', '20', '--json')
     assert code == 0, errors
     result = json.loads(output)
@@ -39,8 +43,8 @@ def test_nothing_is_lost_unseen_and_all_figures_are_there(part, fingers, samples
         assert f'``{name}``' in measure.__doc__
     assert f'{figures["samples"]:,} samples' in soak_table(result)
     assert figures['fingers'] == fingers
-    # Samples all the time, or counted as lost; drivers of a busy machine fall seconds behind.
-    assert figures['samples'] + figures['lost_total'] > 10 * samples_a_second
+    # Of the 20 s there are samples all the time, or they are counted as lost.
+    assert figures['samples'] + figures['lost_total'] > least_s * samples_a_second
     # The middleware's queue between two processes holds 512 messages: 1.3 s of one finger at
     # 380 Hz, but 0.1 s of five at 1 kHz, and a machine busy with other tests stops a process for
     # longer. What a hand loses on an idle machine is the benchmark's to say.
