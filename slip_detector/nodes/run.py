@@ -108,18 +108,19 @@ def run(executable: str) -> int:
             executor.spin_once(timeout_sec=LONGEST_WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except ValueError as error:
-        print(f'{executable}: {error}', file=sys.stderr)
-        code = 1
     except Exception as error:
-        # rcl refuses a parameter file, an argument or the name of a node.
-        if not initialised or (not takedowns and isinstance(error, ROS_ERROR)):
+        if initialised and not rclpy.ok():
+            pass  # A signal has shut the context down during a call, which is a normal end.
+        elif isinstance(error, ValueError):
+            print(f'{executable}: {error}', file=sys.stderr)
+            code = 1
+        elif not initialised or (not takedowns and isinstance(error, ROS_ERROR)):
+            # rcl refuses a parameter file, an argument or the name of a node.
             print(f'{executable}: {" ".join(str(error).split())}', file=sys.stderr)
             code = 1
-        elif rclpy.ok():
+        else:
             code = 1
             raise
-        # Otherwise a signal has shut the context down during a call, which is a normal end.
     finally:
         # A second signal (ros2 launch sends two) must not interrupt the shutdown.
         for number in (signal.SIGINT, signal.SIGTERM):
