@@ -28,13 +28,9 @@ pytestmark = pytest.mark.nodes
 
 
 @pytest.mark.parametrize(
-    ('part', 'fingers', 'samples_a_second', 'least_s'),
-    # Where the machine is busy, drivers of five fingers at 1 kHz fall seconds behind.
-    [('finger', 1, 380, 19), ('fast_hand', 5, 5 * 1000, 10)],
+    ('part', 'fingers', 'samples_a_second'), [('finger', 1, 380), ('fast_hand', 5, 5 * 1000)]
 )
-def test_nothing_is_lost_unseen_and_all_figures_are_there(
-    part, fingers, samples_a_second, least_s
-):
+def test_nothing_is_lost_unseen_and_all_figures_are_there(part, fingers, samples_a_second):
     code, output, errors = run('soak', '--part', part, '--seconds', '20', '--json')
     assert code == 0, errors
     result = json.loads(output)
@@ -43,7 +39,10 @@ def test_nothing_is_lost_unseen_and_all_figures_are_there(
         assert f'``{name}``' in measure.__doc__
     assert f'{figures["samples"]:,} samples' in soak_table(result)
     assert figures['fingers'] == fingers
-    # Of the 20 s there are samples all the time, or they are counted as lost.
+    # Of the 20 s there are samples all the time, or they are counted as lost. Where the machine is
+    # busy, the drivers of a hand fall behind, at the end more than at the median of a half.
+    late_s = 0.0 if part == 'finger' else 2e-3 * max(figures['latency_p99_ms'])
+    least_s = max(10.0, 19.0 - late_s)
     assert figures['samples'] + figures['lost_total'] > least_s * samples_a_second
     # The middleware's queue between two processes holds 512 messages: 1.3 s of one finger at
     # 380 Hz, but 0.1 s of five at 1 kHz, and a machine busy with other tests stops a process for
