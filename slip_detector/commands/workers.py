@@ -39,6 +39,10 @@ MOST_DEATHS = 3
 #: Longest time in which a scheduler may answer.
 CONNECT_TIMEOUT_S = 10.0
 
+#: Loggers on which Dask puts a traceback when a call is cancelled or the connection closes while
+#: something is on its way.
+LOGS_OF_LEAVING = ('tornado.application', 'distributed.batched', 'distributed.client')
+
 NEEDS_DISTRIBUTED = (
     "--cluster needs distributed, which is not installed: pip install 'slip_detector[cluster]'"
 )
@@ -189,9 +193,9 @@ class Workers:
             self._client: Any = Client(address, timeout=CONNECT_TIMEOUT_S)
         except (OSError, ValueError) as error:
             raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
-        # Dask logs a traceback when a call is cancelled or the connection closes while a result is
-        # on its way. After Ctrl-C both are expected, and a lost cluster is reported as an error.
-        logging.getLogger('tornado.application').addFilter(_is_unexpected)
+        # After Ctrl-C both are expected, and a lost cluster is reported as an error.
+        for name in LOGS_OF_LEAVING:
+            logging.getLogger(name).addFilter(_is_unexpected)
         self._executor = self._client.get_executor(pure=False)
         # The call killed its workers, or a worker lacks this package.
         self._given_up = (KilledWorker, ImportError)

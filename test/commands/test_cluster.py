@@ -26,7 +26,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_detector.commands import evaluate, tune
+from slip_detector.commands import evaluate, tune, workers
 from slip_detector.commands.workers import Workers
 from support.evaluation_cases import write
 from support.interrupts import (
@@ -40,6 +40,24 @@ from support.tuning_cases import journal, trials_of
 distributed = pytest.importorskip('distributed', reason='needs distributed')
 
 ROOT = Path(__file__).parents[2]
+
+#: A script: what is sent to the scheduler finds its connection closed.
+CLOSED_WHILE_SENDING = """
+import sys
+import threading
+from slip_detector.commands.workers import Workers
+with Workers(cluster=sys.argv[1]) as workers:
+    client, ended = workers._client, threading.Event()
+    async def send_and_close():
+        stream = client.scheduler_comm
+        stream.send({'op': 'heartbeat-client'})
+        stream.comm.abort()
+        await stream.stopped.wait()
+        ended.set()
+    client.loop.add_callback(send_and_close)
+    assert ended.wait(60)
+    print('closed')
+"""
 
 
 class Cluster:
@@ -146,12 +164,24 @@ def test_an_interrupt_leaves_what_a_cluster_found_and_the_cluster_as_it_was(clus
         wait_for(lambda: not any(client.processing().values()))
 
 
-def test_a_result_that_was_on_the_way_to_who_leaves_is_no_error_on_the_log(cluster, caplog):
-    log = logging.getLogger('tornado.application')
+@pytest.mark.parametrize('name', workers.LOGS_OF_LEAVING)
+def test_a_result_that_was_on_the_way_to_who_leaves_is_no_error_on_the_log(cluster, caplog, name):
+    log = logging.getLogger(name)
+    log.addHandler(caplog.handler)  # those of Dask do not reach the root
     with Workers(cluster=cluster.address):
         cancelled = distributed.client.FutureCancelledError('a call', None)
         for error in (cancelled, distributed.comm.CommClosedError(), ValueError()):
             log.error('in a callback', exc_info=error)
-    assert [record.exc_info[0] for record in caplog.records if record.name == log.name] == [
-        ValueError
-    ]
+    log.removeHandler(caplog.handler)
+    logged = {id(record): record.exc_info[0] for record in caplog.records if record.name == name}
+    assert list(logged.values()) == [ValueError]
+
+
+def test_a_connection_that_closes_while_a_message_is_sent_puts_no_error_on_the_log(cluster):
+    said = subprocess.run(
+        [sys.executable, '-c', CLOSED_WHILE_SENDING, cluster.address],
+        capture_output=True, text=True, timeout=DEADLINE_S, check=True,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+    )  # fmt: skip
+    assert said.stdout == 'closed\n'
+    assert 'Traceback' not in said.stderr
