@@ -37,7 +37,11 @@ from slip_detector.nodes.health import Health
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs, check_topics
 from slip_detector.nodes.parameters import declare, follow_changes
-from slip_detector.nodes.rclpy_internals import ROS_ERROR, answer_impossible_transitions
+from slip_detector.nodes.rclpy_internals import (
+    ROS_ERROR,
+    answer_impossible_transitions,
+    destroy_state_machine,
+)
 from slip_detector.nodes.senders import SenderWatch
 from slip_detector.nodes.silence import LOOKS, SilenceWatch
 from slip_detector.nodes.timers import Timers
@@ -119,6 +123,11 @@ class Detector(LifecycleNode):
         self._listen()
         self._listen_to_others()
         return TransitionCallbackReturn.SUCCESS
+
+    def destroy_node(self) -> None:
+        """Destroy the node and what its life cycle is kept in."""
+        super().destroy_node()
+        destroy_state_machine(self)
 
     @exclusive
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

@@ -29,6 +29,7 @@ from lifecycle_msgs.msg import State, Transition  # noqa: E402
 from lifecycle_msgs.srv import ChangeState  # noqa: E402
 from rcl_interfaces.srv import GetParameters  # noqa: E402
 from rclpy.clock import Clock, ClockType  # noqa: E402
+from rclpy.exceptions import InvalidHandle  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.lifecycle import LifecycleNode  # noqa: E402
 from rclpy.node import Node  # noqa: E402
@@ -41,6 +42,7 @@ from slip_detector.nodes.rclpy_internals import (  # noqa: E402
     WaitSet,
     answer_impossible_transitions,
     call_if_due,
+    destroy_state_machine,
     given_parameters,
     held,
     ignore_impossible_times,
@@ -90,6 +92,9 @@ def test_a_transition_that_is_not_possible_is_answered_with_no_and_one_that_is_i
     assert change(Transition.TRANSITION_CONFIGURE)
     assert node._state_machine.current_state[0] == State.PRIMARY_STATE_INACTIVE
     node.destroy_node()
+    destroy_state_machine(node)
+    with pytest.raises(InvalidHandle), node._state_machine:
+        pass
 
 
 @pytest.mark.parametrize('from_the_start', [True, False])

@@ -18,6 +18,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -26,6 +27,9 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.nodes.run import EXECUTABLES, _arguments_of_each
 from support.harness import compile_nodes
+
+#: What an executable does not start without.
+STARTED_WITH = {'slip_driver': {'source': 'scene'}}
 
 
 def run(*words):
@@ -45,6 +49,18 @@ def test_what_can_be_run_is_said(words):
     assert done.stderr.strip() == (
         f'the first word says what to run, allowed: {", ".join(EXECUTABLES)}'
     )
+
+
+@pytest.mark.parametrize('executable', EXECUTABLES)
+def test_a_node_that_ends_says_goodbye(bench, executable):
+    process = bench.start(executable, parameters=STARTED_WITH.get(executable))
+    bench.wait_for(lambda: executable in bench.node.get_node_names(), 'the node')
+    process.signal(signal.SIGTERM)
+    assert process.wait() == 0
+    ended_s = time.monotonic()
+    bench.wait_until_forgotten(executable)
+    # One that says nothing is forgotten after 14 to 20 s.
+    assert time.monotonic() - ended_s < 8.0
 
 
 @pytest.mark.parametrize('executable', EXECUTABLES)

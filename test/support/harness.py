@@ -60,6 +60,7 @@ class Process:
 
     def __init__(self, *command, domain, output=None):
         self._command = ' '.join(map(str, command))
+        self.killed = False
         self._log = tempfile.TemporaryFile('w+')  # noqa: SIM115, closed in end()
         environment = {
             **os.environ,
@@ -94,6 +95,7 @@ class Process:
     def signal(self, number):
         """Send a signal; return after SIGSTOP when all threads stand still."""
         self._process.send_signal(number)
+        self.killed |= number == signal.SIGKILL
         if number == signal.SIGSTOP:  # On a busy machine some threads go on for milliseconds.
             os.waitid(os.P_PID, self._process.pid, os.WSTOPPED)
 
@@ -265,12 +267,26 @@ class Bench:
         self._subscriptions.setdefault(topic, []).append(subscription)
 
     def close(self):
+        """End the processes and the node.
+
+        For some time after a process was killed Fast DDS replaces shared memory, also in the other
+        processes. Where that meets the end of a node, Fast DDS unmaps what the end waits for, and
+        the process dies of it: so the node ends when the dead one is forgotten.
+        """
         for process in self.processes:
             process.end()
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown(context=self.context)
-        os.close(self._lock)
+        try:
+            if any(process.killed for process in self.processes):
+                alone = [self.node.get_name()]
+                self.wait_for(
+                    lambda: self.node.get_node_names() == alone,
+                    'the killed process to be forgotten',
+                )
+        finally:
+            self.executor.shutdown()
+            self.node.destroy_node()
+            rclpy.try_shutdown(context=self.context)
+            os.close(self._lock)
 
 
 class Detected:
