@@ -45,9 +45,9 @@ from rclpy.timer import Timer
 
 Entity = TypeVar('Entity', Subscription, Timer, GuardCondition)
 
-#: Longest time, in seconds, for the shutdown of the middleware, which takes some hundredths of a
-#: second, or half a second on a busy machine. Other processes see a node that is ended before this
-#: is complete for some twenty seconds more.
+#: Longest time, in seconds, for the shutdown of the middleware, which normally takes some
+#: hundredths of a second. Other processes see a node that has ended without it for some twenty
+#: seconds more.
 SHUTDOWN_S = 2.0
 
 
