@@ -202,7 +202,10 @@ class Workers:
 
 
 def _is_unexpected(record: logging.LogRecord) -> bool:
-    return not (record.exc_info and isinstance(record.exc_info[1], (CancelledError, OSError)))
+    import asyncio  # Dask has loaded it; where there is no Dask, starting is faster without it
+
+    expected = (CancelledError, asyncio.CancelledError, OSError)
+    return not (record.exc_info and isinstance(record.exc_info[1], expected))
 
 
 def _processes(jobs: int) -> ProcessPoolExecutor:

@@ -125,7 +125,9 @@ def run(executable: str) -> int:
         # A second signal (ros2 launch sends two) must not interrupt the shutdown.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
-        shut_down(takedowns, code)
+        # A node that is only partly made is not in the takedowns. Its objects refer to each other,
+        # and the middleware has it until they are collected.
+        shut_down(takedowns or [gc.collect], code)
     return code
 
 

@@ -14,6 +14,7 @@
 
 """``slip_evaluate`` and ``slip_tune`` on a Dask cluster: workers die, and Ctrl-C is pressed."""
 
+import asyncio
 import contextlib
 import json
 import logging
@@ -57,6 +58,29 @@ with Workers(cluster=sys.argv[1]) as workers:
     client.loop.add_callback(send_and_close)
     assert ended.wait(60)
     print('closed')
+"""
+
+#: A script: the connection is lost, and the scheduler does not answer when it is asked again.
+CLOSED_WHILE_CONNECTING = """
+import os
+import signal
+import sys
+import threading
+from slip_detector.commands.workers import Workers
+with Workers(cluster=sys.argv[1]) as workers:
+    client, connecting = workers._client, threading.Event()
+    def ask():
+        if client.status == 'connecting':
+            connecting.set()
+        else:
+            client.loop.add_callback(ask)
+    def lose():
+        client.scheduler_comm.comm.abort()
+        ask()
+    os.kill(int(sys.argv[2]), signal.SIGSTOP)
+    client.loop.add_callback(lose)
+    assert connecting.wait(60)
+print('closed')
 """
 
 
@@ -170,18 +194,31 @@ def test_a_result_that_was_on_the_way_to_who_leaves_is_no_error_on_the_log(clust
     log.addHandler(caplog.handler)  # those of Dask do not reach the root
     with Workers(cluster=cluster.address):
         cancelled = distributed.client.FutureCancelledError('a call', None)
-        for error in (cancelled, distributed.comm.CommClosedError(), ValueError()):
+        closed = distributed.comm.CommClosedError()
+        for error in (cancelled, asyncio.CancelledError(), closed, ValueError()):
             log.error('in a callback', exc_info=error)
     log.removeHandler(caplog.handler)
     logged = {id(record): record.exc_info[0] for record in caplog.records if record.name == name}
     assert list(logged.values()) == [ValueError]
 
 
-def test_a_connection_that_closes_while_a_message_is_sent_puts_no_error_on_the_log(cluster):
+def check_that_no_error_is_logged(script, *words):
     said = subprocess.run(
-        [sys.executable, '-c', CLOSED_WHILE_SENDING, cluster.address],
+        [sys.executable, '-c', script, *map(str, words)],
         capture_output=True, text=True, timeout=DEADLINE_S, check=True,
         env={**os.environ, 'PYTHONPATH': str(ROOT)},
     )  # fmt: skip
     assert said.stdout == 'closed\n'
-    assert 'Traceback' not in said.stderr
+    assert said.stderr == ''
+
+
+def test_a_connection_that_closes_while_a_message_is_sent_puts_no_error_on_the_log(cluster):
+    check_that_no_error_is_logged(CLOSED_WHILE_SENDING, cluster.address)
+
+
+def test_who_leaves_while_the_connection_is_made_again_gets_no_error_on_the_log(cluster):
+    scheduler = cluster.processes[0]
+    try:
+        check_that_no_error_is_logged(CLOSED_WHILE_CONNECTING, cluster.address, scheduler.pid)
+    finally:
+        scheduler.send_signal(signal.SIGCONT)

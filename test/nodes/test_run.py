@@ -51,16 +51,64 @@ def test_what_can_be_run_is_said(words):
     )
 
 
-@pytest.mark.parametrize('executable', EXECUTABLES)
-def test_a_node_that_ends_says_goodbye(bench, executable):
-    process = bench.start(executable, parameters=STARTED_WITH.get(executable))
+def check_that_it_says_goodbye(bench, process, executable, number, code):
     bench.wait_for(lambda: executable in bench.node.get_node_names(), 'the node')
-    process.signal(signal.SIGTERM)
-    assert process.wait() == 0
+    process.signal(number)
+    assert process.wait() == code
     ended_s = time.monotonic()
     bench.wait_until_forgotten(executable)
     # One that says nothing is forgotten after 14 to 20 s.
     assert time.monotonic() - ended_s < 8.0
+
+
+@pytest.mark.parametrize('executable', EXECUTABLES)
+def test_a_node_that_ends_says_goodbye(bench, executable):
+    process = bench.start(executable, parameters=STARTED_WITH.get(executable))
+    check_that_it_says_goodbye(bench, process, executable, signal.SIGTERM, 0)
+
+
+# Runs an executable whose node, after a method of its base, waits for a signal.
+WAITING = """
+import signal, sys, time
+import rclpy
+from rclpy.node import Node
+from slip_detector.nodes.run import main
+
+name, told = sys.argv.pop(), []
+method = getattr(Node, name)
+signal.signal(signal.SIGUSR1, lambda *_: told.append(True))
+
+def call_and_wait(self, *words, **named):
+    result = method(self, *words, **named)
+    deadline_s = time.monotonic() + 60.0
+    while rclpy.ok() and not told and time.monotonic() < deadline_s:
+        time.sleep(0.001)
+    return result
+
+setattr(Node, name, call_and_wait)
+main(sys.argv.pop(1))
+"""
+
+
+@pytest.mark.parametrize(
+    ('executable', 'method'),
+    [
+        ('slip_driver', 'get_logger'),
+        ('slip_detector', 'create_timer'),
+        ('grasp_controller', 'create_timer'),
+    ],
+)
+def test_a_node_that_a_signal_ends_while_it_is_made_says_goodbye(bench, executable, method):
+    words = ['--ros-args', '-p', 'source:=scene'] if executable == 'slip_driver' else []
+    process = bench.start_python('-c', WAITING, executable, *words, method)
+    check_that_it_says_goodbye(bench, process, executable, signal.SIGTERM, 0)
+
+
+def test_a_node_that_refuses_a_parameter_says_goodbye(bench):
+    words = ['--ros-args', '-p', 'gain:=nonsense', '__init__']
+    process = bench.start_python('-c', WAITING, 'slip_detector', *words)
+    check_that_it_says_goodbye(bench, process, 'slip_detector', signal.SIGUSR1, 1)
+    assert 'parameter gain' in process.log()
 
 
 @pytest.mark.parametrize('executable', EXECUTABLES)
