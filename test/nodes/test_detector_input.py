@@ -23,19 +23,19 @@ from sensor_msgs.msg import JointState, PointCloud
 from std_msgs.msg import Bool, Float32MultiArray, Float64MultiArray, Header, MultiArrayDimension
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos, time_message
+from slip_detector.nodes.messages import event_qos, stamp_ns, state_qos, time_message
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
-from support.harness import PERIOD_NS, START_NS, patient_qos
+from support.harness import PERIOD_NS, START_NS, reliable_qos
 
 
 def started(bench, message_type, **parameters):
     """Start a detector and return its envelope and a publisher of its input."""
-    envelope = bench.listen(JointState, 'slip_detector/envelope', patient_qos())
-    voltages = bench.node.create_publisher(message_type, 'voltages', sensor_qos())
+    envelope = bench.listen(JointState, 'slip_detector/envelope', reliable_qos())
+    voltages = bench.node.create_publisher(message_type, 'voltages', reliable_qos())
     words = {'input_timeout_s': 60.0, **parameters}
-    process = bench.start('slip_detector', parameters=words)
+    process = bench.start('slip_detector', parameters=words, reliable_samples=True)
     bench.wait_for(voltages.get_subscription_count, 'the detector to connect')
     return process, envelope, voltages
 
@@ -210,9 +210,7 @@ def test_messages_without_the_field_are_counted_and_the_node_goes_on(bench):
 
 
 def test_the_drivers_batches_carry_the_same_samples(bench):
-    qos = sensor_qos()
-    qos.depth = 5000
-    heard = bench.listen(Float32MultiArray, 'voltages', qos)
+    heard = bench.listen(Float32MultiArray, 'voltages', reliable_qos())
     bench.start_driver(parameters={'samples_per_message': 7, 'rate': 4.0})
     samples = open_source(DriverConfig(source='scene')).read(10**6).volts
     full, rest = divmod(len(samples), 7)

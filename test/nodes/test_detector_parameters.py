@@ -378,7 +378,7 @@ def test_another_type_of_input_is_taken_while_it_runs(bench):
         'loop': 'true',
         'wait_for_subscribers': 1,
     }
-    bench.start('slip_driver', parameters=driver)
+    bench.start('slip_driver', parameters=driver, reliable_samples=True)
     bench.wait_for(lambda: detected.valid[-1].data, 'slip_valid')
     assert 'voltages with a type' not in detected.process.log()
 

@@ -28,7 +28,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import write_recording
 from slip_detector.sources import open_source
-from support.harness import ROOT, ended_quietly, patient_qos, patient_state_qos
+from support.harness import ROOT, ended_quietly, patient_state_qos, reliable_qos
 from support.recorded import read_recording
 
 XELA = ROOT.parent / 'shared' / 'data' / 'xela_uskin_slip'
@@ -79,9 +79,9 @@ class Played:
     """A driver process that waits for the test, and all that it publishes."""
 
     def __init__(self, bench, parameters, samples):
-        self.voltages = bench.listen(JointState, 'voltages', patient_qos())
+        self.voltages = bench.listen(JointState, 'voltages', reliable_qos())
         self.truth = bench.listen(Bool, 'slip_truth', patient_state_qos())
-        self.position = bench.listen(JointState, 'platform_position', patient_qos())
+        self.position = bench.listen(JointState, 'platform_position', reliable_qos())
         self.process = bench.start_driver(parameters=parameters)
         bench.wait_for(lambda: len(self.voltages) >= samples, f'{samples} samples')
 
@@ -289,10 +289,10 @@ def test_a_broken_recording_is_named_in_one_line(bench, recording):
 def test_a_real_recording_plays_through_both_nodes(bench):
     path = sorted(XELA.glob('*.npz'))[-1]
     file = ROOT / 'config' / 'xela_uskin.yaml'
-    voltages = bench.listen(JointState, 'voltages', patient_qos())
-    envelope = bench.listen(JointState, 'slip_detector/envelope', patient_qos())
+    voltages = bench.listen(JointState, 'voltages', reliable_qos())
+    envelope = bench.listen(JointState, 'slip_detector/envelope', reliable_qos())
     slip = bench.listen(Bool, 'slip', state_qos())
-    detector = bench.start('slip_detector', '--params-file', file)
+    detector = bench.start('slip_detector', '--params-file', file, reliable_samples=True)
     bench.wait_for(lambda: slip, 'the detector')
     wanted = read_recording(path, DriverConfig.from_yaml(file)).volts
     parameters = {'source': 'recording', 'recording': path}

@@ -28,7 +28,7 @@ from slip_detector.nodes.health import Level
 from slip_detector.nodes.messages import stamp_ns, state_qos
 from slip_detector.sources.packets import PacketDecoder, encode
 from slip_detector.sources.text_lines import LineDecoder
-from support.harness import ended_quietly, patient_qos
+from support.harness import ended_quietly, reliable_qos
 from support.sensors import (
     SCALE_V,
     Sender,
@@ -54,7 +54,7 @@ class Listening:
 
     def __init__(self, bench, parameters, others=0):
         self.bench = bench
-        self.voltages = bench.listen(JointState, 'voltages', patient_qos())
+        self.voltages = bench.listen(JointState, 'voltages', reliable_qos())
         self.process = bench.start_driver(parameters=parameters, others=others)
         bench.wait_for(lambda: 'listening' in self.process.log(), 'the driver to listen')
 
@@ -278,7 +278,7 @@ def test_a_sensor_that_is_pulled_out_takes_slip_valid_along_and_brings_it_back(b
 
 
 def test_what_waits_for_its_batch_is_sent_when_the_sensor_goes(bench, port):
-    batches = bench.listen(Float32MultiArray, 'voltages', patient_qos())
+    batches = bench.listen(Float32MultiArray, 'voltages', reliable_qos())
     given = {'source': 'serial', 'serial_port': port.path, 'samples_per_message': 10}
     driver = bench.start_driver(parameters=given)
     bench.wait_for(lambda: 'listening' in driver.log(), 'the driver to listen')

@@ -39,7 +39,13 @@ from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
 from slip_detector.chain.warm_up import compile_chain  # noqa: E402
-from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos, time_message  # noqa: E402
+from slip_detector.nodes.messages import (  # noqa: E402
+    event_qos,
+    sensor_qos,
+    stamp_ns,
+    state_qos,
+    time_message,
+)
 from slip_detector.parameters.driver import DriverConfig  # noqa: E402
 from slip_detector.sources import open_source  # noqa: E402
 
@@ -50,6 +56,8 @@ DEADLINE_S = 90.0
 ASK_AGAIN_S = 1.0
 
 ROOT = Path(__file__).resolve().parents[2]
+
+RELIABLE_SAMPLES = ROOT / 'test' / 'support' / 'reliable_samples.py'
 
 #: Stamp of a first sample, and the time from sample to sample at the rate of the paper.
 START_NS, PERIOD_NS = 1_700_000_000 * 10**9, round(1e9 / 380)
@@ -133,6 +141,14 @@ def patient_qos():
     )
 
 
+def reliable_qos():
+    """Return the profile of samples for a test that needs each of them.
+
+    The other side offers it, or asks for it, if it was started with ``reliable_samples``.
+    """
+    return event_qos(20_000)
+
+
 def patient_state_qos():
     """Return the profile of states for a test that must see each change, however late it looks."""
     return state_qos(depth=1000)
@@ -165,12 +181,15 @@ class Bench:
         self._subscriptions = {}
         self._clients = {}
 
-    def start(self, name, *words, parameters=None, output=None):
+    def start(self, name, *words, parameters=None, output=None, reliable_samples=False):
         """Start an executable of the package; its output is kept, or goes to a file."""
-        command = ['slip_detector.nodes.run', name, '--ros-args']
+        run = ['-m', 'slip_detector.nodes.run']
+        if reliable_samples:
+            run = ['-P', RELIABLE_SAMPLES]  # -P: nothing is imported from the file's own folder.
+        command = [*run, name, '--ros-args']
         for key, value in (parameters or {}).items():
             command += ['-p', f'{key}:={value}']
-        return self.start_python('-m', *command, *words, output=output)
+        return self.start_python(*command, *words, output=output)
 
     def start_python(self, *words, output=None):
         """Start Python with these words; its output is kept, or goes to a file."""
@@ -190,12 +209,12 @@ class Bench:
         A publisher that has found a subscription may send before the subscription has found the
         publisher; such samples are lost. So the driver waits for one subscriber more than there
         are, and the last one subscribes when those of the test know the driver. ``others`` is the
-        number of subscribers in other processes.
+        number of subscribers in other processes. The driver's samples are reliable.
         """
         subscriptions = self._subscriptions['voltages']
         wanted = others + len(subscriptions) + 1
         given = {'source': 'scene', **(parameters or {}), 'wait_for_subscribers': wanted}
-        process = self.start('slip_driver', *words, parameters=given)
+        process = self.start('slip_driver', *words, parameters=given, reliable_samples=True)
 
         def known():
             if process.ended():
@@ -290,18 +309,23 @@ class Bench:
 
 
 class Detected:
-    """A detector process fed by the test, sample by sample, and what it publishes."""
+    """A detector process fed by the test, sample by sample, and what it publishes.
+
+    Samples and decisions are reliable here, as each is compared (see ``reliable_samples``).
+    """
 
     def __init__(self, bench, *words, parameters=None, namespace=''):
         lead = f'{namespace}/' if namespace else ''
         self.bench = bench
-        self.envelope = bench.listen(JointState, f'{lead}slip_detector/envelope', patient_qos())
+        self.envelope = bench.listen(JointState, f'{lead}slip_detector/envelope', reliable_qos())
         self.slip = bench.listen(Bool, f'{lead}slip', patient_state_qos())
         self.valid = bench.listen(Bool, f'{lead}slip_valid', patient_state_qos())
-        self._voltages = bench.node.create_publisher(JointState, f'{lead}voltages', sensor_qos())
+        self._voltages = bench.node.create_publisher(JointState, f'{lead}voltages', reliable_qos())
         if namespace:
             words = ('-r', f'__ns:=/{namespace}', *words)
-        self.process = bench.start('slip_detector', *words, parameters=parameters)
+        self.process = bench.start(
+            'slip_detector', *words, parameters=parameters, reliable_samples=True
+        )
         bench.wait_for(self._connected, 'the detector to connect')
 
     def _connected(self):
