@@ -24,9 +24,9 @@ import sys
 
 from slip_detector.nodes import messages
 
-messages.sensor_qos = functools.partial(messages.event_qos, depth=1000)
+if __name__ == '__main__':
+    messages.sensor_qos = functools.partial(messages.event_qos, depth=1000)
+    # Only now: the modules take the profile by its name.
+    from slip_detector.nodes.run import main
 
-# Only now: the modules take the profile by its name.
-from slip_detector.nodes.run import main  # noqa: E402
-
-main(sys.argv.pop(1))
+    main(sys.argv.pop(1))
