@@ -60,7 +60,7 @@ def test_every_topic_says_what_the_chain_decides(bench, rows):
     topics.update({f'slip/channel/ch{i + 1}': [] for i in range(16)})
     heard = {topic: bench.listen(Bool, topic, patient_state_qos()) for topic in topics}
     onsets = bench.listen(Header, 'slip_onset', event_qos())
-    detected = Detected(bench)
+    detected = Detected(bench, parameters={'input_timeout_s': 60.0})
     bench.wait_for(lambda: all(heard.values()), 'the first state of each topic')
     begin = detected.settle(rows[0], START_NS, PERIOD_NS)
     detected.send_all(rows, begin, PERIOD_NS)
@@ -203,12 +203,14 @@ def test_slip_valid_falls_when_the_input_stops_and_rises_when_it_comes_again(ben
     bench.wait_for(lambda: not detected.slip[-1].data, 'slip to fall with it')
     assert changes(detected.valid)[-2:] == [True, False]
     assert 'no input any more' in detected.process.log()
+    n = len(detected.valid)
     detected.send_all(rows[:20], at_ns + 10**9, PERIOD_NS)
-    bench.wait_for(lambda: detected.valid[-1].data, 'slip_valid to rise')
+    # On a busy machine it may have fallen again.
+    bench.wait_for(lambda: any(state.data for state in detected.valid[n:]), 'slip_valid to rise')
 
 
 def test_slip_valid_falls_when_no_group_can_vote(bench, rows):
-    detected = Detected(bench)
+    detected = Detected(bench, parameters={'input_timeout_s': 60.0})
     begin = detected.settle(rows[0], START_NS, PERIOD_NS)
     at_ns = detected.send_all(rows[:10], begin, PERIOD_NS)
     bench.wait_for(lambda: detected.valid[-1].data, 'slip_valid to rise')
