@@ -63,7 +63,9 @@ def test_each_fault_of_driver_and_detector_is_told_in_words(bench, page):
     words(card.locator('.badge'), 'SLIP')
     detector.signal(signal.SIGKILL)
     words(card, 'was it killed, or stopped?')
+    # By all who knew it: by the test, and by slip_view.
     bench.wait_until_forgotten('slip_detector')
+    expect(card).to_have_count(0)
     again = bench.start('slip_detector', *index, parameters={'channels': 8})
     words(card.locator('.notice'), 'with 8 channels instead of 16')
     words(card.locator('.diagnostics'), 'dropped: not as many channels as configured')
