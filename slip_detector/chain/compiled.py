@@ -42,10 +42,12 @@ try:
     # Numba loads the package coverage if it is installed, which takes a tenth of a node's start.
     # Only a measurement of coverage needs it, and has loaded it already.
     with _as_if_missing('coverage'):
+        from numba import __version__ as numba_version
         from numba import njit
 
     COMPILED = True
 except ImportError:  # not every robot has Numba
+    numba_version = ''
     COMPILED = False
 
 
@@ -54,8 +56,12 @@ MARKS = (b'@compiled', b'@intrinsic')
 
 
 def _fingerprint() -> str:
-    """Return a checksum of all files that have compiled functions."""
-    number = 0
+    """Return a checksum of Numba's version and of all files that have compiled functions.
+
+    Numba writes the index of a cached function before its code. With the version in the name, a
+    second process never finds code of another Numba behind a new index, which it cannot read.
+    """
+    number = zlib.crc32(numba_version.encode())
     for path in sorted(Path(__file__).parents[1].rglob('*.py')):
         source = path.read_bytes()
         if any(mark in source for mark in MARKS):
@@ -125,7 +131,7 @@ def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any
 
     Numba uses a cached function as long as its own file is unchanged, even where functions of
     other files that are compiled into it have changed. Therefore the name in the cache depends on
-    all files with compiled functions, and no cached function is stale.
+    all files with compiled functions and on Numba's version, and no cached function is stale.
     """
     if not COMPILED:
         return function

@@ -100,6 +100,13 @@ def test_a_file_without_compiled_code_leaves_the_cache_in_use(copy):
     path.write_bytes(source)
 
 
+@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is kept')
+def test_another_numba_never_finds_what_this_one_has_compiled(copy, monkeypatch):
+    assert fingerprint_of(copy) == compiled.FINGERPRINT
+    monkeypatch.setattr('numba.__version__', '0.0.1')
+    assert fingerprint_of(copy) != compiled.FINGERPRINT
+
+
 ALONE = """
 import sys
 import numpy as np
