@@ -36,6 +36,8 @@ FUZZERS := $(shell cat test/fuzz/test_*.py | grep -c '^def test_any')
 
 # On all cores; a worker that has nothing left takes tests from another.
 PYTEST := -m pytest --numprocesses auto --dist worksteal
+# Many tests wait, for a browser, a process or a node: more workers than cores keep the cores busy.
+MORE_WORKERS = --numprocesses $$(($$(nproc) * 3 / 2))
 
 # Python keeps what it has compiled: tests start many processes, and pytest compiles each test.
 export PYTHONDONTWRITEBYTECODE :=
@@ -102,13 +104,12 @@ $(CHECKS)/types: $(VENV)/installed $(PACKAGE) | $(CHECKS)
 	$(BIN)/mypy
 	touch $@
 
-# Many of these tests wait, for a browser or a process: more workers than cores keep the cores busy.
 $(CHECKS)/core: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
-	$(BIN)/python $(PYTEST) --numprocesses $$(($$(nproc) * 3 / 2)) -m 'not nodes'
+	$(BIN)/python $(PYTEST) $(MORE_WORKERS) -m 'not nodes'
 	touch $@
 
 $(CHECKS)/nodes: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
-	$(BIN)/python $(PYTEST) -m nodes
+	$(BIN)/python $(PYTEST) $(MORE_WORKERS) -m nodes
 	touch $@
 
 # Wheels of NumPy 1.26 end with Python 3.12. What is drawn in a browser is looked at in $(VENV).
