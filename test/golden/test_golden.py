@@ -1,0 +1,167 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the chain decides on every scene, and the figures of the commands, are what they were.
+
+The golden files are written anew by ``python test/golden/test_golden.py``; a change to one is a
+decision, which the message of its commit names.
+"""
+
+import hashlib
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+import scipy
+
+from slip_detector import ChainConfig, SlipChain
+from slip_detector.scenes import load_scene
+
+ROOT = Path(__file__).resolve().parents[2]
+GOLDEN = Path(__file__).parent
+SCENES = sorted(path.stem for path in (ROOT / 'config' / 'scenes').glob('*.yaml'))
+#: Those for the simulated finger; the file of the uSkin has channels of its own.
+PRESETS = 'slip_detector', 'onset', 'sure', 'grasp'
+
+#: Only this row in so many is kept of the levels.
+STRIDE = 400
+
+
+def computer():
+    """Return what decides about the last bits of a level: processor and libraries."""
+    model = platform.processor() or platform.machine()
+    cpuinfo = Path('/proc/cpuinfo')
+    if cpuinfo.is_file():
+        lines = cpuinfo.read_text(encoding='utf-8').splitlines()
+        names = [line.split(':')[1].strip() for line in lines if line.startswith('model name')]
+        model = names[0] if names else model
+    libraries = f'NumPy {np.__version__}, SciPy {scipy.__version__}, Numba {numba.__version__}'
+    return f'{model}, {libraries}'
+
+
+def digest(array):
+    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()[:16]
+
+
+def volts_of(name):
+    """Return the samples of a whole scene."""
+    scene = load_scene(ROOT / 'config' / 'scenes' / f'{name}.yaml', np.random.default_rng(0))
+    return scene.read(scene.length).volts
+
+
+def decided(scene, preset):
+    """Return the decisions of a preset on a scene, and some of its levels."""
+    config = ChainConfig.from_yaml(ROOT / 'config' / f'{preset}.yaml')
+    result = SlipChain(config).update(volts_of(scene))
+    decisions = np.hstack(
+        [result.slip[:, np.newaxis], result.groups, result.channels, result.valid]
+    )
+    return {
+        'slip_rows': int(result.slip.sum()),
+        'decisions': digest(np.packbits(decisions)),
+        'levels': result.level[::STRIDE, 0].tolist(),
+        'level_bits': digest(result.level),
+    }
+
+
+def printed_by(command, *options):
+    """Run a command of the package and return the JSON that it prints."""
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    run = subprocess.run(
+        [sys.executable, '-c', f'from {command} import main; main()', *options],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
+    )
+    return json.loads(run.stdout)
+
+
+def paper_figures():
+    options = '--protocol', 'paper', '--trials', '1', '--json'
+    return printed_by('slip_detector.commands.evaluate', *options)
+
+
+def grasp_figures():
+    """Return what ``slip_grasp`` writes about two objects in simulated time."""
+    with tempfile.TemporaryDirectory() as folder:
+        code = 'from slip_detector.nodes.grasp_demo import main; main()'
+        options = '--seeds', '2', '--live', '0', '--out', folder
+        subprocess.run(
+            [sys.executable, '-c', code, *options],
+            capture_output=True,
+            check=True,
+            env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        )
+        return json.loads((Path(folder) / 'grasp.json').read_text(encoding='utf-8'))
+
+
+def golden(name):
+    return json.loads((GOLDEN / name).read_text(encoding='utf-8'))
+
+
+def assert_same(found, wanted, where=''):
+    """Compare to nine digits what two JSON objects hold; the last digits are the processor's."""
+    assert type(found) is type(wanted), where
+    if isinstance(wanted, dict):
+        assert list(found) == list(wanted), where
+        for key, value in wanted.items():
+            assert_same(found[key], value, f'{where}/{key}')
+    elif isinstance(wanted, list):
+        assert len(found) == len(wanted), where
+        for i, value in enumerate(wanted):
+            assert_same(found[i], value, f'{where}/{i}')
+    elif isinstance(wanted, float):
+        assert found == pytest.approx(wanted, rel=1e-9, abs=1e-12, nan_ok=True), where
+    else:
+        assert found == wanted, where
+
+
+@pytest.mark.parametrize('preset', PRESETS)
+@pytest.mark.parametrize('scene', SCENES)
+def test_every_scene_is_decided_as_it_was(scene, preset):
+    kept = golden('decisions.json')
+    found, wanted = decided(scene, preset), kept['scenes'][scene][preset]
+    if kept['computer'] != computer():
+        del found['level_bits'], wanted['level_bits']
+    assert_same(found, wanted)
+
+
+def test_the_protocol_of_the_paper_gives_the_figures_that_it_gave():
+    assert_same(paper_figures(), golden('paper.json'))
+
+
+@pytest.mark.nodes
+def test_objects_are_held_as_they_were():
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    assert_same(grasp_figures(), golden('grasp.json'))
+
+
+def write(name, content):
+    text = json.dumps(content, indent=1)
+    (GOLDEN / name).write_text(text + '\n', encoding='utf-8')
+
+
+if __name__ == '__main__':
+    scenes = {scene: {preset: decided(scene, preset) for preset in PRESETS} for scene in SCENES}
+    write('decisions.json', {'computer': computer(), 'scenes': scenes})
+    write('paper.json', paper_figures())
+    write('grasp.json', grasp_figures())
