@@ -58,26 +58,32 @@ def open_page(browser, monkeypatch, frame_s):
 
 
 @pytest.fixture
-def played(open_page, tmp_path):
-    """Return what opens a page on fingers that play rows: by label the rows, None for none.
+def serve(tmp_path):
+    """Return what serves a hand as ``slip_view`` does, with a folder of the test."""
 
-    What the page asks for is answered as by ``slip_view``, with a folder of the test.
-    """
+    def serve_(hand, files=(), access=None):
+        def prepare(server):
+            ParameterRequests(server, tmp_path, files)
+            TeachingRequests(server, tmp_path)
+
+        return ends.enter_context(served_beside(hand, access=access, prepare=prepare))
+
+    with contextlib.ExitStack() as ends:
+        yield serve_
+
+
+@pytest.fixture
+def played(serve, open_page):
+    """Return what opens a page on fingers that play rows: by label the rows, None for none."""
 
     def open_(rows_of, prepare=lambda hand: None, access=None, width=1366, **how):
         hand = QuietHand(tuple(rows_of), **how)
         prepare(hand)
+        served = serve(hand, access=access)
         players = [
             Player(hand, label, rows) for label, rows in rows_of.items() if rows is not None
         ]
-
-        def prepare_server(serving):
-            serving.each_tick.extend(players)
-            ParameterRequests(serving, tmp_path)
-            TeachingRequests(serving, tmp_path)
-
-        served = ends.enter_context(served_beside(hand, access=access, prepare=prepare_server))
+        served.call(served.server.each_tick.extend, players)
         return served, open_page(served, width=width)
 
-    with contextlib.ExitStack() as ends:
-        yield open_
+    return open_

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live page for who does not see it, or has no mouse: axe-core, names, and keys alone."""
+"""The live page without seeing it, or without a mouse: axe-core, names, and keys alone."""
 
 import importlib.util
 from pathlib import Path
@@ -20,11 +20,16 @@ from pathlib import Path
 import pytest
 
 from slip_detector.view.access import Access
+from slip_detector.view.hand import Diagnosis
 from support.browsers import expect
 from support.finger_states import STATES, rest_rows
+from support.lessons import write_lesson
+from support.page_parts import changes, config_of, recording, threshold_line
 
 #: Rules of WCAG 2.2 up to level AA, contrast among them, and what is good practice beyond.
 RULES = ('wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice')
+
+TWO_FINGERS = {'index': rest_rows(), 'thumb': STATES['slip']}
 
 
 @pytest.fixture(scope='module')
@@ -53,15 +58,22 @@ def violations(axe):
 
 
 def test_axe_finds_nothing_in_any_state_of_the_fingers(played, violations):
-    _, page = played(STATES)
-    expect(page.locator('[data-state=slip]')).to_be_visible(timeout=60_000)
+    def more_diagnostics_than_fit(hand):
+        hand.fingers['/rest/slip_detector'].diagnostics = tuple(
+            Diagnosis(0, f'part {i}', 'as it should be') for i in range(12)
+        )
+
+    _, page = played(STATES, more_diagnostics_than_fit)
+    expect(page.locator('[data-state=slip]')).to_be_visible()
     expect(page.locator('[data-state=noInput]')).to_be_visible()
     assert violations(page) == []
 
 
-def test_axe_finds_nothing_in_any_panel(played, violations):
+def test_axe_finds_nothing_in_any_panel(played, violations, tmp_path):
+    write_lesson(tmp_path / 'index', slips=1)
     served, page = played({'index': STATES['dead']})
-    expect(page.locator('.dead.some')).to_be_visible(timeout=60_000)
+    expect(page.locator('.dead.some')).to_be_visible()
+    expect(recording(page, 'slip_1')).to_be_visible()
     page.get_by_role('button', name='Keys').click()
     page.get_by_text('Channels in words').click()
     page.get_by_role('tab', name='Spectrum').click()
@@ -69,15 +81,11 @@ def test_axe_finds_nothing_in_any_panel(played, violations):
     expect(page.get_by_role('slider')).to_have_count(6)
     assert violations(page) == []
     page.get_by_role('tab', name='Parameters').click()
-    expect(page.locator('#parameters')).to_contain_text('threshold')
-    assert violations(page) == []
-    # Refused, and set.
     page.get_by_role('tab', name='Traces').click()
-    line = page.get_by_role('slider', name='Threshold')
-    line.focus()
+    threshold_line(page).focus()
     page.keyboard.press('PageUp')
     page.keyboard.press('Enter')
-    expect(page.locator('#parameters .changes')).to_contain_text('threshold from')
+    expect(changes(page)).to_contain_text('threshold from')
     assert violations(page) == []
     served.call(served.hand.remove, 'index')
     expect(page.get_by_text('No detector yet')).to_be_visible()
@@ -87,22 +95,8 @@ def test_axe_finds_nothing_in_any_panel(played, violations):
 def test_axe_finds_nothing_on_a_narrow_page_that_may_change_nothing(played, violations):
     rows_of = {'index': rest_rows(), 'thumb': None}
     _, page = played(rows_of, access=Access(read_only=True), width=420)
-    expect(page.locator('[data-state=rest]')).to_be_visible(timeout=60_000)
+    expect(page.locator('[data-state=rest]')).to_be_visible()
     assert violations(page) == []
-
-
-def test_each_part_has_a_role_and_a_name(played):
-    _, page = played({'index': rest_rows(), 'thumb': STATES['slip']})
-    expect(page.get_by_role('img', name='thumb: SLIP')).to_be_visible(timeout=60_000)
-    for role, name in (
-        ('heading', 'slip_view'), ('region', 'Fingers'), ('heading', 'index'), ('button', 'thumb'),
-        ('region', 'Signals'), ('tab', 'Traces'), ('tab', 'Spectrum'), ('tabpanel', 'Traces'),
-        ('region', 'Set up'), ('tab', 'Teach'), ('tab', 'Parameters'), ('tabpanel', 'Teach'),
-        ('slider', 'Threshold'), ('button', 'Pause'), ('button', 'Shorter stretch of time'),
-        ('button', 'Longer stretch of time'), ('group', 'Channels with traces'),
-        ('button', 'Traces of ch14'), ('group', 'Traces of the chosen channels'),
-    ):  # fmt: skip
-        expect(page.get_by_role(role, name=name).first).to_be_visible()
 
 
 def focused(page):
@@ -113,9 +107,9 @@ def focused(page):
     }""")
 
 
-def test_the_tab_key_comes_to_everything(played):
-    _, page = played({'index': rest_rows(), 'thumb': STATES['slip']})
-    expect(page.locator('[data-state=slip]')).to_be_visible(timeout=60_000)
+def test_the_tab_key_comes_to_everything_by_its_role_and_name(played):
+    _, page = played(TWO_FINGERS)
+    expect(page.locator('[data-state=slip]')).to_be_visible()
     page.evaluate('document.activeElement.blur()')
     visited = []
     for _ in range(80):
@@ -127,8 +121,9 @@ def test_the_tab_key_comes_to_everything(played):
     said = '\n'.join(visited)
     for part in (
         'button Keys', 'button index', 'button thumb', 'summary Channels in words', 'tab Traces',
-        'button Pause', 'button Traces of ch14', 'group Traces of the chosen channels',
-        'slider Threshold', 'tab Teach', 'button Rest',
+        'button Pause', 'button Shorter stretch of time', 'button Longer stretch of time',
+        'button Traces of ch14', 'group Traces of the chosen channels', 'slider Threshold',
+        'tab Teach', 'button Rest',
     ):  # fmt: skip
         assert part.lower() in said.lower(), said
     # Of tabs the chosen one; arrows come to the others.
@@ -136,8 +131,8 @@ def test_the_tab_key_comes_to_everything(played):
 
 
 def test_keys_alone_choose_a_finger_look_at_it_and_change_its_threshold(played):
-    served, page = played({'index': rest_rows(), 'thumb': STATES['slip']})
-    expect(page.locator('[data-state=slip]')).to_be_visible(timeout=60_000)
+    _, page = played(TWO_FINGERS)
+    expect(page.locator('[data-state=slip]')).to_be_visible()
     page.keyboard.press('2')
     expect(page.get_by_role('button', name='thumb')).to_have_attribute('aria-pressed', 'true')
     page.keyboard.press('p')
@@ -156,32 +151,18 @@ def test_keys_alone_choose_a_finger_look_at_it_and_change_its_threshold(played):
         page.keyboard.press('Tab')
     page.keyboard.press('PageDown')
     page.keyboard.press('Enter')
-    expect(page.locator('#parameters .changes')).to_contain_text('threshold from 0.5 to 0.307')
-    thumb = served.hand.fingers['/thumb/slip_detector']
-    assert served.call(lambda: thumb.config.threshold) == 0.307
+    expect(changes(page)).to_contain_text('threshold from 0.5 to 0.307')
 
 
-def test_what_was_moved_for_one_finger_is_not_set_for_another(played):
-    served, page = played({'index': rest_rows(), 'thumb': STATES['slip']})
-    expect(page.locator('[data-state=slip]')).to_be_visible(timeout=60_000)
-    line = page.get_by_role('slider', name='Threshold')
-    line.focus()
+def test_a_threshold_moved_for_one_finger_is_not_set_for_another(played):
+    served, page = played(TWO_FINGERS)
+    expect(page.locator('[data-state=slip]')).to_be_visible()
+    threshold_line(page).focus()
     page.keyboard.press('PageDown')
     page.keyboard.press('2')
     page.keyboard.press('1')
-    expect(page.locator('#parameters .changes')).to_contain_text('threshold from 0.5 to 0.307')
+    expect(changes(page)).to_contain_text('threshold from 0.5 to 0.307')
     page.keyboard.press('2')
-    expect(line).to_have_attribute('aria-valuetext', 'threshold 0.5')
-    fingers = served.hand.fingers
-    assert served.call(lambda: fingers['/index/slip_detector'].config.threshold) == 0.307
-    assert served.call(lambda: fingers['/thumb/slip_detector'].config.threshold) == 0.5
-
-
-def test_letters_that_are_typed_are_no_keys(played):
-    _, page = played({'index': rest_rows()})
-    page.get_by_role('tab', name='Parameters').click()
-    field = page.get_by_label('threshold', exact=True)
-    field.fill('')
-    field.press_sequentially('p?2')
-    expect(field).to_have_value('p?2')
-    expect(page.get_by_role('button', name='Pause')).to_be_visible()
+    expect(threshold_line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
+    assert config_of(served).threshold == 0.307
+    assert config_of(served, '/thumb/slip_detector').threshold == 0.5

@@ -12,48 +12,38 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The connection of the live page in a real browser, with simulated fingers."""
+"""The live page in a real browser: its connection, and a page that may only look."""
 
 import threading
 import time
 
 from slip_detector.view.access import Access
 from slip_detector.view.server import NO_TOKEN
-from support.browsers import expect
+from support.browsers import PATIENCE_MS, expect
+from support.lessons import write_lesson
+from support.page_parts import card, config_of, recording_now, threshold_line, tool
 from support.simulated_hand import SimulatedHand, served_beside
 
-PATIENCE_MS = 60_000
 
-
-def drawn(page):
-    """Wait until a frame is drawn that is newer than all so far."""
+def wait_for_a_new_frame(page):
     page.evaluate(
         "document.querySelectorAll('[data-state]').forEach((e) => delete e.dataset.state)"
     )
-    page.locator('[data-state]').first.wait_for(state='attached', timeout=PATIENCE_MS)
+    page.locator('[data-state]').first.wait_for(state='attached')
 
 
-def until(holds, what):
-    """Wait until something holds."""
+def wait_until(holds, what):
     end_s = time.monotonic() + PATIENCE_MS / 1e3
     while not holds():
         assert time.monotonic() < end_s, what
         time.sleep(0.02)
 
 
-def test_the_page_connects_and_shows_each_finger(open_page):
-    with served_beside(SimulatedHand(('index', 'thumb'))) as served:
-        page = open_page(served)
-        for label in ('index', 'thumb'):
-            expect(page.get_by_role('heading', name=label, exact=True)).to_be_visible()
-        expect(page.locator('[data-finger]').first).to_contain_text('valid', timeout=PATIENCE_MS)
-
-
 def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(browser):
     page = browser.new_page()
     with served_beside(SimulatedHand(), access=Access(token='word')) as served:
         page.goto(served.url)
-        drawn(page)
+        wait_for_a_new_frame(page)
         # The first words are shown for a second, which a busy machine may not see.
         page.evaluate("""() => {
           const words = document.getElementById('connection');
@@ -62,75 +52,39 @@ def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(brows
             .observe(words, {childList: true, characterData: true, subtree: true});
         }""")
     words = page.locator('#connection')
-    expect(words).to_contain_text('slip_view cannot be reached', timeout=PATIENCE_MS)
+    expect(words).to_contain_text('slip_view cannot be reached')
     assert page.evaluate('shown[0]').startswith('slip_view was stopped')
     # What is shown of the finger is old, and it does not look as if it were not.
-    card = page.locator('[data-finger]')
-    expect(card).to_have_attribute('data-state', 'lost')
-    expect(card).to_contain_text('not connected')
+    expect(card(page)).to_have_attribute('data-state', 'lost')
+    expect(card(page)).to_contain_text('not connected')
     port = int(served.url.split(':')[2].partition('/')[0])
     with served_beside(SimulatedHand(('thumb',)), access=Access(token='word'), port=port):
-        expect(words).to_have_text('connected', timeout=PATIENCE_MS)
-        expect(page.get_by_role('heading', name='thumb', exact=True)).to_be_visible(
-            timeout=PATIENCE_MS
-        )
-        drawn(page)
+        expect(words).to_have_text('connected')
+        expect(page.get_by_role('heading', name='thumb', exact=True)).to_be_visible()
+        wait_for_a_new_frame(page)
     with served_beside(SimulatedHand(), access=Access(token='another'), port=port):
-        expect(words).to_contain_text(NO_TOKEN, timeout=PATIENCE_MS)
+        expect(words).to_contain_text(NO_TOKEN)
         page.close()
 
 
 def test_a_slip_view_that_hangs_is_told_from_one_that_has_nothing_new(open_page):
     with served_beside(SimulatedHand()) as served:
         page = open_page(served)
-        words, card = page.locator('#connection'), page.locator('[data-finger]')
+        words = page.locator('#connection')
         goes_on = threading.Event()
         hanging = threading.Thread(target=served.call, args=(goes_on.wait, PATIENCE_MS / 1e3))
         hanging.start()
         try:
-            expect(words).to_have_text('slip_view does not answer', timeout=PATIENCE_MS)
-            expect(card).to_have_attribute('data-state', 'lost')
+            expect(words).to_have_text('slip_view does not answer')
+            expect(card(page)).to_have_attribute('data-state', 'lost')
         finally:
             goes_on.set()
             hanging.join()
-        expect(words).to_have_text('connected', timeout=PATIENCE_MS)
-        expect(card).not_to_have_attribute('data-state', 'lost')
+        expect(words).to_have_text('connected')
+        expect(card(page)).not_to_have_attribute('data-state', 'lost')
 
 
-def test_a_page_that_was_loaded_again_goes_on(open_page):
-    with served_beside(SimulatedHand()) as served:
-        page = open_page(served)
-        for _ in range(3):
-            page.reload()
-            drawn(page)
-
-
-def test_without_its_token_the_page_is_not_shown(browser):
-    with served_beside(SimulatedHand(), access=Access(token='word')) as served:
-        page = browser.new_page()
-        page.goto(served.url.partition('?')[0])
-        expect(page.locator('body')).to_have_text(NO_TOKEN)
-        page.close()
-
-
-def test_another_site_in_the_same_browser_cannot_connect(browser):
-    with served_beside(SimulatedHand()) as served, served_beside(SimulatedHand()) as other:
-        page = browser.new_page()
-        page.goto(f'{other.url}page/icon.svg')
-        address = served.url.replace('http', 'ws') + 'live'
-        outcome = """(address) => new Promise((done) => {
-            const socket = new WebSocket(address);
-            socket.onopen = () => done('open');
-            socket.onerror = () => done('refused');
-        })"""
-        # Of another port is another origin; a page of the policy of ours may not even ask.
-        assert page.evaluate(outcome, address) == 'refused'
-        page.goto('about:blank')
-        assert page.evaluate(outcome, address) == 'refused'
-        page.close()
-
-
-def test_a_page_that_is_hidden_looks_at_nothing_and_goes_on_when_it_is_seen_again(open_page):
+def test_a_hidden_page_asks_for_nothing_and_goes_on_when_it_is_seen_or_loaded_again(open_page):
     hand = SimulatedHand()
     with served_beside(hand) as served:
         page = open_page(served)
@@ -138,13 +92,42 @@ def test_a_page_that_is_hidden_looks_at_nothing_and_goes_on_when_it_is_seen_agai
         def watched():
             return served.call(lambda: set(hand.watched))
 
-        until(watched, 'the page to look')
+        wait_until(watched, 'the page to look')
         hide = """(hidden) => {
             Object.defineProperty(document, 'hidden', {value: hidden, configurable: true});
             document.dispatchEvent(new Event('visibilitychange'));
         }"""
         page.evaluate(hide, True)
-        until(lambda: not watched(), 'the page to look at nothing')
+        wait_until(lambda: not watched(), 'the page to look at nothing')
         page.evaluate(hide, False)
-        until(watched, 'the page to look again')
-        drawn(page)
+        wait_until(watched, 'the page to look again')
+        wait_for_a_new_frame(page)
+        page.reload()
+        wait_for_a_new_frame(page)
+
+
+def test_a_page_that_may_only_look_can_change_nothing_in_any_tab(serve, open_page, tmp_path):
+    write_lesson(tmp_path / 'index', slips=2)
+    hand = SimulatedHand()
+    before = hand.fingers['/index/slip_detector'].config
+    served = serve(hand, access=Access(read_only=True))
+    page = open_page(served)
+    for name in ('Rest', 'Slip', 'Taps', 'Tune', 'Delete slip_1', 'Save'):
+        expect(tool(page, name)).to_be_disabled()
+    page.keyboard.press('r')
+    expect(recording_now(page)).to_contain_text('--read-only')
+    threshold_line(page).focus()
+    page.keyboard.press('PageUp')
+    page.keyboard.press('Enter')
+    expect(threshold_line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
+    page.get_by_role('tab', name='Parameters').click()
+    expect(page.locator('#parameters')).to_contain_text('--read-only')
+    expect(tool(page, 'Set')).to_be_disabled()
+    expect(page.locator('#parameters form :is(input, select):enabled')).to_have_count(0)
+    page.get_by_role('tab', name='Spectrum').click()
+    edge = page.get_by_role('slider', name='Pass-band, low edge')
+    expect(edge).to_have_attribute('aria-disabled', 'true')
+    for name in ('Add stop-band', 'Remove stop-band 1'):
+        expect(page.get_by_role('button', name=name)).to_be_disabled()
+    assert config_of(served) == before
+    assert not (tmp_path / 'index' / 'rest_3').exists()

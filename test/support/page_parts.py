@@ -1,0 +1,58 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parts of the live page, as tests find them: each locator leads to one element."""
+
+import re
+
+NAME = '/index/slip_detector'
+
+
+def card(page, label='index'):
+    """Return the card of a finger."""
+    return page.locator(f'[data-finger="/{label}/slip_detector"]')
+
+
+def field(page, name):
+    """Return the field of a parameter."""
+    return page.locator(f'[data-name="{name}"] :is(input, select)')
+
+
+def tool(page, name):
+    """Return a button below "Set up"; the recordings there have buttons to delete them, too."""
+    return page.locator('#tools').get_by_role('button', name=re.compile(f'^{name}'))
+
+
+def changes(page):
+    """Return the list of the parameters' changes."""
+    return page.locator('#parameters .changes')
+
+
+def threshold_line(page):
+    return page.get_by_role('slider', name='Threshold')
+
+
+def recording_now(page):
+    """Return the line that tells what is recorded now."""
+    return page.locator('.teach-now')
+
+
+def recording(page, name):
+    """Return the row of a recording in the list."""
+    return page.get_by_role('row', name=re.compile(rf'^{name}\b'))
+
+
+def config_of(served, name=NAME):
+    """Return the configuration with which a simulated detector runs."""
+    return served.call(lambda: served.hand.fingers[name].config)
