@@ -12,21 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Rest, slips and taps taught in a real browser, to simulated fingers."""
+"""The tab "Teach" in a real browser: what is recorded by which keys, listed, and deleted."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slip_detector.recordings import open_recording
-from slip_detector.view.access import Access
-from slip_detector.view.teaching_requests import TeachingRequests
-from support.browsers import PATIENCE_MS, expect
+from support.browsers import expect
+from support.finger_states import rest_rows
 from support.lessons import write_lesson
-from support.simulated_hand import SimulatedHand, served_beside
+from support.page_parts import recording, recording_now, tool
+from support.simulated_hand import SimulatedHand
+
+
+@pytest.fixture
+def served(serve):
+    return serve(SimulatedHand())
 
 
 @pytest.fixture
@@ -35,150 +38,187 @@ def opened(open_page):
 
     def open_(served):
         page = open_page(served)
-        expect(now(page)).not_to_be_empty()
+        expect(recording_now(page)).not_to_be_empty()
         return page
 
     return open_
 
 
-def served(tmp_path, **how):
-    return served_beside(
-        SimulatedHand(), prepare=lambda server: TeachingRequests(server, tmp_path), **how
+@pytest.fixture
+def page(played):
+    """Return the page of a finger at rest; nothing is recorded."""
+    _, page = played({'index': rest_rows()})
+    nothing_is_recorded(page)
+    expect(tool(page, 'Slip')).to_be_enabled()
+    return page
+
+
+def nothing_is_recorded(page):
+    expect(recording_now(page)).to_have_text('Nothing is recorded now.')
+
+
+def listed(page):
+    return page.locator('.recordings tbody tr')
+
+
+def recorded_for(page, least):
+    """Wait until something has been recorded for so many seconds; the page rounds to a tenth."""
+    expect(recording_now(page)).to_have_text(
+        re.compile(rf': ({least}\.[1-9]|[{least + 1}-9]\.\d|\d\d+\.\d) s')
     )
 
 
-def now(page):
-    return page.locator('.teach-now')
+def rows_of(path):
+    """Return the stamps of a recording, and the truth."""
+    pieces = [(piece.stamps_ns, piece.truth) for piece in open_recording(path).rows()]
+    return [np.concatenate(parts) for parts in zip(*pieces, strict=True)]
 
 
-def words(page):
-    return page.locator('.teach-words')
-
-
-def record(page, what):
-    """Return the button that records; each recording has one that deletes it beside it."""
-    return page.locator('.teach-buttons').get_by_role('button', name=re.compile(f'^{what}'))
-
-
-def tune(page):
-    return page.get_by_role('button', name='Tune', exact=True)
-
-
-def row(page, name):
-    return page.get_by_role('row', name=re.compile(rf'\b{name}\b'))
-
-
-def seconds_of(page):
-    """Wait until something has been recorded for so long; the page rounds to a tenth."""
-    return lambda least: expect(now(page)).to_have_text(
-        re.compile(rf': ({least}\.[1-9]|[{least + 1}-9]\.\d|\d\d+\.\d) s'), timeout=PATIENCE_MS
-    )
-
-
-def truth_of(path):
-    return np.concatenate([piece.truth for piece in open_recording(path).rows()])
-
-
-def test_rest_and_slips_are_recorded_with_keys_and_mouse(opened, tmp_path):
-    with served(tmp_path) as running:
-        page = opened(running)
-        page.keyboard.down(' ')
-        expect(now(page)).to_contain_text('SLIP')
-        expect(record(page, 'Slip')).to_have_attribute('aria-pressed', 'true')
-        page.keyboard.up(' ')
-        expect(now(page)).to_contain_text('hold still')
-        expect(row(page, 'slip_1')).to_be_visible(timeout=PATIENCE_MS)
-        expect(now(page)).to_have_text('Nothing is recorded now.')
-        record(page, 'Slip').hover()
-        page.mouse.down()
-        expect(now(page)).to_contain_text('SLIP')
-        page.mouse.up()
-        expect(row(page, 'slip_2')).to_be_visible(timeout=PATIENCE_MS)
-        # On other controls the space bar does what it always does.
-        record(page, 'Rest').focus()
-        page.keyboard.press(' ')
-        expect(now(page)).to_contain_text('rest_1')
-        page.keyboard.press('r')
-        expect(now(page)).to_have_text('Nothing is recorded now.')
-    truth = truth_of(tmp_path / 'index' / 'slip_1')
+def test_rest_and_slips_are_recorded_with_keys_and_mouse(served, opened, tmp_path):
+    page = opened(served)
+    page.keyboard.down(' ')
+    expect(recording_now(page)).to_contain_text('SLIP')
+    expect(tool(page, 'Slip')).to_have_attribute('aria-pressed', 'true')
+    page.keyboard.up(' ')
+    expect(recording_now(page)).to_contain_text('hold still')
+    expect(recording(page, 'slip_1')).to_be_visible()
+    nothing_is_recorded(page)
+    tool(page, 'Slip').hover()
+    page.mouse.down()
+    expect(recording_now(page)).to_contain_text('SLIP')
+    page.mouse.up()
+    expect(recording(page, 'slip_2')).to_be_visible()
+    # On other controls the space bar does what it always does.
+    tool(page, 'Rest').focus()
+    page.keyboard.press(' ')
+    expect(recording_now(page)).to_contain_text('rest_1')
+    page.keyboard.press('r')
+    nothing_is_recorded(page)
+    _, truth = rows_of(tmp_path / 'index' / 'slip_1')
     assert np.flatnonzero(np.diff(truth.astype(int))).size == 2
     assert not truth[-1]
 
 
-def test_a_page_that_is_reloaded_finds_the_recording_that_goes_on(opened, tmp_path):
-    with served(tmp_path) as running:
-        page = opened(running)
-        page.keyboard.press('r')
-        seconds_of(page)(1)
-        page.reload()
-        seconds_of(page)(2)
-        expect(record(page, 'Rest')).to_have_attribute('aria-pressed', 'true')
-        page.keyboard.press('r')
-        expect(row(page, 'rest_1')).to_be_visible()
-    rows = [piece.stamps_ns for piece in open_recording(tmp_path / 'index' / 'rest_1').rows()]
-    stamps_ns = np.concatenate(rows)
+def test_a_page_that_comes_again_finds_the_rest_that_goes_on_and_the_slip_that_was_ended(
+    served, opened, tmp_path
+):
+    page = opened(served)
+    page.keyboard.press('r')
+    recorded_for(page, 1)
+    page.reload()
+    recorded_for(page, 2)
+    expect(tool(page, 'Rest')).to_have_attribute('aria-pressed', 'true')
+    page.keyboard.press('r')
+    expect(recording(page, 'rest_1')).to_be_visible()
+    stamps_ns, _ = rows_of(tmp_path / 'index' / 'rest_1')
     assert stamps_ns[-1] - stamps_ns[0] >= 2e9
     assert np.diff(stamps_ns).max() < 3 * np.diff(stamps_ns).min()
+    page.keyboard.down(' ')
+    expect(recording_now(page)).to_contain_text('SLIP')
+    page.close()
+    page = opened(served)
+    expect(page.locator('.teach-words')).to_contain_text('slip_1 has')
+    expect(recording(page, 'slip_1')).to_be_visible()
+    assert not rows_of(tmp_path / 'index' / 'slip_1')[1][-1]
 
 
-def test_a_page_that_is_closed_ends_the_slip_that_it_held(opened, tmp_path):
-    with served(tmp_path) as running:
-        page = opened(running)
-        page.keyboard.down(' ')
-        expect(now(page)).to_contain_text('SLIP')
-        page.close()
-        page = opened(running)
-        expect(words(page)).to_contain_text('slip_1 has')
-        expect(row(page, 'slip_1')).to_be_visible()
-    assert not truth_of(tmp_path / 'index' / 'slip_1')[-1]
-
-
-def test_recordings_are_listed_tuned_on_and_deleted_when_that_is_confirmed(opened, tmp_path):
-    axe = pytest.importorskip('axe_core_python', reason='needs axe-core-python')
+def test_recordings_are_listed_tuned_on_and_deleted_when_that_is_confirmed(
+    served, opened, tmp_path
+):
     write_lesson(tmp_path / 'index', slips=3)
     (tmp_path / 'index' / 'slip_3' / 'slip_3.mcap').write_bytes(b'no bag')
-    with served(tmp_path) as running:
-        page = opened(running)
-        expect(row(page, 'slip_1')).to_contain_text('tuning')
-        expect(row(page, 'slip_3')).to_contain_text('not used')
-        expect(row(page, 'slip_3')).to_contain_text('is broken')
-        expect(record(page, 'Slip')).to_contain_text('2 of 20')
-        page.evaluate((Path(axe.__path__[0]) / 'axe.min.js').read_text(encoding='utf-8'))
-        found = page.evaluate("axe.run('#tools')")
-        (tmp_path / 'index' / 'rest_1' / 'rest_1.mcap').write_bytes(b'no bag')
-        tune(page).click()
-        failed = page.get_by_role('alert').filter(has_text='Tuning failed')
-        expect(failed).to_contain_text('rest_1')
-        expect(failed).to_contain_text('What was recorded is kept')
-        expect(tune(page)).to_be_enabled()
-        said = []
-        answers = ['dismiss', 'accept']
-        page.on(
-            'dialog',
-            lambda dialog: (said.append(dialog.message), getattr(dialog, answers.pop(0))()),
-        )
-        delete = page.get_by_role('button', name='Delete slip_1', exact=True)
-        delete.click()
-        expect(row(page, 'slip_1')).to_be_visible()
-        assert (tmp_path / 'index' / 'slip_1').exists()
-        delete.click()
-        expect(row(page, 'slip_1')).to_have_count(0)
-        expect(tune(page)).to_be_disabled()
-    wrong = [(one['id'], [node['html'] for node in one['nodes']]) for one in found['violations']]
-    assert wrong == []
-    assert len(found['passes']) > 10
-    assert 'Delete slip_1' in said[0]
+    page = opened(served)
+    tune = page.get_by_role('button', name='Tune', exact=True)
+    expect(recording(page, 'slip_1')).to_contain_text('tuning')
+    expect(recording(page, 'slip_3')).to_contain_text('not used')
+    expect(recording(page, 'slip_3')).to_contain_text('is broken')
+    expect(tool(page, 'Slip')).to_contain_text('2 of 20')
+    (tmp_path / 'index' / 'rest_1' / 'rest_1.mcap').write_bytes(b'no bag')
+    tune.click()
+    failed = page.get_by_role('alert').filter(has_text='Tuning failed')
+    expect(failed).to_contain_text('rest_1')
+    expect(failed).to_contain_text('What was recorded is kept')
+    expect(tune).to_be_enabled()
+    asked = []
+    answers = ['dismiss', 'accept']
+    page.on(
+        'dialog',
+        lambda dialog: (asked.append(dialog.message), getattr(dialog, answers.pop(0))()),
+    )
+    delete = tool(page, 'Delete slip_1')
+    delete.click()
+    expect(recording(page, 'slip_1')).to_be_visible()
+    assert (tmp_path / 'index' / 'slip_1').exists()
+    delete.click()
+    expect(recording(page, 'slip_1')).to_have_count(0)
+    expect(tune).to_be_disabled()
+    assert 'Delete slip_1' in asked[0]
     assert not (tmp_path / 'index' / 'slip_1').exists()
     assert (tmp_path / 'index' / 'slip_2').exists()
 
 
-def test_a_page_that_may_only_look_records_nothing(opened, tmp_path):
-    write_lesson(tmp_path / 'index', slips=2)
-    with served(tmp_path, access=Access(read_only=True)) as running:
-        page = opened(running)
-        delete = page.get_by_role('button', name='Delete slip_1', exact=True)
-        for button in (*map(record, [page] * 3, ('Rest', 'Slip', 'Taps')), tune(page), delete):
-            expect(button).to_be_disabled()
-        page.keyboard.press('r')
-        expect(now(page)).to_contain_text('--read-only')
-    assert not (tmp_path / 'index' / 'rest_3').exists()
+def test_letters_and_spaces_that_are_typed_record_nothing(page):
+    file = page.get_by_label('File', exact=True)
+    file.fill('')
+    file.press_sequentially('r t')
+    expect(file).to_have_value('r t')
+    page.locator('#tools .saving select').focus()
+    page.keyboard.press('t')
+    page.evaluate('document.activeElement.blur()')
+    # The next key that is none of a field records, and is the first to do so.
+    page.keyboard.press('r')
+    expect(recording_now(page)).to_contain_text('rest_1')
+    page.keyboard.press('r')
+    nothing_is_recorded(page)
+    expect(recording(page, 'rest_1')).to_be_visible()
+    expect(listed(page)).to_have_count(1)
+
+
+@pytest.mark.parametrize('lost', ['window, blur', 'document, visibilitychange'])
+def test_a_slip_ends_when_its_key_is_held_where_the_page_does_not_see_it(page, lost):
+    page.keyboard.down(' ')
+    expect(recording_now(page)).to_contain_text('SLIP')
+    target, event = lost.split(', ')
+    page.evaluate(f'{target}.dispatchEvent(new Event("{event}"))')
+    expect(listed(page)).to_have_count(1)
+    page.keyboard.up(' ')
+
+
+def test_a_key_that_repeats_is_one_slip_and_one_rest(page):
+    # After a click elsewhere the space bar is for slips.
+    page.get_by_role('button', name='Longer stretch of time').click()
+    page.get_by_role('tab', name='Teach').click()
+    for _ in range(5):
+        page.keyboard.down(' ')
+    expect(recording_now(page)).to_contain_text('slip_1')
+    page.keyboard.up(' ')
+    expect(listed(page)).to_have_count(1)
+    expect(page.locator('#trace-span')).to_have_text('20 s')
+    tool(page, 'Rest').focus()
+    for _ in range(5):
+        page.keyboard.down('Enter')
+    page.keyboard.up('Enter')
+    expect(recording_now(page)).to_contain_text('rest_1')
+    page.keyboard.press('Enter')
+    expect(listed(page)).to_have_count(2)
+
+
+def test_a_slip_is_begun_and_ended_by_a_button_where_no_key_can_be_held_and_keys_are_off(page):
+    page.keyboard.press('?')
+    page.get_by_label('Keys act wherever the focus is').uncheck()
+    page.evaluate('document.activeElement.blur()')
+    page.keyboard.press('p')
+    page.keyboard.press('t')
+    # What has the focus acts all the same.
+    tool(page, 'Slip').focus()
+    page.keyboard.press('Enter')
+    # Longer than the server waits for a page that is gone.
+    expect(recording_now(page)).to_contain_text(re.compile(r': ([5-9]|\d\d+)\.\d s, SLIP'))
+    expect(tool(page, 'Slip')).to_have_attribute('aria-pressed', 'true')
+    page.keyboard.press('Enter')
+    expect(recording(page, 'slip_1')).to_be_visible()
+    page.keyboard.down(' ')
+    expect(recording_now(page)).to_contain_text('slip_2')
+    page.keyboard.up(' ')
+    expect(listed(page)).to_have_count(2)
+    expect(page.get_by_role('button', name='Pause')).to_be_visible()
