@@ -17,29 +17,23 @@
 import asyncio
 import re
 import threading
-import time
 
 import numpy as np
 import pytest
 
-from slip_detector.view.access import Access
-from slip_detector.view.parameter_requests import ParameterRequests
 from slip_detector.view.server import FRAME_S
 from support.browsers import expect
-from support.simulated_hand import SimulatedHand, served_beside
-
-NAME = '/index/slip_detector'
+from support.page_parts import NAME, card, changes, config_of, threshold_line
+from support.simulated_hand import SimulatedHand
 
 #: Pixels of the names at the left and of the margin at the right, as in timeline.js.
 NAMES_WIDTH, RIGHT_MARGIN = 92, 16
 
 
 @pytest.fixture
-def served(tmp_path):
+def served(serve):
     """Serve a finger that plays a scene with a slip."""
-    prepare = lambda server: ParameterRequests(server, tmp_path)  # noqa: E731
-    with served_beside(SimulatedHand(), prepare=prepare) as served:
-        yield served
+    return serve(SimulatedHand())
 
 
 @pytest.fixture
@@ -61,31 +55,24 @@ def play_seconds(served, page, seconds):
     until(page, f'data.toS > {40 + seconds}')
 
 
-def wait_until_held(served, page):
-    """Wait until the server knows that the page stands still: it keeps what is there for it."""
-    deadline_s = time.monotonic() + 60.0
-    (connection,) = served.server.pages
-    while served.call(lambda: connection.look.until_ns is None):
-        assert time.monotonic() < deadline_s
-        page.wait_for_timeout(20)
-
-
 def stretch(page):
     """Return from when to when is drawn."""
     data = page.evaluate('({...document.getElementById("timeline").dataset})')
     return float(data['fromS']), float(data['toS'])
 
 
-def line(page):
-    return page.get_by_role('slider', name='Threshold')
+def readout(page):
+    return page.locator('#traces .readout')
 
 
-def threshold(served):
-    return served.call(lambda: served.hand.fingers[NAME].config.threshold)
+def draw_twenty_times(page):
+    page.evaluate("""async () => {
+      for (let i = 0; i < 20; i++) await new Promise(requestAnimationFrame);
+    }""")
 
 
 @pytest.mark.parametrize('frame_s', [FRAME_S])
-def test_time_goes_on_and_never_back(page):
+def test_time_goes_on_and_never_back_and_stands_still_without_samples(served, page):
     ends = page.evaluate("""() => new Promise((resolve) => {
       const root = document.getElementById('timeline'), ends = [];
       const watch = new MutationObserver(() => {
@@ -99,15 +86,11 @@ def test_time_goes_on_and_never_back(page):
     })""")
     steps = np.diff(ends)
     assert (steps >= 0).all()
-    # Columns are drawn at whole columns, each as it was drawn before.
-    width_s = 10.0 / (page.locator('#timeline').bounding_box()['width'] - 92 - 16)
-    columns = steps / width_s
-    assert columns == pytest.approx(columns.round(), abs=0.02)
     assert steps.sum() > 0
-
-
-def test_where_nothing_comes_the_axis_stands_still(served, page):
-    play_seconds(served, page, 1.0)
+    # Columns are drawn at whole columns, each as it was drawn before.
+    width = page.locator('#timeline').bounding_box()['width'] - NAMES_WIDTH - RIGHT_MARGIN
+    columns = steps * width / 10.0
+    assert columns == pytest.approx(columns.round(), abs=0.02)
     served.call(setattr, served.hand, 'real_time', False)
     ends = page.evaluate("""async () => {
       const {dataset} = document.getElementById('timeline'), ends = [];
@@ -147,8 +130,8 @@ def test_after_a_long_silence_the_columns_begin_anew(page):
     assert curve == [1, 1]
 
 
-def test_slip_and_truth_are_bands_and_the_channels_of_the_first_group_have_traces(served, page):
-    names = page.locator('.lane-name')
+def test_slip_truth_and_chosen_channels_have_traces(served, page):
+    names, lanes = page.locator('.lane-name'), page.locator('.lane-name.channel')
     play_seconds(served, page, 5.0)  # It slips from 3.8 s on.
     expect(names.get_by_text('truth')).to_be_visible()
     assert names.all_inner_texts()[:6] == ['slip', 'truth', 'ch9', 'ch11', 'ch14', 'ch16']
@@ -166,18 +149,11 @@ def test_slip_and_truth_are_bands_and_the_channels_of_the_first_group_have_trace
     }""")
     for color in ('213,94,0', '127,178,214', '232,242,249'):  # slip, truth, and truth under curves
         assert counts.get(color, 0) > 100
-
-
-def test_channels_are_chosen_one_by_one_or_by_group(page):
-    lanes = page.locator('.lane-name.channel')
     page.get_by_role('button', name='Traces of ch14').click()
     expect(lanes).to_have_text(['ch9', 'ch11', 'ch16'])
-    page.get_by_role('button', name='Traces of ch1', exact=True).click()
-    expect(lanes).to_have_text(['ch1', 'ch9', 'ch11', 'ch16'])
     page.get_by_role('button', name='LU', exact=True).click()
     expect(lanes).to_have_text(['ch2', 'ch4', 'ch13', 'ch15'])
-    pressed = page.locator('.chooser [aria-pressed=true]')
-    expect(pressed).to_have_text(['2', '4', '15', '13'])
+    expect(page.locator('.chooser [aria-pressed=true]')).to_have_text(['2', '4', '15', '13'])
     # One stays.
     for name in ('ch2', 'ch4', 'ch13', 'ch15'):
         page.get_by_role('button', name=f'Traces of {name}', exact=True).click()
@@ -188,9 +164,7 @@ def test_paused_it_stands_still_can_be_moved_and_zoomed_and_goes_on(page):
     page.keyboard.press('p')
     expect(page.get_by_role('button', name='Go on')).to_be_visible()
     before = stretch(page)
-    page.evaluate("""async () => {
-      for (let i = 0; i < 20; i++) await new Promise(requestAnimationFrame);
-    }""")
+    draw_twenty_times(page)
     assert stretch(page) == before
     page.focus('#timeline')
     page.keyboard.press('+')
@@ -200,8 +174,7 @@ def test_paused_it_stands_still_can_be_moved_and_zoomed_and_goes_on(page):
     moved = stretch(page)
     assert moved[0] == pytest.approx(zoomed[0] - 0.1 * (zoomed[1] - zoomed[0]))
     box = page.locator('#timeline').bounding_box()
-    middle = box['x'] + NAMES_WIDTH + (box['width'] - NAMES_WIDTH - RIGHT_MARGIN) / 2
-    page.mouse.move(middle, box['y'] + 60)
+    page.mouse.move(box['x'] + box['width'] / 2, box['y'] + 60)
     page.mouse.wheel(0, -300)
     until(page, f'data.fromS != {moved[0]}')
     assert stretch(page)[1] - stretch(page)[0] < moved[1] - moved[0]
@@ -211,48 +184,10 @@ def test_paused_it_stands_still_can_be_moved_and_zoomed_and_goes_on(page):
     expect(page.locator('#trace-span')).to_have_text('10 s')
 
 
-def test_paused_it_stands_still_though_the_detector_starts_again(served, page):
-    # A minute later than that in which the times of the page begin.
-    play_seconds(served, page, 31.0)
-    page.keyboard.press('p')
-    expect(page.locator('#trace-span')).to_contain_text('paused')
-    wait_until_held(served, page)
-    before = stretch(page)
-    finger = served.hand.fingers[NAME]
-    served.call(finger.started_again, finger.config)
-    expect(page.locator('.finger .notice')).to_contain_text('started again')
-    page.evaluate("""async () => {
-      for (let i = 0; i < 20; i++) await new Promise(requestAnimationFrame);
-    }""")
-    assert stretch(page) == before
-    box = page.locator('#timeline').bounding_box()
-    page.mouse.move(box['x'] + box['width'] - 120, box['y'] + 60)
-    expect(page.locator('#traces .readout')).to_contain_text(' V')
-
-
-def test_values_are_read_by_keys_too(served, page):
-    play_seconds(served, page, 2.0)
-    page.keyboard.press('p')
-    page.focus('#timeline')
-    readout = page.locator('#traces .readout')
-    page.keyboard.press('Shift+ArrowLeft')
-    expect(readout).to_have_text(re.compile(r'^[\d.]+ s · ch9 · [\d.]+ V.* · level'))
-    first = readout.inner_text()
-    for _ in range(5):
-        page.keyboard.press('Shift+ArrowLeft')
-    assert readout.inner_text().partition(' s')[0] < first.partition(' s')[0]
-    page.keyboard.press('Shift+ArrowDown')
-    expect(readout).to_contain_text(' ch11 ')
-    expect(readout).to_have_attribute('aria-live', 'polite')
-    page.keyboard.press('p')
-    # What changes all the time is not read aloud.
-    expect(readout).to_have_attribute('aria-live', 'off')
-
-
-def test_a_stretch_is_chosen_and_stays_though_it_is_no_longer_kept(served, page):
+def test_a_chosen_stretch_stays_though_it_is_not_kept_and_the_detector_starts_again(served, page):
     # Nothing moves under the mouse: the lane of the truth, which comes with the first slip, is
-    # there, and nothing more comes.
-    play_seconds(served, page, 5.0)
+    # there, and nothing more comes. It is a minute later than that in which the page's times begin.
+    play_seconds(served, page, 31.0)
     served.call(setattr, served.hand, 'real_time', False)
     expect(page.locator('.lane-name').get_by_text('truth')).to_be_visible()
     box = page.locator('#timeline').bounding_box()
@@ -263,120 +198,116 @@ def test_a_stretch_is_chosen_and_stays_though_it_is_no_longer_kept(served, page)
     page.mouse.up()
     page.keyboard.up('Shift')
     expect(page.locator('#trace-span')).to_contain_text('paused')
+    # The server keeps what is there for the page as soon as it knows.
+    (connection,) = served.server.pages
+    while served.call(lambda: connection.look.until_ns is None):
+        page.wait_for_timeout(20)
     chosen = stretch(page)
     assert chosen[1] - chosen[0] < 3.0
-    wait_until_held(served, page)
-    served.call(served.hand.fingers[NAME].track.samples.clear)
+    finger = served.hand.fingers[NAME]
+    served.call(finger.track.samples.clear)
+    served.call(finger.started_again, finger.config)
+    expect(card(page).locator('.notice')).to_contain_text('started again')
+    draw_twenty_times(page)
+    assert stretch(page) == chosen
     page.mouse.wheel(0, 200)
     page.mouse.move(box['x'] + box['width'] - 60, box['y'] + 60)
-    expect(page.locator('#traces .readout')).to_contain_text(' V')
+    expect(readout(page)).to_contain_text(' V')
 
 
-def test_what_is_read_at_the_pointer_is_the_very_sample(served, page):
+def test_the_very_sample_is_read_at_the_pointer_and_by_keys(served, page):
     play_seconds(served, page, 2.0)
     page.keyboard.press('p')
     end_s = stretch(page)[1]
+    page.focus('#timeline')
+    page.keyboard.press('Shift+ArrowLeft')
+    expect(readout(page)).to_have_text(re.compile(r'^[\d.]+ s · ch9 · [\d.]+ V.* · level'))
+    first = readout(page).inner_text()
+    page.keyboard.press('Shift+ArrowLeft')
+    assert readout(page).inner_text().partition(' s')[0] < first.partition(' s')[0]
+    page.keyboard.press('Shift+ArrowDown')
+    expect(readout(page)).to_contain_text(' ch11 ')
+    expect(readout(page)).to_have_attribute('aria-live', 'polite')
     box = page.locator('#timeline').bounding_box()
     width = box['width'] - NAMES_WIDTH - RIGHT_MARGIN
     x = box['x'] + NAMES_WIDTH + 0.9 * width
     page.mouse.move(x, box['y'] + 70)  # in the lane of the first channel, ch9
     for _ in range(9):
         page.mouse.wheel(0, -400)
-    readout = page.locator('#traces .readout')
     expect(page.locator('#trace-span')).to_contain_text(re.compile(r'^0\.0\d+ s, paused'))
-    expect(readout).to_contain_text('of the threshold')
+    expect(readout(page)).to_contain_text('of the threshold')
     page.mouse.move(x + 1, box['y'] + 70)
-
     # A column has one sample, when those of this stretch have come.
     alone = re.compile(r'([\d.]+) s · ch9 · ([\d.]+) V · level')
-    expect(readout).to_have_text(alone)
-    at_s, shown_v = map(float, alone.search(readout.inner_text()).groups())
+    expect(readout(page)).to_have_text(alone)
+    at_s, shown_v = map(float, alone.search(readout(page).inner_text()).groups())
     assert at_s < 960.0 + end_s
-    track = served.call(lambda: served.hand.fingers[NAME].track)
-    row = np.searchsorted(track.samples.stamps_ns(), at_s * 1e9, side='right') - 1
-    near = track.samples.field('volts')[row - 1 : row + 2, 8]
+    samples = served.call(lambda: served.hand.fingers[NAME].track.samples)
+    row = np.searchsorted(samples.stamps_ns(), at_s * 1e9, side='right') - 1
+    near = samples.field('volts')[row - 1 : row + 2, 8]
     assert np.abs(near - shown_v).min() < 6e-4
+    page.keyboard.press('p')
+    # What changes all the time is not read aloud.
+    expect(readout(page)).to_have_attribute('aria-live', 'off')
 
 
-def test_the_threshold_is_dragged_on_a_logarithmic_scale(served, page):
-    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
+def test_the_threshold_is_dragged_on_a_logarithmic_scale_and_moved_by_keys(served, page):
+    line = threshold_line(page)
     ratios = []
     for _ in range(2):
-        before = threshold(served)
+        before = config_of(served).threshold
         # The line stands still where the mouse takes it.
-        box = line(page).bounding_box()
+        box = line.bounding_box()
         x, y = box['x'] + 60, box['y'] + box['height'] / 2
         page.mouse.move(x, y)
         page.mouse.down()
         page.mouse.move(x, y + 12, steps=3)
-        expect(line(page)).not_to_have_attribute('aria-valuetext', f'threshold {before:g}')
-        assert threshold(served) == before  # It is set when it is let go.
+        expect(line).not_to_have_attribute('aria-valuetext', f'threshold {before:g}')
+        assert config_of(served).threshold == before  # It is set when it is let go.
         page.mouse.up()
-        expect(page.locator('#parameters .changes')).to_contain_text(f'threshold from {before:g}')
-        ratios.append(threshold(served) / before)
+        expect(changes(page)).to_contain_text(f'threshold from {before:g}')
+        ratios.append(config_of(served).threshold / before)
     assert ratios[0] < 0.9
     assert ratios[0] == pytest.approx(ratios[1], rel=0.25)
-
-
-def test_the_threshold_is_moved_by_keys(served, page):
-    line(page).focus()
+    before = config_of(served).threshold
     # At once: it is set when no key was pressed for a while.
-    line(page).evaluate("""(element) => {
+    line.evaluate("""(element) => {
       for (const key of ['ArrowUp', 'ArrowUp', 'Escape']) {
         element.dispatchEvent(new KeyboardEvent('keydown', {key, bubbles: true}));
       }
     }""")
-    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
-    page.keyboard.press('PageUp')
-    page.keyboard.press('Enter')
-    expect(page.locator('#parameters .changes')).to_contain_text('threshold from 0.5 to 0.814')
-    assert threshold(served) == 0.814
-    page.keyboard.press('ArrowDown')
-    expect(page.locator('#parameters .changes')).to_contain_text('to 0.775')
+    expect(line).to_have_attribute('aria-valuetext', f'threshold {before:g}')
+    line.focus()
+    page.keyboard.press('ArrowUp')
+    expect(changes(page)).to_contain_text(f'threshold from {before:g} to {1.05 * before:.3g}')
 
 
-def test_until_the_detector_has_it_the_line_stays_where_it_was_let_go(served, page):
-    gone_on = threading.Event()
+def test_the_line_stays_where_it_was_let_go_until_the_detector_has_it_or_refuses(served, page):
+    answers = threading.Event()
     set_parameters = served.hand.set_parameters
 
     async def set_later(name, values):
-        await asyncio.to_thread(gone_on.wait, 60.0)
+        await asyncio.to_thread(answers.wait, 60.0)
         return await set_parameters(name, values)
 
+    async def refuse(name, values):
+        return 'parameter threshold is 1.33, allowed: another one'
+
+    line = threshold_line(page)
     served.hand.set_parameters = set_later
-    line(page).focus()
+    line.focus()
     page.keyboard.press('PageUp')
     page.keyboard.press('Enter')
-    page.evaluate("""async () => {
-      for (let i = 0; i < 20; i++) await new Promise(requestAnimationFrame);
-    }""")
-    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.814')
-    assert threshold(served) == 0.5
-    gone_on.set()
-    expect(page.locator('#parameters .changes')).to_contain_text('to 0.814')
-    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.814')
-
-
-def test_a_refusal_is_shown_in_its_own_words(served, page):
-    async def refuse(name, values):
-        return 'parameter threshold is 0.814, allowed: another one'
-
+    draw_twenty_times(page)
+    expect(line).to_have_attribute('aria-valuetext', 'threshold 0.814')
+    assert config_of(served).threshold == 0.5
+    answers.set()
+    expect(changes(page)).to_contain_text('to 0.814')
+    expect(line).to_have_attribute('aria-valuetext', 'threshold 0.814')
     served.hand.set_parameters = refuse
-    line(page).focus()
     page.keyboard.press('PageUp')
     page.keyboard.press('Enter')
     expect(page.get_by_role('alert')).to_have_text(
-        'parameter threshold is 0.814, allowed: another one'
+        'parameter threshold is 1.33, allowed: another one'
     )
-    expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
-
-
-def test_with_read_only_the_line_stays_where_it_is(open_page):
-    with served_beside(SimulatedHand(), access=Access(read_only=True)) as served:
-        page = open_page(served)
-        expect(line(page)).to_have_attribute('aria-disabled', 'true')
-        line(page).focus()
-        page.keyboard.press('PageUp')
-        page.keyboard.press('Enter')
-        expect(line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
-        assert threshold(served) == 0.5
+    expect(line).to_have_attribute('aria-valuetext', 'threshold 0.814')
