@@ -186,7 +186,7 @@ def test_paused_it_stands_still_can_be_moved_and_zoomed_and_goes_on(page):
 
 def test_a_chosen_stretch_stays_though_it_is_not_kept_and_the_detector_starts_again(served, page):
     # Nothing moves under the mouse: the lane of the truth, which comes with the first slip, is
-    # there, and nothing more comes. It is a minute later than that in which the page's times begin.
+    # there, and nothing more comes; a minute later than that in which the page's times begin.
     play_seconds(served, page, 31.0)
     served.call(setattr, served.hand, 'real_time', False)
     expect(page.locator('.lane-name').get_by_text('truth')).to_be_visible()
