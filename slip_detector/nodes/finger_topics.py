@@ -31,7 +31,7 @@ from slip_detector.nodes.joint_states import Sample, read_joint_states
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.nodes.polled_topics import PolledTopics
 from slip_detector.nodes.rclpy_internals import ROS_ERROR
-from slip_detector.view.hand import Finger
+from slip_detector.view.detectors import Finger
 
 #: Parameters on which the subscriptions depend.
 OF_TOPICS = ('channels', 'input_type', 'input_field', 'groups', 'publish_groups')
@@ -223,7 +223,7 @@ class FingerTopics:
         self._finger.frame_id = self._samples[-1][1].frame_id
         self._finger.sample_s = time.monotonic()
         self._samples = []
-        self._finger.track.take_samples(last_ns, rows, truth)
+        self._finger.track.add_samples(last_ns, rows, truth)
 
     def _keep_levels(self) -> None:
         """Append the detector's levels and decisions to the track."""
@@ -232,4 +232,4 @@ class FingerTopics:
         slip = self._slip.beside(at_ns for at_ns, _ in taken)
         # If the number of channels has just changed, some messages were not read: drop all.
         if len(read.stamps_ns) == len(taken):
-            self._finger.track.take_levels(read.stamps_ns, read.position, read.effort > 0.0, slip)
+            self._finger.track.add_levels(read.stamps_ns, read.position, read.effort > 0.0, slip)

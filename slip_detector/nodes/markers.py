@@ -27,7 +27,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.rclpy_internals import subscriber_counter
 from slip_detector.parameters.conversion import listed
-from slip_detector.view.hand import Finger
+from slip_detector.view.detectors import Finger
 from slip_detector.view.server import Server
 from slip_detector.view.taxels import drawn_positions, least_distance_m
 
@@ -156,7 +156,7 @@ class MarkerTopic:
         server.each_tick.append(self._publish)
 
     def _publish(self) -> None:
-        fingers = self._server.hand.fingers
+        fingers = self._server.detectors.fingers
         if not self._subscribers():
             self._server.wanted.pop('markers', None)
             self._shown = MarkersShown()
@@ -173,7 +173,7 @@ class MarkerTopic:
 
 def _silence(finger: Finger) -> str:
     """Return what has stopped arriving, in the words of the page; empty if nothing has."""
-    if finger.silent_words():
+    if finger.silence():
         return 'detector silent'
     silent_s = time.monotonic() - finger.sample_s
     if silent_s <= finger.config.input_timeout_s:

@@ -185,7 +185,7 @@ async def _serve(
     from rclpy.node import Node
 
     from slip_detector.nodes.markers import MarkerTopic
-    from slip_detector.nodes.view_fingers import RosHand
+    from slip_detector.nodes.view_fingers import RosDetectors
     from slip_detector.view.access import Access, is_loopback, new_token, page_address
     from slip_detector.view.parameter_requests import ParameterRequests
     from slip_detector.view.server import Server
@@ -198,8 +198,8 @@ async def _serve(
     # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)
     takedowns.append(node.destroy_node)
-    hand = RosHand(node)
-    server = Server(hand, Access(arguments.host, token, arguments.read_only))
+    detectors = RosDetectors(node)
+    server = Server(detectors, Access(arguments.host, token, arguments.read_only))
     ParameterRequests(server, arguments.folder, arguments.configs)
     TeachingRequests(server, arguments.folder)
     MarkerTopic(node, server)
@@ -218,7 +218,7 @@ async def _serve(
     try:
         await server.run(stop)
     finally:
-        hand.close()
+        detectors.close()
         # The end of the loop would otherwise reset the signals, and not leave them ignored.
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().remove_signal_handler(number)

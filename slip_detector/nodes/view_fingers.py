@@ -29,7 +29,7 @@ from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.polled_topics import PolledTopics
 from slip_detector.nodes.senders import publishing_nodes
 from slip_detector.nodes.view_parameters import ParameterClient, changes_in
-from slip_detector.view.hand import Diagnosis, Finger, Hand
+from slip_detector.view.detectors import Detectors, Diagnosis, Finger
 
 #: Period, in seconds, at which detectors are looked for.
 LOOK_S = 1.0
@@ -64,7 +64,7 @@ class ReadTask(NamedTuple):
     started: bool
 
 
-class RosHand(Hand):
+class RosDetectors(Detectors):
     """The fingers of all detectors that can be reached.
 
     A node that publishes a topic ``slip_onset`` and has the parameters of a detector is one. Only
@@ -265,7 +265,7 @@ class RosHand(Hand):
             panel.read(reading)
         else:
             gone = dict.fromkeys(panel.values.keys() - reading.values.keys())
-            panel.take({**gone, **reading.values})
+            panel.update({**gone, **reading.values})
         try:
             self._take_config(name, started)
         except ValueError as error:
@@ -284,7 +284,7 @@ class RosHand(Hand):
         if started:
             finger.started_again(config)
         elif finger.config != config:
-            finger.take_config(config)
+            finger.update_config(config)
 
     def _on_event(self, event: ParameterEvent) -> None:
         name = event.node
@@ -296,7 +296,7 @@ class RosHand(Hand):
         if name in self._readings:
             self._read(name)
             return
-        panel.take(changes_in(event))
+        panel.update(changes_in(event))
         try:
             self._take_config(name, started=False)
         except ValueError:  # Some of several events are missing, lost or still to come.

@@ -116,7 +116,7 @@ class ParameterPanel:
     >>> panel = ParameterPanel()
     >>> _ = panel.read(Reading({'threshold': 0.5, 'gain': 1.0}, frozenset(), {}))
     >>> panel.expect({'threshold': 0.25}, 'page 1')
-    >>> panel.take({'threshold': 0.25}).by
+    >>> panel.update({'threshold': 0.25}).by
     'page 1'
     >>> panel.to_undo(), panel.as_in_file()
     ({'threshold': 0.5}, {'threshold': 0.5})
@@ -144,7 +144,7 @@ class ParameterPanel:
         if known:
             self._expected.clear()
             gone = dict.fromkeys(self.values.keys() - reading.values.keys())
-            return self._take({**gone, **reading.values}, RESTART)
+            return self._update({**gone, **reading.values}, RESTART)
         self.values = dict(reading.values)
         if self.file_values is None:
             self.file_values = dict(reading.values)
@@ -159,8 +159,8 @@ class ParameterPanel:
         with contextlib.suppress(ValueError):
             self._expected.remove((dict(values), by))
 
-    def take(self, values: Mapping[str, Any]) -> Change | None:
-        """Take values that the detector reports; return the change, None if there is none.
+    def update(self, values: Mapping[str, Any]) -> Change | None:
+        """Note values that the detector reports; return the change, None if there is none.
 
         Parameters
         ----------
@@ -176,7 +176,7 @@ class ParameterPanel:
             if each[0].keys() == given or (changed and changed <= each[0].keys() < given)
         ]
         if not asked:
-            return self._take(values, OUTSIDE)
+            return self._update(values, OUTSIDE)
         # Two pages may have asked for the same parameters at once: equal values tell which one.
         # If none are equal, the detector has rounded them.
         equal = (each for each in asked if each[0].items() <= values.items())
@@ -184,9 +184,9 @@ class ParameterPanel:
         # No report will come of earlier requests for the same parameters: they were overtaken.
         for each in asked[: asked.index(found) + 1]:
             self._expected.remove(each)
-        return self._take(values, found[1])
+        return self._update(values, found[1])
 
-    def _take(self, values: Mapping[str, Any], by: str) -> Change | None:
+    def _update(self, values: Mapping[str, Any], by: str) -> Change | None:
         after = {name: value for name, value in values.items() if self.values.get(name) != value}
         if not after:
             return None

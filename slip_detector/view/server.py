@@ -21,18 +21,17 @@ import json
 import logging
 import time
 from collections.abc import Awaitable, Callable, Mapping
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any
 
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
 from tornado.netutil import bind_sockets
 
 from slip_detector.view.access import Access
-from slip_detector.view.description import diagnostics, hand_description
-from slip_detector.view.hand import Finger, Hand
-from slip_detector.view.look import Look
-from slip_detector.view.pages import page_files
+from slip_detector.view.detectors import Detectors, Finger, finger_description
 from slip_detector.view.track import LiveTrack
+from slip_detector.view.view_request import ViewRequest
 
 #: Shortest time between two frames, in seconds.
 FRAME_S = 1 / 30
@@ -51,6 +50,15 @@ MOST_PAGES, MOST_REQUESTS = 20, 100
 
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
+
+#: Media types of the files of the page.
+TYPES = {
+    '.html': 'text/html; charset=utf-8',
+    '.js': 'text/javascript; charset=utf-8',
+    '.css': 'text/css; charset=utf-8',
+    '.txt': 'text/plain; charset=utf-8',
+    '.svg': 'image/svg+xml',
+}
 
 HEADERS = {
     'Content-Security-Policy': "default-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -71,20 +79,13 @@ READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from
 Answer = Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any]]]
 
 
-class Request(NamedTuple):
-    """The handler of a kind of request, and whether it changes the robot or a file."""
-
-    answer: Answer
-    changes: bool
-
-
 class Server:
     """Serves the live page and keeps all open pages up to date.
 
     Parameters
     ----------
-    hand
-        The fingers.
+    detectors
+        Those of the fingers.
     access
         The access rules.
 
@@ -93,35 +94,37 @@ class Server:
     wanted : dict
         By purpose, the fingers that are watched even if no page shows them.
     each_tick : list of callable
-        Called after each poll of the hand, at most 30 times a second.
+        Called after each poll of the detectors, at most 30 times a second.
     at_end : list of callable
         Awaited before the pages are closed.
     """
 
-    def __init__(self, hand: Hand, access: Access) -> None:
-        self.hand, self.access = hand, access
+    def __init__(self, detectors: Detectors, access: Access) -> None:
+        self.detectors, self.access = detectors, access
         self.wanted: dict[str, set[str]] = {}
         self.each_tick: list[Callable[[], None]] = []
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
-        self.requests: dict[str, Request] = {}
+        #: By kind of request its answer, and whether it changes the robot or a file.
+        self.requests: dict[str, tuple[Answer, bool]] = {}
         # Keeping a spectrum changes nothing on the robot.
         self.on_request('hold_rest', self._hold_rest)
-        self._told: dict[str, str] = {}
+        #: The present content of each kind, for a page that is opened later.
+        self.news: dict[str, str] = {}
         self._http: HTTPServer | None = None
 
     def on_request(self, kind: str, answer: Answer, *, changes: bool = False) -> None:
         """Let a function answer the requests of one kind."""
-        self.requests[kind] = Request(answer, changes)
+        self.requests[kind] = answer, changes
 
-    def tell(self, kind: str, content: Mapping[str, Any]) -> None:
+    def broadcast(self, kind: str, content: Mapping[str, Any]) -> None:
         """Send this content to all pages, also to those that are opened later.
 
         Nothing is sent if the content has not changed. A slow page gets only the latest content.
         """
         text = json.dumps({'type': kind, **content}, allow_nan=False)
-        if self._told.get(kind) != text:
-            self._told[kind] = text
+        if self.news.get(kind) != text:
+            self.news[kind] = text
             for page in self.pages:
                 page.news[kind] = text
 
@@ -154,7 +157,7 @@ class Server:
         return int(sockets[0].getsockname()[1])
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Poll the hand and send frames until the event is set; then close all pages."""
+        """Poll the detectors and send frames until the event is set; then close all pages."""
         due_s = time.monotonic()
         try:
             while not stop.is_set():
@@ -172,14 +175,23 @@ class Server:
             await self.close()
 
     def tick(self) -> None:
-        """Poll the hand, and send each page what is new to it."""
-        looked_at = {name for page in self.pages if page.look for name in page.look.names}
-        self.hand.watch(looked_at.union(*self.wanted.values()))
-        self.hand.poll()
+        """Poll the detectors, and send each page what is new to it."""
+        viewed = {name for page in self.pages if page.view for name in page.view.names}
+        self.detectors.watch(viewed.union(*self.wanted.values()))
+        self.detectors.poll()
         for call in self.each_tick:
             call()
-        self.tell('hand', {**hand_description(self.hand), 'read_only': self.access.read_only})
-        self.tell('diagnostics', diagnostics(self.hand))
+        fingers = sorted(self.detectors.fingers.values(), key=lambda finger: finger.name)
+        self.broadcast(
+            'hand',
+            {
+                'fingers': [finger_description(finger) for finger in fingers],
+                'gone': self.detectors.gone,
+                'read_only': self.access.read_only,
+            },
+        )
+        diagnostics = {finger.name: [*map(list, finger.diagnostics)] for finger in fingers}
+        self.broadcast('diagnostics', {'fingers': diagnostics})
         for page in list(self.pages):
             try:
                 page.send_news()
@@ -202,16 +214,16 @@ class Server:
     async def answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Answer a request of a page."""
         kind = message.get('type')
-        request = self.requests.get(kind) if isinstance(kind, str) else None
         number = message.get('id')
         answer = {'type': 'answer', 'id': number if type(number) is int else None, 'refusal': ''}
         try:
-            if request is None:
+            if not isinstance(kind, str) or kind not in self.requests:
                 known = ', '.join(sorted(self.requests))
                 raise ValueError(f'{str(kind)[:40]} is no request, allowed: {known}')
-            if request.changes and self.access.read_only:
+            act, changes = self.requests[kind]
+            if changes and self.access.read_only:
                 raise ValueError(READ_ONLY)
-            answer.update(await request.answer(message))
+            answer.update(await act(message))
         except ValueError as error:
             answer['refusal'] = str(error)
         except Exception as error:
@@ -221,15 +233,33 @@ class Server:
         return answer
 
     async def _hold_rest(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
-        finger = self.hand.fingers.get(str(message.get('finger')))
+        finger = self.detectors.fingers.get(str(message.get('finger')))
         if finger is None:
             raise ValueError('finger is not one that is shown')
         finger.hold_rest()
         return {}
 
-    def told(self) -> dict[str, str]:
-        """Return the present content of each kind, for a new page."""
-        return dict(self._told)
+
+def page_files() -> dict[str, Path]:
+    """Return all files that a browser may request, by path.
+
+    ``/page`` has the files of the live page, ``/drawing`` those that it shares with the report.
+
+    Examples
+    --------
+    >>> page_files()['/page/live.css'].name, '/drawing/uplot/uPlot.iife.min.js' in page_files()
+    ('live.css', True)
+    """
+    package = Path(__file__).parents[1]
+    return {
+        f'{path}/{file.relative_to(folder).as_posix()}': file
+        for path, folder in (
+            ('/page', package / 'view' / 'page'),
+            ('/drawing', package / 'report' / 'templates'),
+        )
+        for file in folder.rglob('*')
+        if file.suffix in TYPES
+    }
 
 
 class _Guarded(web.RequestHandler):
@@ -261,7 +291,7 @@ class _Guarded(web.RequestHandler):
 class File(_Guarded):
     """A file; only the page itself needs the token, as the others hold nothing of the robot."""
 
-    def initialize(self, server: Server, files: Mapping[str, Any]) -> None:
+    def initialize(self, server: Server, files: Mapping[str, Path]) -> None:
         """Take the arguments of the route."""
         self.server, self.files = server, files
 
@@ -275,8 +305,8 @@ class File(_Guarded):
         file = self.files.get('/page/index.html' if path == '/' else path)
         if file is None:
             raise web.HTTPError(404)
-        self.set_header('Content-Type', file.media_type)
-        self.finish(file.content)
+        self.set_header('Content-Type', TYPES[file.suffix])
+        self.finish(file.read_bytes())
 
     head = get
 
@@ -287,9 +317,9 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
     def initialize(self, server: Server) -> None:
         """Take the arguments of the route."""
         self.server = server
-        self.look: Look | None = None
+        self.view: ViewRequest | None = None
         # The finger, and a copy of its last minute from when the page was paused.
-        self._held: tuple[Finger, LiveTrack] | None = None
+        self._past: tuple[Finger, LiveTrack] | None = None
         self.news: dict[str, str] = {}
         self._frames = self._drawn = 0
         self._sent_s = float('-inf')
@@ -313,7 +343,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
     def open(self, *args: str, **kwargs: str) -> None:
         """Prepare to send the page the present content of each kind."""
         self.set_nodelay(True)
-        self.news = self.server.told()
+        self.news = dict(self.server.news)
         self.server.pages.add(self)
 
     def on_close(self) -> None:
@@ -331,7 +361,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         elif content.get('type') == 'drawn':
             self._drawn = self._frames
         elif content.get('type') == 'look':
-            self._take_look(content)
+            self._change_view(content)
         elif len(self._answers) >= MOST_REQUESTS:
             # The page does not read its answers, which are kept here until it does.
             self.close(1008, f'more than {MOST_REQUESTS} requests wait for an answer')
@@ -340,20 +370,19 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self._answers.add(task)
             task.add_done_callback(self._answers.discard)
 
-    def _take_look(self, content: Mapping[str, Any]) -> None:
+    def _change_view(self, content: Mapping[str, Any]) -> None:
         try:
-            self.look = Look(content) if content.get('fingers') or content.get('finger') else None
-            self._hold()
+            wanted = content.get('fingers') or content.get('finger')
+            self.view = ViewRequest(content) if wanted else None
         except ValueError as error:
             self.news['refused'] = json.dumps({'type': 'refused', 'why': str(error)})
-
-    def _hold(self) -> None:
-        """Keep the track that a paused page shows: a pause may last longer than the track."""
-        finger = self.server.hand.fingers.get(self.look.finger) if self.look else None
-        if finger is None or self.look is None or self.look.until_ns is None:
-            self._held = None
-        elif self._held is None or self._held[0] is not finger:
-            self._held = finger, copy.deepcopy(finger.track)
+            return
+        # A pause may last longer than the track: keep what the page shows.
+        finger = self.server.detectors.fingers.get(self.view.finger) if self.view else None
+        if finger is None or self.view is None or self.view.until_ns is None:
+            self._past = None
+        elif self._past is None or self._past[0] is not finger:
+            self._past = finger, copy.deepcopy(finger.track)
 
     async def _answer(self, content: Mapping[str, Any]) -> None:
         answer = await self.server.answer(content)
@@ -370,18 +399,15 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.news = {}
         now_s = time.monotonic()
         waits = self._drawn < self._frames or now_s - self._sent_s < 0.9 * FRAME_S
-        if self.look is not None and not waits:
+        if self.view is not None and not waits:
             self._frames += 1
             self._sent_s = now_s
-            held = self._held[1] if self._held else None
-            self._send(self.look.frame(self.server.hand, self._frames, held))
-
-    def _is_open(self) -> bool:
-        """Return whether neither side has begun to close the connection."""
-        return self.ws_connection is not None and not self.ws_connection.is_closing()
+            past = self._past[1] if self._past else None
+            self._send(self.view.frame(self.server.detectors, self._frames, past))
 
     def _send(self, content: str | bytes) -> None:
-        if self._is_open():
+        # Neither side may have begun to close the connection.
+        if self.ws_connection is not None and not self.ws_connection.is_closing():
             self._sending = asyncio.ensure_future(
                 self.write_message(content, binary=isinstance(content, bytes))
             )

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Records rest, slips and taps of the fingers, as the user of a page commands."""
 
 import contextlib
@@ -22,9 +21,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from slip_detector.view.hand import Finger, Hand
-from slip_detector.view.recorded_folder import KINDS, NO_SLIP, RecordedFolder, RecordingSummary
-from slip_detector.view.recorder import Recorder
+from slip_detector.view.detectors import Detectors, Finger
+from slip_detector.view.recorded_folder import (
+    KINDS,
+    NO_SLIP,
+    RecordedFolder,
+    Recorder,
+    RecordingSummary,
+)
 from slip_detector.view.track import LiveTrack
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
@@ -63,8 +67,8 @@ class Teaching:
 
     Parameters
     ----------
-    hand
-        The fingers.
+    detectors
+        Those of the fingers.
     folder
         Where the recordings are: each finger has a folder in it, named by its label.
 
@@ -74,13 +78,12 @@ class Teaching:
         What happened last, for the page.
     """
 
-    def __init__(self, hand: Hand, folder: Path) -> None:
-        self._hand, self.folder = hand, folder
+    def __init__(self, detectors: Detectors, folder: Path) -> None:
+        self._detectors, self.folder = detectors, folder
         self._folders: dict[str, RecordedFolder] = {}
         self._recorder: Recorder | None = None
-        self._kind = self._name = ''
-        self._slipping = False
         self._begun_at_s = self._held_at_s = 0.0
+        # The stamp, and the time of this computer, at which the recording of a slip ends.
         self._ends_ns: int | None = None
         self._ends_at_s = 0.0
         # By finger, the track and its row at which the last slip ended: the rest before the next
@@ -91,7 +94,7 @@ class Teaching:
     @property
     def finger(self) -> str:
         """Name of the finger that is recorded, or ''."""
-        return self._name if self._recorder else ''
+        return self._recorder.finger.name if self._recorder else ''
 
     def finger_of(self, name: object) -> Finger:
         """Return a finger, by the name that a page has sent.
@@ -101,7 +104,7 @@ class Teaching:
         ValueError
             When there is no such finger.
         """
-        finger = self._hand.fingers.get(name) if isinstance(name, str) else None
+        finger = self._detectors.fingers.get(name) if isinstance(name, str) else None
         if finger is None:
             raise ValueError(f'there is no finger {str(name)[:40]!r}')
         return finger
@@ -135,8 +138,8 @@ class Teaching:
             raise ValueError(f'{str(kind)[:40]} is not recorded so, allowed: rest, taps')
         self._end_what_ends(name)
         finger = self.finger_of(name)
-        self._begin(finger, str(kind), finger.track.samples.appended)
-        self.words = f'recording {self._path_name()}'
+        recorder = self._begin(finger, str(kind), finger.track.samples.appended)
+        self.words = f'recording {recorder.path.name}'
 
     def stop(self) -> None:
         """End the present recording, if any.
@@ -147,8 +150,8 @@ class Teaching:
             When its end cannot be written.
         """
         if self._recorder is not None:
-            self._hand.poll()
-            self._guarded(self._recorder.take)
+            self._detectors.poll()
+            self._guarded(self._recorder.write)
             self._end()
 
     def press(self, name: object) -> None:
@@ -161,20 +164,17 @@ class Teaching:
         ValueError
             When another recording is under way, or this one cannot be made.
         """
-        if self._slipping and name == self._name:
+        if self._holds_slip(name):
             self.hold()
             return
         self._end_what_ends(name)
         finger = self.finger_of(name)
-        self._hand.poll()
+        self._detectors.poll()
         since, before_s = self._rest_before(finger)
-        self._begin(finger, 'slip', since)
-        assert self._recorder is not None
-        recorder = self._recorder
+        recorder = self._begin(finger, 'slip', since)
         self._guarded(lambda: recorder.label(True))
-        self._slipping = True
         self.hold()
-        self.words = f'recording {self._path_name()}: slip until the key is released'
+        self.words = f'recording {recorder.path.name}: slip until the key is released'
         if before_s < LEAST_BEFORE_S:
             self.words += (
                 f'. There are only {before_s:.1f} s of rest before it: wait for '
@@ -199,9 +199,12 @@ class Teaching:
 
     def release(self, name: object) -> None:
         """End the slip of a finger; its recording goes on for some rest."""
-        if self._slipping and name == self._name:
-            self._hand.poll()
+        if self._holds_slip(name):
+            self._detectors.poll()
             self._let_go()
+
+    def _holds_slip(self, name: object) -> bool:
+        return self._recorder is not None and self._recorder.slipping and name == self.finger
 
     def tick(self) -> None:
         """Write new rows, and end a recording that is due to end; called after each poll.
@@ -215,13 +218,13 @@ class Teaching:
     def _tick(self, recorder: Recorder) -> None:
         now_s = time.monotonic()
         finger, rows = recorder.finger, recorder.finger.track.samples
-        gone = self._hand.fingers.get(self._name) is not finger
+        gone = self._detectors.fingers.get(finger.name) is not finger
         if gone or recorder.interrupted:
             self._end()
             self.words += f'. {GONE if gone else INTERRUPTED}'
             return
-        self._guarded(recorder.take)
-        if self._slipping and now_s - self._held_at_s > HELD_S:
+        self._guarded(recorder.write)
+        if recorder.slipping and now_s - self._held_at_s > HELD_S:
             self._let_go()
             self.words = (
                 f'{recorder.path.name}: the page that held the slip is gone, so the slip was ended'
@@ -246,11 +249,11 @@ class Teaching:
             return None
         silent = time.monotonic() - recorder.finger.sample_s > SILENT_S
         return {
-            'finger': self._name,
-            'kind': self._kind,
+            'finger': self.finger,
+            'kind': recorder.kind,
             'name': recorder.path.name,
             'seconds': round(recorder.duration_s, 1),
-            'slipping': self._slipping,
+            'slipping': recorder.slipping,
             'ending': self._ends_ns is not None,
             'silent': 'no samples come: nothing is recorded until they do' if silent else '',
         }
@@ -293,63 +296,56 @@ class Teaching:
         folder.delete(recording)
         self.words = f'{recording} is deleted'
 
-    def _path_name(self) -> str:
-        return self._recorder.path.name if self._recorder else ''
-
-    def _begin(self, finger: Finger, kind: str, since: int) -> None:
-        folder = self.folder_of(finger.name)
-        self._recorder = Recorder(folder.new_path(kind), finger, since)
-        self._kind, self._name, self._ends_ns = kind, finger.name, None
-        self._begun_at_s = time.monotonic()
+    def _begin(self, finger: Finger, kind: str, since: int) -> Recorder:
+        self._recorder = Recorder(self.folder_of(finger.name).new_path(kind), finger, since)
+        self._ends_ns, self._begun_at_s = None, time.monotonic()
+        return self._recorder
 
     def _end_what_ends(self, name: object) -> None:
         """End a slip that only waits for the rest after it; refuse any other recording."""
-        if self._recorder is None:
+        recorder = self._recorder
+        if recorder is None:
             return
-        if self._ends_ns is None or name != self._name:
-            label = self._recorder.finger.label
-            raise ValueError(f'{self._path_name()} of {label} is being recorded: end it first')
+        if self._ends_ns is None or name != self.finger:
+            raise ValueError(
+                f'{recorder.path.name} of {recorder.finger.label} is being recorded: end it first'
+            )
         self.stop()
 
     def _let_go(self) -> None:
         recorder = self._recorder
         assert recorder is not None
-        self._slipping = False
         self._guarded(lambda: recorder.label(False))
-        rows = recorder.finger.track.samples
-        self._slip_ended[self._name] = recorder.finger.track, rows.appended
-        last_ns = int(rows.stamps_ns()[-1]) if len(rows) else 0
+        track = recorder.finger.track
+        self._slip_ended[self.finger] = track, track.samples.appended
+        last_ns = int(track.samples.stamps_ns()[-1]) if len(track.samples) else 0
         self._ends_ns = last_ns + round(AFTER_S * 1e9)
         self._ends_at_s = time.monotonic() + AFTER_S + SILENT_S
-        self.words = f'recording {self._path_name()}: the rest after the slip'
+        self.words = f'recording {recorder.path.name}: the rest after the slip'
 
     def _guarded(self, write: Callable[[], None]) -> None:
         """Write; if that fails, end the recording and say what is kept."""
         try:
             write()
         except ValueError as error:
-            self._put(f'was cut off: {error}')
+            self._list(f'was cut off: {error}')
             raise ValueError(self.words) from None
 
     def _end(self) -> None:
         recorder = self._recorder
         assert recorder is not None
-        try:
-            recorder.close()
-        except ValueError as error:
-            self._put(f'was cut off: {error}')
-            raise ValueError(self.words) from None
+        self._guarded(recorder.close)
         lost = recorder.lost_rows
         note = f'{lost} rows are missing: this computer was too slow' if lost else ''
-        if self._kind == 'slip' and not recorder.slips:
+        if recorder.kind == 'slip' and not recorder.slips:
             note = f'{NO_SLIP}: no sample came while the key was held'
-        self._put(note)
+        self._list(note)
 
-    def _put(self, note: str) -> None:
+    def _list(self, note: str) -> None:
         """Note that the recording has ended, and list it with this note."""
         recorder = self._recorder
         assert recorder is not None
-        self._recorder, self._slipping, self._ends_ns = None, False, None
+        self._recorder, self._ends_ns = None, None
         name = recorder.path.name
         if not recorder.kept:
             self.words = f'{name}: no sample came, so there is no recording'
@@ -357,7 +353,7 @@ class Teaching:
                 self.words = f'{name} {note}; nothing of it is left'
             return
         recorded = RecordingSummary(name, recorder.duration_s, recorder.slips, note)
-        self._folders[self._name].put(recorded)
+        self._folders[recorder.finger.name].put(recorded)
         self.words = f'{name} has {recorded.duration_s:.1f} s'
         if note:
             self.words += f', which are kept; it {note}'

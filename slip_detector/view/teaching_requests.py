@@ -38,7 +38,7 @@ class TeachingRequests:
 
     def __init__(self, server: Server, folder: Path) -> None:
         self._server = server
-        self._teaching = Teaching(server.hand, folder.resolve())
+        self._teaching = Teaching(server.detectors, folder.resolve())
         self._run: TuneRun | None = None
         self._tuned = ''
         self._task: asyncio.Task[None] | None = None
@@ -68,11 +68,11 @@ class TeachingRequests:
     def _tick(self) -> None:
         self._teaching.tick()
         self._server.wanted['recording'] = {self._teaching.finger} - {''}
-        self._tell()
+        self._broadcast()
 
-    def _tell(self) -> None:
-        self._server.tell('recording', {'recording': self._teaching.recording()})
-        self._server.tell(
+    def _broadcast(self) -> None:
+        self._server.broadcast('recording', {'recording': self._teaching.recording()})
+        self._server.broadcast(
             'teaching',
             {
                 'fingers': self._teaching.described(),
@@ -130,6 +130,6 @@ class TeachingRequests:
             raise ValueError('there is nothing to apply: tune first')
         values = self._run.to_apply(self._teaching.finger_of(self._tuned).config)
         if values:
-            await self._server.hand.change(self._tuned, values, f'page {message.get("page")}')
+            await self._server.detectors.change(self._tuned, values, f'page {message.get("page")}')
         self._teaching.words = f'the detector runs with what was found: {len(values)} values set'
         return {}

@@ -35,7 +35,7 @@ from slip_detector.nodes.messages import (  # noqa: E402
     time_message,
 )
 from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
-from slip_detector.view.hand import Finger  # noqa: E402
+from slip_detector.view.detectors import Finger  # noqa: E402
 
 TWO = DetectorConfig(channels=2, groups={'pair': (1, 2)}, passband_hz=(7, 50), stopbands_hz=[])
 NAMES = Topics('/f', '/f/voltages', '/f/slip_truth', '/f/slip_detector/envelope')
@@ -168,7 +168,7 @@ def test_what_does_not_fit_is_left_to_the_detector(sensor):
 
 def test_other_channels_are_subscribed_to_when_the_parameters_say_so(sensor):
     config = DetectorConfig(channels=3)
-    sensor.finger.take_config(config)
+    sensor.finger.update_config(config)
     sensor.topics.poll()
     sensor.connect()
     track = sensor.finger.track
@@ -178,13 +178,13 @@ def test_other_channels_are_subscribed_to_when_the_parameters_say_so(sensor):
 
 
 def test_a_type_that_is_not_installed_here_is_said_and_the_decisions_are_shown(sensor):
-    sensor.finger.take_config(DetectorConfig(channels=2, input_type='of_others/msg/Skin'))
+    sensor.finger.update_config(DetectorConfig(channels=2, input_type='of_others/msg/Skin'))
     sensor.topics.poll()
     wanted = 'no volts are shown: of_others/msg/Skin is not installed here'
     assert sensor.finger.notice == wanted
     sensor.valid.publish(Bool(data=True))
     sensor.until(lambda: sensor.finger.valid, 'slip_valid')
-    sensor.finger.take_config(DetectorConfig(channels=2))
+    sensor.finger.update_config(DetectorConfig(channels=2))
     sensor.topics.poll()
     assert sensor.finger.notice == ''
 
@@ -193,7 +193,7 @@ def test_groups_that_are_published_no_more_are_not_on(sensor):
     finger = sensor.finger
     sensor.group.publish(Bool(data=True))
     sensor.until(lambda: finger.groups[0], 'the group')
-    finger.take_config(dataclasses.replace(TWO, publish_groups=False))
+    finger.update_config(dataclasses.replace(TWO, publish_groups=False))
     sensor.topics.poll()
     assert not finger.groups[0]
 

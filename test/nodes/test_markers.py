@@ -37,11 +37,11 @@ from slip_detector.nodes.markers import (
 from slip_detector.nodes.messages import event_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.access import Access
-from slip_detector.view.hand import Finger
+from slip_detector.view.detectors import Finger
 from slip_detector.view.server import Server
 from slip_detector.view.taxels import drawn_positions, least_distance_m
 from support.harness import patient_qos
-from support.simulated_hand import SimulatedFinger, SimulatedHand
+from support.simulated_detectors import SimulatedDetectors, SimulatedFinger
 
 FOUR = DetectorConfig(channels=4, groups={'left': (1, 2), 'right': (3, 4)}, vote=1)
 
@@ -51,7 +51,7 @@ def finger_with(levels, config=FOUR, *, on=None, slip=False, groups=(False, Fals
     finger = Finger('/index/slip_detector', config)
     levels = np.asarray(levels, np.float64)
     on = levels > 1 if on is None else on
-    finger.track.take_levels(
+    finger.track.add_levels(
         np.array([10**9]), levels[np.newaxis] * config.threshold, on[np.newaxis], np.array([slip])
     )
     finger.slip, finger.valid = slip, not np.isnan(levels).all()
@@ -215,11 +215,11 @@ def test_a_simulated_slip_is_seen_in_the_markers():
 
 
 def test_all_fingers_are_watched_and_published_while_somebody_subscribes(bench):
-    hand = SimulatedHand(['index', 'thumb'])
-    server = Server(hand, Access())
+    detectors = SimulatedDetectors(['index', 'thumb'])
+    server = Server(detectors, Access())
     MarkerTopic(bench.node, server)
     server.tick()
-    assert not hand.watched, 'nobody subscribes'
+    assert not detectors.watched, 'nobody subscribes'
     heard = []
     subscription = bench.node.create_subscription(
         MarkerArray, 'bench/taxels', heard.append, event_qos()
@@ -230,10 +230,10 @@ def test_all_fingers_are_watched_and_published_while_somebody_subscribes(bench):
         return condition()
 
     bench.wait_for(lambda: ticked(lambda: heard), 'markers')
-    assert hand.watched == set(hand.fingers)
+    assert detectors.watched == set(detectors.fingers)
     assert {marker.ns for marker in heard[-1].markers} == {'index', 'thumb'}
 
-    hand.remove('thumb')
+    detectors.remove('thumb')
     ends = {Marker.ADD: 'index', Marker.DELETE: 'thumb'}
     bench.wait_for(
         lambda: ticked(lambda: ends in [{m.action: m.ns for m in a.markers} for a in heard]),
@@ -244,7 +244,7 @@ def test_all_fingers_are_watched_and_published_while_somebody_subscribes(bench):
     )
 
     bench.node.destroy_subscription(subscription)
-    bench.wait_for(lambda: ticked(lambda: not hand.watched), 'nobody to be watched')
+    bench.wait_for(lambda: ticked(lambda: not detectors.watched), 'nobody to be watched')
 
 
 def test_markers_that_take_long_leave_time_for_the_pages(bench, monkeypatch):
@@ -259,7 +259,7 @@ def test_markers_that_take_long_leave_time_for_the_pages(bench, monkeypatch):
     clock = SimpleNamespace(monotonic=lambda: now_s)
     monkeypatch.setattr('slip_detector.nodes.markers.time', clock)
     monkeypatch.setattr(MarkersShown, 'message', slow)
-    server = Server(SimulatedHand(), Access())
+    server = Server(SimulatedDetectors(), Access())
     MarkerTopic(bench.node, server)
     bench.listen(MarkerArray, 'bench/taxels', event_qos())
 

@@ -31,9 +31,9 @@ from std_msgs.msg import Header  # noqa: E402
 
 from slip_detector.nodes import view_fingers  # noqa: E402
 from slip_detector.nodes.messages import event_qos, sensor_qos, time_message  # noqa: E402
-from slip_detector.nodes.view_fingers import HEADER, MOST_GONE, UNKNOWN, RosHand  # noqa: E402
+from slip_detector.nodes.view_fingers import HEADER, MOST_GONE, UNKNOWN, RosDetectors  # noqa: E402
 from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
-from slip_detector.view.hand import Finger  # noqa: E402
+from slip_detector.view.detectors import Finger  # noqa: E402
 from support.harness import DEADLINE_S  # noqa: E402
 
 INDEX, THUMB = '/index/slip_detector', '/thumb/slip_detector'
@@ -48,7 +48,7 @@ class Watching:
     def __init__(self, bench):
         self.bench = bench
         self.node = Node(PAGE[0].strip('/'), context=bench.context, start_parameter_services=False)
-        self.hand = RosHand(self.node)
+        self.hand = RosDetectors(self.node)
         self.watched = set()
 
     async def until(self, holds, what):
@@ -147,14 +147,14 @@ def test_a_finger_says_what_its_detector_does_and_says(bench):
         await it.until(heard, 'samples and levels')
         await it.until(lambda: heard() and len(finger.diagnostics) == 3, 'the diagnostics')
         assert {each.name for each in finger.diagnostics} == {'input', 'channels', 'decisions'}
-        assert not finger.silent_words()
+        assert not finger.silence()
         # Silent: slip_valid falls, and the detector says why.
         await it.until(lambda: not finger.valid, 'slip_valid to fall')
         await it.until(
             lambda: any('is the sensor plugged in' in each.message for each in finger.diagnostics),
             'the words',
         )
-        assert not finger.silent_words()
+        assert not finger.silence()
 
     watching(bench, test)
 
@@ -315,7 +315,7 @@ def test_a_detector_that_is_killed_is_silent_and_one_with_other_channels_takes_i
         finger = it.hand.fingers[INDEX]
         await it.until(lambda: '/index/slip_valid' in it.subscribed(), 'the subscriptions')
         first.signal(signal.SIGKILL)
-        await it.until(lambda: INDEX not in it.hand.fingers or finger.silent_words(), 'silence')
+        await it.until(lambda: INDEX not in it.hand.fingers or finger.silence(), 'silence')
         # See Bench.wait_until_forgotten.
         await it.until(lambda: INDEX not in it.hand.fingers, 'it to be forgotten')
         start(bench, 'index', channels=2)

@@ -27,7 +27,7 @@ from slip_detector.nodes import view_parameters
 from slip_detector.nodes.view_parameters import ParameterClient, changes_in
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameter_panel import Reading, typed
-from slip_detector.view.saving import launch_arguments, parameter_file, save
+from slip_detector.view.parameter_requests import launch_arguments, parameter_file, save
 
 
 @pytest.fixture

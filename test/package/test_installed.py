@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_detector.view.pages import page_files
+from slip_detector.view.server import page_files
 
 PREFIX = os.environ.get('SLIP_DETECTOR_PREFIX', '')
 
@@ -95,7 +95,7 @@ def test_what_reports_are_made_of_is_installed(tmp_path):
 
 
 def test_what_the_live_page_is_made_of_is_installed(tmp_path):
-    code = 'import slip_detector.view.pages as p; print(*p.page_files())'
+    code = 'import slip_detector.view.server as p; print(*p.page_files())'
     command = [sys.executable, '-c', code]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     # As in the checkout.

@@ -17,7 +17,7 @@
 import numpy as np
 
 from slip_detector.view import server
-from support.simulated_hand import SimulatedHand
+from support.simulated_detectors import SimulatedDetectors
 
 RATE_HZ = 380.0
 
@@ -31,7 +31,7 @@ def slip_rows(rows=380):
     return rest_rows(rows) + 0.2 * np.sin(2 * np.pi * 20.0 * seconds)[:, np.newaxis]
 
 
-class QuietHand(SimulatedHand):
+class QuietDetectors(SimulatedDetectors):
     """Nothing comes but what a test plays; ``heard`` False: no detector is heard."""
 
     heard = True
@@ -53,12 +53,12 @@ class QuietHand(SimulatedHand):
 class Player:
     """Plays the same rows to a finger again and again, with each tick of the server."""
 
-    def __init__(self, hand, label, rows):
-        self.hand, self.label, self.rows, self.at = hand, label, rows, 0
+    def __init__(self, detectors, label, rows):
+        self.detectors, self.label, self.rows, self.at = detectors, label, rows, 0
 
     def __call__(self):
         n = round(RATE_HZ * server.FRAME_S)
-        self.hand.play(self.label, self.rows[self.at : self.at + n])
+        self.detectors.play(self.label, self.rows[self.at : self.at + n])
         self.at = (self.at + n) % (len(self.rows) - n)
 
 

@@ -18,7 +18,7 @@ import json
 
 from tornado.websocket import websocket_connect
 
-from slip_detector.view.frames import unpacked
+from slip_detector.view.view_request import unpacked
 
 
 class LiveClient:

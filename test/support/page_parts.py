@@ -55,4 +55,4 @@ def recording(page, name):
 
 def config_of(served, name=NAME):
     """Return the configuration with which a simulated detector runs."""
-    return served.call(lambda: served.hand.fingers[name].config)
+    return served.call(lambda: served.detectors.fingers[name].config)

@@ -19,7 +19,7 @@ import asyncio
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 
 from support.live_client import LiveClient
-from support.simulated_hand import ServedHand, SimulatedHand
+from support.simulated_detectors import ServedPages, SimulatedDetectors
 
 DEADLINE_S = 60.0
 
@@ -32,11 +32,11 @@ UPGRADE = {
 }
 
 
-def served(test, hand=None, **how):
+def served(test, detectors=None, **how):
     """Run a test with a server and one page; it gets what is served, and the page."""
 
     async def run():
-        async with ServedHand(hand or SimulatedHand(), **how) as it:
+        async with ServedPages(detectors or SimulatedDetectors(), **how) as it:
             page = await LiveClient.open(it.url)
             try:
                 await asyncio.wait_for(test(it, page), DEADLINE_S)

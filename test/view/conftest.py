@@ -22,8 +22,8 @@ from slip_detector.view import server
 from slip_detector.view.parameter_requests import ParameterRequests
 from slip_detector.view.teaching_requests import TeachingRequests
 from support.browsers import complaints_of
-from support.finger_states import Player, QuietHand
-from support.simulated_hand import served_beside
+from support.finger_states import Player, QuietDetectors
+from support.simulated_detectors import served_beside
 
 
 @pytest.fixture
@@ -61,12 +61,12 @@ def open_page(browser, monkeypatch, frame_s):
 def serve(tmp_path):
     """Return what serves a hand as ``slip_view`` does, with a folder of the test."""
 
-    def serve_(hand, files=(), access=None):
+    def serve_(detectors, files=(), access=None):
         def prepare(server):
             ParameterRequests(server, tmp_path, files)
             TeachingRequests(server, tmp_path)
 
-        return ends.enter_context(served_beside(hand, access=access, prepare=prepare))
+        return ends.enter_context(served_beside(detectors, access=access, prepare=prepare))
 
     with contextlib.ExitStack() as ends:
         yield serve_
@@ -76,12 +76,12 @@ def serve(tmp_path):
 def played(serve, open_page):
     """Return what opens a page on fingers that play rows: by label the rows, None for none."""
 
-    def open_(rows_of, prepare=lambda hand: None, access=None, width=1366, **how):
-        hand = QuietHand(tuple(rows_of), **how)
-        prepare(hand)
-        served = serve(hand, access=access)
+    def open_(rows_of, prepare=lambda detectors: None, access=None, width=1366, **how):
+        detectors = QuietDetectors(tuple(rows_of), **how)
+        prepare(detectors)
+        served = serve(detectors, access=access)
         players = [
-            Player(hand, label, rows) for label, rows in rows_of.items() if rows is not None
+            Player(detectors, label, rows) for label, rows in rows_of.items() if rows is not None
         ]
         served.call(served.server.each_tick.extend, players)
         return served, open_page(served, width=width)

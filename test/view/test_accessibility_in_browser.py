@@ -20,7 +20,7 @@ from pathlib import Path
 import pytest
 
 from slip_detector.view.access import Access
-from slip_detector.view.hand import Diagnosis
+from slip_detector.view.detectors import Diagnosis
 from support.browsers import expect
 from support.finger_states import STATES, rest_rows
 from support.lessons import write_lesson
@@ -58,8 +58,8 @@ def violations(axe):
 
 
 def test_axe_finds_nothing_in_any_state_of_the_fingers(played, violations):
-    def more_diagnostics_than_fit(hand):
-        hand.fingers['/rest/slip_detector'].diagnostics = tuple(
+    def more_diagnostics_than_fit(detectors):
+        detectors.fingers['/rest/slip_detector'].diagnostics = tuple(
             Diagnosis(0, f'part {i}', 'as it should be') for i in range(12)
         )
 
@@ -87,7 +87,7 @@ def test_axe_finds_nothing_in_any_panel(played, violations, tmp_path):
     page.keyboard.press('Enter')
     expect(changes(page)).to_contain_text('threshold from')
     assert violations(page) == []
-    served.call(served.hand.remove, 'index')
+    served.call(served.detectors.remove, 'index')
     expect(page.get_by_text('No detector yet')).to_be_visible()
     assert violations(page) == []
 

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.view.hand import Diagnosis
+from slip_detector.view.detectors import Diagnosis
 from support.browsers import expect
 from support.finger_states import STATES, Player, rest_rows, slip_rows
 from support.page_parts import card, tool
@@ -129,8 +129,8 @@ def test_what_the_robot_says_is_shown_as_text_whatever_it_is_and_however_long(pl
     object.__setattr__(config, 'channel_names', (f'one {name}', f'two {name}'))
     object.__setattr__(config, 'groups', {f'of {name}': (1,), f'no {name}': (2,)})
 
-    def prepare(hand):
-        (finger,) = hand.fingers.values()
+    def prepare(detectors):
+        (finger,) = detectors.fingers.values()
         finger.diagnostics = (Diagnosis(1, name, f'{name} & lost'),)
         finger.no_volts = f'no volts are shown {name}'
 
@@ -204,7 +204,7 @@ def test_changes_are_announced_politely_a_short_slip_too(played):
     served.call(setattr, player, 'rows', rest_rows())
     expect(news).to_contain_text('index: SLIP')
     expect(news).to_contain_text('rest')
-    served.call(served.hand.remove, 'index')
+    served.call(served.detectors.remove, 'index')
     expect(news).to_contain_text('index: detector gone')
 
 
@@ -228,11 +228,11 @@ def test_a_finger_that_was_chosen_stays_so_with_its_channels_and_is_waited_for(p
     expect(thumb).to_have_attribute('aria-pressed', 'true')
     # No key is meant for another finger while it is gone.
     expect(tool(page, 'Rest')).to_be_enabled()
-    served.call(served.hand.remove, 'thumb')
+    served.call(served.detectors.remove, 'thumb')
     expect(page.get_by_role('heading', name='Set up thumb, which is gone')).to_be_visible()
     expect(tool(page, 'Rest')).to_be_disabled()
     expect(page.get_by_role('button', name='index')).to_have_attribute('aria-pressed', 'false')
-    served.call(lambda: served.hand.add('thumb', DetectorConfig(), rows=rest_rows()))
+    served.call(lambda: served.detectors.add('thumb', DetectorConfig(), rows=rest_rows()))
     expect(thumb).to_have_attribute('aria-pressed', 'true')
     expect(page.get_by_role('heading', name='Signals of thumb', exact=True)).to_be_visible()
     expect(tool(page, 'Rest')).to_be_enabled()

@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from slip_detector.view.frames import LENGTH, TYPES, packed, unpacked
+from slip_detector.view.view_request import LENGTH, TYPES, packed, unpacked
 
 TEXTS = st.text(max_size=20)
 SHAPES = arrays.array_shapes(min_dims=1, max_dims=2, min_side=0, max_side=7)

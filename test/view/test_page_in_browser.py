@@ -22,7 +22,7 @@ from slip_detector.view.server import NO_TOKEN
 from support.browsers import PATIENCE_MS, expect
 from support.lessons import write_lesson
 from support.page_parts import card, config_of, recording_now, threshold_line, tool
-from support.simulated_hand import SimulatedHand, served_beside
+from support.simulated_detectors import SimulatedDetectors, served_beside
 
 
 def wait_for_a_new_frame(page):
@@ -41,7 +41,7 @@ def wait_until(holds, what):
 
 def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(browser):
     page = browser.new_page()
-    with served_beside(SimulatedHand(), access=Access(token='word')) as served:
+    with served_beside(SimulatedDetectors(), access=Access(token='word')) as served:
         page.goto(served.url)
         wait_for_a_new_frame(page)
         # The first words are shown for a second, which a busy machine may not see.
@@ -58,17 +58,17 @@ def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(brows
     expect(card(page)).to_have_attribute('data-state', 'lost')
     expect(card(page)).to_contain_text('not connected')
     port = int(served.url.split(':')[2].partition('/')[0])
-    with served_beside(SimulatedHand(('thumb',)), access=Access(token='word'), port=port):
+    with served_beside(SimulatedDetectors(('thumb',)), access=Access(token='word'), port=port):
         expect(words).to_have_text('connected')
         expect(page.get_by_role('heading', name='thumb', exact=True)).to_be_visible()
         wait_for_a_new_frame(page)
-    with served_beside(SimulatedHand(), access=Access(token='another'), port=port):
+    with served_beside(SimulatedDetectors(), access=Access(token='another'), port=port):
         expect(words).to_contain_text(NO_TOKEN)
         page.close()
 
 
 def test_a_slip_view_that_hangs_is_told_from_one_that_has_nothing_new(open_page):
-    with served_beside(SimulatedHand()) as served:
+    with served_beside(SimulatedDetectors()) as served:
         page = open_page(served)
         words = page.locator('#connection')
         goes_on = threading.Event()
@@ -85,12 +85,12 @@ def test_a_slip_view_that_hangs_is_told_from_one_that_has_nothing_new(open_page)
 
 
 def test_a_hidden_page_asks_for_nothing_and_goes_on_when_it_is_seen_or_loaded_again(open_page):
-    hand = SimulatedHand()
-    with served_beside(hand) as served:
+    detectors = SimulatedDetectors()
+    with served_beside(detectors) as served:
         page = open_page(served)
 
         def watched():
-            return served.call(lambda: set(hand.watched))
+            return served.call(lambda: set(detectors.watched))
 
         wait_until(watched, 'the page to look')
         hide = """(hidden) => {
@@ -108,9 +108,9 @@ def test_a_hidden_page_asks_for_nothing_and_goes_on_when_it_is_seen_or_loaded_ag
 
 def test_a_page_that_may_only_look_can_change_nothing_in_any_tab(serve, open_page, tmp_path):
     write_lesson(tmp_path / 'index', slips=2)
-    hand = SimulatedHand()
-    before = hand.fingers['/index/slip_detector'].config
-    served = serve(hand, access=Access(read_only=True))
+    detectors = SimulatedDetectors()
+    before = detectors.fingers['/index/slip_detector'].config
+    served = serve(detectors, access=Access(read_only=True))
     page = open_page(served)
     for name in ('Rest', 'Slip', 'Taps', 'Tune', 'Delete slip_1', 'Save'):
         expect(tool(page, name)).to_be_disabled()

@@ -123,7 +123,7 @@ def test_undoing_again_and_again_leads_back_through_every_state(changes):
         undoes = bool(panel.history) and panel.history[-1].before == {
             n: v for n, v in values.items() if panel.values.get(n) != v
         }
-        if panel.take(values) is None:
+        if panel.update(values) is None:
             assert panel.values == states[-1]
         elif undoes:
             states.pop()
@@ -132,7 +132,7 @@ def test_undoing_again_and_again_leads_back_through_every_state(changes):
             states.append(panel.values)
     while panel.to_undo():
         assert panel.values == states.pop()
-        panel.take(panel.to_undo())
+        panel.update(panel.to_undo())
     assert [panel.values] == states
 
 
@@ -140,29 +140,29 @@ def test_what_the_file_has_is_what_makes_it_so_and_nothing_that_cannot_be_set():
     file_values = DetectorConfig(threshold=0.3, autostart=False).to_parameters()
     panel = panel_of(file_values=file_values)
     assert panel.as_in_file() == {'threshold': 0.3}
-    panel.take({'groups.TP': None, 'groups.mine': [1], 'threshold': 0.3})
+    panel.update({'groups.TP': None, 'groups.mine': [1], 'threshold': 0.3})
     wanted = panel.as_in_file()
     assert wanted == {'groups.TP': file_values['groups.TP'], 'groups.mine': None}
-    panel.take(wanted)
+    panel.update(wanted)
     assert panel.as_in_file() == {}
 
 
 def test_without_a_file_it_is_what_was_read_first():
     panel = panel_of()
     assert panel.as_in_file() == {}
-    panel.take({'threshold': 0.3})
+    panel.update({'threshold': 0.3})
     assert panel.as_in_file() == {'threshold': 0.5}
 
 
 def test_what_a_detector_forgot_as_it_started_again_is_told_and_can_be_undone():
     panel = panel_of()
-    panel.take({'threshold': 0.3})
+    panel.update({'threshold': 0.3})
     again = {**VALUES, 'autostart': False}
     change = panel.read(Reading(again, READ_ONLY, {}))
     assert change.by == RESTART
     assert words_of(change) == 'threshold from 0.3 to 0.5, autostart from true to false'
     assert panel.to_undo() == {'threshold': 0.3}
-    panel.take(panel.to_undo())
+    panel.update(panel.to_undo())
     assert panel.values['threshold'] == 0.3
     assert panel.to_undo() == {'threshold': 0.5}
     assert panel.read(Reading(panel.values, READ_ONLY, {})) is None
@@ -175,7 +175,7 @@ def test_who_asked_for_a_change_is_told_with_it_and_no_other():
     panel.expect({'exponent': 7}, 'page 2')
     panel.refused({'exponent': 7}, 'page 2')
     told = [
-        panel.take(values).by
+        panel.update(values).by
         for values in (
             {'threshold': 0.2},
             {'gain': 1.0, 'threshold': 0.3},
@@ -184,7 +184,7 @@ def test_who_asked_for_a_change_is_told_with_it_and_no_other():
         )
     ]
     # As all of them are read.
-    told.append(panel.take({**panel.values, 'vote': 'mean'}).by)
+    told.append(panel.update({**panel.values, 'vote': 'mean'}).by)
     assert told == [OUTSIDE, 'page 1', OUTSIDE, OUTSIDE, 'page 2']
     assert [change.by for change in panel.changes] == told
 
@@ -197,47 +197,47 @@ def test_two_pages_that_change_the_same_parameter_at_once_are_told_apart(refused
         panel.expect(values, f'page {page}')
     for page in refused:
         panel.refused(asked[page], f'page {page}')
-    told = {page: panel.take(v).by for page, v in asked.items() if page not in refused}
+    told = {page: panel.update(v).by for page, v in asked.items() if page not in refused}
     assert told == {page: f'page {page}' for page in asked if page not in refused}
-    assert panel.take({'threshold': 0.5}).by == OUTSIDE
+    assert panel.update({'threshold': 0.5}).by == OUTSIDE
 
 
 def test_what_the_detector_has_rounded_or_did_not_tell_is_of_who_asked_last():
     panel = panel_of()
     panel.expect({'threshold': 0.3}, 'page 1')
-    assert panel.take({'threshold': 0.30000001}).by == 'page 1'
+    assert panel.update({'threshold': 0.30000001}).by == 'page 1'
     panel.expect({'threshold': 0.2}, 'page 1')  # Its event is lost.
     panel.expect({'threshold': 0.4}, 'page 2')
-    assert panel.take({'threshold': 0.4}).by == 'page 2'
-    assert panel.take({'threshold': 0.5}).by == OUTSIDE
+    assert panel.update({'threshold': 0.4}).by == 'page 2'
+    assert panel.update({'threshold': 0.5}).by == OUTSIDE
 
 
 def test_who_asked_a_detector_that_has_ended_did_not_change_the_next():
     panel = panel_of()
     panel.expect({'threshold': 0.3}, 'page 1')
     panel.read(Reading(VALUES, READ_ONLY, {}))
-    assert panel.take({'threshold': 0.3}).by == OUTSIDE
+    assert panel.update({'threshold': 0.3}).by == OUTSIDE
 
 
 def test_the_version_grows_with_what_is_shown():
     panel = panel_of()
     before = panel.version
-    assert panel.take({'threshold': 0.5}) is None
+    assert panel.update({'threshold': 0.5}) is None
     assert panel.version == before
-    panel.take({'threshold': 0.6})
+    panel.update({'threshold': 0.6})
     assert panel.version > before
 
 
 def test_no_more_changes_are_kept_than_there_is_room_for():
     panel = panel_of()
     for k in range(1, 2 * MOST_CHANGES):
-        panel.take({'threshold': float(k)})
+        panel.update({'threshold': float(k)})
     assert len(panel.history) == MOST_CHANGES
 
 
 def test_a_long_list_is_shortened_in_words():
     panel = panel_of()
-    change = panel.take({'noise_floor': [0.125] * 1000, 'groups.TP': None})
+    change = panel.update({'noise_floor': [0.125] * 1000, 'groups.TP': None})
     words = words_of(change)
     assert words.startswith('noise_floor from empty to 0.125, 0.125')
     assert words.endswith('groups.TP from 14, 16, 11, 9 to nothing')

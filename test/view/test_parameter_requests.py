@@ -22,13 +22,13 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.access import Access
 from slip_detector.view.parameter_requests import ParameterRequests
 from slip_detector.view.server import Server
-from support.simulated_hand import SimulatedHand
+from support.simulated_detectors import SimulatedDetectors
 
 NAME = '/index/slip_detector'
 
 
 def server_of(tmp_path, files=(), labels=('index',), **access):
-    server = Server(SimulatedHand(labels, real_time=False), Access(**access))
+    server = Server(SimulatedDetectors(labels, real_time=False), Access(**access))
     ParameterRequests(server, tmp_path / 'saved', files)
     (tmp_path / 'saved').mkdir()
     return server
@@ -59,7 +59,7 @@ def ask(server, **message):
 def test_what_cannot_be_done_is_refused_in_words_and_changes_nothing(tmp_path, message):
     server = server_of(tmp_path)
     assert ask(server, **message)['refusal']
-    assert server.hand.fingers[NAME].config == DetectorConfig()
+    assert server.detectors.fingers[NAME].config == DetectorConfig()
     assert list((tmp_path / 'saved').iterdir()) == []
 
 
@@ -68,7 +68,7 @@ def test_whatever_changes_something_is_refused_to_pages_that_may_only_look(tmp_p
     server = server_of(tmp_path, read_only=True)
     answer = ask(server, type=kind, values={'threshold': 1}, fingers=[NAME], name='a')
     assert '--read-only' in answer['refusal']
-    assert server.hand.fingers[NAME].config == DetectorConfig()
+    assert server.detectors.fingers[NAME].config == DetectorConfig()
 
 
 def test_a_refusal_is_not_what_is_undone(tmp_path):
@@ -76,7 +76,7 @@ def test_a_refusal_is_not_what_is_undone(tmp_path):
     assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
     assert ask(server, type='set', values={'threshold': -1, 'gain': 7.0})['refusal']
     assert ask(server, type='undo')['refusal'] == ''
-    assert server.hand.fingers[NAME].config == DetectorConfig()
+    assert server.detectors.fingers[NAME].config == DetectorConfig()
     assert ask(server, type='undo')['refusal'] == 'there is nothing to undo'
 
 
@@ -90,13 +90,13 @@ def test_of_several_files_each_detector_has_the_one_of_its_namespace(tmp_path):
     for label, threshold in (('index/onset', 0.25), ('index/sure', 0.75), ('other', 0.5)):
         name = f'/{label}/slip_detector'
         assert ask(server, type='as_in_file', finger=name)['refusal'] == ''
-        assert server.hand.fingers[name].config.threshold == threshold
+        assert server.detectors.fingers[name].config.threshold == threshold
 
 
 def test_a_file_that_cannot_be_read_is_named_and_nothing_else_fails(tmp_path):
     server = server_of(tmp_path, [tmp_path / 'none.yaml'])
     server.tick()
-    assert 'none.yaml: cannot be read' in server.told()['parameters']
+    assert 'none.yaml: cannot be read' in server.news['parameters']
     assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
     assert 'none.yaml: cannot be read' in ask(server, type='as_in_file')['refusal']
     answer = ask(server, type='save', fingers=[NAME], name='kept')
@@ -109,13 +109,13 @@ def test_a_file_that_cannot_be_read_is_named_and_nothing_else_fails(tmp_path):
 def test_what_is_told_changes_with_the_parameters_and_with_nothing_else(tmp_path):
     server = server_of(tmp_path)
     server.tick()
-    told = server.told()['parameters']
+    told = server.news['parameters']
     server.tick()
-    assert server.told()['parameters'] == told
+    assert server.news['parameters'] == told
     ask(server, type='set', page='1-2', values={'threshold': 0.25, 'gain': '7'})
     server.tick()
-    assert '"by": "page 1-2"' in server.told()['parameters']
-    assert 'threshold from 0.5 to 0.25, gain from 100 to 7' in server.told()['parameters']
-    server.hand.remove('index')
+    assert '"by": "page 1-2"' in server.news['parameters']
+    assert 'threshold from 0.5 to 0.25, gain from 100 to 7' in server.news['parameters']
+    server.detectors.remove('index')
     server.tick()
-    assert '"gone": true' in server.told()['parameters']
+    assert '"gone": true' in server.news['parameters']

@@ -19,7 +19,7 @@ import pytest
 from slip_detector.parameters.detector import DetectorConfig
 from support.browsers import expect
 from support.page_parts import NAME, changes, config_of, field, tool
-from support.simulated_hand import SimulatedHand
+from support.simulated_detectors import SimulatedDetectors
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def opened(serve, open_page):
     """Return what serves fingers at rest, and opens a number of pages at their parameters."""
 
     def open_(labels=('index',), files=(), pages=1):
-        served = serve(SimulatedHand(labels, real_time=False), files)
+        served = serve(SimulatedDetectors(labels, real_time=False), files)
         every = [open_page(served) for _ in range(pages)]
         for page in every:
             page.get_by_role('tab', name='Parameters').click()
@@ -154,13 +154,13 @@ def test_two_pages_tell_each_other_what_they_change_also_after_slip_view_started
     tool(other, 'Set').click()
     expect(field(one, 'threshold')).to_have_value('0.9', timeout=1000)
     expect(row(other, 'threshold')).not_to_contain_text('meanwhile')
-    served.call(lambda: served.hand.panel(NAME).take({'gain': 5.0}))
+    served.call(lambda: served.detectors.panel(NAME).update({'gain': 5.0}))
     for page in (one, other):
         expect(changes(page).locator('li').last).to_have_text(
             'Changed by another program: gain from 100 to 5.'
         )
-    begun_again = SimulatedHand(('index',), real_time=False)
-    served.call(lambda: setattr(served.server, 'hand', begun_again))
+    begun_again = SimulatedDetectors(('index',), real_time=False)
+    served.call(lambda: setattr(served.server, 'detectors', begun_again))
     expect(field(one, 'threshold')).to_have_value('0.5')
     set_values(one, threshold='0.125')
     expect(changes(one).locator('li').last).to_have_text('Set: threshold from 0.5 to 0.125.')

@@ -27,7 +27,7 @@ import pytest
 from slip_detector.parameters.detector import DetectorConfig
 from support.browsers import expect
 from support.page_parts import card, recording_now
-from support.simulated_hand import SimulatedHand
+from support.simulated_detectors import SimulatedDetectors
 
 image = pytest.importorskip('PIL.Image')
 
@@ -43,12 +43,12 @@ RATE_HZ = 380.0
 def opened(serve, open_page):
     """Return what opens a page on fingers that have played so many seconds of their scene."""
 
-    def open_(played_s, prepare=lambda hand: None):
-        hand = SimulatedHand(tuple(played_s), DetectorConfig.from_yaml(CONFIG))
-        prepare(hand)
-        for seconds, simulated in zip(played_s.values(), hand.simulated.values(), strict=True):
-            simulated.play(seconds)
-        return open_page(serve(hand))
+    def open_(played_s, prepare=lambda detectors: None):
+        detectors = SimulatedDetectors(tuple(played_s), DetectorConfig.from_yaml(CONFIG))
+        prepare(detectors)
+        for label, seconds in played_s.items():
+            detectors.simulated[f'/{label}/slip_detector'].play(seconds)
+        return open_page(serve(detectors))
 
     return open_
 
@@ -82,8 +82,9 @@ def keep(page, name, tmp_path):
     assert len(seen.getcolors(maxcolors=1366 * 768)) > 100
 
 
-def stay_in_slip(simulated):
-    """Let the finger slip until its picture has been made, however long that takes."""
+def stay_in_slip(detectors):
+    """Let the first finger slip until its picture has been made, however long that takes."""
+    simulated = next(iter(detectors.simulated.values()))
     play, most = simulated.play, round(6.0 * RATE_HZ)
 
     def play_on(seconds):
@@ -107,15 +108,15 @@ def test_a_finger_at_rest_after_a_slip(opened, tmp_path):
 
 
 def test_a_finger_in_slip(opened, tmp_path):
-    page = opened({'index': IN_SLIP_S - 1.5}, lambda hand: stay_in_slip(*hand.simulated.values()))
+    page = opened({'index': IN_SLIP_S - 1.5}, stay_in_slip)
     until_s(page, IN_SLIP_S)
     expect(card(page, 'index')).to_have_attribute('data-state', 'slip')
     keep(page, 'slip', tmp_path)
 
 
 def test_a_finger_with_a_dead_channel(opened, tmp_path):
-    def prepare(hand):
-        (simulated,) = hand.simulated.values()
+    def prepare(detectors):
+        (simulated,) = detectors.simulated.values()
         simulated.play(AT_REST_S - 2.0)
         simulated.disturb = without_channel_7
 
@@ -127,9 +128,9 @@ def test_a_finger_with_a_dead_channel(opened, tmp_path):
 
 
 def test_five_fingers(opened, tmp_path):
-    def prepare(hand):
-        simulated = list(hand.simulated.values())
-        stay_in_slip(simulated[0])
+    def prepare(detectors):
+        simulated = list(detectors.simulated.values())
+        stay_in_slip(detectors)
         # The fourth has a dead channel, the last no input.
         simulated[3].disturb = without_channel_7
         simulated[4].play = lambda seconds: None

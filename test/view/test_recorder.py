@@ -25,8 +25,8 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording
-from slip_detector.view.hand import Finger
-from slip_detector.view.recorder import Recorder
+from slip_detector.view.detectors import Finger
+from slip_detector.view.recorded_folder import Recorder
 from support.full_disk import full_disk
 
 CONFIG = DetectorConfig(channels=2, groups={'all': (1, 2)}, sample_rate_hz=380.0)
@@ -36,7 +36,7 @@ def came(finger, n):
     """Let samples come, which tell their number."""
     track = finger.track
     number = track.samples.appended + np.arange(n)
-    track.take_samples(number * 10_000_000, np.stack([number, -number], axis=1), np.zeros(n))
+    track.add_samples(number * 10_000_000, np.stack([number, -number], axis=1), np.zeros(n))
 
 
 @given(
@@ -76,7 +76,7 @@ def test_rows_that_the_track_has_no_more_are_counted(tmp_path):
     recorder = Recorder(tmp_path / 'rest_1', finger, 0)
     for _ in range(60):
         came(finger, 1000)
-    recorder.take()
+    recorder.write()
     kept = len(finger.track.samples)
     assert (recorder.rows, recorder.lost_rows) == (kept, 60_000 - kept)
     assert recorder.lost_rows > 0
@@ -102,12 +102,12 @@ def test_a_recording_that_is_taken_away_meanwhile_is_not_kept(tmp_path):
     finger = Finger('/index/slip_detector', CONFIG)
     recorder = Recorder(tmp_path / 'rest_1', finger, 0)
     came(finger, 100)
-    recorder.take()
+    recorder.write()
     assert recorder.kept
     shutil.rmtree(tmp_path / 'rest_1')
     came(finger, 100)
     with pytest.raises(ValueError, match=r'rest_1: cannot be written .No such file'):
-        recorder.take()
+        recorder.write()
     assert not recorder.kept
 
 
@@ -116,7 +116,7 @@ def test_where_there_is_no_room_for_the_first_row_nothing_is_left(tmp_path):
     recorder = Recorder(tmp_path / 'rest_1', finger, 0)
     came(finger, 1000)
     with full_disk(1000), pytest.raises(ValueError, match='File too large'):
-        recorder.take()
+        recorder.write()
     assert not recorder.kept
     assert [*tmp_path.iterdir()] == []
 
@@ -124,6 +124,6 @@ def test_where_there_is_no_room_for_the_first_row_nothing_is_left(tmp_path):
 def test_stamps_that_a_bag_cannot_hold_are_one_line(tmp_path):
     finger = Finger('/index/slip_detector', CONFIG)
     recorder = Recorder(tmp_path / 'rest_1', finger, 0)
-    finger.track.take_samples(np.array([-5, 5]), np.zeros((2, 2)), np.zeros(2))
+    finger.track.add_samples(np.array([-5, 5]), np.zeros((2, 2)), np.zeros(2))
     with pytest.raises(ValueError, match=r'rest_1: cannot be written .a stamp is negative'):
-        recorder.take()
+        recorder.write()

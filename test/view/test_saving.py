@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.reading import read_parameter_file
-from slip_detector.view.saving import FILE_NAME, launch_arguments, parameter_file, save
+from slip_detector.view.parameter_requests import FILE_NAME, launch_arguments, parameter_file, save
 from support.config_cases import message_of
 from support.full_disk import full_disk
 from support.random_chains import configs
@@ -32,7 +32,7 @@ from support.random_chains import configs
 GIVEN = """
 /**/slip_driver: {ros__parameters: {source: udp, channels: 2}}
 /thumb/slip_detector: {ros__parameters: {use_sim_time: true, threshold: 0.7}}
-hand: {slip_tune: {ros__parameters: {trade: true}}}
+detectors: {slip_tune: {ros__parameters: {trade: true}}}
 /**: {ros__parameters: {channels: 2, threshold: 0.8, groups: {left: [1], right: [2]}}}
 """
 
@@ -81,7 +81,7 @@ def test_what_the_file_has_for_others_stays_and_what_it_had_for_the_detector_doe
     assert DriverConfig.from_yaml(path) == DriverConfig(source='udp', channels=2)
     document = yaml.safe_load(path.read_text(encoding='utf-8'))
     assert document['/**/slip_detector']['ros__parameters']['use_sim_time'] is True
-    assert document['hand/slip_tune']['ros__parameters'] == {'trade': True}
+    assert document['detectors/slip_tune']['ros__parameters'] == {'trade': True}
     assert document['/**']['ros__parameters'] == {'channels': 2}
 
 

@@ -23,7 +23,7 @@ from slip_detector.view.access import Access
 from slip_detector.view.taxels import drawn_positions
 from support.live_client import LiveClient
 from support.served_pages import DEADLINE_S, port_of, refused, served, status_of, ticks
-from support.simulated_hand import ServedHand, SimulatedHand
+from support.simulated_detectors import ServedPages, SimulatedDetectors
 
 
 def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
@@ -48,7 +48,7 @@ def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
 def test_a_page_is_told_where_each_channel_is_drawn():
     async def test(it, page):
         (finger,) = (await page.until('hand'))['fingers']
-        (config,) = (finger.config for finger in it.hand.fingers.values())
+        (config,) = (finger.config for finger in it.detectors.fingers.values())
         assert finger['positions_m'] == drawn_positions(config).tolist()
 
     served(test)
@@ -58,19 +58,19 @@ def test_only_what_a_page_looks_at_is_watched():
     async def test(it, page):
         names = [f'/{label}/slip_detector' for label in ('index', 'thumb')]
         await ticks(it, 2)
-        assert it.hand.watched == set()
+        assert it.detectors.watched == set()
         await page.look(fingers=names[:1], finger='')
         await page.drawn_frame()
-        assert it.hand.watched == set(names[:1])
+        assert it.detectors.watched == set(names[:1])
         it.server.wanted['a recording'] = {names[1]}
         await page.say('look')  # Nothing: the page is hidden.
         await ticks(it, 3)
-        assert it.hand.watched == {names[1]}
+        assert it.detectors.watched == {names[1]}
         it.server.wanted.clear()
         await ticks(it, 2)
-        assert it.hand.watched == set()
+        assert it.detectors.watched == set()
 
-    served(test, SimulatedHand(('index', 'thumb')))
+    served(test, SimulatedDetectors(('index', 'thumb')))
 
 
 def test_the_next_frame_waits_until_the_one_before_was_drawn():
@@ -88,11 +88,11 @@ def test_the_next_frame_waits_until_the_one_before_was_drawn():
 
 def test_what_was_told_is_told_to_a_page_that_is_opened_later_and_again_only_when_it_changes():
     async def test(it, page):
-        it.server.tell('teaching', {'count': 1})
+        it.server.broadcast('teaching', {'count': 1})
         assert (await page.until('teaching'))['count'] == 1
         page.told.clear()
-        it.server.tell('teaching', {'count': 1})
-        it.server.tell('parameters', {'fingers': {}})
+        it.server.broadcast('teaching', {'count': 1})
+        it.server.broadcast('parameters', {'fingers': {}})
         await page.until('parameters')
         assert 'teaching' not in page.told
         late = await LiveClient.open(it.url)
@@ -105,11 +105,11 @@ def test_what_was_told_is_told_to_a_page_that_is_opened_later_and_again_only_whe
 def test_fingers_that_come_and_go_are_told():
     async def test(it, page):
         await page.until('hand', lambda hand: len(hand['fingers']) == 1)
-        config = next(iter(it.hand.fingers.values())).config
-        it.hand.add('thumb', config)
+        config = next(iter(it.detectors.fingers.values())).config
+        it.detectors.add('thumb', config)
         hand = await page.until('hand', lambda hand: len(hand['fingers']) == 2)
         assert [finger['label'] for finger in hand['fingers']] == ['index', 'thumb']
-        it.hand.remove('index')
+        it.detectors.remove('index')
         hand = await page.until('hand', lambda hand: len(hand['fingers']) == 1)
         assert hand['gone'] == {'/index/slip_detector': 'index'}
 
@@ -214,7 +214,7 @@ def test_beyond_loopback_the_address_needs_its_token():
 
 def test_when_it_stops_the_pages_are_told_so():
     async def run():
-        async with ServedHand(SimulatedHand()) as it:
+        async with ServedPages(SimulatedDetectors()) as it:
             page = await LiveClient.open(it.url)
             await page.until('hand')
         while (message := await page._socket.read_message()) is not None:

@@ -20,7 +20,7 @@ import json
 import pytest
 
 from slip_detector.view import server
-from slip_detector.view.look import Look
+from slip_detector.view.view_request import ViewRequest
 from support.live_client import LiveClient
 from support.served_pages import UPGRADE, port_of, refused, served, ticks
 
@@ -35,7 +35,7 @@ def test_a_page_that_reads_nothing_holds_up_no_other_and_is_told_the_latest_only
         stuck = asyncio.get_running_loop().create_future()
         asleep._sending = stuck
         for k in range(50):
-            it.server.tell('teaching', {'count': k})
+            it.server.broadcast('teaching', {'count': k})
             await other.until('teaching', lambda told, k=k: told['count'] == k)
         assert json.loads(asleep.news['teaching'])['count'] == 49
         assert len(asleep.news) <= 3
@@ -78,7 +78,7 @@ def test_a_connection_that_breaks_while_it_is_sent_to_ends_nothing_else():
         await broken.until('hand')
         for each in it.server.pages:
             each.ws_connection.stream.close()
-        it.server.tell('teaching', {'count': 1})
+        it.server.broadcast('teaching', {'count': 1})
         it.server.tick()
         later = await LiveClient.open(it.url)
         assert (await later.until('teaching'))['count'] == 1
@@ -89,14 +89,14 @@ def test_a_connection_that_breaks_while_it_is_sent_to_ends_nothing_else():
 
 
 def test_a_page_that_cannot_be_drawn_is_closed_and_the_others_are_served(monkeypatch, caplog):
-    frame = Look.frame
+    frame = ViewRequest.frame
 
     def fail(look, *words):
         if not look.finger:
             raise ZeroDivisionError('in a frame')
         return frame(look, *words)
 
-    monkeypatch.setattr(Look, 'frame', fail)
+    monkeypatch.setattr(ViewRequest, 'frame', fail)
 
     async def test(it, page):
         await page.look()
@@ -129,7 +129,7 @@ def test_a_page_that_sleeps_is_given_up_and_the_others_are_served(monkeypatch):
         # seconds, in which there is something to tell.
         while not any(each.ws_connection.is_closing() for each in it.server.pages):
             await asyncio.sleep(0.01)
-        it.server.tell('teaching', {'count': 1})
+        it.server.broadcast('teaching', {'count': 1})
         assert (await told)['count'] == 1
         await ticks(it, 3)
         writer.close()
@@ -145,7 +145,7 @@ def test_a_connection_that_asks_for_nothing_is_closed_and_pages_stay(monkeypatch
         reader, writer = await asyncio.open_connection('127.0.0.1', port_of(it))
         assert await reader.read() == b''
         writer.close()
-        it.server.tell('teaching', {'count': 1})
+        it.server.broadcast('teaching', {'count': 1})
         await page.until('teaching')
 
     served(test)

@@ -20,8 +20,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.view.hand import Finger
-from slip_detector.view.spectrum import FEWEST_ROWS, spectrum
+from slip_detector.view.detectors import Finger
+from slip_detector.view.track import FEWEST_ROWS, spectrum
 
 
 def power_v2(found):
@@ -82,11 +82,11 @@ def test_rest_is_held_of_all_channels_or_refused():
     with pytest.raises(ValueError, match='index: too few samples'):
         finger.hold_rest()
     volts = np.random.default_rng(2).normal(size=(800, 16))
-    finger.track.take_samples(1 + np.arange(800), volts, np.zeros(800))
+    finger.track.add_samples(1 + np.arange(800), volts, np.zeros(800))
     finger.hold_rest()
     assert finger.rest.density_db.shape == (16, 380)
-    finger.take_config(DetectorConfig(threshold=0.25))
+    finger.update_config(DetectorConfig(threshold=0.25))
     assert finger.rest is not None
     # Other channels, of which nothing is known.
-    finger.take_config(DetectorConfig(channels=8))
+    finger.update_config(DetectorConfig(channels=8))
     assert finger.rest is None

@@ -21,7 +21,7 @@ import pytest
 
 from support.browsers import expect
 from support.page_parts import NAME, changes, config_of
-from support.simulated_hand import SimulatedHand
+from support.simulated_detectors import SimulatedDetectors
 
 AT_REST = re.compile('with the one at rest behind it')
 
@@ -38,9 +38,9 @@ def rows_with_lines(*frequencies_hz):
 @pytest.fixture
 def served(serve):
     """Serve a finger with lines at 31 and 110 Hz."""
-    served = serve(SimulatedHand(rows=rows_with_lines(31.0, 110.0)))
+    served = serve(SimulatedDetectors(rows=rows_with_lines(31.0, 110.0)))
     # What the detector has heard so far, so that no test waits for it.
-    served.call(served.hand.simulated[NAME].play, 6.0)
+    served.call(served.detectors.simulated[NAME].play, 6.0)
     return served
 
 
@@ -69,7 +69,7 @@ def test_lines_are_found_and_read_by_pointer_and_keys_and_above_rest(served, pag
     for key, words in (('ArrowRight', '31'), ('ArrowRight', '31.5'), ('PageDown', '21.5')):
         page.keyboard.press(key)
         expect(readout).to_contain_text(f'{words} Hz · ')
-    simulated = served.hand.simulated[NAME]
+    simulated = served.detectors.simulated[NAME]
     served.call(setattr, simulated, 'rows', rows_with_lines())
     served.call(simulated.play, 8.0)
     page.get_by_role('button', name='Hold as rest').click()

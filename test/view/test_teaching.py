@@ -28,11 +28,11 @@ from hypothesis import strategies as st
 from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording
 from slip_detector.view import teaching as teaching_module
-from slip_detector.view.hand import Finger
+from slip_detector.view.detectors import Finger
 from slip_detector.view.recorded_folder import NO_SLIP
 from slip_detector.view.teaching import AFTER_S, BEFORE_S, GONE, INTERRUPTED, Teaching
 from support.full_disk import full_disk
-from support.simulated_hand import SimulatedHand
+from support.simulated_detectors import SimulatedDetectors
 
 FINGER = '/index/slip_detector'
 
@@ -41,18 +41,18 @@ class Lesson:
     """A simulated finger, somebody who teaches it, and the time that the test lets pass."""
 
     def __init__(self, folder):
-        self.hand = SimulatedHand(real_time=False)
+        self.detectors = SimulatedDetectors(real_time=False)
         self.folder = folder
-        self.teaching = Teaching(self.hand, folder)
+        self.teaching = Teaching(self.detectors, folder)
 
     @property
     def finger(self):
-        return self.hand.fingers[FINGER]
+        return self.detectors.fingers[FINGER]
 
     def play(self, seconds, label='index'):
         """Let time pass as a server does, a tenth of a second at a time."""
         for _ in range(round(10 * seconds)):
-            self.hand.simulated[f'/{label}/slip_detector'].play(0.1)
+            self.detectors.simulated[f'/{label}/slip_detector'].play(0.1)
             self.teaching.hold()
             self.teaching.tick()
 
@@ -128,7 +128,7 @@ def test_little_rest_before_a_slip_is_said(lesson):
 
 def test_what_came_before_a_pause_of_the_sensor_is_no_rest_before_a_slip(lesson):
     lesson.play(5.0)
-    lesson.hand.simulated[FINGER].at_ns += 60_000_000_000
+    lesson.detectors.simulated[FINGER].at_ns += 60_000_000_000
     lesson.slip(before=0.4)
     stamps_ns, truth = lesson.read('slip_1')
     assert (stamps_ns[truth][0] - stamps_ns[0]) * 1e-9 == pytest.approx(0.4, abs=0.01)
@@ -150,7 +150,7 @@ def test_a_slip_during_which_no_sample_came_is_said_to_be_none(lesson):
 
 
 def test_who_teaches_another_finger_does_not_end_a_slip(lesson):
-    lesson.hand.add('thumb', DetectorConfig())
+    lesson.detectors.add('thumb', DetectorConfig())
     lesson.play(2.0)
     lesson.teaching.press(FINGER)
     with pytest.raises(ValueError, match='slip_1 of index is being recorded'):
@@ -211,7 +211,7 @@ def test_only_one_thing_is_recorded_at_a_time(lesson):
 def test_a_recording_ends_where_the_detector_goes(lesson):
     lesson.teaching.start(FINGER, 'rest')
     lesson.play(2.0)
-    lesson.hand.fingers.pop(FINGER)
+    lesson.detectors.fingers.pop(FINGER)
     lesson.teaching.tick()
     assert lesson.teaching.words == f'rest_1 has 2.0 s. {GONE}'
     assert seconds(lesson.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
@@ -220,7 +220,7 @@ def test_a_recording_ends_where_the_detector_goes(lesson):
 def test_a_clock_that_is_set_back_ends_the_recording(lesson):
     lesson.teaching.start(FINGER, 'rest')
     lesson.play(2.0)
-    lesson.hand.simulated[FINGER].at_ns -= 10_000_000_000
+    lesson.detectors.simulated[FINGER].at_ns -= 10_000_000_000
     lesson.play(1.0)
     assert lesson.teaching.recording() is None
     assert lesson.teaching.words == f'rest_1 has 2.0 s. {INTERRUPTED}'
@@ -230,7 +230,7 @@ def test_a_clock_that_is_set_back_ends_the_recording(lesson):
 def test_a_clock_that_is_set_forward_makes_a_recording_no_longer(lesson):
     lesson.teaching.start(FINGER, 'rest')
     lesson.play(1.0)
-    lesson.hand.simulated[FINGER].at_ns += 3_600_000_000_000
+    lesson.detectors.simulated[FINGER].at_ns += 3_600_000_000_000
     lesson.play(1.0)
     lesson.teaching.stop()
     assert lesson.teaching.words == 'rest_1 has 2.0 s'
@@ -244,8 +244,8 @@ def test_a_detector_with_another_rate_begins_anew_and_slips_are_recorded_still(l
     lesson.teaching.start(FINGER, 'rest')
     lesson.play(1.0)
     slower = dataclasses.replace(lesson.finger.config, sample_rate_hz=200.0, stopbands_hz=())
-    lesson.finger.take_config(slower)
-    lesson.hand.simulated[FINGER].change(slower)
+    lesson.finger.update_config(slower)
+    lesson.detectors.simulated[FINGER].change(slower)
     lesson.play(1.0)
     assert 'rest_1 has 1.0 s' in lesson.teaching.words
     lesson.slip()
@@ -376,7 +376,7 @@ def test_nothing_that_a_page_sends_leaves_the_folder(tmp_path_factory, finger, d
     }
     with contextlib.suppress(ValueError):
         acts[do]()
-    known.track.take_samples(np.arange(9), np.zeros((9, 16)), np.zeros(9))
+    known.track.add_samples(np.arange(9), np.zeros((9, 16)), np.zeros(9))
     teaching.close()
     assert {path.name for path in around.iterdir()} <= {'victim', 'recordings'}
     assert (around / 'victim' / 'victim.mcap').read_text() == 'as it was'
@@ -397,6 +397,6 @@ def test_a_finger_whose_name_is_no_name_of_ros_has_no_folder(label):
 
 def taught_without_a_chain(folder, name):
     """A hand with one finger that only has a track, and who teaches it."""
-    hand = SimulatedHand(labels=())
-    finger = hand.fingers[name] = Finger(name, DetectorConfig())
-    return Teaching(hand, folder), finger
+    detectors = SimulatedDetectors(labels=())
+    finger = detectors.fingers[name] = Finger(name, DetectorConfig())
+    return Teaching(detectors, folder), finger

@@ -24,12 +24,12 @@ from support.browsers import expect
 from support.finger_states import rest_rows
 from support.lessons import write_lesson
 from support.page_parts import recording, recording_now, tool
-from support.simulated_hand import SimulatedHand
+from support.simulated_detectors import SimulatedDetectors
 
 
 @pytest.fixture
 def served(serve):
-    return serve(SimulatedHand())
+    return serve(SimulatedDetectors())
 
 
 @pytest.fixture

@@ -30,7 +30,7 @@ from slip_detector.view.parameter_requests import ParameterRequests
 from slip_detector.view.server import READ_ONLY, Server
 from slip_detector.view.teaching_requests import TeachingRequests
 from support.lessons import write_lesson
-from support.simulated_hand import SimulatedHand
+from support.simulated_detectors import SimulatedDetectors
 
 FINGER = '/index/slip_detector'
 
@@ -41,8 +41,8 @@ class Taught:
     """A server that is asked without a page."""
 
     def __init__(self, folder, **access):
-        self.hand = SimulatedHand(real_time=False)
-        self.server = Server(self.hand, Access(**access))
+        self.detectors = SimulatedDetectors(real_time=False)
+        self.server = Server(self.detectors, Access(**access))
         self.requests = TeachingRequests(self.server, folder)
 
     async def ask(self, kind, **content):
@@ -53,11 +53,11 @@ class Taught:
 
     def play(self, seconds):
         for _ in range(round(10 * seconds)):
-            self.hand.simulated[FINGER].play(0.1)
+            self.detectors.simulated[FINGER].play(0.1)
             self.server.tick()
 
     def told(self, kind='teaching'):
-        return json.loads(self.server.told()[kind])
+        return json.loads(self.server.news[kind])
 
     def names(self):
         return [one['name'] for one in self.told()['fingers'][FINGER]['recordings']]
@@ -77,12 +77,12 @@ def test_what_is_recorded_is_watched_and_told_until_it_is_stopped(tmp_path):
         async with taught(tmp_path) as one:
             assert await one.ask('teach', do='rest') == ''
             one.play(2.0)
-            assert one.hand.watched == {FINGER}
+            assert one.detectors.watched == {FINGER}
             told = one.told('recording')['recording']
             assert (told['name'], told['seconds'], told['slipping']) == ('rest_1', 2.0, False)
             assert await one.ask('teach', do='stop') == ''
             one.play(0.1)
-            assert one.hand.watched == set()
+            assert one.detectors.watched == set()
             assert one.told('recording')['recording'] is None
             assert one.names() == ['rest_1']
 
@@ -188,7 +188,7 @@ def test_a_finger_that_goes_while_its_recordings_are_read_is_not_tuned(tmp_path)
         async with taught(tmp_path) as one:
             asked = asyncio.create_task(one.ask('tune'))
             await asyncio.sleep(0)
-            one.hand.remove('index')
+            one.detectors.remove('index')
             assert 'there is no finger' in await asked
             assert one.told()['tuning'] is None
 
@@ -204,7 +204,7 @@ async def tuned(folder, **found):
         run = one.requests._run
         run.kill()
         await asyncio.wait([one.requests._task])
-        run.found = dataclasses.replace(one.hand.fingers[FINGER].config, **found)
+        run.found = dataclasses.replace(one.detectors.fingers[FINGER].config, **found)
         yield one
 
 
@@ -212,13 +212,13 @@ def test_what_was_found_is_applied_as_one_set_and_the_rest_stays(tmp_path):
     async def lesson():
         async with tuned(tmp_path, threshold=0.25, groups={'all': tuple(range(1, 17))}) as one:
             # Meanwhile somebody has changed what was compared, and what decides nothing.
-            await one.hand.change(FINGER, {'gain': 7.0, 'heartbeat_hz': 5.0}, 'page 1')
-            changes = one.hand.panel(FINGER).count
+            await one.detectors.change(FINGER, {'gain': 7.0, 'heartbeat_hz': 5.0}, 'page 1')
+            changes = one.detectors.panel(FINGER).count
             assert await one.ask('apply_tuning') == ''
             found = one.requests._run.found
-            config = one.hand.fingers[FINGER].config
+            config = one.detectors.fingers[FINGER].config
             assert config == dataclasses.replace(found, heartbeat_hz=5.0)
-            assert one.hand.panel(FINGER).count == changes + 1
+            assert one.detectors.panel(FINGER).count == changes + 1
             assert await one.ask('apply_tuning') == ''
             assert one.told()['words'].endswith('0 values set')
 
@@ -231,7 +231,7 @@ def test_what_the_detector_refuses_of_what_was_found_is_told_in_its_words(tmp_pa
 
     async def lesson():
         async with tuned(tmp_path, threshold=0.25) as one:
-            monkeypatch.setattr(one.hand, 'set_parameters', refused)
+            monkeypatch.setattr(one.detectors, 'set_parameters', refused)
             refusal = await one.ask('apply_tuning')
             assert refusal == 'parameter threshold is 0.25, allowed: more'
 
@@ -241,13 +241,13 @@ def test_what_the_detector_refuses_of_what_was_found_is_told_in_its_words(tmp_pa
 def test_what_was_found_is_not_applied_to_other_channels_nor_to_a_finger_that_is_gone(tmp_path):
     async def lesson():
         async with tuned(tmp_path, threshold=0.25) as one:
-            finger = one.hand.fingers[FINGER]
+            finger = one.detectors.fingers[FINGER]
             for other in (DetectorConfig(channels=8), DetectorConfig(sample_rate_hz=400.0)):
                 finger.config = other
                 refusal = await one.ask('apply_tuning')
                 assert refusal.startswith('16 channels at 380 Hz were taught')
                 assert finger.config is other
-            one.hand.remove('index')
+            one.detectors.remove('index')
             assert 'there is no finger' in await one.ask('apply_tuning')
 
     asyncio.run(lesson())

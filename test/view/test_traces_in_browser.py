@@ -24,7 +24,7 @@ import pytest
 from slip_detector.view.server import FRAME_S
 from support.browsers import expect
 from support.page_parts import NAME, card, changes, config_of, threshold_line
-from support.simulated_hand import SimulatedHand
+from support.simulated_detectors import SimulatedDetectors
 
 #: Pixels of the names at the left and of the margin at the right, as in timeline.js.
 NAMES_WIDTH, RIGHT_MARGIN = 92, 16
@@ -33,7 +33,7 @@ NAMES_WIDTH, RIGHT_MARGIN = 92, 16
 @pytest.fixture
 def served(serve):
     """Serve a finger that plays a scene with a slip."""
-    return serve(SimulatedHand())
+    return serve(SimulatedDetectors())
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def until(page, condition):
 
 def play_seconds(served, page, seconds):
     """Play so much of the scene and wait until it is drawn; its stamps begin at 1000 s."""
-    served.call(served.hand.simulated[NAME].play, seconds)
+    served.call(served.detectors.simulated[NAME].play, seconds)
     until(page, f'data.toS > {40 + seconds}')
 
 
@@ -91,7 +91,7 @@ def test_time_goes_on_and_never_back_and_stands_still_without_samples(served, pa
     width = page.locator('#timeline').bounding_box()['width'] - NAMES_WIDTH - RIGHT_MARGIN
     columns = steps * width / 10.0
     assert columns == pytest.approx(columns.round(), abs=0.02)
-    served.call(setattr, served.hand, 'real_time', False)
+    served.call(setattr, served.detectors, 'real_time', False)
     ends = page.evaluate("""async () => {
       const {dataset} = document.getElementById('timeline'), ends = [];
       const begin = performance.now();
@@ -104,7 +104,7 @@ def test_time_goes_on_and_never_back_and_stands_still_without_samples(served, pa
     assert (np.diff(ends) >= 0).all()
     assert ends[-1] - ends[0] < 1.0
     assert ends[-1] == ends[len(ends) // 2]
-    served.call(setattr, served.hand, 'real_time', True)
+    served.call(setattr, served.detectors, 'real_time', True)
     until(page, f'data.toS > {ends[-1]}')
 
 
@@ -188,7 +188,7 @@ def test_a_chosen_stretch_stays_though_it_is_not_kept_and_the_detector_starts_ag
     # Nothing moves under the mouse: the lane of the truth, which comes with the first slip, is
     # there, and nothing more comes; a minute later than that in which the page's times begin.
     play_seconds(served, page, 31.0)
-    served.call(setattr, served.hand, 'real_time', False)
+    served.call(setattr, served.detectors, 'real_time', False)
     expect(page.locator('.lane-name').get_by_text('truth')).to_be_visible()
     box = page.locator('#timeline').bounding_box()
     page.keyboard.down('Shift')
@@ -200,11 +200,11 @@ def test_a_chosen_stretch_stays_though_it_is_not_kept_and_the_detector_starts_ag
     expect(page.locator('#trace-span')).to_contain_text('paused')
     # The server keeps what is there for the page as soon as it knows.
     (connection,) = served.server.pages
-    while served.call(lambda: connection.look.until_ns is None):
+    while served.call(lambda: connection.view.until_ns is None):
         page.wait_for_timeout(20)
     chosen = stretch(page)
     assert chosen[1] - chosen[0] < 3.0
-    finger = served.hand.fingers[NAME]
+    finger = served.detectors.fingers[NAME]
     served.call(finger.track.samples.clear)
     served.call(finger.started_again, finger.config)
     expect(card(page).locator('.notice')).to_contain_text('started again')
@@ -242,7 +242,7 @@ def test_the_very_sample_is_read_at_the_pointer_and_by_keys(served, page):
     expect(readout(page)).to_have_text(alone)
     at_s, shown_v = map(float, alone.search(readout(page).inner_text()).groups())
     assert at_s < 960.0 + end_s
-    samples = served.call(lambda: served.hand.fingers[NAME].track.samples)
+    samples = served.call(lambda: served.detectors.fingers[NAME].track.samples)
     row = np.searchsorted(samples.stamps_ns(), at_s * 1e9, side='right') - 1
     near = samples.field('volts')[row - 1 : row + 2, 8]
     assert np.abs(near - shown_v).min() < 6e-4
@@ -284,7 +284,7 @@ def test_the_threshold_is_dragged_on_a_logarithmic_scale_and_moved_by_keys(serve
 
 def test_the_line_stays_where_it_was_let_go_until_the_detector_has_it_or_refuses(served, page):
     answers = threading.Event()
-    set_parameters = served.hand.set_parameters
+    set_parameters = served.detectors.set_parameters
 
     async def set_later(name, values):
         await asyncio.to_thread(answers.wait, 60.0)
@@ -294,7 +294,7 @@ def test_the_line_stays_where_it_was_let_go_until_the_detector_has_it_or_refuses
         return 'parameter threshold is 1.33, allowed: another one'
 
     line = threshold_line(page)
-    served.hand.set_parameters = set_later
+    served.detectors.set_parameters = set_later
     line.focus()
     page.keyboard.press('PageUp')
     page.keyboard.press('Enter')
@@ -304,7 +304,7 @@ def test_the_line_stays_where_it_was_let_go_until_the_detector_has_it_or_refuses
     answers.set()
     expect(changes(page)).to_contain_text('to 0.814')
     expect(line).to_have_attribute('aria-valuetext', 'threshold 0.814')
-    served.hand.set_parameters = refuse
+    served.detectors.set_parameters = refuse
     page.keyboard.press('PageUp')
     page.keyboard.press('Enter')
     expect(page.get_by_role('alert')).to_have_text(

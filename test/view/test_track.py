@@ -111,12 +111,12 @@ def test_a_clock_that_is_set_back_begins_a_new_track_and_a_late_message_does_not
     track = LiveTrack(ChainConfig(channels=2))
     volts, truth = np.zeros((2, 2)), np.zeros(2)
     at_ns = 10**18
-    track.take_samples(np.array([at_ns, at_ns + 5]), volts, truth)
-    track.take_levels(np.array([at_ns]), volts[:1], volts[:1], truth[:1])
-    track.take_samples(np.array([at_ns - SET_BACK_NS + 5, at_ns + 9]), volts, truth)
+    track.add_samples(np.array([at_ns, at_ns + 5]), volts, truth)
+    track.add_levels(np.array([at_ns]), volts[:1], volts[:1], truth[:1])
+    track.add_samples(np.array([at_ns - SET_BACK_NS + 5, at_ns + 9]), volts, truth)
     assert (track.beginnings, len(track.samples)) == (0, 3)
     back_ns = at_ns - 2 * SET_BACK_NS
-    track.take_samples(np.array([back_ns, back_ns + 1]), volts, truth)
+    track.add_samples(np.array([back_ns, back_ns + 1]), volts, truth)
     assert (track.beginnings, len(track.samples), len(track.levels)) == (1, 2, 0)
 
 

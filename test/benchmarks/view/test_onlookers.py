@@ -20,7 +20,7 @@ import time
 import pytest
 
 from benchmarks.view.onlookers import NoViewer, Onlooker, frames_a_second
-from support.simulated_hand import SimulatedHand, served_beside
+from support.simulated_detectors import SimulatedDetectors, served_beside
 
 #: Seconds, on however busy a machine.
 PATIENCE_S = 60.0
@@ -46,7 +46,7 @@ def test_frames_are_counted_by_the_second():
 
 def test_an_onlooker_takes_frames_of_all_fingers_until_it_is_ended():
     with (
-        served_beside(SimulatedHand(('index', 'thumb'))) as served,
+        served_beside(SimulatedDetectors(('index', 'thumb'))) as served,
         Onlooker(served.url, 2) as onlooker,
     ):
         drawn = wait_for(onlooker, lambda taken: len(taken) >= 3)
@@ -64,7 +64,7 @@ def test_a_page_that_cannot_be_reached_is_told():
 
 def test_fingers_that_are_not_part_of_the_measurement_are_told():
     with (
-        served_beside(SimulatedHand(('index', 'thumb'))) as served,
+        served_beside(SimulatedDetectors(('index', 'thumb'))) as served,
         Onlooker(served.url, 1) as onlooker,
         pytest.raises(RuntimeError, match='/thumb/slip_detector are there, wanted 1'),
     ):

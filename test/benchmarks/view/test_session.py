@@ -26,7 +26,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 from benchmarks.processes import processor_time_s
 from benchmarks.view.session import answers, children_s, figures_of_turns, free_port
 from slip_detector.nodes.health import AGE_KEYS
-from support.simulated_hand import SimulatedHand, served_beside
+from support.simulated_detectors import SimulatedDetectors, served_beside
 
 pytestmark = pytest.mark.nodes
 
@@ -87,7 +87,7 @@ def test_detectors_that_report_nothing_in_a_turn_are_an_error():
 
 def test_a_page_is_there_or_not():
     assert not answers(f'http://127.0.0.1:{free_port()}/')
-    with served_beside(SimulatedHand()) as served:
+    with served_beside(SimulatedDetectors()) as served:
         assert answers(served.url)
 
 

@@ -15,15 +15,16 @@
 """What is known of a finger: its name for people, its state over a restart, its silence."""
 
 import asyncio
+import json
 import time
 
 import numpy as np
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.view import hand
-from slip_detector.view.hand import Finger
-from support.simulated_hand import SimulatedHand
+from slip_detector.view import detectors
+from slip_detector.view.detectors import Finger, finger_description
+from support.simulated_detectors import SimulatedDetectors
 
 
 @pytest.mark.parametrize(
@@ -40,13 +41,32 @@ def test_a_finger_is_called_by_its_namespace(name, label):
     assert Finger(name, DetectorConfig()).label == label
 
 
+@pytest.mark.parametrize(
+    'config',
+    [
+        DetectorConfig(channels=1, channel_names=('a',), disabled_channels=(), stopbands_hz=()),
+        DetectorConfig(channels=3, disabled_channels=(2,), vote='mean', threshold=1e30),
+        DetectorConfig(decision='evidence', noise_floor=(1e-3,), threshold=0.9, mains_hz=50.0),
+    ],
+)
+def test_a_finger_is_described_by_its_parameters_as_json_has_them(config):
+    finger = Finger('/index/slip_detector', config)
+    described = json.loads(json.dumps(finger_description(finger), allow_nan=False))
+    assert described['channels'] == list(config.names)
+    assert len(described['positions_m']) == config.channels
+    assert described['disabled'] == list(config.disabled_channels)
+    assert described['groups'] == {name: list(of) for name, of in config.groups.items()}
+    for name in ('threshold', 'vote', 'decision', 'sample_rate_hz', 'mains_hz'):
+        assert described[name] == getattr(config, name)
+
+
 def test_a_change_of_the_decision_keeps_the_track_and_other_channels_begin_a_new_one():
     finger = Finger('/slip_detector', DetectorConfig())
-    finger.track.take_samples(np.array([1]), np.zeros((1, 16)), np.zeros(1))
+    finger.track.add_samples(np.array([1]), np.zeros((1, 16)), np.zeros(1))
     track = finger.track
-    finger.take_config(DetectorConfig(threshold=0.7))
+    finger.update_config(DetectorConfig(threshold=0.7))
     assert finger.track is track
-    finger.take_config(DetectorConfig(channels=8, groups={'a': range(1, 9)}))
+    finger.update_config(DetectorConfig(channels=8, groups={'a': range(1, 9)}))
     assert len(finger.track.samples) == 0
     assert finger.track.beginnings > track.beginnings
     assert finger.groups.shape == (1,)
@@ -64,7 +84,7 @@ def test_a_detector_that_is_started_again_says_so_and_with_which_channels():
     assert finger.notice.endswith('with 8 channels instead of 16')
     assert finger.starts == 3
     # Its parameters may be read before it publishes.
-    finger.take_config(DetectorConfig())
+    finger.update_config(DetectorConfig())
     finger.started_again(DetectorConfig())
     assert finger.notice.endswith('with 16 channels instead of 8')
 
@@ -75,28 +95,28 @@ def test_that_a_detector_was_started_again_is_no_news_for_ever(monkeypatch):
     finger.started_again(DetectorConfig())
     assert finger.notice.startswith('no volts are shown; the detector was started again at ')
     now_s = time.monotonic()
-    monkeypatch.setattr(hand.time, 'monotonic', lambda: now_s + hand.RESTART_TOLD_S)
+    monkeypatch.setattr(detectors.time, 'monotonic', lambda: now_s + detectors.RESTART_SHOWN_S)
     assert finger.notice == 'no volts are shown'
 
 
 def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(monkeypatch):
     finger = Finger('/slip_detector', DetectorConfig(heartbeat_hz=1.0))
     now_s = time.monotonic()
-    assert not finger.silent_words()
-    monkeypatch.setattr(hand.time, 'monotonic', lambda: now_s + 2.5)
-    assert not finger.silent_words()
-    monkeypatch.setattr(hand.time, 'monotonic', lambda: now_s + 4.0)
-    assert finger.silent_words() == (
+    assert not finger.silence()
+    monkeypatch.setattr(detectors.time, 'monotonic', lambda: now_s + 2.5)
+    assert not finger.silence()
+    monkeypatch.setattr(detectors.time, 'monotonic', lambda: now_s + 4.0)
+    assert finger.silence() == (
         'the detector has not been heard for 4 s: was it killed, or stopped?'
     )
 
 
 def test_of_the_name_of_a_page_no_more_is_kept_than_pages_have():
-    simulated = SimulatedHand(real_time=False)
+    simulated = SimulatedDetectors(real_time=False)
     (name,) = simulated.fingers
     by = f'page {"x" * 10_000}'
     asyncio.run(simulated.change(name, {'threshold': 0.25}, by))
-    assert simulated.panel(name).changes[-1].by == by[: hand.LONGEST_NAME]
+    assert simulated.panel(name).changes[-1].by == by[: detectors.LONGEST_NAME]
     with pytest.raises(ValueError, match='threshold is -1'):
         asyncio.run(simulated.change(name, {'threshold': -1}, by))
     asyncio.run(simulated.change(name, {'threshold': 0.5}, 'page 7'))

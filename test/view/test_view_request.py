@@ -22,40 +22,39 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.view.frames import unpacked
-from slip_detector.view.look import Look
-from support.simulated_hand import SimulatedHand
+from slip_detector.view.view_request import ViewRequest, unpacked
+from support.simulated_detectors import SimulatedDetectors
 
 NAME = '/index/slip_detector'
 
 
-def hand_after(seconds):
-    hand = SimulatedHand(real_time=False)
-    hand.simulated[NAME].play(seconds)
-    return hand
+def detectors_after(seconds):
+    detectors = SimulatedDetectors(real_time=False)
+    detectors.simulated[NAME].play(seconds)
+    return detectors
 
 
 def look(**content):
-    return Look({'fingers': [NAME], 'finger': NAME, 'channels': [3, 1], **content})
+    return ViewRequest({'fingers': [NAME], 'finger': NAME, 'channels': [3, 1], **content})
 
 
-def columns(look, hand, held=None):
+def columns(look, detectors, held=None):
     """Return the traces of the next frame: their header, and what they have."""
-    header, arrays = unpacked(look.frame(hand, 1, held))
+    header, arrays = unpacked(look.frame(detectors, 1, held))
     return header['traces'], arrays
 
 
 @settings(max_examples=15)
 @given(st.lists(st.floats(0.01, 0.4), min_size=1, max_size=4))
 def test_columns_are_the_same_however_frames_cut_them(cuts):
-    hand, first = hand_after(0.5), look(window_s=4.0, pixels=300)
+    detectors, first = detectors_after(0.5), look(window_s=4.0, pixels=300)
     parts, stops = [], []
     for cut in [*cuts, 0.0]:
-        traces, arrays = columns(first, hand)
+        traces, arrays = columns(first, detectors)
         parts.append(arrays['volts/high'])
         stops.append(traces['samples']['first'] + traces['samples']['count'])
-        hand.simulated[NAME].play(cut)
-    last_traces, last = columns(look(window_s=4.0, pixels=300), hand)
+        detectors.simulated[NAME].play(cut)
+    last_traces, last = columns(look(window_s=4.0, pixels=300), detectors)
     assert stops == sorted(stops)
     together = np.concatenate(parts, axis=1)
     whole = last['volts/high'][:, : together.shape[1]]
@@ -64,12 +63,12 @@ def test_columns_are_the_same_however_frames_cut_them(cuts):
 
 
 def test_a_stretch_that_is_past_ends_where_it_was_asked_to_and_does_not_go_on():
-    hand = hand_after(3.0)
-    last_ns = hand.fingers[NAME].track.samples.stamps_ns()[-1]
+    detectors = detectors_after(3.0)
+    last_ns = detectors.fingers[NAME].track.samples.stamps_ns()[-1]
     until_ns = int(last_ns) - 1_000_000_000
     past = look(window_s=0.5, pixels=500, until_ns=until_ns)
-    held = copy.deepcopy(hand.fingers[NAME].track)
-    traces, arrays = columns(past, hand, held)
+    held = copy.deepcopy(detectors.fingers[NAME].track)
+    traces, arrays = columns(past, detectors, held)
     width_ns = traces['width_ns']
     samples = traces['samples']
     assert (samples['first'] + samples['count']) * width_ns == pytest.approx(
@@ -78,29 +77,29 @@ def test_a_stretch_that_is_past_ends_where_it_was_asked_to_and_does_not_go_on():
     assert samples['count'] == 500
     assert np.isfinite(arrays['volts/low']).any()
     # Nothing of it is kept any more, except what is held.
-    hand.fingers[NAME].track.samples.clear()
-    hand.simulated[NAME].play(1.0)
-    assert columns(past, hand, held)[0]['samples']['count'] == 0
+    detectors.fingers[NAME].track.samples.clear()
+    detectors.simulated[NAME].play(1.0)
+    assert columns(past, detectors, held)[0]['samples']['count'] == 0
     again = look(window_s=0.5, pixels=500, until_ns=until_ns)
     assert np.array_equal(
-        columns(again, hand, held)[1]['volts/low'], arrays['volts/low'], equal_nan=True
+        columns(again, detectors, held)[1]['volts/low'], arrays['volts/low'], equal_nan=True
     )
-    assert columns(look(window_s=0.5, until_ns=until_ns), hand)[0]['samples']['count'] == 0
+    assert columns(look(window_s=0.5, until_ns=until_ns), detectors)[0]['samples']['count'] == 0
 
 
 def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
-    hand = hand_after(6.0)
+    detectors = detectors_after(6.0)
     watching = look(spectrum=14)
-    header, arrays = unpacked(watching.frame(hand, 1))
+    header, arrays = unpacked(watching.frame(detectors, 1))
     assert header['spectrum']['channel'] == 14
     assert header['spectrum']['step_hz'] == pytest.approx(0.5)
     assert arrays['spectrum'].shape == (380,)
     assert 'rest' not in arrays
-    assert 'spectrum' not in unpacked(watching.frame(hand, 2))[0]
-    hand.fingers[NAME].hold_rest()
-    rest = unpacked(look(spectrum=14).frame(hand, 1))[1]['rest']
+    assert 'spectrum' not in unpacked(watching.frame(detectors, 2))[0]
+    detectors.fingers[NAME].hold_rest()
+    rest = unpacked(look(spectrum=14).frame(detectors, 1))[1]['rest']
     assert np.array_equal(rest, arrays['spectrum'])
-    none = unpacked(look(spectrum=99).frame(hand, 1))
+    none = unpacked(look(spectrum=99).frame(detectors, 1))
     assert none[0]['spectrum'] == {'name': NAME, 'channel': 99}
 
 
@@ -123,7 +122,7 @@ SENT = {
 
 def look_or_why_not(message):
     try:
-        return Look(message), ''
+        return ViewRequest(message), ''
     except ValueError as error:
         return None, str(error)
 
@@ -135,16 +134,16 @@ def test_whatever_a_page_sends_is_drawn_or_refused_in_some_words(message):
     if looked is None:
         assert 0 < len(why) < 200
         return
-    hand = hand_after_two_seconds()
+    detectors = detectors_after_two_seconds()
     for number in (1, 2):
-        header, _ = unpacked(looked.frame(hand, number))
+        header, _ = unpacked(looked.frame(detectors, number))
         assert header['frame'] == number
-        assert ('traces' in header) == (looked.finger in hand.fingers)
+        assert ('traces' in header) == (looked.finger in detectors.fingers)
 
 
 @functools.cache
-def hand_after_two_seconds():
-    return hand_after(2.0)
+def detectors_after_two_seconds():
+    return detectors_after(2.0)
 
 
 @pytest.mark.parametrize(

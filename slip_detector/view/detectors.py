@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The fingers as the live page knows them, independent of ROS."""
+"""The detectors as the live page knows them, independent of ROS: one for each finger."""
 
 import time
 from abc import ABC, abstractmethod
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameter_panel import ParameterPanel
-from slip_detector.view.spectrum import Spectrum, spectrum
-from slip_detector.view.track import LiveTrack
+from slip_detector.view.taxels import drawn_positions
+from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
 SILENT_BEATS = 3.0
@@ -35,7 +35,7 @@ SILENT_BEATS = 3.0
 LONGEST_NAME = 64
 
 #: Time, in seconds, for which the page mentions that a detector was started again.
-RESTART_TOLD_S = 600.0
+RESTART_SHOWN_S = 600.0
 
 
 class Diagnosis(NamedTuple):
@@ -106,11 +106,11 @@ class Finger:
 
         A restart, perhaps with other channels, is mentioned for some minutes.
         """
-        recent = time.monotonic() - self._restart_s < RESTART_TOLD_S
+        recent = time.monotonic() - self._restart_s < RESTART_SHOWN_S
         return '; '.join(filter(None, (self.no_volts, self._restart if recent else '')))
 
-    def take_config(self, config: DetectorConfig) -> None:
-        """Take new parameters of the detector; data that fits them is kept.
+    def update_config(self, config: DetectorConfig) -> None:
+        """Note new parameters of the detector; data that fits them is kept.
 
         Another number of channels, or another rate, begins a new track and drops the spectra at
         rest.
@@ -133,7 +133,7 @@ class Finger:
         self._restart = f'the detector was started again at {time.strftime("%H:%M:%S")}'
         if channels != before:
             self._restart += f', with {channels} channels instead of {before}'
-        self.take_config(config)
+        self.update_config(config)
         self.slip = self.valid = False
         self.groups[:] = False
         self.onset_s = None
@@ -151,7 +151,7 @@ class Finger:
             raise ValueError(f'{self.label}: too few samples for a spectrum have come')
         self.rest = rest
 
-    def silent_words(self) -> str:
+    def silence(self) -> str:
         """Return a message if the detector has been silent for too long; empty if not."""
         silent_s = time.monotonic() - self.heard_s
         if silent_s < max(1.0, SILENT_BEATS / self.config.heartbeat_hz):
@@ -159,8 +159,8 @@ class Finger:
         return f'the detector has not been heard for {silent_s:.0f} s: was it killed, or stopped?'
 
 
-class Hand(ABC):
-    """The fingers, and the requests to their detectors.
+class Detectors(ABC):
+    """A registry of the detectors that run, and the requests to them.
 
     Attributes
     ----------
@@ -226,3 +226,34 @@ class Hand(ABC):
     @abstractmethod
     def close(self) -> None:
         """Release all resources."""
+
+
+def finger_description(finger: Finger) -> dict[str, Any]:
+    """Return the description of a finger: its channels, its groups and its decision.
+
+    Examples
+    --------
+    >>> finger = Finger('/index/slip_detector', DetectorConfig(channels=2))
+    >>> described = finger_description(finger)
+    >>> described['label'], described['channels'], described['groups']
+    ('index', ['ch1', 'ch2'], {'all': [1, 2]})
+    """
+    config = finger.config
+    return {
+        'name': finger.name,
+        'label': finger.label,
+        'starts': finger.starts,
+        'notice': finger.notice,
+        'channels': list(config.names),
+        'positions_m': drawn_positions(config).tolist(),
+        'disabled': list(config.disabled_channels),
+        'groups': {name: list(members) for name, members in config.groups.items()},
+        'vote': config.vote,
+        'decision': config.decision,
+        'threshold': config.threshold,
+        'sample_rate_hz': config.sample_rate_hz,
+        'input_timeout_s': config.input_timeout_s,
+        'passband_hz': list(config.passband_hz),
+        'stopbands_hz': [list(pair) for pair in config.stopbands_hz],
+        'mains_hz': config.mains_hz,
+    }

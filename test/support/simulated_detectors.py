@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fingers without ROS: scenes through the chain that a detector runs, as a hand for the page."""
+"""Detectors without ROS: scenes through the chain that a detector runs, for the live page."""
 
 import asyncio
 import contextlib
@@ -28,7 +28,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
 from slip_detector.view.access import Access
-from slip_detector.view.hand import Diagnosis, Finger, Hand
+from slip_detector.view.detectors import Detectors, Diagnosis, Finger
 from slip_detector.view.parameter_panel import Reading
 from slip_detector.view.server import Server
 
@@ -78,8 +78,8 @@ class SimulatedFinger:
         self.at_ns += n * period_ns
         result = self.chain.update(rows, level=True)
         level = np.where(result.valid, result.level, np.nan)
-        finger.track.take_samples(stamps_ns, rows, truth)
-        finger.track.take_levels(stamps_ns, level, result.channels, result.slip)
+        finger.track.add_samples(stamps_ns, rows, truth)
+        finger.track.add_levels(stamps_ns, level, result.channels, result.slip)
         if np.any(np.diff(result.slip.astype(int), prepend=int(finger.slip)) > 0):
             finger.onset_s = time.monotonic()
         finger.slip = bool(result.slip[-1])
@@ -97,7 +97,7 @@ class SimulatedFinger:
         self.chain.swap()
 
 
-class SimulatedHand(Hand):
+class SimulatedDetectors(Detectors):
     """Simulated fingers, in real time while a page watches, or as the test says.
 
     Parameters
@@ -158,22 +158,22 @@ class SimulatedHand(Hand):
             return 'Trying to set a read-only parameter: autostart.'
         simulated.change(config)
         now = config.to_parameters()
-        self.panel(name).take({name: now.get(name) for name in values})
+        self.panel(name).update({name: now.get(name) for name in values})
         return ''
 
     def close(self):
         self.simulated.clear()
 
 
-class ServedHand:
-    """A server for a hand, in the thread of the test's event loop.
+class ServedPages:
+    """A server for detectors, in the thread of the test's event loop.
 
-    ``async with ServedHand(hand) as served:`` then ``served.url`` is its address.
+    ``async with ServedPages(detectors) as served:`` then ``served.url`` is its address.
     """
 
-    def __init__(self, hand, access=None, prepare=lambda server: None, port=0):
-        self.hand, self._port = hand, port
-        self.server = Server(hand, access or Access())
+    def __init__(self, detectors, access=None, prepare=lambda server: None, port=0):
+        self.detectors, self._port = detectors, port
+        self.server = Server(detectors, access or Access())
         prepare(self.server)
         self._stop = asyncio.Event()
 
@@ -190,10 +190,10 @@ class ServedHand:
 
 
 @contextlib.contextmanager
-def served_beside(hand, **how):
-    """Serve a hand in a thread of its own, for a browser; gives what is served.
+def served_beside(detectors, **how):
+    """Serve detectors in a thread of its own, for a browser; gives what is served.
 
-    ``call(function)`` runs a function in that thread, as the hand is only touched there, and
+    ``call(function)`` runs a function in that thread, as the detectors are only touched there, and
     ``before_end(function)`` is called before the server ends.
     """
     begun = queue.Queue()
@@ -201,7 +201,7 @@ def served_beside(hand, **how):
     async def serve():
         end = asyncio.Event()
         try:
-            async with ServedHand(hand, **how) as served:
+            async with ServedPages(detectors, **how) as served:
                 begun.put((served, asyncio.get_running_loop(), end))
                 await end.wait()
         except Exception as error:
