@@ -2,6 +2,7 @@
 
 import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
+import {build} from './elements.js';
 import {News} from './news.js';
 import {Parameters} from './parameters.js';
 import {SpectrumPanel} from './spectrum.js';
@@ -142,11 +143,7 @@ const KEY_WORDS = [
   ['?', 'show these keys, and hide them'],
 ];
 
-element('key-list').append(...KEY_WORDS.map(([keys, words]) => {
-  const row = make('div');
-  row.append(make('dt', keys), make('dd', words));
-  return row;
-}));
+element('key-list').append(...KEY_WORDS.map(([keys, words]) => build('div', build('dt', keys), build('dd', words))));
 
 element('keys-button').addEventListener('click', ({currentTarget}) => {
   element('keys').hidden = !element('keys').hidden;

@@ -1,5 +1,6 @@
 // The card of one finger: its picture, its groups, and how it is in words.
 
+import {build, button} from './elements.js';
 import {paintFinger, pictureOf, placesOf} from './finger.js';
 
 // Words and mark of each state; the first that applies is shown. The shapes of the marks tell states
@@ -21,32 +22,21 @@ export class FingerCard {
   // onChoose(): the user wants to see the finger's traces. onChannel(channel): the taxel of a channel,
   // counted from 1, was clicked.
   constructor({onChoose, onChannel}) {
-    this.root = make('article', undefined, 'finger');
-    this.title = make('button', undefined, 'title');
-    this.title.addEventListener('click', onChoose);
-    const heading = make('h2');
-    heading.append(this.title);
-    this.badge = make('p', undefined, 'badge');
-    this.dead = make('p', undefined, 'dead');
-    const head = make('header');
-    head.append(heading, this.badge);
-    this.canvas = make('canvas');
-    this.canvas.role = 'img';
-    this.picture = make('div', undefined, 'picture');
-    this.veil = make('p', undefined, 'veil');
-    this.picture.append(this.canvas, this.veil);
-    this.groups = make('ul', undefined, 'groups');
-    this.onset = make('p', undefined, 'onset');
-    this.notice = make('p', undefined, 'notice');
-    this.diagnostics = make('ul', undefined, 'diagnostics');
-    this.diagnostics.ariaLabel = 'Diagnostics';
-    this.inWords = make('details');
-    const list = make('ul');
-    list.tabIndex = 0;
-    list.ariaLabel = 'Channels';
-    this.inWords.append(make('summary', 'Channels in words'), list);
+    this.title = button('', onChoose, {className: 'title'});
+    this.badge = build('p.badge');
+    this.dead = build('p.dead');
+    this.canvas = build('canvas', {role: 'img'});
+    this.veil = build('p.veil');
+    this.picture = build('div.picture', this.canvas, this.veil);
+    this.groups = build('ul.groups', {ariaLabel: 'Groups: channels that are ON of those that are valid'});
+    this.onset = build('p.onset');
+    this.notice = build('p.notice');
+    this.diagnostics = build('ul.diagnostics', {ariaLabel: 'Diagnostics'});
+    this.list = build('ul', {tabIndex: 0, ariaLabel: 'Channels'});
+    this.inWords = build('details', build('summary', 'Channels in words'), this.list);
     this.inWords.addEventListener('toggle', () => this.tellChannels());
-    this.root.append(head, this.dead, this.picture, this.groups, this.onset, this.notice, this.diagnostics, this.inWords);
+    this.root = build('article.finger', build('header', build('h2', this.title), this.badge), this.dead, this.picture,
+      this.groups, this.onset, this.notice, this.diagnostics, this.inWords);
     this.marked = new Set();
     this.worded = -Infinity;
     this.canvas.addEventListener('click', (event) => {
@@ -66,9 +56,9 @@ export class FingerCard {
 
   // Show the server's description of the finger, which changes with the detector's parameters.
   describe(finger) {
-    const alike = JSON.stringify(finger) === this.described;
-    if (alike) return;
-    this.described = JSON.stringify(finger);
+    const described = JSON.stringify(finger);
+    if (described === this.described) return;
+    this.described = described;
     this.finger = finger;
     this.disabled = new Set(finger.disabled);
     this.root.dataset.finger = finger.name;
@@ -76,19 +66,17 @@ export class FingerCard {
     text(this.notice, finger.notice);
     this.notice.hidden = !finger.notice;
     this.chips = Object.entries(finger.groups).map(([name, members]) => {
-      const chip = make('li', undefined, 'group'), label = make('span', name, 'name'), count = make('span', '', 'count');
       const mark = (set) => () => {
         this.marked = new Set(set);
         this.paint();
       };
-      chip.append(label, count);
+      const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
       chip.title = `${name}: ${members.map((c) => finger.channels[c - 1]).join(', ')}; vote: ${voteWords(finger.vote)}`;
       chip.addEventListener('pointerenter', mark(members));
       chip.addEventListener('pointerleave', mark([]));
       return {chip, count, members};
     });
     this.groups.replaceChildren(...this.chips.map(({chip}) => chip));
-    this.groups.ariaLabel = 'Groups: channels that are ON of those that are valid';
     this.state = null;
     this.layOut();
   }
@@ -106,11 +94,7 @@ export class FingerCard {
     this.canvas.getContext('2d').setTransform(ratio, 0, 0, ratio, 0, 0);
     this.size = {width, height};
     this.painted = null;
-    this.places = placesOf(this.finger.positions_m, width - 8, height - 8);
-    for (const place of this.places) {
-      place.x += 4;
-      place.y += 4;
-    }
+    this.places = placesOf(this.finger.positions_m, width, height, 4);
     this.paint();
   }
 
@@ -138,10 +122,10 @@ export class FingerCard {
   tellChannels() {
     if (!this.inWords.open || !this.channels) return;
     this.worded = performance.now();
-    const list = this.inWords.lastChild;
+    const {list} = this;
     while (list.children.length > this.channels.length) list.lastChild.remove();
     this.channels.forEach((_, c) => {
-      if (!list.children[c]) list.append(make('li'));
+      if (!list.children[c]) list.append(build('li'));
       text(list.children[c], this.wordsOf(c + 1));
     });
   }
@@ -158,25 +142,21 @@ export class FingerCard {
     const {mark, words} = STATES[name], {sample_age_s: age, silent} = this.state;
     if (this.root.dataset.state !== name) {
       this.root.dataset.state = name;
-      this.badge.replaceChildren(make('span', mark, 'mark'), ` ${words}`);
-      this.badge.firstChild.ariaHidden = 'true';
+      this.badge.replaceChildren(build('span.mark', mark, {ariaHidden: 'true'}), ` ${words}`);
     }
     const veil = {
       lost: 'as it was last', silent, noInput: age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`,
     }[name] ?? '';
     text(this.veil, veil);
     this.veil.hidden = !veil;
-    const dead = name === 'slip' || name === 'rest' || name === 'notValid' ? this.deadChannels() : [];
+    const dead = ['slip', 'rest', 'notValid'].includes(name)
+      ? this.finger.channels.filter((_, c) => !this.channels[c].valid && !this.channels[c].disabled) : [];
     // The line is always there, so that nothing below it moves when a channel fails.
     this.dead.classList.toggle('some', dead.length > 0);
     text(this.dead, dead.length ? `\u2715 ${channelWords(dead)} not valid` : veil ? '' : '\u2713 all channels valid');
-    this.words = [words, ...(veil ? [veil] : []), ...(dead.length ? [`${channelWords(dead)} not valid`] : [])].join(', ');
+    this.words = [words, veil, dead.length && `${channelWords(dead)} not valid`].filter(Boolean).join(', ');
     const label = `${this.finger.label}: ${this.words}`;
     if (this.canvas.ariaLabel !== label) this.canvas.ariaLabel = label;
-  }
-
-  deadChannels() {
-    return this.finger.channels.filter((_, c) => !this.channels[c].valid && !this.channels[c].disabled);
   }
 
   onsetWords() {
@@ -191,13 +171,9 @@ export class FingerCard {
     const key = JSON.stringify(lines);
     if (key === this.told) return;
     this.told = key;
-    this.diagnostics.replaceChildren(...lines.map(([level, name, message]) => {
-      const line = make('li', undefined, `level-${level}`), mark = make('span', MARKS[level] ?? '?', 'mark');
-      mark.role = 'img';
-      mark.ariaLabel = LEVELS[level] ?? 'unknown';
-      line.append(mark, ` ${name}: ${message}`);
-      return line;
-    }));
+    this.diagnostics.replaceChildren(...lines.map(([level, name, message]) => build(`li.level-${level}`,
+      build('span.mark', MARKS[level] ?? '?', {role: 'img', ariaLabel: LEVELS[level] ?? 'unknown'}),
+      ` ${name}: ${message}`)));
     // With a tab stop, keys can scroll a list that does not fit.
     this.diagnostics.tabIndex = this.diagnostics.scrollHeight > this.diagnostics.clientHeight ? 0 : -1;
   }
@@ -230,17 +206,14 @@ export class FingerCard {
   wordsOf(channel) {
     const {level, on, valid, disabled} = this.channels[channel - 1];
     const group = Object.entries(this.finger.groups).find(([, members]) => members.includes(channel));
-    const words = [this.finger.channels[channel - 1], ...(group ? [`group ${group[0]}`] : [])];
-    if (disabled) words.push('disabled');
-    else if (!valid) words.push('not valid');
-    else words.push(`${ratioWords(level)} of the threshold${on ? ', ON' : ''}`);
-    return words.join(', ');
+    const state = disabled ? 'disabled' : valid ? `${ratioWords(level)} of the threshold${on ? ', ON' : ''}` : 'not valid';
+    return [this.finger.channels[channel - 1], group && `group ${group[0]}`, state].filter(Boolean).join(', ');
   }
 }
 
-export const ratioWords = (level) => (level < 0.005 ? 'less than 0.01' : level.toPrecision(2));
+const ratioWords = (level) => (level < 0.005 ? 'less than 0.01' : level.toPrecision(2));
 
-export function voteWords(vote) {
+function voteWords(vote) {
   if (vote === 'all') return 'all of them';
   return vote === 'mean' ? 'their geometric mean' : `${vote} of them`;
 }

@@ -1,5 +1,7 @@
 // Which channels of a finger have traces: a button for each, under its group.
 
+import {build, button} from './elements.js';
+
 // Most channels that the server sends at once.
 const MOST_CHANNELS = 64;
 
@@ -7,9 +9,7 @@ export class ChannelChooser {
   // onChoose(): called when other channels are chosen.
   constructor(onChoose) {
     this.onChoose = onChoose;
-    this.root = make('div', undefined, 'chooser');
-    this.root.role = 'group';
-    this.root.ariaLabel = 'Channels with traces';
+    this.root = build('div.chooser', {role: 'group', ariaLabel: 'Channels with traces'});
     // The chosen channels, counted from 1, in order; and those last chosen for each finger, by name.
     this.channels = [];
     this.kept = new Map();
@@ -32,18 +32,12 @@ export class ChannelChooser {
     const left = channels.map((_, c) => c + 1).filter((c) => !grouped.has(c) && !disabled.includes(c));
     const sets = [...Object.entries(groups), ...(left.length ? [['no group', left]] : [])];
     this.root.replaceChildren(...sets.map(([name, members]) => {
-      const set = make('span', undefined, 'channel-set'), whole = make('button', name, 'whole-set');
-      whole.title = `The traces of ${name} and of no other`;
-      whole.addEventListener('click', () => this.choose(members));
-      set.append(whole, ...members.map((c) => {
-        const one = make('button', String(c));
+      const whole = button(name, () => this.choose(members), {className: 'whole-set', title: `The traces of ${name} and of no other`});
+      return build('span.channel-set', whole, ...members.map((c) => {
+        const one = button(String(c), () => this.toggle(c), {ariaLabel: `Traces of ${channels[c - 1]}`, title: channels[c - 1]});
         one.dataset.channel = c;
-        one.ariaLabel = `Traces of ${channels[c - 1]}`;
-        one.title = channels[c - 1];
-        one.addEventListener('click', () => this.toggle(c));
         return one;
       }));
-      return set;
     }));
   }
 

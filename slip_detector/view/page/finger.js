@@ -4,8 +4,8 @@ const QUIET_FILL = '#e6eaed', LEVEL_FILL = '#74828d', FRAME = '#7a858e', DISABLE
 
 // Where taxels are drawn, in pixels: for each channel {x, y, side}, x and y of its middle.
 // positions: [x, y, z] in metres of each channel, no two the same. The two axes along which the finger
-// is largest are shown.
-export function placesOf(positions, width, height) {
+// is largest are shown. margin: pixels that stay free around them.
+export function placesOf(positions, width, height, margin = 0) {
   const extents = [0, 1, 2].map((axis) => {
     const along = positions.map((position) => position[axis]);
     const [least, most] = [Math.min(...along), Math.max(...along)];
@@ -16,7 +16,7 @@ export function placesOf(positions, width, height) {
   const points = positions.map((position) => [across, along].map(({axis, least}) => position[axis] - least));
   const pitch = smallestDistance(points) || Math.max(across.size, along.size) || 1;
   // The outermost taxels have half a pitch to the edge.
-  const scale = Math.min(width / (across.size + pitch), height / (along.size + pitch));
+  const scale = Math.min((width - 2 * margin) / (across.size + pitch), (height - 2 * margin) / (along.size + pitch));
   const side = Math.min(0.96 * scale * pitch - 1, 56);
   return points.map(([x, y]) => ({
     x: width / 2 + scale * (x - across.size / 2), y: height / 2 - scale * (y - along.size / 2), side,

@@ -1,4 +1,4 @@
-// Binary frames, as slip_detector/view/frames.py writes them.
+// Binary frames, as slip_detector/view/view_request.py writes them.
 
 // Return {header, arrays}: the arrays by name, each a typed array with its shape as .shape.
 export function readFrame(buffer) {

@@ -1,35 +1,29 @@
 // One parameter: its value to be edited, its unit, what is allowed, and what it means.
 
+import {build, button} from './elements.js';
+
 let rows = 0;
 
 export class ParameterRow {
   // onEdit(text): the user typed this; undefined: keep the detector's value; null: delete the parameter.
   constructor({name, choices = []}, onEdit) {
     const id = `parameter-${++rows}`;
-    this.root = make('div', undefined, 'parameter');
-    this.root.dataset.name = name;
-    this.label = make('label', name);
-    this.label.htmlFor = id;
-    this.field = make(choices.length ? 'select' : 'input');
-    this.field.append(...choices.map((choice) => new Option(choice)));
-    this.field.id = id;
-    this.field.spellcheck = false;
-    this.field.autocomplete = 'off';
-    this.unit = make('span', '', 'unit');
-    this.notes = make('p', '', 'notes');
-    this.notes.id = `${id}-notes`;
-    this.meaning = make('p', '', 'hint');
-    this.meaning.id = `${id}-meaning`;
+    this.label = build('label', name, {htmlFor: id});
+    this.field = build(choices.length ? 'select' : 'input', ...choices.map((choice) => new Option(choice)), {
+      id, spellcheck: false, autocomplete: 'off',
+    });
+    this.unit = build('span.unit');
+    this.notes = build('p.notes', {id: `${id}-notes`});
+    this.meaning = build('p.hint', {id: `${id}-meaning`});
     this.field.setAttribute('aria-describedby', `${this.notes.id} ${this.meaning.id}`);
     this.field.addEventListener('input', () => onEdit(this.field.value === this.present ? undefined : this.field.value));
     this.field.addEventListener('keydown', ({key}) => {
       if (key === 'Escape') onEdit(undefined);
     });
-    this.root.append(this.label, this.field, this.unit);
+    this.root = build('div.parameter', this.label, this.field, this.unit);
+    this.root.dataset.name = name;
     if (name.startsWith('groups.')) {
-      this.remove = make('button', 'Remove');
-      this.remove.type = 'button';
-      this.remove.addEventListener('click', () => onEdit(this.removed || this.present === undefined ? undefined : null));
+      this.remove = button('Remove', () => onEdit(this.removed || this.present === undefined ? undefined : null));
       this.root.append(this.remove);
     }
     this.root.append(this.notes, this.meaning);

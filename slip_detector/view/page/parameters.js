@@ -1,10 +1,8 @@
 // The parameters of the chosen detector: show, set together, undo, restore those of the file, save.
 // The detector decides what is allowed; its message is shown as it is.
 
+import {PAGE, Tool, build, button} from './elements.js';
 import {ParameterRow} from './parameter_row.js';
-
-// Names this page in requests, so that it knows its own changes from those of others.
-export const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
 
 // The heading of the groups, and the headings that are open at first: the values changed most often.
 const OF_GROUPS = 'Threshold and vote';
@@ -13,24 +11,19 @@ const OPEN = new Set(['Filters', OF_GROUPS]);
 // Whether words name a parameter; another name that contains this one does not count.
 const isNamed = (name, words) => words.split(/[\s,;:]+/).includes(name);
 
-export class Parameters {
+export class Parameters extends Tool {
   // root: an empty element.
   constructor(connection, root) {
-    this.connection = connection;
-    this.finger = null;
+    super(connection);
     this.told = {folder: '', fingers: {}};
-    this.labels = {};
-    this.locked = false;
     // By finger: values typed but not set yet, by name (null: to be deleted); and the number of the
     // last change that was shown.
     this.edits = new Map();
     this.heard = new Map();
     this.rows = new Map();
     this.build(root);
-    connection.on('parameters', (message) => this.take(message));
-    connection.on('hand', ({fingers, read_only: readOnly}) => {
-      this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
-      this.locked = readOnly;
+    connection.on('parameters', (message) => {
+      this.told = message;
       this.show();
     });
   }
@@ -50,88 +43,50 @@ export class Parameters {
 
   // Set parameters of a finger, all or none: values by name, texts as they were typed or numbers.
   // Resolves with the refusal, or ''.
-  async set(finger, values) {
+  set(finger, values) {
     return this.ask('set', {finger, values});
   }
 
-  async ask(type, content) {
-    this.refuse('');
-    const {refusal} = await this.connection.request(type, {page: PAGE, ...content});
-    if (refusal) this.refuse(refusal);
-    return refusal;
-  }
-
   refuse(words) {
-    this.refusal.textContent = words && `Refused: ${words}`;
-    this.refusal.hidden = !words;
+    super.refuse(words);
     for (const [name, row] of this.rows) row.markRefused(isNamed(name, words));
   }
 
   build(root) {
-    const button = (text, act) => {
-      const made = make('button', text);
-      made.type = 'button';
-      made.addEventListener('click', act);
-      return made;
-    };
-    this.state = make('p', 'No detector is chosen.', 'hint');
-    this.refusal = make('p', '', 'refusal');
-    this.refusal.role = 'alert';
-    this.setAll = make('button', 'Set');
+    this.state = build('p.hint', 'No detector is chosen.');
+    this.setAll = build('button', 'Set');
     this.setAll.setAttribute('form', 'parameter-values');
     this.discard = button('Discard', () => this.forget());
-    this.undo = button('Undo', () => this.ask('undo', {finger: this.finger}));
-    this.asInFile = button('As in the file', () => this.ask('as_in_file', {finger: this.finger}));
-    const buttons = make('div', undefined, 'buttons');
-    buttons.append(this.setAll, this.discard, this.undo, this.asInFile);
-    this.undoes = make('p', '', 'hint');
-    this.changes = make('ul', undefined, 'changes');
-    this.changes.ariaLive = 'polite';
-    this.changes.ariaLabel = 'Changes';
-    this.sections = make('form', undefined, 'sections');
-    this.sections.id = 'parameter-values';
-    this.sections.ariaLabel = 'Values';
+    this.undo = button('Undo', () => this.ask('undo'));
+    this.asInFile = button('As in the file', () => this.ask('as_in_file'));
+    this.undoes = build('p.hint');
+    this.changes = build('ul.changes', {ariaLive: 'polite', ariaLabel: 'Changes'});
+    this.sections = build('form.sections', {id: 'parameter-values', ariaLabel: 'Values'});
     this.sections.addEventListener('submit', (event) => {
       event.preventDefault();
       this.submit();
     });
-    root.append(this.state, buttons, this.undoes, this.refusal, this.changes, this.sections);
+    const buttons = build('div.buttons', this.setAll, this.discard, this.undo, this.asInFile);
+    root.append(this.state, buttons, this.undoes, this.line, this.changes, this.sections);
     // Below both tabs, as tuned parameters are saved here, too.
     root.after(this.buildSaving());
   }
 
   buildSaving() {
-    const form = make('form', undefined, 'saving'), title = make('h3', 'Save as a parameter file');
-    const labelled = (words, field) => {
-      const label = make('label', `${words} `);
-      label.append(field);
-      return label;
-    };
-    this.fileName = make('input');
-    this.fileName.required = true;
-    this.fileName.spellcheck = false;
-    this.scope = make('select');
-    this.scope.append(new Option('this detector, for any finger', 'one'), new Option('all detectors, each by its name', 'all'));
-    this.save = make('button', 'Save');
-    this.replace = make('button', 'Replace the file');
-    this.replace.type = 'button';
-    this.replace.hidden = true;
-    this.saved = make('p', '', 'saved');
-    this.saved.role = 'status';
+    this.fileName = build('input', {required: true, spellcheck: false});
+    this.scope = build('select', new Option('this detector, for any finger', 'one'), new Option('all detectors, each by its name', 'all'));
+    this.save = build('button', 'Save');
+    this.replace = button('Replace the file', () => this.write(true), {hidden: true});
+    this.whereTo = build('p.hint');
+    this.saved = build('p.saved', {role: 'status'});
     this.fileName.addEventListener('input', () => (this.replace.hidden = true));
+    const form = build('form.saving', build('h3', 'Save as a parameter file'), build('label', 'File ', this.fileName),
+      build('label', 'What ', this.scope), this.save, this.replace, this.whereTo, this.saved);
     form.addEventListener('submit', (event) => {
       event.preventDefault();
       this.write(false);
     });
-    this.replace.addEventListener('click', () => this.write(true));
-    this.whereTo = make('p', '', 'hint');
-    form.append(title, labelled('File', this.fileName), labelled('What', this.scope), this.save, this.replace, this.whereTo, this.saved);
     return form;
-  }
-
-  take(message) {
-    this.told = message;
-    this.show();
   }
 
   show() {
@@ -174,8 +129,7 @@ export class Parameters {
       for (const parameter of parameters) {
         seen.add(parameter.name);
         if (edits.get(parameter.name) === parameter.text) edits.delete(parameter.name);
-        const row = this.rowOf(parameter, section);
-        row.show(parameter, edits.get(parameter.name), usable);
+        this.rowOf(parameter, section).show(parameter, edits.get(parameter.name), usable);
       }
     }
     // A group to be added has a row, though the detector has no such parameter yet.
@@ -196,28 +150,21 @@ export class Parameters {
   sectionOf(heading) {
     const found = [...this.sections.children].find((section) => section.dataset.heading === heading);
     if (found) return found;
-    const section = make('details'), rows = make('div', undefined, 'rows');
+    const section = build('details', build('summary', heading), build('div.rows'), {open: OPEN.has(heading)});
     section.dataset.heading = heading;
-    section.open = OPEN.has(heading);
-    section.append(make('summary', heading), rows);
     if (heading === OF_GROUPS) section.append(this.buildAddGroup());
     this.sections.append(section);
     return section;
   }
 
   buildAddGroup() {
-    const place = make('p', undefined, 'add-group'), name = make('input'), add = make('button', 'Add');
-    const label = make('label', 'New group ');
-    name.placeholder = 'name';
-    label.append(name);
-    add.type = 'button';
-    add.addEventListener('click', () => {
+    const name = build('input', {placeholder: 'name'});
+    const add = button('Add', () => {
       if (!name.value.trim()) return;
       this.edit(`groups.${name.value.trim()}`, '');
       name.value = '';
     });
-    place.append(label, add);
-    return place;
+    return build('p.add-group', build('label', 'New group ', name), add);
   }
 
   rowOf(parameter, section) {
@@ -250,7 +197,7 @@ export class Parameters {
       const lead = own ? 'Set' : {
         outside: 'Changed by another program', restart: 'The detector was started again, with',
       }[by] ?? 'Changed on another page';
-      this.changes.append(make('li', `${lead}: ${words}.`));
+      this.changes.append(build('li', `${lead}: ${words}.`));
       if (this.changes.children.length > 5) this.changes.firstChild.remove();
       // A value that somebody else has set is mentioned beside the one typed here.
       for (const name of names) {

@@ -1,5 +1,7 @@
 // A line in a drawing that is dragged, or moved by keys; for screen readers it is a slider.
 
+import {build} from './elements.js';
+
 // A value moved by keys is set by Enter, or this time after the last key.
 const KEYS_MS = 700;
 // Longest time between the answer to a change and the message with the new value.
@@ -12,13 +14,9 @@ export class Slider {
   // onSet(value): called when it is released; resolves when the change was answered.
   constructor({name, vertical, valueOf, words, step, onMove, onSet}) {
     Object.assign(this, {vertical, valueOf, words, step, onMove, onSet});
-    this.root = make('div', undefined, `slider ${vertical ? 'vertical' : 'horizontal'}`);
-    this.root.role = 'slider';
-    this.root.tabIndex = 0;
-    this.root.ariaLabel = name;
-    this.root.ariaOrientation = vertical ? 'vertical' : 'horizontal';
-    this.label = make('span', '', 'label');
-    this.root.append(this.label);
+    const direction = vertical ? 'vertical' : 'horizontal';
+    this.label = build('span.label');
+    this.root = build(`div.slider.${direction}`, this.label, {role: 'slider', tabIndex: 0, ariaLabel: name, ariaOrientation: direction});
     // The value while the user moves the line; and the value sent, until it is shown or refused.
     this.moved = this.sent = null;
     this.timer = null;

@@ -1,5 +1,6 @@
 // The spectrum of one channel, the one at rest behind it, and the chain's bands with edges to drag.
 
+import {build, button} from './elements.js';
 import {Slider, rounded} from './slider.js';
 
 const AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8, HEIGHT = {least: 220, most: 420};
@@ -17,36 +18,20 @@ export class SpectrumPanel {
     this.shown = false;
     this.lines = new Map();
     this.keyed = null;
-    const bar = make('div', undefined, 'trace-bar');
-    const label = make('span', 'Channel ');
-    this.choice = make('select');
-    this.choice.ariaLabel = 'Channel';
+    this.choice = build('select', {ariaLabel: 'Channel'});
     this.choice.addEventListener('change', () => this.choose(Number(this.choice.value)));
-    label.append(this.choice);
-    const button = (words, hint, act) => {
-      const made = make('button', words);
-      made.title = hint;
-      made.addEventListener('click', act);
-      return made;
-    };
-    this.hold = button('Hold as rest', 'Keep the present spectrum of each channel as a shadow behind it', onHold);
-    this.more = button('Add stop-band', 'One more stop-band above the pass-band', () => this.addStopband());
-    this.mainsChoice = make('select');
-    for (const [hz, words] of [[0, 'no mains'], [50, 'mains 50 Hz'], [60, 'mains 60 Hz']]) {
-      this.mainsChoice.append(new Option(words, hz));
-    }
-    this.mainsChoice.ariaLabel = 'Hum of the mains that is taken off';
+    const hold = button('Hold as rest', onHold, {title: 'Keep the present spectrum of each channel as a shadow behind it'});
+    this.more = button('Add stop-band', () => this.addStopband(), {title: 'One more stop-band above the pass-band'});
+    this.mainsChoice = build('select', new Option('no mains', 0), {ariaLabel: 'Hum of the mains that is taken off'});
+    this.mainsChoice.append(...[50, 60].map((hz) => new Option(`mains ${hz} Hz`, hz)));
     this.mainsChoice.addEventListener('change', () => this.onSet({mains_hz: Number(this.mainsChoice.value)}));
-    bar.append(label, this.hold, this.mainsChoice, this.more);
-    this.frame = make('div', undefined, 'spectrum-frame');
-    this.root = make('div', undefined, 'spectrum-plot');
-    this.root.role = 'img';
-    this.root.tabIndex = 0;
+    const bar = build('div.trace-bar', build('span', 'Channel ', this.choice), hold, this.mainsChoice, this.more);
+    this.root = build('div.spectrum-plot', {role: 'img', tabIndex: 0});
     this.root.addEventListener('keydown', (event) => this.onKey(event));
     for (const kind of ['blur', 'pointermove']) this.root.addEventListener(kind, () => this.keyed !== null && this.keyAt(null));
-    this.frame.append(this.root);
-    this.removers = make('p', undefined, 'removers');
-    this.readout = make('p', '\u00a0', 'readout');
+    this.frame = build('div.spectrum-frame', this.root);
+    this.removers = build('p.removers');
+    this.readout = build('p.readout', '\u00a0');
     panel.append(bar, this.frame, this.removers, this.readout);
     new ResizeObserver(() => this.layOut()).observe(this.frame);
   }
@@ -151,10 +136,8 @@ export class SpectrumPanel {
     }
     const {stopbands_hz: stops, mains_hz: mains} = this.finger;
     this.removers.replaceChildren(...stops.map(([low, high], i) => {
-      const remove = make('button', `Remove stop-band ${i + 1}: ${low} to ${high} Hz`);
-      remove.disabled = !this.allowed;
-      remove.addEventListener('click', () => this.onSet({stopbands_hz: stops.filter((_, k) => k !== i).flat()}));
-      return remove;
+      const others = stops.filter((_, k) => k !== i).flat();
+      return button(`Remove stop-band ${i + 1}: ${low} to ${high} Hz`, () => this.onSet({stopbands_hz: others}), {disabled: !this.allowed});
     }));
     if (![...this.mainsChoice.options].some(({value}) => Number(value) === mains)) {
       this.mainsChoice.append(new Option(`mains ${mains} Hz`, mains));

@@ -1,7 +1,7 @@
 // Teaching: record rest, slips and taps, tune the detector on them, apply and save. The recordings are
 // on the server; this page only shows them, and may be closed at any time.
 
-import {PAGE} from './parameters.js';
+import {Tool, build, button, tableRow} from './elements.js';
 import {Tuning} from './tuning.js';
 
 // Period, in milliseconds, at which the page reports that a slip is held; the server ends the slip
@@ -15,14 +15,16 @@ const KINDS = [
   ['taps', 'Taps', 'T', {recordings: 2, seconds: 60}, 'Knock on object, finger and table, every two seconds. Nothing slides. Half a minute, twice.'],
 ];
 
-export class Teach {
+const KEY_WORDS = {
+  rest: 'record rest; again: end it', taps: 'record taps; again: end it',
+  slip: 'record a slip, as long as it is held; on its button Enter begins and ends one',
+};
+
+export class Teach extends Tool {
   // root: an empty element, hidden while another tab is chosen. keys: a list of keys that is shown.
   constructor(connection, root, keys) {
-    this.connection = connection;
+    super(connection);
     this.root = root;
-    this.finger = null;
-    this.labels = {};
-    this.locked = false;
     this.told = {fingers: {}, words: '', tuning: null};
     // The present recording, null if there is none; undefined until the server reports it.
     this.recording = undefined;
@@ -37,11 +39,6 @@ export class Teach {
       if (this.recording?.slipping && !recording?.slipping) this.letGo();
       this.recording = recording;
       this.showRecording();
-    });
-    connection.on('hand', ({fingers, read_only: readOnly}) => {
-      this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
-      this.locked = readOnly;
-      this.show();
     });
   }
 
@@ -62,58 +59,28 @@ export class Teach {
 
   build(keys) {
     this.buttons = {};
-    const row = make('div', undefined, 'teach-buttons');
+    const row = build('div.teach-buttons');
     for (const [kind, word, key, , advice] of KINDS) {
-      const button = this.buttons[kind] = make('button', undefined, 'teach-button');
-      button.type = 'button';
-      // Until the server has described the fingers.
-      button.disabled = true;
-      button.ariaPressed = 'false';
-      button.ariaKeyShortcuts = key;
-      button.append(make('span', word, 'word'), make('kbd', kind === 'slip' ? 'hold Space' : key), make('span', '', 'progress-words'));
-      const said = make('span', advice, 'unseen');
-      said.id = `advice-${kind}`;
-      button.setAttribute('aria-describedby', said.id);
-      button.title = advice;
-      row.append(button, said);
-      const shown = make('div');
-      shown.append(make('dt', kind === 'slip' ? 'Space, held' : key), make('dd', {rest: 'record rest; again: end it', slip: 'record a slip, as long as it is held; on its button Enter begins and ends one', taps: 'record taps; again: end it'}[kind]));
-      keys.append(shown);
+      const said = build('span.unseen', advice, {id: `advice-${kind}`});
+      // Not enabled until the server has described the fingers.
+      this.buttons[kind] = build('button.teach-button', build('span.word', word), build('kbd', kind === 'slip' ? 'hold Space' : key),
+        build('span.progress-words'), {type: 'button', disabled: true, ariaPressed: 'false', ariaKeyShortcuts: key, title: advice});
+      this.buttons[kind].setAttribute('aria-describedby', said.id);
+      row.append(this.buttons[kind], said);
+      keys.append(build('div', build('dt', kind === 'slip' ? 'Space, held' : key), build('dd', KEY_WORDS[kind])));
     }
-    this.advice = make('ol', undefined, 'hint');
-    this.advice.append(...KINDS.map(([, word, , , advice]) => {
-      const item = make('li');
-      item.append(make('b', `${word}. `), advice);
-      return item;
-    }));
-    this.now = make('p', '', 'teach-now');
-    this.words = make('p', '', 'teach-words');
-    this.words.role = 'status';
-    this.refusal = make('p', '', 'refusal');
-    this.refusal.role = 'alert';
-    this.refusal.hidden = true;
-    this.where = make('p', '', 'hint');
-    this.list = make('table', undefined, 'recordings');
-    this.list.append(make('caption', 'Recordings'));
-    this.rows = make('tbody');
-    const head = make('tr');
-    head.append(...['Name', 'Length', 'Slips', 'For', ''].map((title) => {
-      const cell = make('th', title);
-      cell.scope = 'col';
-      if (!title) cell.ariaLabel = 'Delete';
-      return cell;
-    }));
-    const thead = make('thead');
-    thead.append(head);
-    this.list.append(thead, this.rows);
-    this.scroller = make('div', undefined, 'recordings-frame');
-    this.scroller.append(this.list);
-    this.scroller.tabIndex = 0;
-    this.scroller.role = 'region';
-    this.scroller.ariaLabel = 'Recordings';
-    const tuning = make('section', undefined, 'tuning');
-    this.tuning = new Tuning(tuning, (type, content = {}) => this.ask(type, content));
-    this.root.append(this.advice, row, this.now, this.words, this.refusal, this.scroller, this.where, tuning);
+    const advice = build('ol.hint', ...KINDS.map(([, word, , , words]) => build('li', build('b', `${word}. `), words)));
+    this.now = build('p.teach-now');
+    this.words = build('p.teach-words', {role: 'status'});
+    this.where = build('p.hint');
+    this.rows = build('tbody');
+    const head = tableRow(['Name', 'Length', 'Slips', 'For', ''], 5, 'col');
+    head.lastChild.ariaLabel = 'Delete';
+    const list = build('table.recordings', build('caption', 'Recordings'), build('thead', head), this.rows);
+    this.scroller = build('div.recordings-frame', list, {tabIndex: 0, role: 'region', ariaLabel: 'Recordings'});
+    const tuning = build('section.tuning');
+    this.tuning = new Tuning(tuning, (type) => this.ask(type));
+    this.root.append(advice, row, this.now, this.words, this.line, this.scroller, this.where, tuning);
     this.listen();
   }
 
@@ -196,18 +163,6 @@ export class Teach {
     return this.ask('teach', {do: what});
   }
 
-  async ask(type, content) {
-    this.refuse('');
-    const {refusal} = await this.connection.request(type, {finger: this.finger, page: PAGE, ...content});
-    if (refusal) this.refuse(refusal);
-    return refusal;
-  }
-
-  refuse(words) {
-    this.refusal.textContent = words && `Refused: ${words}`;
-    this.refusal.hidden = !words;
-  }
-
   show() {
     const {recordings = [], folder} = this.told.fingers[this.finger] ?? {};
     // After a restart, the server has not listed the recordings yet.
@@ -234,21 +189,11 @@ export class Teach {
   showList(recordings) {
     this.scroller.hidden = !recordings.length;
     this.rows.replaceChildren(...recordings.map(({name, duration_s: seconds, slips, usable, held_out: heldOut, note}) => {
-      const row = make('tr'), title = make('th', name), remove = make('button', 'Delete');
-      title.scope = 'row';
-      remove.type = 'button';
-      remove.ariaLabel = `Delete ${name}`;
-      remove.disabled = this.locked;
-      remove.addEventListener('click', () => {
+      const remove = button('Delete', () => {
         if (confirm(`Delete ${name}, ${seconds.toFixed(1)} s? It cannot be brought back.`)) this.ask('delete_recording', {recording: name});
-      });
-      const last = make('td');
-      last.append(remove);
-      row.append(title, make('td', `${seconds.toFixed(1)} s`), make('td', String(slips)), make('td', heldOut ? 'held out' : usable ? 'tuning' : 'not used'), last);
-      if (note) {
-        const said = make('p', note, 'notice');
-        title.append(said);
-      }
+      }, {ariaLabel: `Delete ${name}`, disabled: this.locked});
+      const row = tableRow([name, `${seconds.toFixed(1)} s`, String(slips), heldOut ? 'held out' : usable ? 'tuning' : 'not used', remove], 1, 'row');
+      if (note) row.firstChild.append(build('p.notice', note));
       return row;
     }));
   }

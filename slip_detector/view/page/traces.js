@@ -3,6 +3,7 @@
 
 import {ChannelChooser} from './channel_chooser.js';
 import {Columns} from './columns.js';
+import {build, button} from './elements.js';
 import {Slider, rounded} from './slider.js';
 import {Stretch} from './stretch.js';
 
@@ -24,36 +25,24 @@ export class Traces {
   }
 
   build(panel) {
-    const bar = make('div', undefined, 'trace-bar');
-    const button = (words, label, act) => {
-      const made = make('button', words);
-      if (label) made.ariaLabel = made.title = label;
-      made.addEventListener('click', act);
-      bar.append(made);
-      return made;
-    };
-    this.pauseButton = button('Pause', '', () => this.pauseOrGoOn());
-    button('+', 'Shorter stretch of time', () => this.zoom(0.5));
-    button('\u2212', 'Longer stretch of time', () => this.zoom(2));
-    this.span = make('span', '', 'span');
-    this.span.id = 'trace-span';
-    bar.append(this.span);
+    this.pauseButton = button('Pause', () => this.pauseOrGoOn());
+    const named = (words, ariaLabel, act) => button(words, act, {ariaLabel, title: ariaLabel});
+    this.span = build('span.span', {id: 'trace-span'});
+    const bar = build('div.trace-bar', this.pauseButton, named('+', 'Shorter stretch of time', () => this.zoom(0.5)),
+      named('\u2212', 'Longer stretch of time', () => this.zoom(2)), this.span);
     this.chooser = new ChannelChooser(() => this.layOut());
-    this.frame = make('div', undefined, 'trace-frame');
-    this.root = make('div');
-    this.root.id = 'timeline';
-    this.root.tabIndex = 0;
-    this.root.role = 'group';
-    this.root.ariaLabel = 'Traces of the chosen channels over time; keys: plus, minus, arrows, Home; values: Shift and arrows';
+    this.root = build('div', {
+      id: 'timeline', tabIndex: 0, role: 'group',
+      ariaLabel: 'Traces of the chosen channels over time; keys: plus, minus, arrows, Home; values: Shift and arrows',
+    });
     this.line = new Slider({
       name: 'Threshold', vertical: true, words: (value) => `threshold ${rounded(value)}${this.unit}`,
       valueOf: (y) => rounded(this.levelAt(y)), step: (value, steps) => rounded(value * 1.05 ** steps),
       onMove: () => this.draw(),
       onSet: (threshold) => this.onSet({threshold}),
     });
-    this.frame.append(this.root, this.line.root);
-    this.readout = make('p', '\u00a0', 'readout');
-    panel.append(bar, this.chooser.root, this.frame, this.readout);
+    this.readout = build('p.readout', '\u00a0');
+    panel.append(bar, this.chooser.root, build('div.trace-frame', this.root, this.line.root), this.readout);
     this.timeline = new Timeline(this.root, {
       tickText: (seconds, step) => this.tickText(seconds, step),
       onLook: (from, to, how) => this.look(from, to, how),

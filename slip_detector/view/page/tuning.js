@@ -1,34 +1,24 @@
 // Tuning on the recordings: progress, the comparison on held-out recordings, apply.
 
+import {build, button, tableRow} from './elements.js';
+
 const LEAST_SLIPS = 2;
 
 export class Tuning {
   // root: an empty element. ask(type, content): sends a request; resolves with the refusal, or ''.
   constructor(root, ask) {
     this.ask = ask;
-    const button = (text, act) => {
-      const made = make('button', text);
-      made.type = 'button';
-      made.addEventListener('click', act);
-      return made;
-    };
-    const title = make('h3', 'Tune');
     this.begin = button('Tune', () => this.ask('tune'));
     this.stop = button('Stop, keep what was found', () => this.ask('stop_tuning'));
-    this.progress = make('progress');
-    this.progress.ariaLabel = 'Progress of the search';
-    this.step = make('p', '', 'tuning-step');
-    this.step.role = 'status';
-    this.failed = make('p', '', 'refusal');
-    this.failed.role = 'alert';
-    this.lines = make('ul', undefined, 'hint');
-    this.table = make('table', undefined, 'compared');
-    const buttons = make('div', undefined, 'buttons');
-    buttons.append(this.begin, this.stop);
-    this.result = make('div');
+    this.progress = build('progress', {ariaLabel: 'Progress of the search'});
+    this.step = build('p.tuning-step', {role: 'status'});
+    this.failed = build('p.refusal', {role: 'alert'});
+    this.lines = build('ul.hint');
+    this.table = build('table.compared');
     this.apply = button('Apply', () => this.ask('apply_tuning'));
-    this.result.append(this.table, this.apply);
-    root.append(title, buttons, this.progress, this.step, this.failed, this.lines, this.result);
+    this.result = build('div', this.table, this.apply);
+    root.append(build('h3', 'Tune'), build('div.buttons', this.begin, this.stop), this.progress, this.step, this.failed,
+      this.lines, this.result);
   }
 
   // tuning: the state that the server reports, or null. slips: the number of recordings with slips.
@@ -43,7 +33,7 @@ export class Tuning {
     this.step.textContent = this.stepWords(tuning, mine, slips);
     this.failed.textContent = mine?.failed ? `Tuning failed: ${mine.failed}. What was recorded is kept.` : '';
     this.failed.hidden = !mine?.failed;
-    this.lines.replaceChildren(...(mine?.lines ?? []).map((line) => make('li', line)));
+    this.lines.replaceChildren(...(mine?.lines ?? []).map((line) => build('li', line)));
     this.showTable(mine?.table ?? []);
     this.apply.disabled = locked || runs || !mine?.changes;
     this.apply.textContent = mine?.changes ? `Apply ${mine.changes} values` : 'Apply';
@@ -64,20 +54,12 @@ export class Tuning {
     const shown = JSON.stringify(rows);
     if (shown === this.shown) return;
     this.shown = shown;
-    const head = make('tr');
-    head.append(...['', 'as it runs', 'tuned', ''].map((title) => {
-      const cell = make(title ? 'th' : 'td', title);
-      if (title) cell.scope = 'col';
-      return cell;
-    }));
-    const thead = make('thead'), tbody = make('tbody');
-    thead.append(head);
-    tbody.append(...rows.map(([title, before, after, change]) => {
-      const row = make('tr', undefined, change), name = make('th', title);
-      name.scope = 'row';
-      row.append(name, make('td', before), make('td', after), make('td', change && `${change === 'better' ? '▲' : '▽'} ${change}`));
+    const head = build('tr', build('td'), ...['as it runs', 'tuned'].map((title) => build('th', title, {scope: 'col'})), build('td'));
+    const body = rows.map(([title, before, after, change]) => {
+      const row = tableRow([title, before, after, change && `${change === 'better' ? '▲' : '▽'} ${change}`], 1, 'row');
+      row.className = change;
       return row;
-    }));
-    this.table.replaceChildren(make('caption', 'On what was held out'), thead, tbody);
+    });
+    this.table.replaceChildren(build('caption', 'On what was held out'), build('thead', head), build('tbody', ...body));
   }
 }
