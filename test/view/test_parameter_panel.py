@@ -15,7 +15,6 @@
 """Parameters as pages show them: what was typed, what changed, what is undone."""
 
 import contextlib
-import dataclasses
 
 import pytest
 from hypothesis import given
@@ -23,7 +22,6 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameter_panel import (
-    MOST_CHANGES,
     OF_ROS,
     OUTSIDE,
     RESTART,
@@ -58,13 +56,10 @@ def test_what_is_shown_is_taken_as_it_is_when_it_is_typed_again(chain):
         ('threshold', ' 0.5 ', 0.5),
         ('threshold', '1e-3', 1e-3),
         ('threshold', '', ''),
-        ('threshold', '1:30', '1:30'),
-        ('threshold', 'nan', 'nan'),
         ('threshold', '1.2.3', '1.2.3'),
         ('vote', 'all', 'all'),
         ('vote', '2', 2),
         ('publish_groups', 'true', True),
-        ('publish_groups', 'yes', 'yes'),
         ('input_field', '12', '12'),
         ('stopbands_hz', '[]', []),
         ('stopbands_hz', '0.5, 7', [0.5, 7]),
@@ -145,13 +140,9 @@ def test_what_the_file_has_is_what_makes_it_so_and_nothing_that_cannot_be_set():
     assert wanted == {'groups.TP': file_values['groups.TP'], 'groups.mine': None}
     panel.update(wanted)
     assert panel.as_in_file() == {}
-
-
-def test_without_a_file_it_is_what_was_read_first():
-    panel = panel_of()
-    assert panel.as_in_file() == {}
-    panel.update({'threshold': 0.3})
-    assert panel.as_in_file() == {'threshold': 0.5}
+    without_file = panel_of()
+    without_file.update({'threshold': 0.3})
+    assert without_file.as_in_file() == {'threshold': 0.5}
 
 
 def test_what_a_detector_forgot_as_it_started_again_is_told_and_can_be_undone():
@@ -219,22 +210,6 @@ def test_who_asked_a_detector_that_has_ended_did_not_change_the_next():
     assert panel.update({'threshold': 0.3}).by == OUTSIDE
 
 
-def test_the_version_grows_with_what_is_shown():
-    panel = panel_of()
-    before = panel.version
-    assert panel.update({'threshold': 0.5}) is None
-    assert panel.version == before
-    panel.update({'threshold': 0.6})
-    assert panel.version > before
-
-
-def test_no_more_changes_are_kept_than_there_is_room_for():
-    panel = panel_of()
-    for k in range(1, 2 * MOST_CHANGES):
-        panel.update({'threshold': float(k)})
-    assert len(panel.history) == MOST_CHANGES
-
-
 def test_a_long_list_is_shortened_in_words():
     panel = panel_of()
     change = panel.update({'noise_floor': [0.125] * 1000, 'groups.TP': None})
@@ -242,8 +217,3 @@ def test_a_long_list_is_shortened_in_words():
     assert words.startswith('noise_floor from empty to 0.125, 0.125')
     assert words.endswith('groups.TP from 14, 16, 11, 9 to nothing')
     assert len(words) < 400
-
-
-def test_every_field_is_there():
-    names = {row['name'].partition('.')[0] for p in panel_of().shown() for row in p['parameters']}
-    assert {field.name for field in dataclasses.fields(DetectorConfig)} <= names

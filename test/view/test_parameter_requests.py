@@ -12,16 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What pages ask of the parameters, whatever they send."""
+"""What pages ask of the parameters, and what is saved as a file, and where it may be."""
 
 import asyncio
+from pathlib import Path
 
 import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.reading import read_parameter_file
 from slip_detector.view.access import Access
-from slip_detector.view.parameter_requests import ParameterRequests
+from slip_detector.view.parameter_requests import (
+    FILE_NAME,
+    ParameterRequests,
+    launch_arguments,
+    parameter_file,
+    save,
+)
 from slip_detector.view.server import Server
+from support.config_cases import message_of
+from support.full_disk import full_disk
+from support.random_chains import configs
 from support.simulated_detectors import SimulatedDetectors
 
 NAME = '/index/slip_detector'
@@ -61,14 +76,6 @@ def test_what_cannot_be_done_is_refused_in_words_and_changes_nothing(tmp_path, m
     assert ask(server, **message)['refusal']
     assert server.detectors.fingers[NAME].config == DetectorConfig()
     assert list((tmp_path / 'saved').iterdir()) == []
-
-
-@pytest.mark.parametrize('kind', ['set', 'undo', 'as_in_file', 'save'])
-def test_whatever_changes_something_is_refused_to_pages_that_may_only_look(tmp_path, kind):
-    server = server_of(tmp_path, read_only=True)
-    answer = ask(server, type=kind, values={'threshold': 1}, fingers=[NAME], name='a')
-    assert '--read-only' in answer['refusal']
-    assert server.detectors.fingers[NAME].config == DetectorConfig()
 
 
 def test_a_refusal_is_not_what_is_undone(tmp_path):
@@ -119,3 +126,131 @@ def test_what_is_told_changes_with_the_parameters_and_with_nothing_else(tmp_path
     server.detectors.remove('index')
     server.tick()
     assert '"gone": true' in server.news['parameters']
+
+
+GIVEN = """
+/**/slip_driver: {ros__parameters: {source: udp, channels: 2}}
+/thumb/slip_detector: {ros__parameters: {use_sim_time: true, threshold: 0.7}}
+detectors: {slip_tune: {ros__parameters: {trade: true}}}
+/**: {ros__parameters: {channels: 2, threshold: 0.8, groups: {left: [1], right: [2]}}}
+"""
+
+
+def detector(**values):
+    return DetectorConfig(channels=2, **values)
+
+
+def written(tmp_path, configs, given_file=None):
+    path = tmp_path / 'saved.yaml'
+    document = parameter_file(configs, given_file)
+    return save(tmp_path, 'saved', document, [], replace=path.exists())
+
+
+def read(path, node):
+    return DetectorConfig.from_parameters(
+        read_parameter_file(path, 'slip_detector', running=node), str(path)
+    )
+
+
+@given(chain=configs())
+def test_what_was_saved_is_read_as_it_was(tmp_path_factory, chain):
+    config = DetectorConfig(**vars(chain), heartbeat_hz=7.0)
+    path = written(tmp_path_factory.mktemp('saved'), {'/a/slip_detector': config})
+    assert DetectorConfig.from_yaml(path) == config
+    assert read(path, '/any/where/slip_detector') == config
+
+
+def test_of_several_detectors_each_gets_its_own(tmp_path):
+    configs = {
+        '/thumb/slip_detector': detector(threshold=0.2),
+        '/index/slip_detector': detector(threshold=0.3, groups={'on': (2, 1)}),
+        '/left': detector(threshold=0.4),
+    }
+    path = written(tmp_path, configs)
+    assert {name: read(path, name) for name in configs} == configs
+
+
+def test_what_the_file_has_for_others_stays_and_what_it_had_for_the_detector_does_not(tmp_path):
+    given_file = tmp_path / 'given.yaml'
+    given_file.write_text(GIVEN, encoding='utf-8')
+    config = detector(threshold=0.5)
+    path = written(tmp_path, {'/thumb/slip_detector': config}, given_file)
+    assert read(path, '/thumb/slip_detector') == config
+    assert DetectorConfig.from_yaml(path) == config
+    assert DriverConfig.from_yaml(path) == DriverConfig(source='udp', channels=2)
+    document = yaml.safe_load(path.read_text(encoding='utf-8'))
+    assert document['/**/slip_detector']['ros__parameters']['use_sim_time'] is True
+    assert document['detectors/slip_tune']['ros__parameters'] == {'trade': True}
+    assert document['/**']['ros__parameters'] == {'channels': 2}
+
+
+@given(
+    name=st.text()
+    | st.sampled_from(
+        ['..', '../a', '/tmp/a', 'a.b', '', 'a\0', 'a\n', '-rf', 'Ärmel', 'a' * 65, 'a__b']
+    )
+)
+def test_no_name_leads_out_of_the_folder(tmp_path_factory, name):
+    outer = tmp_path_factory.mktemp('outer')
+    folder = outer / 'inner'
+    folder.mkdir()
+    if FILE_NAME.fullmatch(name):
+        path = save(folder, name, {}, [])
+        assert list(folder.iterdir()) == [path]
+    else:
+        words = message_of(save, folder, name, {}, [])
+        assert 'allowed: a letter' in words
+        assert len(words) < 400
+        assert list(folder.iterdir()) == []
+    assert list(outer.iterdir()) == [folder]
+
+
+@pytest.mark.parametrize(
+    ('names', 'words'),
+    [
+        (['/slip_detector'], 'config:=a.yaml'),
+        (['/left/thumb/slip_detector'], 'config:=a.yaml'),
+        (['/thumb/slip_detector', '/index/slip_detector'], 'fingers:=thumb,index config:=a.yaml'),
+        # The launch file does not start these together.
+        (['/left/thumb/slip_detector', '/right/thumb/slip_detector'], 'config:=a.yaml'),
+        (['/slip_detector', '/index/slip_detector'], 'config:=a.yaml'),
+        (['/thumb/mine', '/index/mine'], 'config:=a.yaml'),
+    ],
+)
+def test_what_starts_the_same_detectors_again_is_said(names, words):
+    assert launch_arguments(names, Path('a.yaml')) == words
+
+
+def test_a_link_is_not_followed_and_a_file_is_replaced_only_where_that_is_wanted(tmp_path):
+    folder = tmp_path / 'recordings'
+    folder.mkdir()
+    other = tmp_path / 'other.yaml'
+    other.write_text('kept', encoding='utf-8')
+    (folder / 'linked.yaml').symlink_to(other)
+    (folder / 'taken.yaml').write_text('kept', encoding='utf-8')
+    for replace in (False, True):
+        assert 'link' in message_of(save, folder, 'linked', {}, [], replace=replace)
+    assert other.read_text(encoding='utf-8') == 'kept'
+    with pytest.raises(FileExistsError, match=r'taken\.yaml: already exists'):
+        save(folder, 'taken', {}, [])
+    assert (folder / 'taken.yaml').read_text(encoding='utf-8') == 'kept'
+    save(folder, 'taken', {'a': 1}, [], replace=True)
+    assert (folder / 'taken.yaml').read_text(encoding='utf-8') == '{a: 1}\n'
+
+
+def test_a_folder_that_is_not_there_is_made_and_one_that_cannot_be_is_named(tmp_path):
+    assert save(tmp_path / 'new', 'a', {}, []).is_file()
+    (tmp_path / 'file').touch()
+    with pytest.raises(ValueError, match='file: cannot be made'):
+        save(tmp_path / 'file', 'a', {}, [])
+
+
+def test_on_a_full_disk_the_file_stays_as_it_was(tmp_path):
+    document = parameter_file({'/slip_detector': detector()})
+    path = save(tmp_path, 'thumb', document, ['Saved.'])
+    before = path.read_bytes()
+    assert before.startswith(b'# Saved.\n/**/slip_detector:')
+    with pytest.raises(ValueError, match=r'thumb\.yaml: cannot be written'), full_disk(10):
+        save(tmp_path, 'thumb', document, ['Saved again.'], replace=True)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""The recordings of a finger: which there are, which are held out, and which path is nobody's."""
+"""The recordings of a finger: how they grow, which there are, and which are held out."""
 
 import os
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -23,8 +23,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
-from slip_detector.recordings import write_recording
-from slip_detector.view.recorded_folder import KINDS, NO_SLIP, RecordedFolder, RecordingSummary
+from slip_detector.parameters import DetectorConfig
+from slip_detector.recordings import open_recording, write_recording
+from slip_detector.view.detectors import Finger
+from slip_detector.view.recorded_folder import (
+    KINDS,
+    NO_SLIP,
+    RecordedFolder,
+    Recorder,
+    RecordingSummary,
+)
 
 
 def written(folder, name, slips=0):
@@ -40,37 +48,29 @@ def recorded(tmp_path):
     return RecordedFolder(tmp_path)
 
 
-def test_recordings_are_listed_in_the_order_in_which_they_were_made(recorded):
+def test_recordings_and_nothing_else_are_listed_in_the_order_in_which_they_were_made(recorded):
     for name in ('slip_10', 'taps_1', 'slip_9', 'rest_1'):
         written(recorded.folder, name, slips=3 * name.startswith('slip'))
-    recorded.look()
-    assert [*recorded.recordings] == ['rest_1', 'slip_9', 'slip_10', 'taps_1']
-    assert recorded.recordings['slip_9'] == RecordingSummary('slip_9', pytest.approx(1.0), 3)
-
-
-def test_what_is_no_recording_is_not_listed(recorded):
-    written(recorded.folder, 'rest_1')
     for name in ('rest_0', 'tuning', 'rest_02', 'noise_1', 'rest_2'):
         (recorded.folder / name).mkdir()
     (recorded.folder / 'rest_3').symlink_to(recorded.folder / 'rest_1')
     recorded.look()
-    assert [*recorded.recordings] == ['rest_1']
+    assert [*recorded.recordings] == ['rest_1', 'slip_9', 'slip_10', 'taps_1']
+    assert recorded.recordings['slip_9'] == RecordingSummary('slip_9', pytest.approx(1.0), 3)
+    (recorded.folder / 'rest_1').rename(recorded.folder / 'elsewhere')
+    recorded.look()
+    assert 'rest_1' not in recorded.recordings
 
 
-def test_what_cannot_be_read_is_listed_with_why_and_not_tuned_on(recorded):
+def test_a_recording_that_is_broken_or_has_no_slip_is_listed_with_why_and_not_tuned_on(recorded):
     written(recorded.folder, 'slip_1', slips=1)
     (recorded.folder / 'slip_1' / 'slip_1.mcap').write_bytes(b'no bag')
-    recorded.look()
-    assert 'slip_1' in recorded.recordings['slip_1'].note
-    assert recorded.of_kind('slip') == []
-
-
-def test_a_slip_without_slip_is_listed_with_that_and_not_tuned_on(recorded):
-    written(recorded.folder, 'slip_1')
+    written(recorded.folder, 'slip_2')
     written(recorded.folder, 'rest_1')
     recorded.look()
     notes = {name: one.note for name, one in recorded.recordings.items()}
-    assert notes == {'rest_1': '', 'slip_1': NO_SLIP}
+    assert 'slip_1' in notes.pop('slip_1')
+    assert notes == {'rest_1': '', 'slip_2': NO_SLIP}
     assert recorded.of_kind('slip') == []
 
 
@@ -91,14 +91,6 @@ def test_what_ends_while_the_folder_is_looked_at_is_listed_as_it_ended(recorded,
         RecordingSummary('rest_1', 9.0, 0),
         RecordingSummary('rest_2', 9.0, 0),
     ]
-
-
-def test_a_recording_that_somebody_took_away_is_not_listed_any_more(recorded):
-    written(recorded.folder, 'rest_1')
-    recorded.look()
-    (recorded.folder / 'rest_1').rename(recorded.folder / 'elsewhere')
-    recorded.look()
-    assert not recorded.recordings
 
 
 def test_a_new_recording_has_a_number_that_none_had(recorded):
@@ -152,3 +144,75 @@ def test_of_each_kind_some_are_held_out_and_some_are_not(kinds):
         n, held = kinds.count(kind), sum(name.startswith(kind) for name in held_out)
         assert held == 0 if n < 2 else 0 < held < n
         assert abs(held - n / 3) <= 0.5 or n == 1 or held == 1
+
+
+CONFIG = DetectorConfig(channels=2, groups={'all': (1, 2)}, sample_rate_hz=380.0)
+
+
+def came(finger, n):
+    """Let samples come, which tell their number."""
+    track = finger.track
+    number = track.samples.appended + np.arange(n)
+    track.add_samples(number * 10_000_000, np.stack([number, -number], axis=1), np.zeros(n))
+
+
+@given(
+    steps=st.lists(st.tuples(st.integers(0, 30), st.booleans()), min_size=1, max_size=8),
+    before=st.integers(0, 20),
+    since=st.integers(0, 20),
+)
+def test_each_row_from_the_first_on_is_written_once_with_the_label_that_was_held(
+    tmp_path_factory, steps, before, since
+):
+    finger = Finger('/index/slip_detector', CONFIG)
+    came(finger, before)
+    since = min(since, before)
+    recorder = Recorder(tmp_path_factory.mktemp('one') / 'slip_1', finger, since)
+    truth = [False] * (before - since)
+    slipping = False
+    for n, slips in steps:
+        came(finger, n)
+        truth += [slipping] * n
+        recorder.label(slips)
+        slipping = slips
+    recorder.close()
+    assert recorder.rows == len(truth)
+    assert recorder.slips == sum(after > before for before, after in pairwise([False, *truth]))
+    if not truth:
+        assert not recorder.path.exists()
+    if len(truth) < 2:  # A bag of one row has no rate.
+        return
+    assert open_recording(recorder.path).channel_names == CONFIG.names
+    pieces = [*open_recording(recorder.path).rows()]
+    numbers = np.concatenate([piece.volts[:, 0] for piece in pieces])
+    assert numbers.tolist() == [*range(since, since + len(truth))]
+    assert np.concatenate([piece.truth for piece in pieces]).tolist() == truth
+
+
+def test_rows_that_the_track_has_no_more_are_counted(tmp_path):
+    finger = Finger('/index/slip_detector', CONFIG)
+    recorder = Recorder(tmp_path / 'rest_1', finger, 0)
+    for _ in range(60):
+        came(finger, 1000)
+    recorder.write()
+    kept = len(finger.track.samples)
+    assert (recorder.rows, recorder.lost_rows) == (kept, 60_000 - kept)
+    assert recorder.lost_rows > 0
+    recorder.close()
+
+
+def test_a_folder_that_another_process_has_just_made_is_left_to_it(tmp_path):
+    theirs = tmp_path / 'rest_1'
+    theirs.mkdir()
+    (theirs / 'rest_1.mcap').write_text('theirs')
+    with pytest.raises(ValueError, match=r'rest_1: cannot be written \(already exists\)'):
+        Recorder(theirs, Finger('/index/slip_detector', CONFIG), 0)
+    assert (theirs / 'rest_1.mcap').read_text() == 'theirs'
+
+
+def test_stamps_that_a_bag_cannot_hold_are_one_line(tmp_path):
+    finger = Finger('/index/slip_detector', CONFIG)
+    recorder = Recorder(tmp_path / 'rest_1', finger, 0)
+    finger.track.add_samples(np.array([-5, 5]), np.zeros((2, 2)), np.zeros(2))
+    with pytest.raises(ValueError, match=r'rest_1: cannot be written .a stamp is negative'):
+        recorder.write()

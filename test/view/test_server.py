@@ -15,12 +15,12 @@
 """The server with simulated fingers, and clients that are no browser."""
 
 import asyncio
+import re
 
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 
 from slip_detector.view import server
 from slip_detector.view.access import Access
-from slip_detector.view.taxels import drawn_positions
 from support.live_client import LiveClient
 from support.served_pages import DEADLINE_S, port_of, refused, served, status_of, ticks
 from support.simulated_detectors import ServedPages, SimulatedDetectors
@@ -41,15 +41,6 @@ def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
             assert arrays['groups/0'].shape == (4,)
             if columns:
                 assert arrays['volts/low'].shape == arrays['volts/high'].shape == (2, count)
-
-    served(test)
-
-
-def test_a_page_is_told_where_each_channel_is_drawn():
-    async def test(it, page):
-        (finger,) = (await page.until('hand'))['fingers']
-        (config,) = (finger.config for finger in it.detectors.fingers.values())
-        assert finger['positions_m'] == drawn_positions(config).tolist()
 
     served(test)
 
@@ -139,28 +130,6 @@ def test_requests_are_answered_and_refusals_are_in_words():
     served(test, prepare=prepare)
 
 
-def test_with_read_only_nothing_is_changed_and_all_is_shown():
-    done = []
-
-    async def note(message):
-        done.append(message['type'])
-        return {}
-
-    def prepare(of):
-        of.on_request('change', note, changes=True)
-        of.on_request('show', note)
-
-    async def test(it, page):
-        assert (await page.until('hand'))['read_only']
-        assert (await page.request('change'))['refusal'] == server.READ_ONLY
-        assert (await page.request('show'))['refusal'] == ''
-        assert done == ['show']
-        await page.look()
-        await page.next_frame()
-
-    served(test, access=Access(read_only=True), prepare=prepare)
-
-
 def test_a_look_that_is_not_allowed_is_refused_in_words():
     async def test(it, page):
         await page.say('look', fingers=['/index/slip_detector'], window_s=1e9)
@@ -223,3 +192,25 @@ def test_when_it_stops_the_pages_are_told_so():
         page.close()
 
     asyncio.run(asyncio.wait_for(run(), DEADLINE_S))
+
+
+def test_all_that_the_page_asks_for_is_there():
+    files = server.page_files()
+    index = files['/page/index.html'].read_text(encoding='utf-8')
+    wanted = set(re.findall(r'(?:href|src)="(/[^"]+)"', index))
+    assert wanted
+    for path in wanted:
+        assert path in files
+    modules = [path for path in files if path.startswith('/page/') and path.endswith('.js')]
+    for path in modules:
+        for name in re.findall(r"from '\./([^']+)'", files[path].read_text(encoding='utf-8')):
+            assert f'/page/{name}' in files, path
+
+
+def test_nothing_of_it_comes_from_elsewhere():
+    for path, file in server.page_files().items():
+        if path.startswith('/page/'):
+            text = file.read_text(encoding='utf-8')
+            places = set(re.findall(r'(?:https?:)?//[a-z][\w.-]*\.[a-z]+', text))
+            # The name of the format, and that of the license in the head of each file.
+            assert places <= {'http://www.w3.org', 'http://www.apache.org'}, path

@@ -12,15 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is kept of a finger: rows in order, and the lowest and highest of each column."""
+"""What is kept of a finger: rows in order, columns with their extremes, and spectra."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.view.track import KEPT_S, MOST_BYTES, SET_BACK_NS, LiveTrack, Rows
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.view.detectors import Finger
+from slip_detector.view.track import (
+    FEWEST_ROWS,
+    KEPT_S,
+    MOST_BYTES,
+    SET_BACK_NS,
+    LiveTrack,
+    Rows,
+    spectrum,
+)
 
 VALUES = st.floats(-1e3, 1e3, width=32) | st.just(np.nan)
 
@@ -86,18 +95,6 @@ def test_a_column_has_the_lowest_and_the_highest_of_its_rows(steps, values, widt
             assert np.isnan(high[0, k])
 
 
-def test_columns_stay_as_they_are_when_the_page_scrolls():
-    rng = np.random.default_rng(3)
-    stamps_ns = 10**18 + np.cumsum(rng.integers(1, 5_000_000, 400))
-    rows = rows_of(stamps_ns, rng.normal(size=400), kept=400)
-    width_ns = 11_111_111
-    first = int(stamps_ns[0]) // width_ns
-    whole, _ = rows.columns('volts', first, 77, width_ns, np.array([0]))
-    for begin in range(0, 77, 7):
-        part, _ = rows.columns('volts', first + begin, 7, width_ns, np.array([0]))
-        assert np.array_equal(part[0], whole[0, begin : begin + 7], equal_nan=True)
-
-
 def test_values_beyond_float32_are_infinite_and_no_warning():
     rows = rows_of([1, 2, 3], [1e300, -1e300, 1.0])
     low, high = rows.columns('volts', 0, 1, 10, np.array([0]))
@@ -131,3 +128,56 @@ def test_a_minute_is_kept_or_as_much_as_memory_allows(channels, rate_hz):
     assert size <= 1.2 * MOST_BYTES
     if channels == 16:
         assert track.samples._kept == round(KEPT_S * rate_hz)
+
+
+def power_v2(found):
+    return np.sum(10.0 ** (found.density_db / 10.0), axis=1) * found.step_hz
+
+
+@given(
+    rate_hz=st.floats(20.0, 20_000.0),
+    rows=st.integers(1000, 5000),
+    scale=st.floats(1e-6, 1e3),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_power_over_all_frequencies_is_the_variance(rate_hz, rows, scale, seed):
+    volts = scale * np.random.default_rng(seed).normal(size=(rows, 2))
+    found = spectrum(volts, rate_hz)
+    used = volts[-6 * min(round(2 * rate_hz), 4096) // 2 :]
+    assert power_v2(found) == pytest.approx(used.var(axis=0), rel=0.6)
+    assert found.density_db.shape[1] * found.step_hz == pytest.approx(rate_hz / 2, rel=0.05)
+
+
+def test_rows_that_are_no_numbers_hold_the_one_before():
+    volts = np.random.default_rng(1).normal(size=(2000, 3))
+    held = volts.copy()
+    held[700:704, 1], held[0, 2] = held[699, 1], held[1, 2]
+    volts[700:704, 1], volts[0, 2] = (np.nan, np.inf, np.nan, -np.inf), np.nan
+    assert np.array_equal(spectrum(volts, 380.0).density_db, spectrum(held, 380.0).density_db)
+
+
+def test_a_value_whose_square_is_infinite_spoils_its_own_channel_only():
+    volts = np.random.default_rng(1).normal(size=(800, 2))
+    alone = spectrum(volts[:, 1:], 380.0).density_db[0]
+    volts[700, 0] = 1e300
+    assert spectrum(volts, 380.0).density_db[1] == pytest.approx(alone, abs=1e-3)
+
+
+def test_too_few_rows_are_none():
+    assert spectrum(np.zeros((FEWEST_ROWS - 1, 4)), 380.0) is None
+    assert spectrum(np.zeros((FEWEST_ROWS, 4)), 380.0) is not None
+
+
+def test_rest_is_held_of_all_channels_or_refused():
+    finger = Finger('/index/slip_detector', DetectorConfig())
+    with pytest.raises(ValueError, match='index: too few samples'):
+        finger.hold_rest()
+    volts = np.random.default_rng(2).normal(size=(800, 16))
+    finger.track.add_samples(1 + np.arange(800), volts, np.zeros(800))
+    finger.hold_rest()
+    assert finger.rest.density_db.shape == (16, 380)
+    finger.update_config(DetectorConfig(threshold=0.25))
+    assert finger.rest is not None
+    # Other channels, of which nothing is known.
+    finger.update_config(DetectorConfig(channels=8))
+    assert finger.rest is None
