@@ -107,7 +107,7 @@ connection.on('diagnostics', ({fingers}) => {
   for (const [name, lines] of Object.entries(fingers)) cards.get(name)?.tellDiagnostics(lines);
 });
 
-connection.onFrame(({header, arrays}) => {
+connection.on('frame', ({header, arrays}) => {
   header.fingers.forEach((state, i) => {
     const card = cards.get(state.name);
     if (!card || arrays[`level/${i}`].length !== card.finger.channels.length) return;

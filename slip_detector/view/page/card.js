@@ -169,8 +169,8 @@ export class FingerCard {
   // lines: [level, name, message] of each diagnostic.
   tellDiagnostics(lines) {
     const key = JSON.stringify(lines);
-    if (key === this.told) return;
-    this.told = key;
+    if (key === this.diagnosed) return;
+    this.diagnosed = key;
     this.diagnostics.replaceChildren(...lines.map(([level, name, message]) => build(`li.level-${level}`,
       build('span.mark', MARKS[level] ?? '?', {role: 'img', ariaLabel: LEVELS[level] ?? 'unknown'}),
       ` ${name}: ${message}`)));

@@ -1,20 +1,35 @@
 // The connection to slip_view: messages by type, frames, and requests.
 
-import {readFrame} from './frames.js';
-
 const AGAIN_MS = 1000;
 // Frames come many times a second: after so many checks without one, slip_view counts as hung.
 const LOOK_MS = 1000, MOST_LOOKS = 3;
 const UNREACHABLE = 'slip_view cannot be reached';
 
-export class Connection {
+// Return a binary frame, as slip_detector/view/view_request.py makes it, as {header, arrays}: the arrays
+// by name, each a typed array with its shape as .shape.
+function readFrame(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const arrays = {};
+  let place = 4 + length;
+  for (const [name, type, shape] of header.arrays) {
+    const count = shape.reduce((product, n) => product * n, 1);
+    const array = new (type === 'uint8' ? Uint8Array : Float32Array)(buffer, place, count);
+    arrays[name] = Object.assign(array, {shape});
+    place += Math.ceil(array.byteLength / 4) * 4;
+  }
+  return {header, arrays};
+}
+
+// Dispatches each message as an event of its type.
+export class Connection extends EventTarget {
   // onState(words): connected ('') or why not.
   constructor(onState) {
+    super();
     this.onState = onState;
     this.words = null;
     this.looks = 0;
-    this.takers = new Map();
-    this.drawers = [];
+    // By the number of a request, what its answer is passed to.
     this.answers = new Map();
     this.requests = 0;
     this.looked = {};
@@ -41,16 +56,10 @@ export class Connection {
     return this.socket?.readyState === WebSocket.OPEN;
   }
 
-  // take(message): called with each message of this type.
+  // take(message): called with each message of this type. A 'frame' is {header, arrays}; it comes once for
+  // each frame, when the browser draws.
   on(type, take) {
-    const takers = this.takers.get(type) ?? [];
-    takers.push(take);
-    this.takers.set(type, takers);
-  }
-
-  // draw({header, arrays}): called once for each frame, when the browser draws.
-  onFrame(draw) {
-    this.drawers.push(draw);
+    this.addEventListener(type, ({detail}) => take(detail));
   }
 
   open() {
@@ -65,7 +74,7 @@ export class Connection {
     };
     socket.onmessage = ({data}) => this.take(data);
     socket.onclose = ({reason}) => {
-      for (const {resolve} of this.answers.values()) resolve({refusal: 'the connection to slip_view was lost'});
+      for (const resolve of this.answers.values()) resolve({refusal: 'the connection to slip_view was lost'});
       this.answers.clear();
       this.tellWhy(reason);
       setTimeout(() => this.open(), AGAIN_MS);
@@ -103,20 +112,19 @@ export class Connection {
     }
     const message = JSON.parse(data);
     if (message.type === 'answer') {
-      this.answers.get(message.id)?.resolve(message);
+      this.answers.get(message.id)?.(message);
       this.answers.delete(message.id);
     }
-    for (const take of this.takers.get(message.type) ?? []) take(message);
+    this.dispatchEvent(new CustomEvent(message.type, {detail: message}));
   }
 
   draw() {
     this.waits = false;
     // A frame from before the connection was lost is old.
     if (!this.isOpen) return;
-    const frame = this.frame;
     // The next frame is made while this one is drawn.
-    this.send({type: 'drawn', frame: frame.header.frame});
-    for (const draw of this.drawers) draw(frame);
+    this.send({type: 'drawn', frame: this.frame.header.frame});
+    this.dispatchEvent(new CustomEvent('frame', {detail: this.frame}));
   }
 
   // Change what the page asks for: {fingers, finger, channels, window_s, pixels, spectrum, until_ns};
@@ -133,12 +141,10 @@ export class Connection {
 
   // Send a request; resolves with the answer, whose refusal is '' or says why not.
   request(type, content = {}) {
-    if (!this.isOpen) {
-      return Promise.resolve({refusal: UNREACHABLE});
-    }
+    if (!this.isOpen) return Promise.resolve({refusal: UNREACHABLE});
     const id = ++this.requests;
     return new Promise((resolve) => {
-      this.answers.set(id, {resolve});
+      this.answers.set(id, resolve);
       this.send({...content, type, id});
     });
   }

@@ -7,14 +7,14 @@ export class News {
   // region: an element with the role status.
   constructor(region) {
     this.region = region;
-    this.told = new Map();
+    this.announced = new Map();
     this.waiting = new Map();
     this.timer = null;
   }
 
   // Note the present state of a finger. Slip that has ended before it was announced is still announced.
   tell(label, words) {
-    const heard = this.waiting.get(label) ?? [this.told.get(label)];
+    const heard = this.waiting.get(label) ?? [this.announced.get(label)];
     if (heard.at(-1) === words) return;
     // Of the states in between only slip is kept.
     this.waiting.set(label, [...heard.filter((each, i) => i === 0 || each.startsWith('SLIP')), words]);
@@ -26,10 +26,10 @@ export class News {
     const sentences = [];
     for (const [label, [, ...heard]] of this.waiting) {
       const different = heard.filter((words, i) => words !== heard[i - 1]);
-      if (different.length > 1 || different[0] !== this.told.get(label)) {
+      if (different.length > 1 || different[0] !== this.announced.get(label)) {
         sentences.push(`${label}: ${different.join(', then ')}`);
       }
-      this.told.set(label, heard.at(-1));
+      this.announced.set(label, heard.at(-1));
     }
     this.waiting.clear();
     if (sentences.length) this.region.textContent = `${sentences.join('. ')}.`;

@@ -15,7 +15,7 @@ export class Parameters extends Tool {
   // root: an empty element.
   constructor(connection, root) {
     super(connection);
-    this.told = {folder: '', fingers: {}};
+    this.latest = {folder: '', fingers: {}};
     // By finger: values typed but not set yet, by name (null: to be deleted); and the number of the
     // last change that was shown.
     this.edits = new Map();
@@ -23,7 +23,7 @@ export class Parameters extends Tool {
     this.rows = new Map();
     this.build(root);
     connection.on('parameters', (message) => {
-      this.told = message;
+      this.latest = message;
       this.show();
     });
   }
@@ -90,7 +90,7 @@ export class Parameters extends Tool {
   }
 
   show() {
-    const panel = this.told.fingers[this.finger], label = this.labels[this.finger] ?? this.finger;
+    const panel = this.latest.fingers[this.finger], label = this.labels[this.finger] ?? this.finger;
     const usable = Boolean(panel) && !panel.gone && !this.locked;
     const edits = this.edits.get(this.finger) ?? new Map();
     this.state.textContent = this.stateWords(panel, label);
@@ -109,7 +109,7 @@ export class Parameters extends Tool {
     this.asInFile.textContent = panel?.file ? 'As in the file' : 'As first seen';
     this.asInFile.title = differs.length ? `Differs: ${differs.join(', ')}` : 'Nothing differs';
     this.save.disabled = this.replace.disabled = !panel || this.locked;
-    this.whereTo.textContent = this.told.folder && `It is written to ${this.told.folder}`;
+    this.whereTo.textContent = this.latest.folder && `It is written to ${this.latest.folder}`;
   }
 
   stateWords(panel, label) {
@@ -223,7 +223,7 @@ export class Parameters extends Tool {
   }
 
   async write(replace) {
-    const all = Object.keys(this.told.fingers).filter((name) => !this.told.fingers[name].gone);
+    const all = Object.keys(this.latest.fingers).filter((name) => !this.latest.fingers[name].gone);
     const fingers = this.scope.value === 'all' ? all : [this.finger];
     const {refusal, launch, lost, taken} = await this.connection.request('save', {fingers, name: this.fileName.value, replace});
     this.replace.hidden = !taken;

@@ -1,7 +1,6 @@
 // Tabs as the ARIA Authoring Practices describe them: one tab stop, arrows choose.
 
 // list: the element with the role tablist. onChoose(id): called when the panel of this id is shown.
-// Returns a function that shows a panel by its id.
 export function tabs(list, onChoose = () => {}) {
   const all = [...list.querySelectorAll('[role=tab]')];
   const panelOf = (tab) => tab.getAttribute('aria-controls');
@@ -26,5 +25,4 @@ export function tabs(list, onChoose = () => {}) {
     choose(tab);
   });
   choose(all[0]);
-  return (panel) => choose(all.find((tab) => panelOf(tab) === panel));
 }

@@ -25,13 +25,13 @@ export class Teach extends Tool {
   constructor(connection, root, keys) {
     super(connection);
     this.root = root;
-    this.told = {fingers: {}, words: '', tuning: null};
+    this.latest = {fingers: {}, words: '', tuning: null};
     // The present recording, null if there is none; undefined until the server reports it.
     this.recording = undefined;
     this.held = null;
     this.build(keys);
     connection.on('teaching', (message) => {
-      this.told = message;
+      this.latest = message;
       this.show();
     });
     connection.on('recording', ({recording}) => {
@@ -164,10 +164,10 @@ export class Teach extends Tool {
   }
 
   show() {
-    const {recordings = [], folder} = this.told.fingers[this.finger] ?? {};
+    const {recordings = [], folder} = this.latest.fingers[this.finger] ?? {};
     // After a restart, the server has not listed the recordings yet.
-    if (this.finger in this.labels && !(this.finger in this.told.fingers)) this.look();
-    this.words.textContent = this.told.words;
+    if (this.finger in this.labels && !(this.finger in this.latest.fingers)) this.look();
+    this.words.textContent = this.latest.words;
     this.where.textContent = folder ? `In ${folder}. Each third recording of a kind is held out: the search does not see it, and is judged by it.` : '';
     const shown = JSON.stringify([recordings, this.locked]);
     if (shown !== this.shown) this.showList(recordings);
@@ -179,7 +179,7 @@ export class Teach extends Tool {
       const words = kind === 'slip' ? `${some.length} of ${wanted.recordings}` : `${some.length} of ${wanted.recordings}, ${Math.round(seconds)} s`;
       this.buttons[kind].querySelector('.progress-words').textContent = `${words}${done ? ' ✓' : ''}`;
     }
-    this.tuning.show(this.told.tuning, {
+    this.tuning.show(this.latest.tuning, {
       finger: this.finger, slips: recordings.filter(({slips}) => slips).length,
       locked: this.locked || !(this.finger in this.labels),
     });
