@@ -26,7 +26,6 @@ from slip_detector.view.access import (
     host_name,
     is_address,
     is_loopback,
-    new_token,
     page_address,
 )
 
@@ -36,6 +35,7 @@ OURS = ('localhost', '127.0.0.1', '127.0.0.2', '[::1]')
 LETTERS = st.text(string.ascii_lowercase + string.digits + '-', min_size=1, max_size=12)
 SITES = st.lists(LETTERS, min_size=2, max_size=4).map('.'.join)
 PORTS = st.integers(1, 65535)
+WRONG = ['', 'localhost/x', 'a@localhost', 'localhost:port', '[::1', 'a b', 'localhost:99999']
 
 
 @pytest.mark.parametrize('access', [LOCAL, OPEN])
@@ -74,34 +74,19 @@ def test_no_other_page_may_talk_to_the_server(access, origin):
     assert access.refusal('localhost:8765', origin).startswith('Origin is')
 
 
-@given(host=st.text(max_size=60))
+@given(host=st.text(max_size=60) | st.sampled_from(WRONG))
 def test_whatever_stands_in_the_header_is_judged_in_one_line(host):
     name = host_name(host)
     refusal = LOCAL.refusal(host, None)
     assert len(refusal) < 300
     if name is None or not is_loopback(name):
-        assert refusal
-
-
-@pytest.mark.parametrize(
-    'host',
-    ['', 'localhost/x', 'a@localhost', 'localhost:port', '[::1', 'local host', 'localhost:99999'],
-)
-def test_what_is_no_host_is_refused(host):
-    assert LOCAL.refusal(host, None).startswith('Host is')
-    assert OPEN.refusal(host, None).startswith('Host is')
+        assert refusal.startswith('Host is')
 
 
 @given(token=st.text(max_size=30))
 def test_only_the_token_opens_the_page(token):
     assert OPEN.knows(token) == (token == 'secret')
     assert LOCAL.knows(token)
-
-
-def test_tokens_are_long_and_differ():
-    tokens = {new_token() for _ in range(100)}
-    assert len(tokens) == 100
-    assert min(map(len, tokens)) >= 20
 
 
 @given(token=st.text(st.characters(exclude_categories=['Cs']), max_size=20))

@@ -44,7 +44,6 @@ def test_a_finger_is_called_by_its_namespace(name, label):
 @pytest.mark.parametrize(
     'config',
     [
-        DetectorConfig(channels=1, channel_names=('a',), disabled_channels=(), stopbands_hz=()),
         DetectorConfig(channels=3, disabled_channels=(2,), vote='mean', threshold=1e30),
         DetectorConfig(decision='evidence', noise_floor=(1e-3,), threshold=0.9, mains_hz=50.0),
     ],
@@ -72,7 +71,9 @@ def test_a_change_of_the_decision_keeps_the_track_and_other_channels_begin_a_new
     assert finger.groups.shape == (1,)
 
 
-def test_a_detector_that_is_started_again_says_so_and_with_which_channels():
+def test_for_some_minutes_a_finger_says_that_its_detector_started_again_and_with_what(
+    monkeypatch,
+):
     finger = Finger('/slip_detector', DetectorConfig())
     finger.slip = finger.valid = True
     finger.started_again(DetectorConfig())
@@ -85,15 +86,10 @@ def test_a_detector_that_is_started_again_says_so_and_with_which_channels():
     assert finger.starts == 3
     # Its parameters may be read before it publishes.
     finger.update_config(DetectorConfig())
-    finger.started_again(DetectorConfig())
-    assert finger.notice.endswith('with 16 channels instead of 8')
-
-
-def test_that_a_detector_was_started_again_is_no_news_for_ever(monkeypatch):
-    finger = Finger('/slip_detector', DetectorConfig())
     finger.no_volts = 'no volts are shown'
     finger.started_again(DetectorConfig())
     assert finger.notice.startswith('no volts are shown; the detector was started again at ')
+    assert finger.notice.endswith('with 16 channels instead of 8')
     now_s = time.monotonic()
     monkeypatch.setattr(detectors.time, 'monotonic', lambda: now_s + detectors.RESTART_SHOWN_S)
     assert finger.notice == 'no volts are shown'

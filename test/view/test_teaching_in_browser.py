@@ -16,10 +16,8 @@
 
 import re
 
-import numpy as np
 import pytest
 
-from slip_detector.recordings import open_recording
 from support.browsers import expect
 from support.finger_states import rest_rows
 from support.lessons import write_lesson
@@ -61,20 +59,7 @@ def listed(page):
     return page.locator('.recordings tbody tr')
 
 
-def recorded_for(page, least):
-    """Wait until something has been recorded for so many seconds; the page rounds to a tenth."""
-    expect(recording_now(page)).to_have_text(
-        re.compile(rf': ({least}\.[1-9]|[{least + 1}-9]\.\d|\d\d+\.\d) s')
-    )
-
-
-def rows_of(path):
-    """Return the stamps of a recording, and the truth."""
-    pieces = [(piece.stamps_ns, piece.truth) for piece in open_recording(path).rows()]
-    return [np.concatenate(parts) for parts in zip(*pieces, strict=True)]
-
-
-def test_rest_and_slips_are_recorded_with_keys_and_mouse(served, opened, tmp_path):
+def test_rest_and_slips_are_recorded_with_keys_and_mouse(served, opened):
     page = opened(served)
     page.keyboard.down(' ')
     expect(recording_now(page)).to_contain_text('SLIP')
@@ -94,32 +79,20 @@ def test_rest_and_slips_are_recorded_with_keys_and_mouse(served, opened, tmp_pat
     expect(recording_now(page)).to_contain_text('rest_1')
     page.keyboard.press('r')
     nothing_is_recorded(page)
-    _, truth = rows_of(tmp_path / 'index' / 'slip_1')
-    assert np.flatnonzero(np.diff(truth.astype(int))).size == 2
-    assert not truth[-1]
 
 
-def test_a_page_that_comes_again_finds_the_rest_that_goes_on_and_the_slip_that_was_ended(
-    served, opened, tmp_path
-):
+def test_a_page_that_is_loaded_again_finds_the_recording_that_goes_on(served, opened):
     page = opened(served)
     page.keyboard.press('r')
-    recorded_for(page, 1)
-    page.reload()
-    recorded_for(page, 2)
+    for seconds in (1, 2):
+        # The page rounds to a tenth.
+        expect(recording_now(page)).to_have_text(
+            re.compile(rf': ({seconds}\.[1-9]|[{seconds + 1}-9]\.\d|\d\d+\.\d) s')
+        )
+        page.reload()
     expect(tool(page, 'Rest')).to_have_attribute('aria-pressed', 'true')
     page.keyboard.press('r')
     expect(recording(page, 'rest_1')).to_be_visible()
-    stamps_ns, _ = rows_of(tmp_path / 'index' / 'rest_1')
-    assert stamps_ns[-1] - stamps_ns[0] >= 2e9
-    assert np.diff(stamps_ns).max() < 3 * np.diff(stamps_ns).min()
-    page.keyboard.down(' ')
-    expect(recording_now(page)).to_contain_text('SLIP')
-    page.close()
-    page = opened(served)
-    expect(page.locator('.teach-words')).to_contain_text('slip_1 has')
-    expect(recording(page, 'slip_1')).to_be_visible()
-    assert not rows_of(tmp_path / 'index' / 'slip_1')[1][-1]
 
 
 def test_recordings_are_listed_tuned_on_and_deleted_when_that_is_confirmed(
@@ -148,13 +121,10 @@ def test_recordings_are_listed_tuned_on_and_deleted_when_that_is_confirmed(
     delete = tool(page, 'Delete slip_1')
     delete.click()
     expect(recording(page, 'slip_1')).to_be_visible()
-    assert (tmp_path / 'index' / 'slip_1').exists()
     delete.click()
     expect(recording(page, 'slip_1')).to_have_count(0)
     expect(tune).to_be_disabled()
     assert 'Delete slip_1' in asked[0]
-    assert not (tmp_path / 'index' / 'slip_1').exists()
-    assert (tmp_path / 'index' / 'slip_2').exists()
 
 
 def test_letters_and_spaces_that_are_typed_record_nothing(page):

@@ -108,28 +108,6 @@ def test_time_goes_on_and_never_back_and_stands_still_without_samples(served, pa
     until(page, f'data.toS > {ends[-1]}')
 
 
-def test_after_a_long_silence_the_columns_begin_anew(page):
-    x, curve = page.evaluate("""async () => {
-      const {Columns} = await import('/page/columns.js');
-      const columns = new Columns({width_ns: 1e7, channels: [1]}, 100, 0.01, null);
-      const take = (first, count) => {
-        const stream = {first, count, last_ns: (first + count) * 1e7};
-        const values = new Float32Array(count).fill(1), bits = new Uint8Array(count);
-        columns.take({samples: stream, levels: stream}, {
-          'volts/low': values, 'volts/high': values, 'level/high': values, truth: bits, slip: bits,
-        });
-      };
-      take(1000, 90);
-      take(1090, 20);
-      // Three days later.
-      take(1090 + 3 * 86400 * 100, 2);
-      return [columns.x, columns.curves.low[0]];
-    }""")
-    assert len(x) < 100
-    assert x[0] > 3 * 86400
-    assert curve == [1, 1]
-
-
 def test_slip_truth_and_chosen_channels_have_traces(served, page):
     names, lanes = page.locator('.lane-name'), page.locator('.lane-name.channel')
     play_seconds(served, page, 5.0)  # It slips from 3.8 s on.
