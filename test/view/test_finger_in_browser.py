@@ -173,25 +173,6 @@ def test_many_channels_have_their_places_and_as_many_traces_as_are_sent_at_once(
     expect(page.locator('.lane-name.channel').last).to_have_text('ch65')
 
 
-def test_a_picture_that_shows_nothing_new_is_not_painted(played):
-    _, page = played({'index': rest_rows()})
-    expect(card(page)).to_contain_text('rest')
-    painted = page.evaluate("""() => new Promise((resolve) => {
-      const {prototype} = CanvasRenderingContext2D, clear = prototype.clearRect;
-      const send = WebSocket.prototype.send;
-      let painted = 0, frames = 0;
-      prototype.clearRect = function (...where) {
-        painted += Number(Boolean(this.canvas.closest('.picture')));
-        clear.apply(this, where);
-      };
-      WebSocket.prototype.send = function (message) {
-        send.call(this, message);
-        if (String(message).includes('"drawn"') && ++frames === 10) resolve(painted);
-      };
-    })""")
-    assert painted == 0
-
-
 def test_changes_are_announced_politely_a_short_slip_too(played):
     served, page = played({'index': rest_rows(), 'thumb': rest_rows(seed=1)})
     news = page.locator('#news')

@@ -130,15 +130,6 @@ def test_requests_are_answered_and_refusals_are_in_words():
     served(test, prepare=prepare)
 
 
-def test_a_look_that_is_not_allowed_is_refused_in_words():
-    async def test(it, page):
-        await page.say('look', fingers=['/index/slip_detector'], window_s=1e9)
-        why = (await page.until('refused'))['why']
-        assert why == 'window_s is 1000000000.0, allowed: 0.02 to 60'
-
-    served(test)
-
-
 def test_the_page_and_its_files_are_served_and_nothing_else():
     async def test(it, page):
         index = await AsyncHTTPClient().fetch(it.url)
