@@ -34,7 +34,7 @@ from slip_detector.tuning.noise import (
 from slip_detector.tuning.tracks import Track
 
 
-class Lesson(NamedTuple):
+class LearntParameters(NamedTuple):
     """The parameters that are learnt from a recording at rest or of knocks.
 
     Attributes
@@ -46,7 +46,7 @@ class Lesson(NamedTuple):
 
     Examples
     --------
-    >>> Lesson({'threshold': 2.2}, ['On rest.npz, without slip: threshold 2.2']).parameters
+    >>> LearntParameters({'threshold': 2.2}, ['On rest.npz: threshold 2.2']).parameters
     {'threshold': 2.2}
     """
 
@@ -54,7 +54,9 @@ class Lesson(NamedTuple):
     lines: list[str]
 
 
-def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Lesson:
+def learn_from_quiet(
+    options: Namespace, chain: ChainConfig, loader: RecordingLoader
+) -> LearntParameters:
     """Learn noise floors, mains and threshold from a recording without slip.
 
     Noise floors and mains are set where evidence decides; the threshold is set where a rate of
@@ -121,10 +123,12 @@ def learn_from_quiet(options: Namespace, chain: ChainConfig, loader: RecordingLo
         names.append('threshold')
         lines.append(f'On {track.name}, without slip: {found}')
     learnt = chain.to_parameters()
-    return Lesson({name: learnt[name] for name in names}, lines)
+    return LearntParameters({name: learnt[name] for name in names}, lines)
 
 
-def learn_from_taps(options: Namespace, chain: ChainConfig, loader: RecordingLoader) -> Lesson:
+def learn_from_taps(
+    options: Namespace, chain: ChainConfig, loader: RecordingLoader
+) -> LearntParameters:
     """Set the step that is an impact from a recording of knocks and labelled slips.
 
     Parameters are those of :func:`learn_from_quiet`.
@@ -142,7 +146,9 @@ def learn_from_taps(options: Namespace, chain: ChainConfig, loader: RecordingLoa
     knocks, lines = _only(options.taps, loader)
     tracks, more_lines = load_tracks(options.recordings, loader)
     found = impact_step(chain, knocks, tracks)
-    return Lesson({'impact_v': found.impact_v}, [*lines, *more_lines, f'{knocks.name}: {found}'])
+    return LearntParameters(
+        {'impact_v': found.impact_v}, [*lines, *more_lines, f'{knocks.name}: {found}']
+    )
 
 
 def _only(path: str, loader: RecordingLoader) -> tuple[Track, list[str]]:

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.commands.command_line import run
-from slip_detector.commands.learning import Lesson, learn_from_quiet, learn_from_taps
+from slip_detector.commands.learning import LearntParameters, learn_from_quiet, learn_from_taps
 from slip_detector.commands.progress import progress_bar
 from slip_detector.commands.recording_options import paths_read, with_recording_options
 from slip_detector.commands.stopper import Stopper
@@ -225,7 +225,7 @@ def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
 def _learn(
     options: Namespace,
     argv: Sequence[str] | None,
-    learn: Callable[[Namespace, ChainConfig, RecordingLoader], Lesson],
+    learn: Callable[[Namespace, ChainConfig, RecordingLoader], LearntParameters],
 ) -> list[str]:
     """Set parameters from recordings without a search; return the lines to print."""
     parameters = _parameters(options)

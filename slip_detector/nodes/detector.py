@@ -133,7 +133,7 @@ class Detector(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish that slip is not valid, then stop publishing."""
         self._running_timers.stop_all()
-        self._deafen()
+        self._stop_input()
         self._detectors.destroy()
         self._diagnostics.destroy()
         self._topics.withdraw()
@@ -194,7 +194,7 @@ class Detector(LifecycleNode):
             self, Bool, 'slip_valid', lambda raw, info: self._on_slip_valid(info), window_s
         )
 
-    def _deafen(self) -> None:
+    def _stop_input(self) -> None:
         """Ignore further samples, even those that the other thread has already received."""
         if self._senders is not None:
             self._senders.destroy()
@@ -326,7 +326,7 @@ class Detector(LifecycleNode):
         if not self._running_timers:
             return
         if differ & {'input_type', 'input_field'}:
-            self._deafen()
+            self._stop_input()
             self._start_timer('listen')
         if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
             self._forget_input()

@@ -75,7 +75,7 @@ def test_no_other_page_may_talk_to_the_server(access, origin):
 
 
 @given(host=st.text(max_size=60) | st.sampled_from(WRONG))
-def test_whatever_stands_in_the_header_is_judged_in_one_line(host):
+def test_a_host_header_is_judged_in_one_line(host):
     name = host_name(host)
     refusal = LOCAL.refusal(host, None)
     assert len(refusal) < 300

@@ -107,7 +107,7 @@ def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(mon
     )
 
 
-def test_of_the_name_of_a_page_no_more_is_kept_than_pages_have():
+def test_a_pages_name_is_cut_to_the_length_of_real_ones():
     simulated = SimulatedDetectors(real_time=False)
     (name,) = simulated.fingers
     by = f'page {"x" * 10_000}'

@@ -123,7 +123,7 @@ def test_a_taxel_is_filled_by_its_level_outlined_when_on_hatched_and_grey(played
 
 
 @pytest.mark.parametrize('name', ['<img src=x onerror="document.title=1">', 'x' * 120])
-def test_what_the_robot_says_is_shown_as_text_whatever_it_is_and_however_long(played, name):
+def test_names_and_diagnostics_are_shown_as_text_of_any_length(played, name):
     config = DetectorConfig(channels=2)
     # No detector would take such names.
     object.__setattr__(config, 'channel_names', (f'one {name}', f'two {name}'))

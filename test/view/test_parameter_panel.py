@@ -44,7 +44,7 @@ def panel_of(values=VALUES, file_values=None):
 
 
 @given(chain=configs())
-def test_what_is_shown_is_taken_as_it_is_when_it_is_typed_again(chain):
+def test_a_shown_value_typed_again_is_unchanged(chain):
     config = DetectorConfig(**vars(chain))
     retyped = {n: typed(n, text_of(v)) for n, v in config.to_parameters().items()}
     assert DetectorConfig.from_parameters(retyped) == config
@@ -69,14 +69,14 @@ def test_what_is_shown_is_taken_as_it_is_when_it_is_typed_again(chain):
         ('of_another_node', '3', 3),
     ],
 )
-def test_what_was_typed_is_read_as_the_kind_of_its_parameter(name, text, value):
+def test_typed_text_is_read_as_the_type_of_its_parameter(name, text, value):
     read = typed(name, text)
     assert read == value
     assert type(read) is type(value)
 
 
 @given(name=st.sampled_from(list(VALUES)), text=st.text())
-def test_whatever_was_typed_the_detector_can_judge_it(name, text):
+def test_the_detector_can_judge_any_typed_text(name, text):
     value = typed(name, text)
     if name in READ_ONLY or name == 'use_sim_time':
         return
@@ -130,7 +130,7 @@ def test_undoing_again_and_again_leads_back_through_every_state(changes):
     assert [panel.values] == states
 
 
-def test_what_the_file_has_is_what_makes_it_so_and_nothing_that_cannot_be_set():
+def test_restoring_the_file_sets_all_that_differs_and_can_be_set():
     file_values = DetectorConfig(threshold=0.3, autostart=False).to_parameters()
     panel = panel_of(file_values=file_values)
     assert panel.as_in_file() == {'threshold': 0.3}
@@ -144,7 +144,7 @@ def test_what_the_file_has_is_what_makes_it_so_and_nothing_that_cannot_be_set():
     assert without_file.as_in_file() == {'threshold': 0.5}
 
 
-def test_what_a_detector_forgot_as_it_started_again_is_told_and_can_be_undone():
+def test_values_lost_in_a_restart_are_reported_and_can_be_set_again_by_undo():
     panel = panel_of()
     panel.update({'threshold': 0.3})
     again = {**VALUES, 'autostart': False}
@@ -158,7 +158,7 @@ def test_what_a_detector_forgot_as_it_started_again_is_told_and_can_be_undone():
     assert panel.read(Reading(panel.values, READ_ONLY, {})) is None
 
 
-def test_who_asked_for_a_change_is_told_with_it_and_no_other():
+def test_a_change_is_attributed_to_the_page_that_asked():
     panel = panel_of()
     panel.expect({'threshold': 0.3, 'gain': 1.0}, 'page 1')
     panel.expect({'vote': 'mean'}, 'page 2')
@@ -192,7 +192,7 @@ def test_two_pages_that_change_the_same_parameter_at_once_are_told_apart(refused
     assert panel.update({'threshold': 0.5}).by == OUTSIDE
 
 
-def test_what_the_detector_has_rounded_or_did_not_tell_is_of_who_asked_last():
+def test_a_rounded_value_is_attributed_to_the_last_page_that_asked():
     panel = panel_of()
     panel.expect({'threshold': 0.3}, 'page 1')
     assert panel.update({'threshold': 0.30000001}).by == 'page 1'

@@ -71,7 +71,7 @@ def ask(server, **message):
         {'type': 'save', 'fingers': [NAME], 'name': '../a'},
     ],
 )
-def test_what_cannot_be_done_is_refused_in_words_and_changes_nothing(tmp_path, message):
+def test_impossible_requests_are_refused_in_words_and_change_nothing(tmp_path, message):
     server = server_of(tmp_path)
     assert ask(server, **message)['refusal']
     assert server.detectors.fingers[NAME].config == DetectorConfig()
@@ -87,7 +87,7 @@ def test_a_refusal_is_not_what_is_undone(tmp_path):
     assert ask(server, type='undo')['refusal'] == 'there is nothing to undo'
 
 
-def test_of_several_files_each_detector_has_the_one_of_its_namespace(tmp_path):
+def test_a_detector_has_the_file_of_its_namespace(tmp_path):
     files = [tmp_path / 'onset.yaml', tmp_path / 'sure.yaml']
     for file, threshold in zip(files, (0.25, 0.75), strict=True):
         text = f'/**/slip_detector: {{ros__parameters: {{threshold: {threshold}}}}}'
@@ -113,7 +113,7 @@ def test_a_file_that_cannot_be_read_is_named_and_nothing_else_fails(tmp_path):
     assert DetectorConfig.from_yaml(saved) == DetectorConfig(threshold=0.25)
 
 
-def test_what_is_told_changes_with_the_parameters_and_with_nothing_else(tmp_path):
+def test_pages_get_the_parameters_again_only_when_they_change(tmp_path):
     server = server_of(tmp_path)
     server.tick()
     told = server.news['parameters']
@@ -153,14 +153,14 @@ def read(path, node):
 
 
 @given(chain=configs())
-def test_what_was_saved_is_read_as_it_was(tmp_path_factory, chain):
+def test_a_saved_configuration_is_read_unchanged(tmp_path_factory, chain):
     config = DetectorConfig(**vars(chain), heartbeat_hz=7.0)
     path = written(tmp_path_factory.mktemp('saved'), {'/a/slip_detector': config})
     assert DetectorConfig.from_yaml(path) == config
     assert read(path, '/any/where/slip_detector') == config
 
 
-def test_of_several_detectors_each_gets_its_own(tmp_path):
+def test_each_of_several_detectors_gets_its_own_section(tmp_path):
     configs = {
         '/thumb/slip_detector': detector(threshold=0.2),
         '/index/slip_detector': detector(threshold=0.3, groups={'on': (2, 1)}),
@@ -170,7 +170,7 @@ def test_of_several_detectors_each_gets_its_own(tmp_path):
     assert {name: read(path, name) for name in configs} == configs
 
 
-def test_what_the_file_has_for_others_stays_and_what_it_had_for_the_detector_does_not(tmp_path):
+def test_saving_keeps_the_sections_of_other_nodes_and_replaces_the_detectors(tmp_path):
     given_file = tmp_path / 'given.yaml'
     given_file.write_text(GIVEN, encoding='utf-8')
     config = detector(threshold=0.5)
@@ -217,7 +217,7 @@ def test_no_name_leads_out_of_the_folder(tmp_path_factory, name):
         (['/thumb/mine', '/index/mine'], 'config:=a.yaml'),
     ],
 )
-def test_what_starts_the_same_detectors_again_is_said(names, words):
+def test_launch_arguments_start_the_same_detectors_again(names, words):
     assert launch_arguments(names, Path('a.yaml')) == words
 
 

@@ -74,7 +74,9 @@ def test_a_recording_that_is_broken_or_has_no_slip_is_listed_with_why_and_not_tu
     assert recorded.of_kind('slip') == []
 
 
-def test_what_ends_while_the_folder_is_looked_at_is_listed_as_it_ended(recorded, monkeypatch):
+def test_a_recording_that_ends_while_the_folder_is_read_is_listed_as_it_ended(
+    recorded, monkeypatch
+):
     written(recorded.folder, 'rest_1')
     read = recorded._read
 
@@ -123,7 +125,7 @@ def test_a_link_that_took_the_place_of_a_recording_is_not_followed(recorded, tmp
     assert (elsewhere / 'slip_1' / 'slip_1.mcap').exists()
 
 
-def test_what_somebody_put_beside_a_recording_is_not_deleted(recorded):
+def test_a_file_of_the_user_in_a_recording_is_not_deleted(recorded):
     written(recorded.folder, 'slip_1', slips=1)
     recorded.look()
     notes = recorded.folder / 'slip_1' / 'notes.txt'
@@ -135,7 +137,7 @@ def test_what_somebody_put_beside_a_recording_is_not_deleted(recorded):
 
 
 @given(st.lists(st.sampled_from(KINDS), max_size=40))
-def test_of_each_kind_some_are_held_out_and_some_are_not(kinds):
+def test_a_third_of_each_kind_is_held_out(kinds):
     recorded = RecordedFolder(None)
     for number, kind in enumerate(kinds, start=1):
         recorded.put(RecordingSummary(f'{kind}_{number}', 1.0, int(kind == 'slip')))

@@ -77,7 +77,7 @@ def test_the_next_frame_waits_until_the_one_before_was_drawn():
     served(test)
 
 
-def test_what_was_told_is_told_to_a_page_that_is_opened_later_and_again_only_when_it_changes():
+def test_a_broadcast_reaches_later_pages_and_is_repeated_only_when_it_changes():
     async def test(it, page):
         it.server.broadcast('teaching', {'count': 1})
         assert (await page.until('teaching'))['count'] == 1
@@ -172,7 +172,7 @@ def test_beyond_loopback_the_address_needs_its_token():
     served(test, access=Access('0.0.0.0', token='right'))
 
 
-def test_when_it_stops_the_pages_are_told_so():
+def test_pages_are_told_that_the_server_stops():
     async def run():
         async with ServedPages(SimulatedDetectors()) as it:
             page = await LiveClient.open(it.url)

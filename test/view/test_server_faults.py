@@ -50,7 +50,7 @@ def test_a_page_that_reads_nothing_holds_up_no_other_and_gets_the_latest_only():
     ['', '[]', '{', '[' * 100_000, '{"type": ["look"]}', '{"type": "look", "fingers": 3}',
      '{"type": "look", "fingers": ["x"], "channels": [1e400]}', b'\xff'],
 )  # fmt: skip
-def test_whatever_a_page_says_the_others_are_served(text):
+def test_a_message_that_is_no_request_does_not_disturb_other_pages(text):
     async def test(it, page):
         await page.look()
         other = await LiveClient.open(it.url)

@@ -113,7 +113,7 @@ def test_little_rest_before_a_slip_is_said(lesson):
     assert '0.4 s of rest before' in lesson.teaching.words
 
 
-def test_what_came_before_a_pause_of_the_sensor_is_no_rest_before_a_slip(lesson):
+def test_rows_before_a_pause_of_the_sensor_are_no_rest_before_a_slip(lesson):
     # A clock that is set forward is the same.
     lesson.play(5.0)
     lesson.detectors.simulated[FINGER].at_ns += 60_000_000_000

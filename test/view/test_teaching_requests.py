@@ -72,7 +72,7 @@ async def taught(folder, **access):
         await one.server.close()
 
 
-def test_what_is_recorded_is_watched_and_shown_until_it_ends_with_the_server_at_last(tmp_path):
+def test_a_finger_is_watched_while_it_is_recorded_and_recording_ends_with_the_server(tmp_path):
     async def lesson():
         async with taught(tmp_path) as one:
             assert await one.ask('teach', do='rest') == ''
@@ -104,7 +104,7 @@ def test_what_is_recorded_is_watched_and_shown_until_it_ends_with_the_server_at_
         ('apply_tuning', {}, 'there is nothing to apply: tune first'),
     ],
 )
-def test_what_cannot_be_done_is_refused_in_words(tmp_path, kind, content, said):
+def test_impossible_requests_are_refused_in_words(tmp_path, kind, content, said):
     async def lesson():
         async with taught(tmp_path) as one:
             assert said in await one.ask(kind, **content)
@@ -124,7 +124,7 @@ def test_a_page_that_may_only_look_is_answered_only_what_changes_nothing(tmp_pat
     asyncio.run(lesson())
 
 
-def test_while_it_is_tuned_recordings_stay_and_what_tunes_ends_with_the_server(tmp_path):
+def test_tuning_keeps_recordings_and_ends_with_the_server(tmp_path):
     write_lesson(tmp_path / 'index', slips=2)
 
     async def lesson():
@@ -148,7 +148,7 @@ def test_while_it_is_tuned_recordings_stay_and_what_tunes_ends_with_the_server(t
     asyncio.run(lesson())
 
 
-def test_of_two_pages_that_tune_at_once_one_is_refused(tmp_path):
+def test_one_of_two_pages_that_tune_at_once_is_refused(tmp_path):
     write_lesson(tmp_path / 'index', slips=2)
 
     async def lesson():
@@ -186,7 +186,7 @@ async def tuned(folder, **found):
         yield one
 
 
-def test_what_was_found_is_applied_as_one_set_and_the_rest_stays(tmp_path):
+def test_tuned_parameters_are_applied_at_once_and_the_others_stay(tmp_path):
     async def lesson():
         async with tuned(tmp_path, threshold=0.25, groups={'all': tuple(range(1, 17))}) as one:
             # Meanwhile somebody has changed what was compared, and what decides nothing.
@@ -203,7 +203,7 @@ def test_what_was_found_is_applied_as_one_set_and_the_rest_stays(tmp_path):
     asyncio.run(lesson())
 
 
-def test_what_the_detector_refuses_of_what_was_found_is_told_in_its_words(tmp_path, monkeypatch):
+def test_a_refusal_of_tuned_parameters_is_reported_in_the_detectors_words(tmp_path, monkeypatch):
     async def refused(name, values):
         return f'parameter threshold is {values["threshold"]}, allowed: more'
 
@@ -216,7 +216,7 @@ def test_what_the_detector_refuses_of_what_was_found_is_told_in_its_words(tmp_pa
     asyncio.run(lesson())
 
 
-def test_what_was_found_is_not_applied_to_other_channels_nor_to_a_finger_that_is_gone(tmp_path):
+def test_tuned_parameters_are_not_applied_to_other_channels_nor_to_a_finger_that_is_gone(tmp_path):
     async def lesson():
         async with tuned(tmp_path, threshold=0.25) as one:
             finger = one.detectors.fingers[FINGER]

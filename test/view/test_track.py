@@ -45,7 +45,7 @@ def rows_of(stamps_ns, values, kept=100):
     kept=st.integers(1, 40),
     since=st.integers(0, 400),
 )
-def test_however_the_rows_come_the_last_ones_are_kept_in_order(cuts, kept, since):
+def test_the_last_rows_are_kept_in_order_however_they_come(cuts, kept, since):
     rows, begin = Rows(kept, {'level': (np.float32, 2)}), 0
     for n in cuts:
         which = np.arange(begin, begin + n)

@@ -130,7 +130,7 @@ def look_or_why_not(message):
 
 @settings(deadline=None)
 @given(st.fixed_dictionaries({}, optional=SENT))
-def test_whatever_a_page_sends_is_drawn_or_refused_in_some_words(message):
+def test_any_view_that_a_page_asks_for_is_drawn_or_refused_in_words(message):
     looked, why = look_or_why_not(message)
     if looked is None:
         assert 0 < len(why) < 200
@@ -160,7 +160,7 @@ def detectors_after_two_seconds():
         ({'fingers': [3]}, 'fingers is no list of names'),
     ],
 )
-def test_what_cannot_be_looked_at_is_refused(content, words):
+def test_impossible_views_are_refused(content, words):
     with pytest.raises(ValueError, match=words):
         look(**content)
 
@@ -175,7 +175,7 @@ ARRAYS = KINDS.flatmap(lambda kind: arrays_of.arrays(kind, SHAPES))
     header=st.dictionaries(TEXTS, TEXTS | st.integers() | st.booleans(), max_size=4),
     content=st.dictionaries(TEXTS, ARRAYS, max_size=5),
 )
-def test_what_was_packed_is_unpacked_and_begins_at_multiples_of_four(header, content):
+def test_frames_are_unpacked_unchanged_and_arrays_begin_at_multiples_of_four(header, content):
     header.pop('arrays', None)
     frame = packed(header, content)
     found, read = unpacked(frame)
