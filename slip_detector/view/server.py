@@ -272,14 +272,16 @@ class _Guarded(web.RequestHandler):
             self.set_header(name, value)
         self.clear_header('Server')
 
-    def refusal(self, *, token: bool) -> str:
-        """Return why the request is refused, or ''."""
+    def prepare(self) -> None:
+        """Refuse the request, or let it be answered."""
         access = self.server.access
-        refusal = access.refusal(self.request.host, self.request.headers.get('Origin'))
-        if refusal or not token:
-            return refusal
-        given = self.get_query_argument('token', '', strip=False)
-        return '' if access.knows(given) else NO_TOKEN
+        why = access.refusal(self.request.host, self.request.headers.get('Origin'))
+        # The page's other files hold nothing of the robot.
+        if not why and self.request.path in ('/', '/live'):
+            token = self.get_query_argument('token', '', strip=False)
+            why = '' if access.knows(token) else NO_TOKEN
+        if why:
+            self.refuse(why)
 
     def refuse(self, why: str) -> None:
         """Answer with the reason."""
@@ -289,7 +291,7 @@ class _Guarded(web.RequestHandler):
 
 
 class File(_Guarded):
-    """A file; only the page itself needs the token, as the others hold nothing of the robot."""
+    """A file of the page."""
 
     def initialize(self, server: Server, files: Mapping[str, Path]) -> None:
         """Take the arguments of the route."""
@@ -298,10 +300,6 @@ class File(_Guarded):
     def get(self) -> None:
         """Send the file."""
         path = self.request.path
-        why = self.refusal(token=path == '/')
-        if why:
-            self.refuse(why)
-            return
         file = self.files.get('/page/index.html' if path == '/' else path)
         if file is None:
             raise web.HTTPError(404)
@@ -327,12 +325,9 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self._answers: set[asyncio.Task[None]] = set()
 
     async def get(self, *args: Any, **kwargs: Any) -> None:
-        """Open the connection, or refuse it."""
-        why = self.refusal(token=True)
-        if not why and len(self.server.pages) >= MOST_PAGES:
-            why = f'{MOST_PAGES} pages are open already, allowed: at most {MOST_PAGES}'
-        if why:
-            self.refuse(why)
+        """Open the connection, unless too many are open."""
+        if len(self.server.pages) >= MOST_PAGES:
+            self.refuse(f'{MOST_PAGES} pages are open already, allowed: at most {MOST_PAGES}')
             return
         await super().get(*args, **kwargs)
 

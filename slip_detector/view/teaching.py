@@ -29,7 +29,6 @@ from slip_detector.view.recorded_folder import (
     Recorder,
     RecordingSummary,
 )
-from slip_detector.view.track import LiveTrack
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
 #: If the chain has not settled in the rest before a slip, the slip is not scored.
@@ -86,9 +85,6 @@ class Teaching:
         # The stamp, and the time of this computer, at which the recording of a slip ends.
         self._ends_ns: int | None = None
         self._ends_at_s = 0.0
-        # By finger, the track and its row at which the last slip ended: the rest before the next
-        # slip cannot begin earlier.
-        self._slip_ended: dict[str, tuple[LiveTrack, int]] = {}
         self.words = ''
 
     @property
@@ -184,9 +180,7 @@ class Teaching:
     def _rest_before(self, finger: Finger) -> tuple[int, float]:
         """Return the number of the first row of the rest up to now, and its length in seconds."""
         rows = finger.track.samples
-        ended = self._slip_ended.get(finger.name)
-        after_slip = ended[1] if ended is not None and ended[0] is finger.track else 0
-        stamps_ns = rows.stamps_ns(since=after_slip)
+        stamps_ns = rows.stamps_ns(since=finger.track.slip_ended)
         if not len(stamps_ns):
             return rows.appended, 0.0
         # By stamps rather than by rows, as samples may be missing.
@@ -317,7 +311,7 @@ class Teaching:
         assert recorder is not None
         self._guarded(lambda: recorder.label(False))
         track = recorder.finger.track
-        self._slip_ended[self.finger] = track, track.samples.appended
+        track.slip_ended = track.samples.appended
         last_ns = int(track.samples.stamps_ns()[-1]) if len(track.samples) else 0
         self._ends_ns = last_ns + round(AFTER_S * 1e9)
         self._ends_at_s = time.monotonic() + AFTER_S + SILENT_S

@@ -209,6 +209,9 @@ class LiveTrack:
             {'level': (np.float32, channels), 'on': (np.bool_, channels), 'slip': (np.bool_, 1)},
         )
         self.beginnings = 0
+        #: Number of the row at which the last recorded slip ended: the rest before the next one
+        #: cannot begin earlier.
+        self.slip_ended = 0
 
     def add_samples(self, stamps_ns: Stamps, volts: Floats, truth: NDArray[np.generic]) -> None:
         """Append samples: volts, shape (n, channels), and the true slip, shape (n,)."""
