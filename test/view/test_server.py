@@ -28,6 +28,8 @@ from support.simulated_detectors import ServedPages, SimulatedDetectors
 
 def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
     async def test(it, page):
+        (simulated,) = it.detectors.simulated.values()
+        simulated.play(3.5)  # It slips from 3.8 s on.
         await page.look()
         slips = columns = number = 0
         while not (slips and columns > 20):
