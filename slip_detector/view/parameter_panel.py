@@ -42,6 +42,11 @@ LATELY = 8
 OUTSIDE, RESTART = 'outside', 'restart'
 
 _FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
+_HEADINGS = {
+    field.name: heading
+    for heading, fields in under_headings(DetectorConfig).items()
+    for field in fields
+}
 
 
 class Reading(NamedTuple):
@@ -227,22 +232,12 @@ class ParameterPanel:
 
     def shown(self) -> list[dict[str, Any]]:
         """Return what a page shows: headings, each with its parameters in order."""
-        headings = [
-            {
-                'heading': heading,
-                'parameters': [
-                    self._row(name)
-                    for field in fields
-                    for name in self.values
-                    if name == field.name or name.startswith(f'{field.name}.')
-                ],
-            }
-            for heading, fields in under_headings(DetectorConfig).items()
-        ]
-        others = [name for name in self.values if name.partition('.')[0] not in _FIELDS]
-        if others:
-            headings.append({'heading': OF_ROS, 'parameters': [self._row(n) for n in others]})
-        return [part for part in headings if part['parameters']]
+        parts: dict[str, list[dict[str, Any]]] = {}
+        for field, heading in _HEADINGS.items():
+            rows = [self._row(n) for n in self.values if n.partition('.')[0] == field]
+            parts.setdefault(heading, []).extend(rows)
+        parts[OF_ROS] = [self._row(n) for n in self.values if n.partition('.')[0] not in _FIELDS]
+        return [{'heading': each, 'parameters': rows} for each, rows in parts.items() if rows]
 
     def _row(self, name: str) -> dict[str, Any]:
         field = _FIELDS.get(name.partition('.')[0])

@@ -147,8 +147,8 @@ class Teaching:
         """
         if self._recorder is not None:
             self._detectors.poll()
-            self._guarded(self._recorder.write)
-            self._end()
+            self._guarded(self._recorder, self._recorder.write)
+            self._end(self._recorder)
 
     def press(self, name: object) -> None:
         """Begin a slip: rows from now on are labelled as slip, until :meth:`release`.
@@ -168,7 +168,7 @@ class Teaching:
         self._detectors.poll()
         since, before_s = self._rest_before(finger)
         recorder = self._begin(finger, 'slip', since)
-        self._guarded(lambda: recorder.label(True))
+        self._guarded(recorder, lambda: recorder.label(True))
         self.hold()
         self.words = f'recording {recorder.path.name}: slip until the key is released'
         if before_s < LEAST_BEFORE_S:
@@ -193,9 +193,9 @@ class Teaching:
 
     def release(self, name: object) -> None:
         """End the slip of a finger; its recording goes on for some rest."""
-        if self._holds_slip(name):
+        if self._recorder is not None and self._holds_slip(name):
             self._detectors.poll()
-            self._let_go()
+            self._let_go(self._recorder)
 
     def _holds_slip(self, name: object) -> bool:
         return self._recorder is not None and self._recorder.slipping and name == self.finger
@@ -214,21 +214,21 @@ class Teaching:
         finger, rows = recorder.finger, recorder.finger.track.samples
         gone = self._detectors.fingers.get(finger.name) is not finger
         if gone or recorder.interrupted:
-            self._end()
+            self._end(recorder)
             self.words += f'. {GONE if gone else INTERRUPTED}'
             return
-        self._guarded(recorder.write)
+        self._guarded(recorder, recorder.write)
         if recorder.slipping and now_s - self._held_at_s > HELD_S:
-            self._let_go()
+            self._let_go(recorder)
             self.words = (
                 f'{recorder.path.name}: the page that held the slip is gone, so the slip was ended'
             )
         elif self._ends_ns is not None:
             came = len(rows) and int(rows.stamps_ns()[-1]) >= self._ends_ns
             if came or now_s > self._ends_at_s:
-                self._end()
+                self._end(recorder)
         elif now_s - self._begun_at_s > MOST_S:
-            self._end()
+            self._end(recorder)
             self.words += f'. It was ended after {MOST_S / 60:.0f} minutes'
 
     def close(self) -> None:
@@ -260,11 +260,9 @@ class Teaching:
                 'folder': str(folder.folder),
                 'recordings': [
                     {
-                        'name': one.name,
-                        'kind': one.kind,
+                        **one._asdict(),
                         'duration_s': round(one.duration_s, 1),
-                        'slips': one.slips,
-                        'note': one.note,
+                        'kind': one.kind,
                         'usable': one.usable,
                         'held_out': one.name in held_out,
                     }
@@ -306,10 +304,8 @@ class Teaching:
             )
         self.stop()
 
-    def _let_go(self) -> None:
-        recorder = self._recorder
-        assert recorder is not None
-        self._guarded(lambda: recorder.label(False))
+    def _let_go(self, recorder: Recorder) -> None:
+        self._guarded(recorder, lambda: recorder.label(False))
         track = recorder.finger.track
         track.slip_ended = track.samples.appended
         last_ns = int(track.samples.stamps_ns()[-1]) if len(track.samples) else 0
@@ -317,28 +313,24 @@ class Teaching:
         self._ends_at_s = time.monotonic() + AFTER_S + SILENT_S
         self.words = f'recording {recorder.path.name}: the rest after the slip'
 
-    def _guarded(self, write: Callable[[], None]) -> None:
+    def _guarded(self, recorder: Recorder, write: Callable[[], None]) -> None:
         """Write; if that fails, end the recording and say what is kept."""
         try:
             write()
         except ValueError as error:
-            self._list(f'was cut off: {error}')
+            self._list(recorder, f'was cut off: {error}')
             raise ValueError(self.words) from None
 
-    def _end(self) -> None:
-        recorder = self._recorder
-        assert recorder is not None
-        self._guarded(recorder.close)
+    def _end(self, recorder: Recorder) -> None:
+        self._guarded(recorder, recorder.close)
         lost = recorder.lost_rows
         note = f'{lost} rows are missing: this computer was too slow' if lost else ''
         if recorder.kind == 'slip' and not recorder.slips:
             note = f'{NO_SLIP}: no sample came while the key was held'
-        self._list(note)
+        self._list(recorder, note)
 
-    def _list(self, note: str) -> None:
+    def _list(self, recorder: Recorder, note: str) -> None:
         """Note that the recording has ended, and list it with this note."""
-        recorder = self._recorder
-        assert recorder is not None
         self._recorder, self._ends_ns = None, None
         name = recorder.path.name
         if not recorder.kept:
