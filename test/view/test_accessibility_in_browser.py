@@ -125,28 +125,16 @@ def test_the_tab_key_comes_to_everything_by_its_role_and_name(played):
     assert 'tab Spectrum' not in said
 
 
-def test_keys_alone_choose_a_finger_look_at_it_and_change_its_threshold(played):
+def test_keys_alone_open_tabs_and_the_list_of_keys(played):
     _, page = played(TWO_FINGERS)
-    expect(page.locator('[data-state=slip]')).to_be_visible()
-    page.keyboard.press('2')
-    expect(page.get_by_role('button', name='thumb')).to_have_attribute('aria-pressed', 'true')
-    page.keyboard.press('p')
-    expect(page.get_by_role('button', name='Go on')).to_be_visible()
-    page.keyboard.press('p')
     page.keyboard.press('?')
     expect(page.locator('#keys')).to_contain_text('pause the traces')
     page.keyboard.press('?')
     expect(page.locator('#keys')).to_be_hidden()
     page.get_by_role('tab', name='Traces').focus()
-    page.keyboard.press('ArrowRight')
-    expect(page.get_by_role('tabpanel', name='Spectrum')).to_be_visible()
-    page.keyboard.press('ArrowRight')
-    expect(page.get_by_role('tabpanel', name='Traces')).to_be_visible()
-    while 'Threshold' not in focused(page):
-        page.keyboard.press('Tab')
-    page.keyboard.press('PageDown')
-    page.keyboard.press('Enter')
-    expect(changes(page)).to_contain_text('threshold from 0.5 to 0.307')
+    for name in ('Spectrum', 'Traces'):
+        page.keyboard.press('ArrowRight')
+        expect(page.get_by_role('tabpanel', name=name)).to_be_visible()
 
 
 def test_a_threshold_moved_for_one_finger_is_not_set_for_another(played):

@@ -15,7 +15,6 @@
 """What is known of a finger: its name for people, its state over a restart, its silence."""
 
 import asyncio
-import json
 import time
 
 import numpy as np
@@ -23,7 +22,7 @@ import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view import detectors
-from slip_detector.view.detectors import Finger, finger_description
+from slip_detector.view.detectors import Finger
 from support.simulated_detectors import SimulatedDetectors
 
 
@@ -39,24 +38,6 @@ from support.simulated_detectors import SimulatedDetectors
 )
 def test_a_finger_is_called_by_its_namespace(name, label):
     assert Finger(name, DetectorConfig()).label == label
-
-
-@pytest.mark.parametrize(
-    'config',
-    [
-        DetectorConfig(channels=3, disabled_channels=(2,), vote='mean', threshold=1e30),
-        DetectorConfig(decision='evidence', noise_floor=(1e-3,), threshold=0.9, mains_hz=50.0),
-    ],
-)
-def test_a_finger_is_described_by_its_parameters_as_json_has_them(config):
-    finger = Finger('/index/slip_detector', config)
-    described = json.loads(json.dumps(finger_description(finger), allow_nan=False))
-    assert described['channels'] == list(config.names)
-    assert len(described['positions_m']) == config.channels
-    assert described['disabled'] == list(config.disabled_channels)
-    assert described['groups'] == {name: list(of) for name, of in config.groups.items()}
-    for name in ('threshold', 'vote', 'decision', 'sample_rate_hz', 'mains_hz'):
-        assert described[name] == getattr(config, name)
 
 
 def test_a_change_of_the_decision_keeps_the_track_and_other_channels_begin_a_new_one():

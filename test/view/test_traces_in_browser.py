@@ -260,16 +260,13 @@ def test_the_threshold_is_dragged_on_a_logarithmic_scale_and_moved_by_keys(serve
     expect(changes(page)).to_contain_text(f'threshold from {before:g} to {1.05 * before:.3g}')
 
 
-def test_the_line_stays_where_it_was_let_go_until_the_detector_has_it_or_refuses(served, page):
+def test_the_line_stays_where_it_was_let_go_until_the_detector_has_it(served, page):
     answers = threading.Event()
     set_parameters = served.detectors.set_parameters
 
     async def set_later(name, values):
         await asyncio.to_thread(answers.wait, 60.0)
         return await set_parameters(name, values)
-
-    async def refuse(name, values):
-        return 'parameter threshold is 1.33, allowed: another one'
 
     line = threshold_line(page)
     served.detectors.set_parameters = set_later
@@ -281,11 +278,4 @@ def test_the_line_stays_where_it_was_let_go_until_the_detector_has_it_or_refuses
     assert config_of(served).threshold == 0.5
     answers.set()
     expect(changes(page)).to_contain_text('to 0.814')
-    expect(line).to_have_attribute('aria-valuetext', 'threshold 0.814')
-    served.detectors.set_parameters = refuse
-    page.keyboard.press('PageUp')
-    page.keyboard.press('Enter')
-    expect(page.get_by_role('alert')).to_have_text(
-        'parameter threshold is 1.33, allowed: another one'
-    )
     expect(line).to_have_attribute('aria-valuetext', 'threshold 0.814')
