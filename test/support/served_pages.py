@@ -15,13 +15,12 @@
 """A server with simulated fingers, in the test's event loop, and what asks it beside a page."""
 
 import asyncio
+import contextlib
 
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 
 from support.live_client import LiveClient
 from support.simulated_detectors import ServedPages, SimulatedDetectors
-
-DEADLINE_S = 60.0
 
 #: Headers that ask for a connection.
 UPGRADE = {
@@ -32,18 +31,15 @@ UPGRADE = {
 }
 
 
-def served(test, detectors=None, **how):
-    """Run a test with a server and one page; it gets what is served, and the page."""
-
-    async def run():
-        async with ServedPages(detectors or SimulatedDetectors(), **how) as it:
-            page = await LiveClient.open(it.url)
-            try:
-                await asyncio.wait_for(test(it, page), DEADLINE_S)
-            finally:
-                page.close()
-
-    asyncio.run(run())
+@contextlib.asynccontextmanager
+async def served(detectors=None, **how):
+    """Serve detectors, and open one page; gives what is served, and the page."""
+    async with ServedPages(detectors or SimulatedDetectors(), **how) as it:
+        page = await LiveClient.open(it.url)
+        try:
+            yield it, page
+        finally:
+            page.close()
 
 
 def port_of(it):

@@ -14,7 +14,9 @@
 
 """The live page in a browser without a screen."""
 
+import asyncio
 import contextlib
+import inspect
 
 import pytest
 
@@ -24,6 +26,19 @@ from slip_detector.view.teaching_requests import TeachingRequests
 from support.browsers import complaints_of
 from support.finger_states import Player, QuietDetectors
 from support.simulated_detectors import served_beside
+
+#: Longest time of a coroutine, in seconds.
+DEADLINE_S = 60.0
+
+
+def pytest_pyfunc_call(pyfuncitem):
+    """Run a test that is a coroutine."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    names = pyfuncitem._fixtureinfo.argnames
+    test = pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in names})
+    asyncio.run(asyncio.wait_for(test, DEADLINE_S))
+    return True
 
 
 @pytest.fixture

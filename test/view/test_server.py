@@ -14,7 +14,6 @@
 
 """The server with simulated fingers, and clients that are no browser."""
 
-import asyncio
 import re
 
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
@@ -22,12 +21,12 @@ from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 from slip_detector.view import server
 from slip_detector.view.access import Access
 from support.live_client import LiveClient
-from support.served_pages import DEADLINE_S, port_of, refused, served, status_of, ticks
+from support.served_pages import port_of, refused, served, status_of, ticks
 from support.simulated_detectors import ServedPages, SimulatedDetectors
 
 
-def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
-    async def test(it, page):
+async def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
+    async with served() as (it, page):
         (simulated,) = it.detectors.simulated.values()
         simulated.play(3.5)  # It slips from 3.8 s on.
         await page.look()
@@ -44,11 +43,9 @@ def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
             if columns:
                 assert arrays['volts/low'].shape == arrays['volts/high'].shape == (2, count)
 
-    served(test)
 
-
-def test_only_what_a_page_looks_at_is_watched():
-    async def test(it, page):
+async def test_only_what_a_page_looks_at_is_watched():
+    async with served(SimulatedDetectors(('index', 'thumb'))) as (it, page):
         names = [f'/{label}/slip_detector' for label in ('index', 'thumb')]
         await ticks(it, 2)
         assert it.detectors.watched == set()
@@ -63,11 +60,9 @@ def test_only_what_a_page_looks_at_is_watched():
         await ticks(it, 2)
         assert it.detectors.watched == set()
 
-    served(test, SimulatedDetectors(('index', 'thumb')))
 
-
-def test_the_next_frame_waits_until_the_one_before_was_drawn():
-    async def test(it, page):
+async def test_the_next_frame_waits_until_the_one_before_was_drawn():
+    async with served() as (it, page):
         await page.look()
         await page.next_frame()
         (of_server,) = it.server.pages
@@ -76,11 +71,9 @@ def test_the_next_frame_waits_until_the_one_before_was_drawn():
         await page.say('drawn', frame=1)
         assert (await page.next_frame())[0]['frame'] == 2
 
-    served(test)
 
-
-def test_a_broadcast_reaches_later_pages_and_is_repeated_only_when_it_changes():
-    async def test(it, page):
+async def test_a_broadcast_reaches_later_pages_and_is_repeated_only_when_it_changes():
+    async with served() as (it, page):
         it.server.broadcast('teaching', {'count': 1})
         assert (await page.until('teaching'))['count'] == 1
         page.told.clear()
@@ -92,11 +85,9 @@ def test_a_broadcast_reaches_later_pages_and_is_repeated_only_when_it_changes():
         assert (await late.until('teaching'))['count'] == 1
         late.close()
 
-    served(test)
 
-
-def test_fingers_that_come_and_go_are_told():
-    async def test(it, page):
+async def test_fingers_that_come_and_go_are_told():
+    async with served() as (it, page):
         await page.until('hand', lambda hand: len(hand['fingers']) == 1)
         config = next(iter(it.detectors.fingers.values())).config
         it.detectors.add('thumb', config)
@@ -106,10 +97,8 @@ def test_fingers_that_come_and_go_are_told():
         hand = await page.until('hand', lambda hand: len(hand['fingers']) == 1)
         assert hand['gone'] == {'/index/slip_detector': 'index'}
 
-    served(test)
 
-
-def test_requests_are_answered_and_refusals_are_in_words():
+async def test_requests_are_answered_and_refusals_are_in_words():
     async def answer(message):
         if message.get('value') != 7:
             raise ValueError('value is no 7')
@@ -122,18 +111,16 @@ def test_requests_are_answered_and_refusals_are_in_words():
         of.on_request('add', answer)
         of.on_request('fail', fail)
 
-    async def test(it, page):
+    async with served(prepare=prepare) as (_, page):
         assert (await page.request('add', value=7))['value'] == 8
         assert (await page.request('add'))['refusal'] == 'value is no 7'
         refusal = (await page.request('subtract'))['refusal']
         assert refusal == 'subtract is no request, allowed: add, fail, hold_rest'
         assert 'slip_view has failed' in (await page.request('fail'))['refusal']
 
-    served(test, prepare=prepare)
 
-
-def test_the_page_and_its_files_are_served_and_nothing_else():
-    async def test(it, page):
+async def test_the_page_and_its_files_are_served_and_nothing_else():
+    async with served() as (it, _):
         index = await AsyncHTTPClient().fetch(it.url)
         assert b'slip_view' in index.body
         assert "default-src 'self'" in index.headers['Content-Security-Policy']
@@ -144,11 +131,9 @@ def test_the_page_and_its_files_are_served_and_nothing_else():
         # It cannot be changed either.
         assert (await status_of(HTTPRequest(it.url, method='POST', body='')))[0] == 405
 
-    served(test)
 
-
-def test_no_other_site_reaches_the_page_or_its_connection():
-    async def test(it, page):
+async def test_no_other_site_reaches_the_page_or_its_connection():
+    async with served() as (it, _):
         port = port_of(it)
         evil = {'Host': f'evil.example:{port}'}
         code, said = await status_of(HTTPRequest(it.url, headers=evil))
@@ -158,11 +143,9 @@ def test_no_other_site_reaches_the_page_or_its_connection():
         assert await refused(f'{it.url}live', Origin='http://evil.example') == 403
         assert await refused(f'{it.url}live', Origin='null') == 403
 
-    served(test)
 
-
-def test_beyond_loopback_the_address_needs_its_token():
-    async def test(it, page):
+async def test_beyond_loopback_the_address_needs_its_token():
+    async with served(access=Access('0.0.0.0', token='right')) as (it, page):
         await page.until('hand')  # With the token.
         base, _, _ = it.url.partition('?')
         for query in ('', '?token=', '?token=wrong', '?Token=right', '?token=%20right'):
@@ -171,20 +154,15 @@ def test_beyond_loopback_the_address_needs_its_token():
             assert await refused(f'{base}live{query}') == 403
         assert (await status_of(it.url))[0] == 200
 
-    served(test, access=Access('0.0.0.0', token='right'))
 
-
-def test_pages_are_told_that_the_server_stops():
-    async def run():
-        async with ServedPages(SimulatedDetectors()) as it:
-            page = await LiveClient.open(it.url)
-            await page.until('hand')
-        while (message := await page._socket.read_message()) is not None:
-            assert isinstance(message, str)
-        assert page._socket.close_reason == 'slip_view was stopped'
-        page.close()
-
-    asyncio.run(asyncio.wait_for(run(), DEADLINE_S))
+async def test_pages_are_told_that_the_server_stops():
+    async with ServedPages(SimulatedDetectors()) as it:
+        page = await LiveClient.open(it.url)
+        await page.until('hand')
+    while (message := await page._socket.read_message()) is not None:
+        assert isinstance(message, str)
+    assert page._socket.close_reason == 'slip_view was stopped'
+    page.close()
 
 
 def test_all_that_the_page_asks_for_is_there():

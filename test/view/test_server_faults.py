@@ -25,8 +25,8 @@ from support.live_client import LiveClient
 from support.served_pages import UPGRADE, port_of, refused, served, ticks
 
 
-def test_a_page_that_reads_nothing_holds_up_no_other_and_gets_the_latest_only():
-    async def test(it, page):
+async def test_a_page_that_reads_nothing_holds_up_no_other_and_gets_the_latest_only():
+    async with served() as (it, page):
         await page.until('hand')
         (asleep,) = it.server.pages
         other = await LiveClient.open(it.url)
@@ -42,16 +42,14 @@ def test_a_page_that_reads_nothing_holds_up_no_other_and_gets_the_latest_only():
         assert (await page.until('teaching'))['count'] == 49
         other.close()
 
-    served(test)
-
 
 @pytest.mark.parametrize(
     'text',
     ['', '[]', '{', '[' * 100_000, '{"type": ["look"]}', '{"type": "look", "fingers": 3}',
      '{"type": "look", "fingers": ["x"], "channels": [1e400]}', b'\xff'],
 )  # fmt: skip
-def test_a_message_that_is_no_request_does_not_disturb_other_pages(text):
-    async def test(it, page):
+async def test_a_message_that_is_no_request_does_not_disturb_other_pages(text):
+    async with served() as (it, page):
         await page.look()
         other = await LiveClient.open(it.url)
         await other._socket.write_message(text, binary=isinstance(text, bytes))
@@ -59,11 +57,9 @@ def test_a_message_that_is_no_request_does_not_disturb_other_pages(text):
             await page.drawn_frame()
         other.close()
 
-    served(test)
 
-
-def test_a_connection_that_breaks_while_it_is_sent_to_ends_nothing_else():
-    async def test(it, page):
+async def test_a_connection_that_breaks_while_it_is_sent_to_ends_nothing_else():
+    async with served() as (it, page):
         await page.until('hand')
         broken = await LiveClient.open(it.url)
         await broken.until('hand')
@@ -76,10 +72,8 @@ def test_a_connection_that_breaks_while_it_is_sent_to_ends_nothing_else():
         for each in (later, broken):
             each.close()
 
-    served(test)
 
-
-def test_a_page_that_cannot_be_drawn_is_closed_and_the_others_are_served(monkeypatch, caplog):
+async def test_a_page_that_cannot_be_drawn_is_closed_and_others_are_served(monkeypatch, caplog):
     frame = ViewRequest.frame
 
     def fail(look, *words):
@@ -89,7 +83,7 @@ def test_a_page_that_cannot_be_drawn_is_closed_and_the_others_are_served(monkeyp
 
     monkeypatch.setattr(ViewRequest, 'frame', fail)
 
-    async def test(it, page):
+    async with served() as (it, page):
         await page.look()
         other = await LiveClient.open(it.url)
         await other.look(finger='')
@@ -101,13 +95,11 @@ def test_a_page_that_cannot_be_drawn_is_closed_and_the_others_are_served(monkeyp
         await page.drawn_frame()
         await page.drawn_frame()
 
-    served(test)
 
-
-def test_a_page_that_sleeps_is_given_up_and_the_others_are_served(monkeypatch):
+async def test_a_page_that_sleeps_is_given_up_and_the_others_are_served(monkeypatch):
     monkeypatch.setattr(server, 'PING_S', 0.2)
 
-    async def test(it, page):
+    async with served() as (it, page):
         await page.until('hand')
         port = port_of(it)
         _, writer = await asyncio.open_connection('127.0.0.1', port)
@@ -125,13 +117,11 @@ def test_a_page_that_sleeps_is_given_up_and_the_others_are_served(monkeypatch):
         await ticks(it, 3)
         writer.close()
 
-    served(test)
 
-
-def test_a_connection_that_asks_for_nothing_is_closed_and_pages_stay(monkeypatch):
+async def test_a_connection_that_asks_for_nothing_is_closed_and_pages_stay(monkeypatch):
     monkeypatch.setattr(server, 'UNASKED_S', 0.1)
 
-    async def test(it, page):
+    async with served() as (it, page):
         await page.until('hand')
         reader, writer = await asyncio.open_connection('127.0.0.1', port_of(it))
         assert await reader.read() == b''
@@ -139,10 +129,8 @@ def test_a_connection_that_asks_for_nothing_is_closed_and_pages_stay(monkeypatch
         it.server.broadcast('teaching', {'count': 1})
         await page.until('teaching')
 
-    served(test)
 
-
-def test_a_page_that_asks_and_reads_no_answer_is_closed(monkeypatch):
+async def test_a_page_that_asks_and_reads_no_answer_is_closed(monkeypatch):
     monkeypatch.setattr(server, 'MOST_REQUESTS', 3)
     asked = []
 
@@ -150,7 +138,7 @@ def test_a_page_that_asks_and_reads_no_answer_is_closed(monkeypatch):
         asked.append(message['id'])
         await asyncio.Event().wait()
 
-    async def test(it, page):
+    async with served(prepare=lambda of: of.on_request('wait', wait)) as (it, page):
         other = await LiveClient.open(it.url)
         for k in range(5):
             await other.say('wait', id=k)
@@ -161,14 +149,10 @@ def test_a_page_that_asks_and_reads_no_answer_is_closed(monkeypatch):
         other.close()
         await page.until('hand')
 
-    served(test, prepare=lambda of: of.on_request('wait', wait))
 
-
-def test_no_more_pages_than_the_server_can_serve(monkeypatch):
+async def test_no_more_pages_than_the_server_can_serve(monkeypatch):
     monkeypatch.setattr(server, 'MOST_PAGES', 1)
 
-    async def test(it, page):
+    async with served() as (it, page):
         await page.until('hand')
         assert await refused(f'{it.url}live') == 403
-
-    served(test)

@@ -72,24 +72,23 @@ async def taught(folder, **access):
         await one.server.close()
 
 
-def test_a_finger_is_watched_while_it_is_recorded_and_recording_ends_with_the_server(tmp_path):
-    async def lesson():
-        async with taught(tmp_path) as one:
-            assert await one.ask('teach', do='rest') == ''
-            one.play(2.0)
-            assert one.detectors.watched == {FINGER}
-            shown = one.told('recording')['recording']
-            assert (shown['name'], shown['seconds'], shown['slipping']) == ('rest_1', 2.0, False)
-            assert await one.ask('teach', do='stop') == ''
-            one.play(0.1)
-            assert one.detectors.watched == set()
-            assert one.told('recording')['recording'] is None
-            assert one.names() == ['rest_1']
-            await one.ask('teach', do='taps')
-            one.play(1.0)
-        assert (tmp_path / 'index' / 'taps_1' / 'metadata.yaml').exists()
-
-    asyncio.run(lesson())
+async def test_a_finger_is_watched_while_it_is_recorded_at_most_until_the_server_ends(
+    tmp_path,
+):
+    async with taught(tmp_path) as one:
+        assert await one.ask('teach', do='rest') == ''
+        one.play(2.0)
+        assert one.detectors.watched == {FINGER}
+        shown = one.told('recording')['recording']
+        assert (shown['name'], shown['seconds'], shown['slipping']) == ('rest_1', 2.0, False)
+        assert await one.ask('teach', do='stop') == ''
+        one.play(0.1)
+        assert one.detectors.watched == set()
+        assert one.told('recording')['recording'] is None
+        assert one.names() == ['rest_1']
+        await one.ask('teach', do='taps')
+        one.play(1.0)
+    assert (tmp_path / 'index' / 'taps_1' / 'metadata.yaml').exists()
 
 
 @pytest.mark.parametrize(
@@ -104,73 +103,58 @@ def test_a_finger_is_watched_while_it_is_recorded_and_recording_ends_with_the_se
         ('apply_tuning', {}, 'there is nothing to apply: tune first'),
     ],
 )
-def test_impossible_requests_are_refused_in_words(tmp_path, kind, content, said):
-    async def lesson():
-        async with taught(tmp_path) as one:
-            assert said in await one.ask(kind, **content)
-
-    asyncio.run(lesson())
+async def test_impossible_requests_are_refused_in_words(tmp_path, kind, content, said):
+    async with taught(tmp_path) as one:
+        assert said in await one.ask(kind, **content)
 
 
-def test_a_page_that_may_only_look_is_answered_only_what_changes_nothing(tmp_path):
-    async def lesson():
-        async with taught(tmp_path, read_only=True) as one:
-            ParameterRequests(one.server, tmp_path)
-            asked = {kind: await one.ask(kind) for kind in one.server.requests}
-            answered = {kind for kind, refusal in asked.items() if refusal != READ_ONLY}
-            assert answered == {'recordings', 'hold_rest'}
-            assert [*tmp_path.iterdir()] == []
-
-    asyncio.run(lesson())
+async def test_a_page_that_may_only_look_is_answered_only_what_changes_nothing(tmp_path):
+    async with taught(tmp_path, read_only=True) as one:
+        ParameterRequests(one.server, tmp_path)
+        asked = {kind: await one.ask(kind) for kind in one.server.requests}
+        answered = {kind for kind, refusal in asked.items() if refusal != READ_ONLY}
+        assert answered == {'recordings', 'hold_rest'}
+        assert [*tmp_path.iterdir()] == []
 
 
-def test_tuning_keeps_recordings_and_ends_with_the_server(tmp_path):
+async def test_tuning_keeps_recordings_and_ends_with_the_server(tmp_path):
     write_lesson(tmp_path / 'index', slips=2)
 
-    async def lesson():
-        async with taught(tmp_path) as one:
-            assert await one.ask('tune') == ''
-            run = one.requests._run
-            deadline_s = time.monotonic() + DEADLINE_S
-            while run._process is None:
-                assert time.monotonic() < deadline_s
-                await asyncio.sleep(0.01)
-            one.server.tick()
-            assert one.told()['tuning']['step'] == 'learning the noise of rest_1'
-            assert 'tuning runs already' in await one.ask('tune')
-            refusal = await one.ask('delete_recording', recording='slip_1')
-            assert 'are being tuned on' in refusal
-            child = run._process.pid
-        with pytest.raises(ProcessLookupError):
-            os.kill(child, 0)
-        assert (tmp_path / 'index' / 'slip_1').exists()
-
-    asyncio.run(lesson())
+    async with taught(tmp_path) as one:
+        assert await one.ask('tune') == ''
+        run = one.requests._run
+        deadline_s = time.monotonic() + DEADLINE_S
+        while run._process is None:
+            assert time.monotonic() < deadline_s
+            await asyncio.sleep(0.01)
+        one.server.tick()
+        assert one.told()['tuning']['step'] == 'learning the noise of rest_1'
+        assert 'tuning runs already' in await one.ask('tune')
+        refusal = await one.ask('delete_recording', recording='slip_1')
+        assert 'are being tuned on' in refusal
+        child = run._process.pid
+    with pytest.raises(ProcessLookupError):
+        os.kill(child, 0)
+    assert (tmp_path / 'index' / 'slip_1').exists()
 
 
-def test_one_of_two_pages_that_tune_at_once_is_refused(tmp_path):
+async def test_one_of_two_pages_that_tune_at_once_is_refused(tmp_path):
     write_lesson(tmp_path / 'index', slips=2)
 
-    async def lesson():
-        async with taught(tmp_path) as one:
-            refusals = await asyncio.gather(one.ask('tune'), one.ask('tune'))
-            assert sorted(refusals) == ['', 'tuning runs already, allowed: one at a time']
-
-    asyncio.run(lesson())
+    async with taught(tmp_path) as one:
+        refusals = await asyncio.gather(one.ask('tune'), one.ask('tune'))
+        assert sorted(refusals) == ['', 'tuning runs already, allowed: one at a time']
 
 
-def test_a_finger_that_goes_while_its_recordings_are_read_is_not_tuned(tmp_path):
+async def test_a_finger_that_goes_while_its_recordings_are_read_is_not_tuned(tmp_path):
     write_lesson(tmp_path / 'index', slips=2)
 
-    async def lesson():
-        async with taught(tmp_path) as one:
-            asked = asyncio.create_task(one.ask('tune'))
-            await asyncio.sleep(0)
-            one.detectors.remove('index')
-            assert 'there is no finger' in await asked
-            assert one.told()['tuning'] is None
-
-    asyncio.run(lesson())
+    async with taught(tmp_path) as one:
+        asked = asyncio.create_task(one.ask('tune'))
+        await asyncio.sleep(0)
+        one.detectors.remove('index')
+        assert 'there is no finger' in await asked
+        assert one.told()['tuning'] is None
 
 
 @contextlib.asynccontextmanager
@@ -186,46 +170,39 @@ async def tuned(folder, **found):
         yield one
 
 
-def test_tuned_parameters_are_applied_at_once_and_the_others_stay(tmp_path):
-    async def lesson():
-        async with tuned(tmp_path, threshold=0.25, groups={'all': tuple(range(1, 17))}) as one:
-            # Meanwhile somebody has changed what was compared, and what decides nothing.
-            await one.detectors.change(FINGER, {'gain': 7.0, 'heartbeat_hz': 5.0}, 'page 1')
-            changes = one.detectors.panel(FINGER).count
-            assert await one.ask('apply_tuning') == ''
-            found = one.requests._run.found
-            config = one.detectors.fingers[FINGER].config
-            assert config == dataclasses.replace(found, heartbeat_hz=5.0)
-            assert one.detectors.panel(FINGER).count == changes + 1
-            assert await one.ask('apply_tuning') == ''
-            assert one.told()['words'].endswith('0 values set')
-
-    asyncio.run(lesson())
+async def test_tuned_parameters_are_applied_at_once_and_the_others_stay(tmp_path):
+    async with tuned(tmp_path, threshold=0.25, groups={'all': tuple(range(1, 17))}) as one:
+        # Meanwhile somebody has changed what was compared, and what decides nothing.
+        await one.detectors.change(FINGER, {'gain': 7.0, 'heartbeat_hz': 5.0}, 'page 1')
+        changes = one.detectors.panel(FINGER).count
+        assert await one.ask('apply_tuning') == ''
+        found = one.requests._run.found
+        config = one.detectors.fingers[FINGER].config
+        assert config == dataclasses.replace(found, heartbeat_hz=5.0)
+        assert one.detectors.panel(FINGER).count == changes + 1
+        assert await one.ask('apply_tuning') == ''
+        assert one.told()['words'].endswith('0 values set')
 
 
-def test_a_refusal_of_tuned_parameters_is_reported_in_the_detectors_words(tmp_path, monkeypatch):
+async def test_a_refusal_of_tuned_parameters_is_in_the_detectors_words(tmp_path, monkeypatch):
     async def refused(name, values):
         return f'parameter threshold is {values["threshold"]}, allowed: more'
 
-    async def lesson():
-        async with tuned(tmp_path, threshold=0.25) as one:
-            monkeypatch.setattr(one.detectors, 'set_parameters', refused)
+    async with tuned(tmp_path, threshold=0.25) as one:
+        monkeypatch.setattr(one.detectors, 'set_parameters', refused)
+        refusal = await one.ask('apply_tuning')
+        assert refusal == 'parameter threshold is 0.25, allowed: more'
+
+
+async def test_tuned_parameters_are_not_applied_to_other_channels_or_a_gone_finger(
+    tmp_path,
+):
+    async with tuned(tmp_path, threshold=0.25) as one:
+        finger = one.detectors.fingers[FINGER]
+        for other in (DetectorConfig(channels=8), DetectorConfig(sample_rate_hz=400.0)):
+            finger.config = other
             refusal = await one.ask('apply_tuning')
-            assert refusal == 'parameter threshold is 0.25, allowed: more'
-
-    asyncio.run(lesson())
-
-
-def test_tuned_parameters_are_not_applied_to_other_channels_nor_to_a_finger_that_is_gone(tmp_path):
-    async def lesson():
-        async with tuned(tmp_path, threshold=0.25) as one:
-            finger = one.detectors.fingers[FINGER]
-            for other in (DetectorConfig(channels=8), DetectorConfig(sample_rate_hz=400.0)):
-                finger.config = other
-                refusal = await one.ask('apply_tuning')
-                assert refusal.startswith('16 channels at 380 Hz were taught')
-                assert finger.config is other
-            one.detectors.remove('index')
-            assert 'there is no finger' in await one.ask('apply_tuning')
-
-    asyncio.run(lesson())
+            assert refusal.startswith('16 channels at 380 Hz were taught')
+            assert finger.config is other
+        one.detectors.remove('index')
+        assert 'there is no finger' in await one.ask('apply_tuning')
