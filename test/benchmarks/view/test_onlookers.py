@@ -51,7 +51,7 @@ def test_an_onlooker_takes_frames_of_all_fingers_until_it_is_ended():
     ):
         drawn = wait_for(onlooker, lambda taken: len(taken) >= 3)
         assert drawn == sorted(drawn)
-        assert served.hand.watched == {'/index/slip_detector', '/thumb/slip_detector'}
+        assert served.detectors.watched == {'/index/slip_detector', '/thumb/slip_detector'}
 
 
 def test_a_page_that_cannot_be_reached_is_told():
