@@ -95,6 +95,15 @@ def test_a_page_that_is_loaded_again_finds_the_recording_that_goes_on(served, op
     expect(recording(page, 'rest_1')).to_be_visible()
 
 
+def test_a_slip_ends_when_the_page_that_holds_it_is_closed(served, opened):
+    page = opened(served)
+    page.keyboard.down(' ')
+    expect(recording_now(page)).to_contain_text('SLIP')
+    page.close()
+    page = opened(served)
+    expect(recording(page, 'slip_1')).to_be_visible()
+
+
 def test_recordings_are_listed_tuned_on_and_deleted_when_that_is_confirmed(
     served, opened, tmp_path
 ):
