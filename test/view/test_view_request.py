@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a page looks at: columns of frames that follow each other, and stretches that are past."""
+"""What a page asks to see: columns of frames that follow each other, and stretches that are past."""
 
 import copy
 import functools
@@ -35,27 +35,27 @@ def detectors_after(seconds):
     return detectors
 
 
-def look(**content):
+def requested(**content):
     return ViewRequest({'fingers': [NAME], 'finger': NAME, 'channels': [3, 1], **content})
 
 
-def columns(look, detectors, held=None):
+def columns(view, detectors, past=None):
     """Return the traces of the next frame: their header, and what they have."""
-    header, arrays = unpacked(look.frame(detectors, 1, held))
+    header, arrays = unpacked(view.frame(detectors, 1, past))
     return header['traces'], arrays
 
 
 @settings(max_examples=15)
 @given(st.lists(st.floats(0.01, 0.4), min_size=1, max_size=4))
 def test_columns_are_the_same_however_frames_cut_them(cuts):
-    detectors, first = detectors_after(0.5), look(window_s=4.0, pixels=300)
+    detectors, first = detectors_after(0.5), requested(window_s=4.0, pixels=300)
     parts, stops = [], []
     for cut in [*cuts, 0.0]:
         traces, arrays = columns(first, detectors)
         parts.append(arrays['volts/high'])
         stops.append(traces['samples']['first'] + traces['samples']['count'])
         detectors.simulated[NAME].play(cut)
-    last_traces, last = columns(look(window_s=4.0, pixels=300), detectors)
+    last_traces, last = columns(requested(window_s=4.0, pixels=300), detectors)
     assert stops == sorted(stops)
     together = np.concatenate(parts, axis=1)
     whole = last['volts/high'][:, : together.shape[1]]
@@ -67,9 +67,9 @@ def test_a_stretch_that_is_past_ends_where_it_was_asked_to_and_does_not_go_on():
     detectors = detectors_after(3.0)
     last_ns = detectors.fingers[NAME].track.samples.stamps_ns()[-1]
     until_ns = int(last_ns) - 1_000_000_000
-    past = look(window_s=0.5, pixels=500, until_ns=until_ns)
+    view = requested(window_s=0.5, pixels=500, until_ns=until_ns)
     held = copy.deepcopy(detectors.fingers[NAME].track)
-    traces, arrays = columns(past, detectors, held)
+    traces, arrays = columns(view, detectors, held)
     width_ns = traces['width_ns']
     samples = traces['samples']
     assert (samples['first'] + samples['count']) * width_ns == pytest.approx(
@@ -80,17 +80,19 @@ def test_a_stretch_that_is_past_ends_where_it_was_asked_to_and_does_not_go_on():
     # Nothing of it is kept any more, except what is held.
     detectors.fingers[NAME].track.samples.clear()
     detectors.simulated[NAME].play(1.0)
-    assert columns(past, detectors, held)[0]['samples']['count'] == 0
-    again = look(window_s=0.5, pixels=500, until_ns=until_ns)
+    assert columns(view, detectors, held)[0]['samples']['count'] == 0
+    again = requested(window_s=0.5, pixels=500, until_ns=until_ns)
     assert np.array_equal(
         columns(again, detectors, held)[1]['volts/low'], arrays['volts/low'], equal_nan=True
     )
-    assert columns(look(window_s=0.5, until_ns=until_ns), detectors)[0]['samples']['count'] == 0
+    assert (
+        columns(requested(window_s=0.5, until_ns=until_ns), detectors)[0]['samples']['count'] == 0
+    )
 
 
 def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
     detectors = detectors_after(6.0)
-    watching = look(spectrum=14)
+    watching = requested(spectrum=14)
     header, arrays = unpacked(watching.frame(detectors, 1))
     assert header['spectrum']['channel'] == 14
     assert header['spectrum']['step_hz'] == pytest.approx(0.5)
@@ -98,9 +100,9 @@ def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
     assert 'rest' not in arrays
     assert 'spectrum' not in unpacked(watching.frame(detectors, 2))[0]
     detectors.fingers[NAME].hold_rest()
-    rest = unpacked(look(spectrum=14).frame(detectors, 1))[1]['rest']
+    rest = unpacked(requested(spectrum=14).frame(detectors, 1))[1]['rest']
     assert np.array_equal(rest, arrays['spectrum'])
-    none = unpacked(look(spectrum=99).frame(detectors, 1))
+    none = unpacked(requested(spectrum=99).frame(detectors, 1))
     assert none[0]['spectrum'] == {'name': NAME, 'channel': 99}
 
 
@@ -121,7 +123,7 @@ SENT = {
 }
 
 
-def look_or_why_not(message):
+def view_or_why_not(message):
     try:
         return ViewRequest(message), ''
     except ValueError as error:
@@ -131,7 +133,7 @@ def look_or_why_not(message):
 @settings(deadline=None)
 @given(st.fixed_dictionaries({}, optional=SENT))
 def test_any_view_that_a_page_asks_for_is_drawn_or_refused_in_words(message):
-    looked, why = look_or_why_not(message)
+    looked, why = view_or_why_not(message)
     if looked is None:
         assert 0 < len(why) < 200
         return
@@ -162,7 +164,7 @@ def detectors_after_two_seconds():
 )
 def test_impossible_views_are_refused(content, words):
     with pytest.raises(ValueError, match=words):
-        look(**content)
+        requested(**content)
 
 
 TEXTS = st.text(max_size=20)
