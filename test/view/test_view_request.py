@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a page asks to see: columns of frames that follow each other, and stretches that are past."""
+"""What a page asks to see: columns of frames that follow each other, stretches that are past."""
 
 import copy
 import functools
