@@ -12,19 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The chain in 50 digits: that it is the chain, and that its digits are right."""
+"""The chain in 50 digits: that its digits are right, and that the chain comes close to it."""
 
 import mpmath
 import numpy as np
 import pytest
+from hypothesis import given, reject, settings
+from hypothesis import strategies as st
 from mpmath import mpf
 from scipy import signal
 
 from benchmarks.chain import reference
 from benchmarks.chain.errors import tones_v
+from benchmarks.chain.evidence_precision import evidence_config, slide_v
+from benchmarks.chain.precision import RATES, WANTED, errors_of
 from slip_detector.chain.filters import design, response
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.parameters.chain_checks import LOWEST_EDGE
 from slip_detector.parameters.detector import ChainConfig
-from support.benchmarks import gains
 
 ORDINARY = [
     {},
@@ -35,6 +40,19 @@ ORDINARY = [
     {'passband_hz': (7.0, 0.0), 'passband_degree': 4, 'stopbands_hz': ((45.0, 55.0),)},
     {'sample_rate_hz': 2000.0, 'stopband_degree': 10, 'stopband_ripple_db': 0.5},
 ]
+
+
+def gains(sections, shares):
+    """Return the network's complex gains in 50 digits at shares of the sample rate."""
+    found = []
+    with mpmath.workdps(reference.DIGITS):
+        for share in shares:
+            z = mpmath.expjpi(2 * mpf(share))
+            gain = mpf(1)
+            for b0, b1, b2, a1, a2 in sections:
+                gain *= (z * (z * b0 + b1) + b2) / (z * (z + a1) + a2)
+            found.append(gain)
+    return found
 
 
 @pytest.mark.parametrize('values', ORDINARY)
@@ -98,3 +116,63 @@ def test_windows_of_the_reference_keep_nothing_of_a_huge_value():
     _, level = reference.envelope_and_level([small, mpf(10) ** 30, small, small], config)
     with mpmath.workdps(reference.DIGITS):
         assert abs(level[-1] / small**6 - 1) < 1e-45
+
+
+@pytest.mark.parametrize('rate_hz', RATES)
+def test_the_chain_is_exact_at_every_rate(rate_hz):
+    config = ChainConfig(sample_rate_hz=rate_hz, channels=1, **RATES[rate_hz])
+    # Both windows and something in them.
+    entry = errors_of(config, max(1000, 2 * config.samples(config.envelope_window_s) + 500))
+    chain = entry['methods']['chain']
+    assert chain['error'] <= WANTED['rates.error'].high
+    assert chain['envelope_error'] <= WANTED['rates.error'].high
+    assert entry['run_error'] <= WANTED['rates.error'].high
+    assert chain['differing_decisions'] == 0
+    assert chain['state'] == ''
+    for name in ('sections float32', 'polynomials float64', 'polynomials float32'):
+        rival = entry['methods'][name]
+        assert rival['state'] or rival['error'] >= 5 * chain['error'], name
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(-5, -0.9),
+    st.floats(-6, 0.5),
+    st.sampled_from([1, 2, 3, 4, 10]),
+    st.sampled_from(['pass', 'stop']),
+)
+def test_what_is_accepted_has_the_gain_it_should_have(low_power, width_power, order, kind):
+    low = max(10**low_power, LOWEST_EDGE)
+    pair = low, min(low * (1 + 10**width_power), 0.45)
+    values = {'passband_hz': pair, 'passband_degree': 2 * order, 'stopbands_hz': ()}
+    if kind == 'stop':
+        values = {
+            'passband_hz': (0.1, 0.4), 'stopbands_hz': (pair,), 'stopband_degree': 2 * order
+        }  # fmt: skip
+    config = ChainConfig(
+        sample_rate_hz=1.0, channels=1, envelope_window_s=15.0, decision_window_s=15.0, **values
+    )
+    try:
+        sections = design(config)
+    except ValueError:
+        reject()
+    width = pair[1] - pair[0]
+    shares = [float(share) for share in low + width * np.linspace(-0.2, 1.1, 14)]
+    wanted = gains(reference.design(config), shares)
+    found = gains(reference.exactly(sections), shares)
+    largest = max(abs(gain) for gain in wanted)
+    assert max(abs(a - b) for a, b in zip(wanted, found, strict=True)) <= 1e-6 * largest
+
+
+@pytest.mark.parametrize(
+    'values', [{}, {'noise_floor_learnt': True}, {'evidence_limit_db_s': 0.2}]
+)
+def test_the_chain_decides_by_the_evidence_of_the_reference(values):
+    config = evidence_config(380.0, mains_hz=0.0, **values)
+    samples = slide_v(600)
+    filtered = reference.run_filter(reference.exactly(design(config)), samples)
+    floors, excesses, levels, _ = reference.evidence(filtered, config)
+    result = SlipChain(config).update(samples[:, None], floor=True, excess=True)
+    for found, wanted in ((result.floor, floors), (result.excess, excesses)):
+        assert found[:, 0] == pytest.approx([float(value) for value in wanted], abs=2e-5)
+    assert result.level[:, 0] == pytest.approx([float(value) for value in levels], abs=1e-4)
