@@ -6,6 +6,7 @@
 #   make check              what a change is checked with: lint, types, all tests without nodes
 #   make benchmark          how fast and how exact it is: the quick form of each measurement
 #   make test               all checks
+#   make test-matrix        what computes, with NumPy 1.26 and without Numba
 #   make fuzz seconds=600   hostile packets, messages, parameters, YAML, recordings and scenes, for so long
 #   make test ROS=kilted    the same on the wheels of another distribution, in .venv-kilted
 #
@@ -44,7 +45,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # The checks' nodes talk among themselves only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: demo grasp view benchmark check test fuzz clean
+.PHONY: demo grasp view benchmark check test test-matrix fuzz clean
 .DELETE_ON_ERROR:
 
 demo: out/demo.json
@@ -77,8 +78,13 @@ check: $(VENV)/installed
 # Nodes have the machine to themselves: they keep times.
 test: check
 	@$(MAKE) --no-print-directory $(CHECKS)/nodes
-	@$(MAKE) --no-print-directory --jobs 2 $(addprefix $(CHECKS)/,numpy1 interpreted colcon)
+	@$(MAKE) --no-print-directory $(CHECKS)/colcon
 	@echo 'All checks passed on ROS 2 $(ROS).'
+
+# The same tests beside other libraries: the continuous integration runs them for each change.
+test-matrix: $(VENV)/installed
+	@$(MAKE) --no-print-directory --jobs 2 $(addprefix $(CHECKS)/,numpy1 interpreted)
+	@echo 'What computes passed with NumPy 1.26 and without Numba.'
 
 $(VENV)/installed: setup.py
 	$(PYTHON) -m venv $(VENV)

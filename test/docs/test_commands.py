@@ -47,6 +47,7 @@ RUN_BY = {
     'make view': 'Makefile: \nview:',
     'make check': 'Makefile: \ncheck:',
     'make test': '.ci/run: make test',
+    'make test-matrix': '.github/workflows/ci.yml: make test-matrix',
     'make benchmark': 'Makefile: \nbenchmark:',
     'make fuzz': 'Makefile: \nfuzz:',
     'make fuzz seconds=300': 'Makefile: \nfuzz:',

@@ -31,6 +31,8 @@ def test_all_checks_run_on_the_wheels_and_a_build_in_each_official_image():
     wheels, robot = workflow['jobs']['wheels'], workflow['jobs']['robot']
     runs = [step['run'] for step in wheels['steps'] if 'run' in step]
     assert runs == ['make test ROS=${{ matrix.ros }}']
+    matrix = [step['run'] for step in workflow['jobs']['matrix']['steps'] if 'run' in step]
+    assert matrix == ['make test-matrix']
     known = re.findall(r"ros_wheels\('(\w+)'\)", (ROOT / 'setup.py').read_text())
     assert wheels['strategy']['matrix']['ros'] == known
     names = robot['strategy']['matrix']['ros']
