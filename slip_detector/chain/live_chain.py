@@ -27,31 +27,14 @@ from slip_detector.chain.result import SlipResult
 from slip_detector.chain.settling import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.fields import names_that_affect
 
 #: Time for which rows are kept; a new chain starts with them. The slowest response of the paper's
 #: filters falls to a thousandth in two seconds.
 HISTORY_S = 5.0
 
 #: Parameters that can change at once, as the state of the chain does not depend on them.
-DECISION_PARAMETERS = (
-    'channel_names',
-    'valid_range_v',
-    'flat_after_s',
-    'max_gap_s',
-    'noise_floor',
-    'noise_floor_learnt',
-    'noise_floor_range_db',
-    'noise_floor_rate_db_s',
-    'evidence_cap_db',
-    'evidence_offset_db',
-    'evidence_limit_db_s',
-    'impact_v',
-    'impact_channels',
-    'impact_hold_s',
-    'threshold',
-    'vote',
-    'groups',
-)
+DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 
 #: If only these parameters and those of the decision change, the new chain takes over the noise
 #: floors, which the rows of :data:`HISTORY_S` would determine less well.
@@ -177,7 +160,7 @@ class LiveChain:
         """
         with self._lock:
             differ = self._differ(config)
-            decision_only = differ <= set(DECISION_PARAMETERS)
+            decision_only = differ <= DECISION_PARAMETERS
             self._replacement = None
             if decision_only:
                 chain = SlipChain(config) if differ else None

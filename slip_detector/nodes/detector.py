@@ -321,7 +321,7 @@ class Detector(LifecycleNode):
         config = self._running
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
         self._health.configure(config)
-        if differ & set(TOPIC_PARAMETERS):
+        if differ & TOPIC_PARAMETERS:
             self._outputs = Outputs(self, config, self._outputs)
         if not self._running_timers:
             return

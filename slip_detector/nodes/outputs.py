@@ -36,20 +36,13 @@ from slip_detector.nodes.messages import (
 )
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, subscriber_counter
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.fields import names_that_affect
 
 #: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
 
 #: Parameters on which the topics and the columns of the decisions depend.
-TOPIC_PARAMETERS = (
-    'channels',
-    'channel_names',
-    'disabled_channels',
-    'groups',
-    'heartbeat_hz',
-    'publish_groups',
-    'publish_channels',
-)
+TOPIC_PARAMETERS = names_that_affect(DetectorConfig, 'outputs')
 
 
 #: Most topics of channels, and most of groups: each is a publisher, which costs time and memory

@@ -76,16 +76,20 @@ class ChainConfig(ParameterSet):
         high=1e6,
         heading='Samples',
     )
-    channels: int = parameter(16, 'Number of channels in a sample.', low=1, high=1_000_000)
+    channels: int = parameter(
+        16, 'Number of channels in a sample.', low=1, high=1_000_000, affects=('outputs',)
+    )
     channel_names: tuple[str, ...] = parameter(
         (),
         'Names of the channels in the input; empty: ch1, ch2, ..., and the input may have any.',
         allows='letters, digits, _',
+        affects=('decision', 'outputs'),
     )
     disabled_channels: tuple[int, ...] = parameter(
         (),
         'Channels (counted from 1) that are not computed and do not vote.',
         allows='1 to the number of channels',
+        affects=('outputs',),
     )
     valid_range_v: tuple[float, float] = parameter(
         (-1e9, 1e9),
@@ -93,6 +97,7 @@ class ChainConfig(ParameterSet):
         unit='V',
         low=-1e12,
         high=1e12,
+        affects=('decision',),
     )
     flat_after_s: float = parameter(
         1.0,
@@ -100,6 +105,7 @@ class ChainConfig(ParameterSet):
         unit='s',
         low=0.0,
         high=3600.0,
+        affects=('decision',),
     )
     max_gap_s: float = parameter(
         0.1,
@@ -107,6 +113,7 @@ class ChainConfig(ParameterSet):
         unit='s',
         low=0.0,
         high=60.0,
+        affects=('decision',),
     )
     common_mode: str = parameter(
         'none',
@@ -189,11 +196,13 @@ class ChainConfig(ParameterSet):
         low=1e-30,
         high=1e30,
         allows='1e-30 to 1e+30; one number, or one for each channel',
+        affects=('decision',),
     )
     noise_floor_learnt: bool = parameter(
         False,
         'Whether the floor begins at noise_floor; else it begins at the first envelope, but not '
         'below noise_floor.',
+        affects=('decision',),
     )
     noise_floor_range_db: float = parameter(
         60.0,
@@ -201,6 +210,7 @@ class ChainConfig(ParameterSet):
         unit='dB',
         low=0.0,
         high=300.0,
+        affects=('decision',),
     )
     noise_floor_rate_db_s: float = parameter(
         0.43,
@@ -209,6 +219,7 @@ class ChainConfig(ParameterSet):
         unit='dB/s',
         low=0.0,
         high=1000.0,
+        affects=('decision',),
     )
     evidence_cap_db: float = parameter(
         13.0,
@@ -217,6 +228,7 @@ class ChainConfig(ParameterSet):
         low=0.0,
         high=300.0,
         allows='above evidence_offset_db, to 300',
+        affects=('decision',),
     )
     evidence_offset_db: float = parameter(
         3.5,
@@ -224,6 +236,7 @@ class ChainConfig(ParameterSet):
         unit='dB',
         low=0.0,
         high=100.0,
+        affects=('decision',),
     )
     evidence_limit_db_s: float = parameter(
         1.3,
@@ -231,6 +244,7 @@ class ChainConfig(ParameterSet):
         unit='dB s',
         low=1e-6,
         high=1e6,
+        affects=('decision',),
     )
     impact_v: float = parameter(
         0.0,
@@ -240,6 +254,7 @@ class ChainConfig(ParameterSet):
         low=0.0,
         high=1e12,
         heading='Impacts',
+        affects=('decision',),
     )
     impact_channels: int = parameter(
         2,
@@ -247,6 +262,7 @@ class ChainConfig(ParameterSet):
         low=1,
         high=1_000_000,
         allows='1 to the number of enabled channels',
+        affects=('decision',),
     )
     impact_hold_s: float = parameter(
         0.3,
@@ -254,6 +270,7 @@ class ChainConfig(ParameterSet):
         unit='s',
         low=0.0,
         high=60.0,
+        affects=('decision',),
     )
     threshold: float = parameter(
         0.5,
@@ -262,18 +279,21 @@ class ChainConfig(ParameterSet):
         low=1e-30,
         high=1e30,
         heading='Threshold and vote',
+        affects=('decision',),
     )
     vote: str | int = parameter(
         'all',
         'When a group is ON: all its channels, a whole number k of them, or mean '
         '(the geometric mean of level / threshold exceeds 1).',
         allows='all, mean, or 1 to the size of the smallest group',
+        affects=('decision',),
     )
     groups: dict[str, tuple[int, ...]] = parameter(
         {},
         'Channels (counted from 1) of each group; none given: Table 1 for 16 channels, '
         'else one group named all.',
         allows='each enabled channel in one group',
+        affects=('decision', 'outputs'),
     )
 
     def __post_init__(self) -> None:
@@ -360,10 +380,19 @@ class DetectorConfig(ChainConfig):
         high=3600.0,
     )
     heartbeat_hz: float = parameter(
-        10.0, 'Rate at which slip and slip_valid repeat.', unit='Hz', low=0.1, high=1000.0
+        10.0,
+        'Rate at which slip and slip_valid repeat.',
+        unit='Hz',
+        low=0.1,
+        high=1000.0,
+        affects=('outputs',),
     )
-    publish_groups: bool = parameter(True, 'Whether slip/group/... is published.')
-    publish_channels: bool = parameter(True, 'Whether slip/channel/... is published.')
+    publish_groups: bool = parameter(
+        True, 'Whether slip/group/... is published.', affects=('outputs',)
+    )
+    publish_channels: bool = parameter(
+        True, 'Whether slip/channel/... is published.', affects=('outputs',)
+    )
     autostart: bool = parameter(
         True, 'Whether the node configures and activates itself; else a lifecycle manager does.'
     )

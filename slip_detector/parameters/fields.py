@@ -28,6 +28,7 @@ def parameter(
     choices: tuple[str, ...] = (),
     allows: str = '',
     heading: str = '',
+    affects: tuple[str, ...] = (),
 ) -> Any:
     """Return a dataclass field that describes one parameter; conversion and checks read it.
 
@@ -49,6 +50,9 @@ def parameter(
     heading
         Heading over this parameter and the following ones, up to the next heading, in
         docs/parameters.md and on the live page.
+    affects
+        What a change reaches: ``decision`` if the state of a running chain does not depend on the
+        parameter, ``outputs`` if the topics of the decisions do.
 
     Examples
     --------
@@ -71,10 +75,24 @@ def parameter(
         'choices': choices,
         'allows': allows,
         'heading': heading,
+        'affects': affects,
     }
     if isinstance(default, dict):
         return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
+
+
+def names_that_affect(config_class: type[Any], part: str) -> frozenset[str]:
+    """Return the names of the parameters whose fields say that they affect a part.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters import ChainConfig
+    >>> 'threshold' in names_that_affect(ChainConfig, 'decision')
+    True
+    """
+    fields = dataclasses.fields(config_class)
+    return frozenset(field.name for field in fields if part in field.metadata['affects'])
 
 
 def default_of(field: 'dataclasses.Field[Any]') -> Any:
