@@ -26,15 +26,10 @@ EVIDENCE = {'decision': 'evidence', 'noise_floor': 0.5}
 HIGH_PASS = {'stopbands_hz': (), 'passband_degree': 1}
 
 
-def test_mains_and_evidence_are_off_by_default():
-    config = ChainConfig()
-    assert (config.mains_hz, config.mains_rows, config.decision) == (0.0, 0, 'mean')
-    assert (config.noise_floor, config.noise_floor_learnt, config.impact_v) == ((), False, 0.0)
-
-
 @pytest.mark.parametrize(
     ('rate_hz', 'mains_hz', 'rows'),
     [
+        (380.0, 0.0, 0),
         (312.5, 50.0, 25),
         (380.0, 50.0, 38),
         (380.0, 60.0, 19),
