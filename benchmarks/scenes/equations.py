@@ -26,8 +26,7 @@ from slip_detector.scenes.contact import spread_load
 from slip_detector.scenes.drive import drive_at
 from slip_detector.scenes.free_object import FINGERS
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N, bristle_force
-from slip_detector.scenes.roughness import roughness_between
-from slip_detector.scenes.texture import ridges_between
+from slip_detector.scenes.texture import ridges_between, roughness_between
 
 #: Change of a state in the difference quotients of the Jacobian, relative to its scale.
 DIFFERENCE = 1e-7

@@ -27,9 +27,8 @@ from slip_detector.scenes.electronics import Electronics, Frontend
 from slip_detector.scenes.free_object import FreeObject, ObjectNumbers
 from slip_detector.scenes.friction import Friction, FrictionNumbers
 from slip_detector.scenes.mechanics import SceneConstants
-from slip_detector.scenes.roughness import Roughness, RoughNumbers
 from slip_detector.scenes.skin import Skin, SkinNumbers
-from slip_detector.scenes.texture import RidgeNumbers, Texture
+from slip_detector.scenes.texture import RidgeNumbers, Roughness, RoughNumbers, Texture
 
 #: Longest step of the integrator, as a phase angle of the skin's own oscillation.
 RINGING_RAD = 0.4

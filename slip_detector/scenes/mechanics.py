@@ -35,9 +35,13 @@ from slip_detector.scenes.friction import (
     FrictionNumbers,
     skin_stage,
 )
-from slip_detector.scenes.roughness import RoughNumbers, roughness_between
 from slip_detector.scenes.skin import SkinNumbers
-from slip_detector.scenes.texture import RidgeNumbers, ridges_between
+from slip_detector.scenes.texture import (
+    RidgeNumbers,
+    RoughNumbers,
+    ridges_between,
+    roughness_between,
+)
 
 Floats = NDArray[np.float64]
 

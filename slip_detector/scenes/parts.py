@@ -31,10 +31,9 @@ from slip_detector.scenes.friction import Friction
 from slip_detector.scenes.hum import Hum
 from slip_detector.scenes.motion import Motion
 from slip_detector.scenes.rolling import Rolling
-from slip_detector.scenes.roughness import Roughness
 from slip_detector.scenes.skin import Skin
 from slip_detector.scenes.taps import Taps
-from slip_detector.scenes.texture import Texture
+from slip_detector.scenes.texture import Roughness, Texture
 from slip_detector.scenes.tremor import Tremor
 
 #: The class of each part. The order must not change: each part draws from the generator that is

@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ridges with a spatial period, and the load that they add to a taxel sliding over them."""
+"""The surface that moves over the skin: its ridges and its roughness.
+
+Ridges with a spatial period, and the load that they add to a taxel sliding over them.
+
+The roughness of a flat surface under a taxel that slides over it.
+"""
 
 import dataclasses
 from typing import NamedTuple
@@ -124,3 +129,120 @@ def ridges_between(from_m, to_m, ridges):
         mean = np.sin(share) / share if abs(share) > 1e-8 else 1.0
         total += ridges.amplitudes[k] * mean * np.sin((k + 1) * middle)
     return total
+
+
+#: Points of the profile in a correlation length and in the whole profile, which then repeats.
+POINTS_PER_LENGTH = 8
+PROFILE_POINTS = 8192
+
+#: For a distance below this share of the points' spacing the height in the middle is the mean.
+SHORT = 1e-3
+
+
+class RoughNumbers(NamedTuple):
+    """The numbers of a :class:`Roughness` for compiled code.
+
+    Attributes
+    ----------
+    per_m : float
+        Points of the profile in a metre.
+    heights : ndarray, shape (n,)
+        Heights of the profile as shares of the indentation.
+    integral : ndarray, shape (n + 1,)
+        Integral of the profile from the first point to each point, in shares times points.
+    """
+
+    per_m: float
+    heights: Floats
+    integral: Floats
+
+
+@dataclasses.dataclass(frozen=True)
+class Roughness(ParameterSet):
+    """A flat surface with a random profile, Gaussian with a Gaussian correlation.
+
+    Examples
+    --------
+    >>> bool(abs(Roughness(height_rms_m=1e-6, indentation_m=1e-3).numbers().heights).max() < 0.01)
+    True
+    """
+
+    height_rms_m: float = parameter(
+        0.2e-6, 'Standard deviation of the height.', unit='m', low=0.0, high=1e-2
+    )
+    correlation_m: float = parameter(
+        50e-6, 'Correlation length of the profile.', unit='m', low=1e-9, high=1.0
+    )
+    indentation_m: float = parameter(
+        670e-6, 'Height that doubles the load of the taxel on it.', unit='m', low=1e-9, high=1.0
+    )
+    surface_seed: int = parameter(1, 'Seed of the profile; each seed is another surface.', low=0)
+
+    def numbers(self) -> RoughNumbers:
+        """Return the numbers for compiled code."""
+        noise = np.random.default_rng(self.surface_seed).standard_normal(PROFILE_POINTS)
+        # White noise through this Gaussian filter has the correlation exp(-(distance / length)^2).
+        cycles = np.fft.rfftfreq(PROFILE_POINTS) * POINTS_PER_LENGTH
+        profile = np.fft.irfft(np.fft.rfft(noise) * np.exp(-0.5 * np.square(np.pi * cycles)))
+        profile -= profile.mean()
+        heights = profile * (self.height_rms_m / self.indentation_m / profile.std())
+        # Area under the Catmull-Rom cubic of four neighbours, between the second and the third.
+        before, one, two = np.roll(heights, 1), np.roll(heights, -1), np.roll(heights, -2)
+        areas = (13.0 * (heights + one) - before - two) / 24.0
+        integral = np.concatenate([[0.0], np.cumsum(areas)])
+        return RoughNumbers(POINTS_PER_LENGTH / self.correlation_m, heights, integral)
+
+
+@compiled
+def _cell(place, heights):
+    """Return the four heights around a place, and its distance from the second, in points."""
+    n = heights.size
+    below = np.floor(place)
+    j = int(below) % n
+    return heights[j - 1], heights[j], heights[(j + 1) % n], heights[(j + 2) % n], place - below
+
+
+@compiled
+def _height(place, rough):
+    """Return the height at a place, by Catmull-Rom interpolation of the points."""
+    a, b, c, d, t = _cell(place, rough.heights)
+    slope = c - a
+    bend = 2.0 * a - 5.0 * b + 4.0 * c - d
+    return b + 0.5 * t * (slope + t * (bend + t * (3.0 * (b - c) + d - a)))
+
+
+@compiled
+def _area(place, rough):
+    """Return the integral of the height from point 0 to a place."""
+    a, b, c, d, t = _cell(place, rough.heights)
+    slope = c - a
+    bend = 2.0 * a - 5.0 * b + 4.0 * c - d
+    within = t * (b + t * (slope / 4.0 + t * (bend / 6.0 + t * (3.0 * (b - c) + d - a) / 8.0)))
+    n = rough.heights.size
+    # The mean of the profile is zero, so whole repetitions of it add nothing.
+    return rough.integral[int(np.floor(place)) % n] + within
+
+
+@compiled
+def roughness_between(from_m, to_m, rough):
+    """Return the mean height between two places, as a share of the indentation.
+
+    Parameters
+    ----------
+    from_m, to_m : float
+        Places on the surface along x; if they are equal, the result is the height there.
+    rough : RoughNumbers
+        The numbers of the surface.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.texture import PROFILE_POINTS, Roughness, roughness_between
+    >>> surface = Roughness(height_rms_m=1e-6).numbers()
+    >>> whole_m = PROFILE_POINTS / surface.per_m
+    >>> abs(round(roughness_between(0.0, whole_m, surface), 12))  # the profile has mean 0
+    0.0
+    """
+    start, end = from_m * rough.per_m, to_m * rough.per_m
+    if abs(end - start) < SHORT:
+        return _height(0.5 * (start + end), rough)
+    return (_area(end, rough) - _area(start, rough)) / (end - start)

@@ -22,7 +22,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from slip_detector.scenes.roughness import PROFILE_POINTS, Roughness, roughness_between
+from slip_detector.scenes.texture import PROFILE_POINTS, Roughness, roughness_between
 
 ROUGH = [
     Roughness(height_rms_m=1e-6, correlation_m=length_m, indentation_m=1e-3, surface_seed=seed)
