@@ -25,9 +25,8 @@ from slip_detector.parameters.detector import PAPER_CHANNELS
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.electronics import Electronics, Frontend
 from slip_detector.scenes.free_object import FreeObject, ObjectNumbers
-from slip_detector.scenes.friction import Friction, FrictionNumbers
+from slip_detector.scenes.friction import Friction, FrictionNumbers, Skin, SkinNumbers
 from slip_detector.scenes.mechanics import SceneConstants
-from slip_detector.scenes.skin import Skin, SkinNumbers
 from slip_detector.scenes.texture import RidgeNumbers, Roughness, RoughNumbers, Texture
 
 #: Longest step of the integrator, as a phase angle of the skin's own oscillation.

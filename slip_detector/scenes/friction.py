@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Friction between the skin over a taxel and the surface that moves over it.
+"""The skin, and the friction between it and the surface that moves over it.
+
+The skin over one taxel: a spring, a damper and a mass that shear along x.
+
+Friction between the skin over a taxel and the surface that moves over it.
 
 LuGre model (Canudas de Wit, Olsson, Astrom, Lischinsky 1995): bristles of deflection z under a
 surface that moves with the velocity w against the skin,
@@ -39,7 +43,45 @@ import numpy as np
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
-from slip_detector.scenes.skin import SkinNumbers
+
+
+class SkinNumbers(NamedTuple):
+    """The numbers of a :class:`Skin` for compiled code."""
+
+    stiffness_n_m: float
+    damping_n_s_m: float
+    mass_kg: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Skin(ParameterSet):
+    """Skin over one taxel, between the finger and the surface that it touches.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.friction import Skin
+    >>> Skin(mass_kg=1e-6).numbers()
+    SkinNumbers(stiffness_n_m=800.0, damping_n_s_m=0.3, mass_kg=1e-06)
+    """
+
+    shear_stiffness_n_m: float = parameter(
+        800.0, 'Shear stiffness.', unit='N/m', low=1e-3, high=1e9
+    )
+    damping_n_s_m: float = parameter(
+        0.3, 'Damping against the finger; 0: none.', unit='N s/m', low=0.0, high=1e6
+    )
+    mass_kg: float = parameter(
+        0.0,
+        'Mass that moves with the surface of the skin; 0: the skin has no inertia.',
+        unit='kg',
+        low=0.0,
+        high=1.0,
+    )
+
+    def numbers(self) -> SkinNumbers:
+        """Return the numbers for compiled code."""
+        return SkinNumbers(self.shear_stiffness_n_m, self.damping_n_s_m, self.mass_kg)
+
 
 #: Lower limit of the load in g(w), which must not be zero. Friction under this load, less than a
 #: micronewton, is too small for a taxel to sense.
@@ -337,7 +379,7 @@ def check_solvable(
     Examples
     --------
     >>> from slip_detector.scenes.friction import Friction, check_solvable
-    >>> from slip_detector.scenes.skin import Skin
+    >>> from slip_detector.scenes.friction import Skin
     >>> steep = Friction(kinetic_coefficient=0.1, static_coefficient=1.0)
     >>> try:
     ...     check_solvable(steep, Skin().numbers(), load_n=0.1)

@@ -33,9 +33,9 @@ from slip_detector.scenes.friction import (
     LIGHTEST_LOAD_N,
     MOST_ITERATIONS,
     FrictionNumbers,
+    SkinNumbers,
     skin_stage,
 )
-from slip_detector.scenes.skin import SkinNumbers
 from slip_detector.scenes.texture import (
     RidgeNumbers,
     RoughNumbers,

@@ -27,11 +27,10 @@ from slip_detector.scenes.drops import Drops
 from slip_detector.scenes.electronics import Electronics
 from slip_detector.scenes.faults import Faults
 from slip_detector.scenes.free_object import FreeObject
-from slip_detector.scenes.friction import Friction
+from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.hum import Hum
 from slip_detector.scenes.motion import Motion
 from slip_detector.scenes.rolling import Rolling
-from slip_detector.scenes.skin import Skin
 from slip_detector.scenes.taps import Taps
 from slip_detector.scenes.texture import Roughness, Texture
 from slip_detector.scenes.tremor import Tremor

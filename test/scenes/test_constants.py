@@ -23,8 +23,7 @@ from slip_detector.scenes.constants import scene_constants
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.electronics import Electronics, Frontend
 from slip_detector.scenes.free_object import FreeObject
-from slip_detector.scenes.friction import Friction
-from slip_detector.scenes.skin import Skin
+from slip_detector.scenes.friction import Friction, Skin
 
 
 def constants_of(rate_hz=380.0, step_s=3.5e-4, **parts):

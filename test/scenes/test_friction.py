@@ -24,12 +24,12 @@ from hypothesis import strategies as st
 from slip_detector.scenes.friction import (
     LIGHTEST_LOAD_N,
     Friction,
+    Skin,
     bristle_force,
     check_solvable,
     lugre_stage,
     skin_stage,
 )
-from slip_detector.scenes.skin import Skin
 
 
 def decades(low, high):

@@ -19,8 +19,8 @@ import pytest
 from scipy.linalg import expm
 
 from slip_detector.scenes import Scene
+from slip_detector.scenes.friction import Skin
 from slip_detector.scenes.mechanics import DISPLACEMENT, VELOCITY
-from slip_detector.scenes.skin import Skin
 
 RATE_HZ = 20_000.0
 
