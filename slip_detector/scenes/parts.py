@@ -21,11 +21,9 @@ from typing import Any
 from slip_detector.parameters.conversion import shown, shown_name
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
-from slip_detector.scenes.clock import Clock
 from slip_detector.scenes.contact import Contact
-from slip_detector.scenes.drops import Drops
 from slip_detector.scenes.electronics import Electronics
-from slip_detector.scenes.faults import Faults
+from slip_detector.scenes.faults import Clock, Drops, Faults
 from slip_detector.scenes.free_object import FreeObject
 from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.hum import Hum

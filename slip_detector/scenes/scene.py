@@ -21,14 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
-from slip_detector.scenes.clock import Clock
 from slip_detector.scenes.compatibility import check_grip, check_parts
 from slip_detector.scenes.constants import scene_constants
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
-from slip_detector.scenes.drops import LossyLink
 from slip_detector.scenes.electronics import Electronics, Frontend
-from slip_detector.scenes.faults import FaultyChannels
+from slip_detector.scenes.faults import Clock, FaultyChannels, LossyLink
 from slip_detector.scenes.hum import HumVoltage
 from slip_detector.scenes.mechanics import STAGE_TIMES, State, advance
 from slip_detector.scenes.motion import LoadNumbers, Motion, PlateNumbers, held_force, plate_at

@@ -16,7 +16,7 @@
 
 import pytest
 
-from slip_detector.scenes.clock import Clock
+from slip_detector.scenes.faults import Clock
 from support.disturbance_cases import check_refused
 
 

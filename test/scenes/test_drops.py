@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.scenes.drops import Drops, LossyLink
+from slip_detector.scenes.faults import Drops, LossyLink
 from support.disturbance_cases import CUTS, RefusingGenerator, check_refused, trial
 
 
