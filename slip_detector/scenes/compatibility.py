@@ -21,8 +21,7 @@ from typing import Any
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.electronics import Electronics
 from slip_detector.scenes.friction import Friction, Skin, check_solvable
-from slip_detector.scenes.motion import Motion
-from slip_detector.scenes.steps import Step
+from slip_detector.scenes.motion import Motion, Step
 from slip_detector.scenes.texture import Texture
 from slip_detector.scenes.tremor import TREMOR_PEAK
 

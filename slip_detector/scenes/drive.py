@@ -30,6 +30,7 @@ from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2, FreeObject
 from slip_detector.scenes.motion import (
     ForceNumbers,
     Motion,
+    Step,
     force_at,
     force_numbers,
     load_at,
@@ -39,7 +40,6 @@ from slip_detector.scenes.motion import (
 )
 from slip_detector.scenes.rolling import Rolling, rolled_at
 from slip_detector.scenes.sines import NO_SINES, sines_at, sines_rate_at
-from slip_detector.scenes.steps import Step
 from slip_detector.scenes.taps import TapNumbers, Taps, tap_force_at
 from slip_detector.scenes.tremor import TREMOR_PEAK, HandMotion, Tremor
 

@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The normal force of the steps, and the motion of the plate or the load on the object.
+"""The steps of a scene, and the forces and motions that follow them.
+
+The steps of a scene: what is done to the fingertip, one after another.
+
+The normal force of the steps, and the motion of the plate or the load on the object.
 
 Each has a closed form in pieces, which meet at corners. The compiled functions take one instant or
 many, and ``side``, which selects the piece at a corner: a time within the wanted piece there, the
@@ -21,15 +25,92 @@ instant itself elsewhere.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
+from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
-from slip_detector.scenes.steps import Step
+
+#: Largest number of steps: a scene holds the motion of all steps in memory.
+MOST_STEPS = 10_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Step(ParameterSet):
+    """One step of a scene; forces and shares change linearly to reach their values at its end.
+
+    Examples
+    --------
+    >>> Step(duration_s=0.5, force_n=0.4).velocity_m_s
+    0.0
+    """
+
+    duration_s: float = parameter(1.0, 'Duration of the step.', unit='s', low=1e-3, high=36000.0)
+    force_n: float = parameter(
+        -1.0,
+        'Normal force at the end of the step; negative: as before.',
+        unit='N',
+        low=-1.0,
+        high=1000.0,
+    )
+    velocity_m_s: float = parameter(
+        0.0, 'Velocity of the plate along x.', unit='m/s', low=-10.0, high=10.0
+    )
+    carried: float = parameter(
+        -1.0,
+        "Share of the object's weight that the fingers carry at the end of the step; negative: as "
+        'before.',
+        low=-1.0,
+        high=1.0,
+    )
+    pull_n: float = parameter(
+        0.0,
+        'Further force on the object along x at the end of the step.',
+        unit='N',
+        low=-1e3,
+        high=1e3,
+    )
+
+
+def read_steps(entries: Any) -> list[Step]:
+    """Read the steps of a scene file.
+
+    Parameters
+    ----------
+    entries
+        The list under ``steps``; each entry has the parameters of :class:`Step` by their names.
+
+    Raises
+    ------
+    ValueError
+        For an empty list or a step that is wrong; names the step.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.motion import read_steps
+    >>> press, slide = read_steps([{'force_n': 0.4}, {'velocity_m_s': 6.7e-3}])
+    >>> press.force_n, slide.velocity_m_s, slide.duration_s
+    (0.4, 0.0067, 1.0)
+    >>> read_steps([{'force': 0.4}])
+    Traceback (most recent call last):
+    ...
+    ValueError: steps: step 1: unknown parameter force = 0.4; did you mean force_n?
+    """
+    if not isinstance(entries, list) or not entries:
+        raise ValueError(f'steps is {shown(entries)}, allowed: a list of at least one step')
+    if len(entries) > MOST_STEPS:
+        raise ValueError(f'steps has {len(entries)}, allowed: at most {MOST_STEPS}')
+    steps = []
+    for number, entry in enumerate(entries, start=1):
+        if not isinstance(entry, dict):
+            raise ValueError(f'steps: step {number} is {shown(entry)}, allowed: names and values')
+        steps.append(Step.from_parameters(entry, f'steps: step {number}'))
+    return steps
+
 
 Floats = NDArray[np.float64]
 
@@ -132,7 +213,7 @@ def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
     Examples
     --------
     >>> from slip_detector.scenes.motion import Motion, force_at, force_numbers
-    >>> from slip_detector.scenes.steps import Step
+    >>> from slip_detector.scenes.motion import Step
     >>> force = force_numbers(Motion(), [Step(duration_s=0.5, force_n=0.4), Step(2.0)])
     >>> round(float(force_at(2.5, 2.5, force)), 6)
     0.4
@@ -247,7 +328,7 @@ def plate_numbers(motion: Motion, steps: Sequence[Step]) -> PlateNumbers:
     Examples
     --------
     >>> from slip_detector.scenes.motion import Motion, plate_at, plate_numbers
-    >>> from slip_detector.scenes.steps import Step
+    >>> from slip_detector.scenes.motion import Step
     >>> steps = [Step(1.0), Step(1.0, velocity_m_s=0.01)]
     >>> plate = plate_numbers(Motion(acceleration_m_s2=0.1), steps)
     >>> velocity_m_s, position_m = plate_at(2.0, 2.0, plate)

@@ -29,9 +29,15 @@ from slip_detector.scenes.electronics import Electronics, Frontend
 from slip_detector.scenes.faults import Clock, FaultyChannels, LossyLink
 from slip_detector.scenes.hum import HumVoltage
 from slip_detector.scenes.mechanics import STAGE_TIMES, State, advance
-from slip_detector.scenes.motion import LoadNumbers, Motion, PlateNumbers, held_force, plate_at
+from slip_detector.scenes.motion import (
+    LoadNumbers,
+    Motion,
+    PlateNumbers,
+    held_force,
+    plate_at,
+    read_steps,
+)
 from slip_detector.scenes.parts import PARTS, read_parts, read_sampling
-from slip_detector.scenes.steps import read_steps
 
 Floats = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.fields import default_of
 from slip_detector.scenes import Scene
+from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
-from slip_detector.scenes.steps import Step
 from support.fuzzing import fuzz
 
 STRANGE = st.one_of(

@@ -24,7 +24,7 @@ from slip_detector.scenes.compatibility import check_grip, check_parts
 from slip_detector.scenes.electronics import Electronics
 from slip_detector.scenes.free_object import FreeObject
 from slip_detector.scenes.friction import Friction
-from slip_detector.scenes.steps import Step
+from slip_detector.scenes.motion import Step
 from slip_detector.scenes.taps import Taps
 from slip_detector.scenes.texture import Texture
 from slip_detector.scenes.tremor import Tremor

@@ -25,6 +25,7 @@ from scipy.integrate import quad, solve_ivp
 
 from slip_detector.scenes.motion import (
     Motion,
+    Step,
     force_at,
     force_numbers,
     held_force,
@@ -33,7 +34,6 @@ from slip_detector.scenes.motion import (
     plate_at,
     plate_numbers,
 )
-from slip_detector.scenes.steps import Step
 
 FORCES_N = st.floats(1e-3, 5.0)
 FORCE_STEPS = st.lists(

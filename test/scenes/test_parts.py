@@ -22,8 +22,8 @@ import pytest
 from slip_detector import scenes
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.friction import Friction
+from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import NOT_PARTS, PARTS, Sampling, read_parts, read_sampling
-from slip_detector.scenes.steps import Step
 
 
 def test_every_set_of_parameters_of_the_scenes_is_a_part():

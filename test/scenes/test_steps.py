@@ -20,7 +20,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.scenes.steps import Step, read_steps
+from slip_detector.scenes.motion import Step, read_steps
 
 STEPS = st.builds(
     Step,

@@ -29,8 +29,8 @@ from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
-from slip_detector.scenes.steps import Step
 
 ROOT = Path(__file__).resolve().parents[2]
 
