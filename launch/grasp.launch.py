@@ -29,7 +29,7 @@ from launch_ros.substitutions import FindPackageShare
 
 from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.parameters.reading import read_yaml
-from slip_detector.scenes.scene_files import find_scene
+from slip_detector.scenes.scene import find_scene
 
 
 def nodes(context):

@@ -142,7 +142,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Raise a ValueError for impossible arguments, before anything is started."""
-    from slip_detector.scenes.scene_files import find_scene
+    from slip_detector.scenes.scene import find_scene
 
     arguments.configs = [Path(name.strip()) for name in arguments.config.split(',') if name]
     if not arguments.token.isprintable():
