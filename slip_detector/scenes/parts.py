@@ -12,10 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parts that a scene file can have, by their names."""
+"""The parts of a scene: which there are, and which go together.
+
+The parts that a scene file can have, by their names.
+
+Checks that the parts of a scene are compatible with each other and with its steps.
+"""
 
 import dataclasses
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slip_detector.parameters.conversion import shown, shown_name
@@ -25,13 +31,13 @@ from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.electronics import Electronics
 from slip_detector.scenes.faults import Clock, Drops, Faults
 from slip_detector.scenes.free_object import FreeObject
-from slip_detector.scenes.friction import Friction, Skin
+from slip_detector.scenes.friction import Friction, Skin, check_solvable
 from slip_detector.scenes.hum import Hum
-from slip_detector.scenes.motion import Motion
+from slip_detector.scenes.motion import Motion, Step
 from slip_detector.scenes.rolling import Rolling
 from slip_detector.scenes.taps import Taps
 from slip_detector.scenes.texture import Roughness, Texture
-from slip_detector.scenes.tremor import Tremor
+from slip_detector.scenes.tremor import TREMOR_PEAK, Tremor
 
 #: The class of each part. The order must not change: each part draws from the generator that is
 #: spawned for its position.
@@ -135,3 +141,96 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError(f'{name} is {shown(values)}, allowed: names and values')
         parts[name] = PARTS[name].from_parameters(values or {}, name)
     return parts
+
+
+def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: float) -> None:
+    """Raise an error for parts of a scene that contradict each other.
+
+    Parameters
+    ----------
+    parts
+        The parts of the scene by their names.
+    steps
+        The steps of the scene.
+    true_rate_hz
+        Rate at which the samples are taken.
+
+    Raises
+    ------
+    ValueError
+        Names the part, what is wrong with it, and what is allowed.
+
+    Examples
+    --------
+    >>> check_parts({'object': {}}, [Step()], true_rate_hz=380.0)
+    Traceback (most recent call last):
+    ValueError: object: falls without friction, allowed: with the part friction
+    """
+    electronics: Electronics = parts.get('electronics', Electronics())
+    friction: Friction | None = parts.get('friction')
+    texture: Texture | None = parts.get('texture')
+    largest_velocity_m_s = max(abs(step.velocity_m_s) for step in steps)
+    if 'object' in parts:
+        if not friction:
+            raise ValueError('object: falls without friction, allowed: with the part friction')
+        if largest_velocity_m_s:
+            raise ValueError(
+                'steps: velocity_m_s is not 0, allowed: 0 with an object, which moves by itself'
+            )
+        if texture and not electronics.bandwidth_hz:
+            raise ValueError(
+                'electronics: bandwidth_hz is 0, allowed: above 0 with an object and texture, as '
+                'ridges may pass faster than the sample rate can resolve'
+            )
+    elif any(step.carried >= 0.0 or step.pull_n for step in steps):
+        raise ValueError('steps: carried and pull_n are for an object, allowed: with that part')
+    elif texture and not electronics.bandwidth_hz:
+        highest_hz = largest_velocity_m_s * texture.highest_wavenumber_1_m
+        if highest_hz > true_rate_hz / 2:
+            raise ValueError(
+                f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases at a sample '
+                f'rate of {true_rate_hz:g} Hz; allowed: with bandwidth_hz of the part '
+                'electronics, or below half the sample rate'
+            )
+    if friction:
+        check_grip(parts, _largest_force_n(parts, steps))
+
+
+def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction') -> None:
+    """Raise an error for a normal force under which the skin would chatter.
+
+    Parameters
+    ----------
+    parts
+        The parts of the scene by their names; friction is one of them.
+    force_n
+        Largest normal force.
+    where
+        Beginning of the error message.
+
+    Raises
+    ------
+    ValueError
+        As in :func:`slip_detector.scenes.friction.check_solvable`.
+
+    Examples
+    --------
+    >>> from slip_detector.scenes.friction import Friction
+    >>> check_grip({'friction': Friction()}, force_n=1.0)
+    """
+    skin: Skin = parts.get('skin', Skin())
+    contact: Contact = parts.get('contact', Contact())
+    check_solvable(parts['friction'], skin.numbers(), contact.largest_load_n(force_n), where)
+
+
+def _largest_force_n(parts: Mapping[str, Any], steps: Sequence[Step]) -> float:
+    """Return the largest normal force that steps and disturbances can cause."""
+    motion: Motion = parts.get('motion', Motion())
+    ratio = motion.ringing_damping
+    overshoot = math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) if ratio < 1.0 else 0.0
+    most_n = (1.0 + overshoot) * max(step.force_n for step in steps)
+    if 'taps' in parts:
+        most_n += max(parts['taps'].peak_force_n, 0.0)
+    if 'tremor' in parts:
+        most_n += TREMOR_PEAK * float(parts['tremor'].force_rms_n)
+    return max(most_n, 0.0)

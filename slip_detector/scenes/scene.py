@@ -28,7 +28,6 @@ from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.parameters.yaml_files import read_yaml
-from slip_detector.scenes.compatibility import check_grip, check_parts
 from slip_detector.scenes.constants import scene_constants
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
@@ -44,7 +43,7 @@ from slip_detector.scenes.motion import (
     plate_at,
     read_steps,
 )
-from slip_detector.scenes.parts import PARTS, read_parts, read_sampling
+from slip_detector.scenes.parts import PARTS, check_grip, check_parts, read_parts, read_sampling
 
 Floats = NDArray[np.float64]
 
