@@ -26,6 +26,17 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.scenes.contact import Contact
+from slip_detector.scenes.disturbances import (
+    NO_SINES,
+    TREMOR_PEAK,
+    HandMotion,
+    TapNumbers,
+    Taps,
+    Tremor,
+    sines_at,
+    sines_rate_at,
+    tap_force_at,
+)
 from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2, FreeObject
 from slip_detector.scenes.motion import (
     ForceNumbers,
@@ -39,9 +50,6 @@ from slip_detector.scenes.motion import (
     plate_numbers,
 )
 from slip_detector.scenes.rolling import Rolling, rolled_at
-from slip_detector.scenes.sines import NO_SINES, sines_at, sines_rate_at
-from slip_detector.scenes.taps import TapNumbers, Taps, tap_force_at
-from slip_detector.scenes.tremor import TREMOR_PEAK, HandMotion, Tremor
 
 Floats = NDArray[np.float64]
 
@@ -71,7 +79,7 @@ class DriveNumbers(NamedTuple):
         The fields of :class:`slip_detector.scenes.rolling.RollingNumbers`.
     force_sines, motion_sines : ndarray, shape (3, k)
         The tremor, in newtons and, on a plate, metres; the rows are the fields of
-        :class:`slip_detector.scenes.sines.Sines`.
+        :class:`slip_detector.scenes.disturbances.Sines`.
     force_sines_from_n : float
         Normal force from which on the tremor's force acts in full.
     load_sines : ndarray, shape (3, k)

@@ -28,16 +28,14 @@ from slip_detector.parameters.conversion import shown, shown_name
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.contact import Contact
+from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Taps, Tremor
 from slip_detector.scenes.electronics import Electronics
 from slip_detector.scenes.faults import Clock, Drops, Faults
 from slip_detector.scenes.free_object import FreeObject
 from slip_detector.scenes.friction import Friction, Skin, check_solvable
-from slip_detector.scenes.hum import Hum
 from slip_detector.scenes.motion import Motion, Step
 from slip_detector.scenes.rolling import Rolling
-from slip_detector.scenes.taps import Taps
 from slip_detector.scenes.texture import Roughness, Texture
-from slip_detector.scenes.tremor import TREMOR_PEAK, Tremor
 
 #: The class of each part. The order must not change: each part draws from the generator that is
 #: spawned for its position.

@@ -30,10 +30,10 @@ from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes.constants import scene_constants
 from slip_detector.scenes.contact import Contact
+from slip_detector.scenes.disturbances import HumVoltage
 from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
 from slip_detector.scenes.electronics import Electronics, Frontend
 from slip_detector.scenes.faults import Clock, FaultyChannels, LossyLink
-from slip_detector.scenes.hum import HumVoltage
 from slip_detector.scenes.mechanics import STAGE_TIMES, State, advance
 from slip_detector.scenes.motion import (
     LoadNumbers,

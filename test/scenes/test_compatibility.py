@@ -20,14 +20,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from slip_detector.scenes.disturbances import Taps, Tremor
 from slip_detector.scenes.electronics import Electronics
 from slip_detector.scenes.free_object import FreeObject
 from slip_detector.scenes.friction import Friction
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import check_grip, check_parts
-from slip_detector.scenes.taps import Taps
 from slip_detector.scenes.texture import Texture
-from slip_detector.scenes.tremor import Tremor
 from support.scene_cases import RIDGES, built
 
 OBJECT = {'object': FreeObject(), 'friction': Friction()}

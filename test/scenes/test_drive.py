@@ -18,12 +18,10 @@ import numpy as np
 import pytest
 
 from slip_detector.scenes import Scene
+from slip_detector.scenes.disturbances import TREMOR_PEAK, sines_at, sines_rate_at, tap_force_at
 from slip_detector.scenes.drive import Drive, drive_at
 from slip_detector.scenes.motion import force_at, load_at, plate_at
 from slip_detector.scenes.rolling import rolled_at
-from slip_detector.scenes.sines import sines_at, sines_rate_at
-from slip_detector.scenes.taps import tap_force_at
-from slip_detector.scenes.tremor import TREMOR_PEAK
 
 STEPS = [
     {'duration_s': 0.1},

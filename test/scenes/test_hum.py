@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.scenes.hum import Hum, HumVoltage
+from slip_detector.scenes.disturbances import Hum, HumVoltage
 from support.disturbance_cases import (
     CUTS,
     check_closed_form,

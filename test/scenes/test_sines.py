@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.scenes.sines import NO_SINES, Sines, sines_at, sines_rate_at
+from slip_detector.scenes.disturbances import NO_SINES, Sines, sines_at, sines_rate_at
 from support.disturbance_cases import CUTS, check_closed_form, instants_s
 
 SINES = st.lists(

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.scenes.taps import Taps, tap_force_at
+from slip_detector.scenes.disturbances import Taps, tap_force_at
 from support.disturbance_cases import CUTS, check_closed_form, check_refused, instants_s
 
 

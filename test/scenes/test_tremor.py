@@ -19,8 +19,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.scenes.sines import sines_at, sines_rate_at
-from slip_detector.scenes.tremor import TREMOR_PEAK, HandMotion, Tremor
+from slip_detector.scenes.disturbances import (
+    TREMOR_PEAK,
+    HandMotion,
+    Tremor,
+    sines_at,
+    sines_rate_at,
+)
 from support.disturbance_cases import (
     CUTS,
     RefusingGenerator,
