@@ -30,7 +30,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.commands.command_line import run
-from slip_detector.commands.learning import LearntParameters, learn_from_quiet, learn_from_taps
 from slip_detector.commands.progress import progress_bar
 from slip_detector.commands.recording_options import paths_read, with_recording_options
 from slip_detector.commands.stopper import Stopper
@@ -50,6 +49,7 @@ from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.parameters.writing import with_parameters, write_file
 from slip_detector.report.text_table import number_text
 from slip_detector.tuning.file_objective import FileObjective
+from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.loading import TrainingFiles, load_tracks
 from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import Problem, searched
@@ -187,8 +187,6 @@ def _run_search(
         When the storage fails; names it.
     """
     study = problem.study(where, problem.study_name(), seed)
-    if study.lost:
-        sys.stderr.write(f'{NAME}: {study.lost}\n')
     progress = _Progress(problem, study, trials)
     try:
         search(problem, study, trials, stop, progress, results)
@@ -222,16 +220,16 @@ def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
     ]
 
 
-def _learn(
-    options: Namespace,
-    argv: Sequence[str] | None,
-    learn: Callable[[Namespace, ChainConfig, RecordingLoader], LearntParameters],
-) -> list[str]:
+def _learn(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     """Set parameters from recordings without a search; return the lines to print."""
     parameters = _parameters(options)
     check_apart({'--out': options.out}, paths_read(options))
     check_writable(options.out)
-    learnt = learn(options, parameters.chain, parameters.loader)
+    chain, loader = parameters.chain, parameters.loader
+    if options.quiet is not None:
+        learnt = learn_from_quiet(options.quiet, chain, loader, options.false_alarms_per_hour)
+    else:
+        learnt = learn_from_taps(options.taps, options.recordings, chain, loader)
     document = with_parameters(options.config, learnt.parameters)
     write_file(options.out, document, _comments(argv, learnt.lines))
     return [*learnt.lines, f'Written: {options.out}']
@@ -350,11 +348,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit code, see :func:`slip_detector.commands.command_line.run`.
     """
     options = arguments_of(argv)
-    work = _search
-    if options.quiet is not None:
-        work = partial(_learn, learn=learn_from_quiet)
-    elif options.taps is not None:
-        work = partial(_learn, learn=learn_from_taps)
+    work = _search if options.quiet is None and options.taps is None else _learn
     return run(NAME, lambda: '\n'.join(work(options, argv)))
 
 

@@ -20,27 +20,20 @@ that is killed leaves no unfinished trial. Workers read each other's trials befo
 """
 
 import contextlib
-import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import optuna
+from optuna.storages.journal import JournalFileSymlinkLock
 from optuna.trial import FrozenTrial, TrialState
-
-from slip_detector.tuning.journal import mend_journal
-
-#: Longest time that a worker waits for a storage that another worker has locked.
-PATIENCE_S = 30.0
 
 #: Number of trials at random points before the sampler learns from results.
 STARTUP_TRIALS = 12
 
 #: File endings of journals. A storage with ``://`` is the URL of a database.
 JOURNALS = ('.journal', '.log', '.jsonl')
-
-Result = TypeVar('Result')
 
 
 def open_storage(where: str) -> Any:
@@ -55,7 +48,8 @@ def open_storage(where: str) -> Any:
     Raises
     ------
     ValueError
-        When it is neither or cannot be opened; names it.
+        When it is neither or cannot be opened, or the last line of a journal is incomplete;
+        names it.
 
     Examples
     --------
@@ -73,12 +67,29 @@ def open_storage(where: str) -> Any:
         )
     with _in_one_line(where):
         if '://' in where:
-            return RDBStorage(where, engine_kwargs=_patience(where))
-        return JournalStorage(JournalFileBackend(where))
+            return RDBStorage(where)
+        storage = JournalStorage(JournalFileBackend(where))
+        _check_last_line(Path(where))
+        return storage
 
 
-def _patience(url: str) -> dict[str, Any]:
-    return {'connect_args': {'timeout': PATIENCE_S}} if url.startswith('sqlite') else {}
+def _check_last_line(journal: Path) -> None:
+    """Refuse a journal that a full disk or a killed process has left with half a line.
+
+    Optuna would append the next entry to it, and could then not read the file any more.
+    """
+    # Optuna takes this lock to append: a line that is being written is no half line.
+    lock = JournalFileSymlinkLock(str(journal))
+    lock.acquire()
+    try:
+        lines = journal.read_bytes().splitlines(keepends=True)
+    finally:
+        lock.release()
+    if lines and not lines[-1].endswith(b'\n'):
+        raise ValueError(
+            f'line {len(lines)} was cut off after {len(lines[-1])} bytes, allowed: whole lines '
+            '(without this line it has the trials before it)'
+        )
 
 
 @contextlib.contextmanager
@@ -115,11 +126,6 @@ class Study:
     ValueError
         When the storage cannot be opened; names it.
 
-    Attributes
-    ----------
-    lost : str
-        One line on what was cut off from a journal, see :func:`.journal.mend_journal`; or empty.
-
     Examples
     --------
     >>> x = optuna.distributions.FloatDistribution(0.0, 1.0)
@@ -138,24 +144,20 @@ class Study:
         sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=STARTUP_TRIALS)
         self._mine = optuna.create_study(sampler=sampler)
         self._shared, self._followed = None, 0
-        self.lost = ''
         if where is not None:
-            if '://' not in where:
-                with _in_one_line(where):
-                    self.lost = mend_journal(Path(where))
             storage = open_storage(where)
-            self._shared = self._patiently(
-                lambda: optuna.create_study(storage=storage, study_name=name, load_if_exists=True)
-            )
+            with _in_one_line(where):
+                self._shared = optuna.create_study(
+                    storage=storage, study_name=name, load_if_exists=True
+                )
         self.follow()
 
     def follow(self) -> int:
         """Read the trials of other workers; return the number of all trials."""
         if self._shared is None:
             return len(self._mine.get_trials(deepcopy=False))
-        shared = self._shared
-        trials = self._patiently(lambda: shared.get_trials(deepcopy=False))
         with _in_one_line(self._where):
+            trials = self._shared.get_trials(deepcopy=False)
             for trial in trials[self._followed :]:
                 if trial.user_attrs.get('worker') != self._worker:
                     self._mine.add_trial(trial)
@@ -177,22 +179,10 @@ class Study:
         else:
             finished = self._mine.tell(trial, cost)
         if self._shared is not None:
-            shared = self._shared
-            self._patiently(lambda: shared.add_trial(finished))
+            with _in_one_line(self._where):
+                self._shared.add_trial(finished)
 
     @property
     def trials(self) -> list[FrozenTrial]:
         """All trials with a cost that this worker has read."""
         return self._mine.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
-
-    def _patiently(self, act: Callable[[], Result]) -> Result:
-        """Call a function that uses the storage, repeatedly while the storage is locked."""
-        deadline_s = time.monotonic() + PATIENCE_S
-        while True:
-            try:
-                with _in_one_line(self._where):
-                    return act()
-            except ValueError as error:
-                if 'locked' not in str(error) or time.monotonic() > deadline_s:
-                    raise
-                time.sleep(0.1)

@@ -45,17 +45,6 @@ ERRORS = {
         ['a.npz', '--out', 'o.yaml', '--storage', 'study.txt'],
         'storage study.txt: is not known', 1,
     ),
-    'unknown database': (
-        ['a.npz', '--out', 'o.yaml', '--storage', 'nix://x'], 'storage nix://x: ', 1,
-    ),
-    'broken journal': (
-        ['a.npz', '--out', 'o.yaml', '--storage', 'broken.journal'],
-        'storage broken.journal: ', 1,
-    ),
-    'broken database': (
-        ['a.npz', '--out', 'o.yaml', '--storage', 'sqlite:///broken.journal'],
-        'storage sqlite:///broken.journal: ', 1,
-    ),
     'nothing to learn': (
         ['--quiet', 'still.npz', '--out', 'o.yaml'],
         'parameter decision is mean, allowed: evidence, whose noise floors --quiet learns, or '
@@ -99,7 +88,6 @@ def test_what_is_wrong_is_said_in_one_line(what, tmp_path, monkeypatch, capsys):
     write('bare.npz', 1, label=False)
     write('still.npz', 1, slips=False)
     write('short.npz', 1, duration_s=3.0)
-    Path('broken.journal').write_text('no journal\n' * 100)
     if code == 2:
         with pytest.raises(SystemExit) as left:
             main([*words, '--config', 'given.yaml'])

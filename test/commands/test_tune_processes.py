@@ -24,13 +24,10 @@ from support.interrupts import DEADLINE_S, check_interrupted_search, start_tune,
 from support.tuning_cases import journal, run, trials_of
 
 
-@pytest.mark.parametrize('kind', ['journal', 'sqlite'])
-def test_two_processes_share_a_study(case, kind):
+def test_two_processes_share_a_study(case):
     folder, words = case
-    store = folder / f'study.{"journal" if kind == "journal" else "db"}'
-    where = str(store) if kind == 'journal' else f'sqlite:///{store}'
-    # Opened once: a database is looked through for tables of older versions each time.
-    storage = journal(store) if kind == 'journal' else optuna.storages.RDBStorage(where)
+    where = folder / 'study.journal'
+    storage = journal(where)
     workers = [
         start_tune(*words, '--out', folder / f'{k}.yaml', '--storage', where,
                    '--trials', 100_000, '--seed', k)

@@ -49,7 +49,7 @@ REASONS = {
     },
     'one step of a command, which takes its options or all of its results': {
         'commands/evaluate.py': {'as_report'},
-        'commands/learning.py': {'learn_from_quiet', 'learn_from_taps'},
+        'tuning/learning.py': {'learn_from_quiet', 'learn_from_taps'},
         'evaluation/protocol.py': {'claims', 'run_protocol'},
         'evaluation/replay.py': {'Observer'},
         'evaluation/stage_watch.py': {'StageWatch'},

@@ -17,29 +17,14 @@
 import optuna
 import pytest
 
-from slip_detector.tuning.study import Study, open_storage
-
-
-def test_a_storage_that_stays_locked_is_said_to_be(tmp_path, monkeypatch):
-    import sqlite3
-
-    monkeypatch.setattr('slip_detector.tuning.study.PATIENCE_S', 0.2)
-    where = f'sqlite:///{tmp_path}/study.db'
-    distributions = {'x': optuna.distributions.FloatDistribution(0.0, 1.0)}
-    study = Study(where, 'a', distributions, seed=0)
-    with sqlite3.connect(tmp_path / 'study.db') as other:
-        other.execute('BEGIN EXCLUSIVE')
-        trial = study.ask()
-        with pytest.raises(ValueError, match=r'storage sqlite:.*locked'):
-            study.tell(trial, 1.0, {})
-        other.rollback()
-
+from slip_detector.tuning.study import Study
 
 DISTRIBUTIONS = {'x': optuna.distributions.FloatDistribution(0.0, 1.0)}
 
 
-def test_workers_of_one_study_read_each_others_trials(tmp_path):
-    where = str(tmp_path / 'study.journal')
+@pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
+def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
+    where = where.format(tmp_path)
     a, b = (Study(where, 'a', DISTRIBUTIONS, seed) for seed in range(2))
     a.tell(a.ask({'x': 0.25}), 3.0, {'found': 'by a'})
     b.tell(b.ask({'x': 0.5}), 2.0, {'found': 'by b'})
@@ -72,8 +57,32 @@ def test_a_seed_asks_for_the_same_points():
     assert points[0] == points[1]
 
 
-def test_a_storage_that_is_none_is_named():
-    with pytest.raises(
-        ValueError, match=r'^storage study.txt: is not known, allowed: a path that'
-    ):
-        open_storage('study.txt')
+@pytest.mark.parametrize(
+    ('where', 'line'),
+    [
+        ('study.txt', 'is not known, allowed: a path that ends in .journal'),
+        ('nix://study', ''),
+        ('sqlite:///old.journal', ''),
+        ('folder.journal', 'Is a directory'),
+    ],
+)
+def test_what_is_no_storage_is_refused_in_one_line(where, line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'old.journal').write_text('no journal')
+    (tmp_path / 'folder.journal').mkdir()
+    with pytest.raises(ValueError, match=f'^storage {where}: {line}[^\n]*$'):
+        Study(where, 'a', DISTRIBUTIONS, seed=0)
+
+
+@pytest.mark.parametrize(
+    'more', ['{"op_co', '[1,2]\n', 'null\n', '{"op_code": "x"}\n', '[' * 100_000 + '\n']
+)
+def test_a_damaged_journal_is_refused_in_one_line_and_is_not_changed(more, tmp_path):
+    path = tmp_path / 'study.journal'
+    Study(str(path), 'a', DISTRIBUTIONS, seed=0)
+    damaged = path.read_text() + more
+    path.write_text(damaged)
+    with pytest.raises(ValueError, match=r'^storage .*study.journal: [^\n]{1,200}$') as refused:
+        Study(str(path), 'a', DISTRIBUTIONS, seed=0)
+    assert ('was cut off after 7 bytes' in str(refused.value)) == (not more.endswith('\n'))
+    assert path.read_text() == damaged
