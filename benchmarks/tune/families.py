@@ -27,17 +27,15 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.commands.tune import TuningParameters
 from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.objective import Candidate, Objective
-from slip_detector.tuning.problem import Problem, searched
-from slip_detector.tuning.search import search
+from slip_detector.tuning.problem import Problem, Verdict, judge, searched
+from slip_detector.tuning.search import TuningParameters, search
 from slip_detector.tuning.tracks import Track, held_out, track_of
-from slip_detector.tuning.verdict import Verdict, judge
 
 #: The paper's plates; each is a scene of a family, with each seed.
 PLATES = ('plate_400um', 'plate_440um', 'plate_480um')

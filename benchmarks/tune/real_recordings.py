@@ -34,14 +34,12 @@ import numpy as np
 
 from benchmarks.tune.families import search_candidate
 from benchmarks.tune.left_out_choice import measure_left_out_choice
-from slip_detector.commands.tune import tuning_parameters_of
 from slip_detector.evaluation.labelled_rows import MOTION
 from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.loading import load_tracks
-from slip_detector.tuning.sweep import VoteStatistics
-from slip_detector.tuning.thresholds import threshold_scale
-from slip_detector.tuning.tracks import Track
+from slip_detector.tuning.search import tuning_parameters_of
+from slip_detector.tuning.sweep import VoteStatistics, threshold_scale
+from slip_detector.tuning.tracks import Track, load_tracks
 
 #: Trials of each search; there is a search for each recording and seed.
 TRIALS = 100

@@ -45,8 +45,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.objective import Objective
 from slip_detector.tuning.space import SearchSpace
-from slip_detector.tuning.sweep import ThresholdSweep
-from slip_detector.tuning.thresholds import Vote
+from slip_detector.tuning.sweep import ThresholdSweep, Vote
 from slip_detector.tuning.tracks import Track, track_of
 
 Floats = NDArray[np.float64]

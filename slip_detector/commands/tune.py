@@ -19,91 +19,40 @@ stores the trials. The result is judged on recordings that the search has not se
 """
 
 import datetime
-import importlib.util
+import math
 import shlex
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
-from typing import Any, NamedTuple
-
-import numpy as np
+from collections.abc import Sequence
+from contextlib import closing
+from typing import Any
 
 from slip_detector.commands.command_line import run
 from slip_detector.commands.progress import progress_bar
 from slip_detector.commands.recording_options import paths_read, with_recording_options
-from slip_detector.commands.stopper import Stopper
 from slip_detector.commands.tune_options import NAME, arguments_of
 from slip_detector.commands.worker_options import (
     config_for_workers,
     paths_for_workers,
     workers_of,
 )
-from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.evaluation.outcome import figures_of_merit
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_apart, check_writable, writable_folder
-from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.parameters.writing import with_parameters, write_file
 from slip_detector.report.text_table import number_text
-from slip_detector.tuning.file_objective import FileObjective
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
-from slip_detector.tuning.loading import TrainingFiles, load_tracks
-from slip_detector.tuning.objective import Candidate, Objective
-from slip_detector.tuning.problem import Problem, searched
-from slip_detector.tuning.search import Point, search
-from slip_detector.tuning.tracks import Track, fingerprint
-from slip_detector.tuning.verdict import judge
+from slip_detector.tuning.objective import Candidate
+from slip_detector.tuning.problem import searched
+from slip_detector.tuning.search import (
+    TuningParameters,
+    TuningResult,
+    tune,
+    tuning_parameters_of,
+)
+from slip_detector.tuning.tracks import Track, TrainingFiles
 
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
-
-NEEDS_OPTUNA = "needs optuna, which is not installed: pip install 'slip_detector[tune]'"
-
-
-class TuningParameters(NamedTuple):
-    """The sets of parameters that tuning needs.
-
-    Examples
-    --------
-    >>> TuningParameters().chain.threshold
-    0.5
-    """
-
-    chain: ChainConfig = ChainConfig()
-    recording: RecordingConfig = RecordingConfig()
-    evaluation: EvaluationConfig = EvaluationConfig()
-    tune: TuneConfig = TuneConfig()
-
-    @property
-    def loader(self) -> RecordingLoader:
-        """Opens recordings for the chain."""
-        return RecordingLoader(self.chain, self.recording, self.evaluation)
-
-
-def tuning_parameters_of(file: str | None) -> TuningParameters:
-    """Read the sets of parameters from a file; without a file return the defaults.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be read or has a value that is not allowed; names it.
-
-    Examples
-    --------
-    >>> tuning_parameters_of(None).tune.missed_costs_ms
-    500.0
-    """
-    if file is None:
-        return TuningParameters()
-    return TuningParameters(
-        ChainConfig.from_yaml(file),
-        RecordingConfig.from_yaml(file),
-        EvaluationConfig.from_yaml(file),
-        TuneConfig.from_yaml(file),
-    )
 
 
 class _Progress:
@@ -111,35 +60,35 @@ class _Progress:
 
     Parameters
     ----------
-    problem, study
-        The problem and the study of the search.
     total
         Number of trials that the study is to reach.
     """
 
-    def __init__(self, problem: Problem, study: Any, total: int) -> None:
-        self._problem, self._study, self._total = problem, study, total
-        self._count = self._said = study.follow()
-        self._lowest = np.inf
+    def __init__(self, total: int) -> None:
+        self._total, self._count, self._told = total, 0, 0
+        self._lowest_ms = math.inf
         self._shown = 'none detects slip so far'
-        self._bar = progress_bar(total, 'trial', self._count)
+        self._bar: Any = None
 
-    def __call__(self, count: int) -> None:
+    def __call__(self, count: int, best: Candidate | None) -> None:
         """Show the number of trials so far."""
-        best = self._problem.best(self._study)
-        if best is not None and best.cost_ms < self._lowest:
-            self._lowest = best.cost_ms
+        if self._bar is None:
+            self._bar = progress_bar(self._total, 'trial', count)
+            self._count = self._told = count
+        if best is not None and best.cost_ms < self._lowest_ms:
+            self._lowest_ms = best.cost_ms
             self._shown = f'best: {in_short(best)}'
             self._bar.set_postfix_str(self._shown, refresh=False)
         self._bar.update(count - self._count)
         self._count = count
-        if self._bar.disable and count - self._said >= max(self._total // LINES, 1):
-            self._said = count
+        if self._bar.disable and count - self._told >= max(self._total // LINES, 1):
+            self._told = count
             sys.stderr.write(f'{count} of {self._total} trials, {self._shown}\n')
 
     def close(self) -> None:
         """Close the bar where it stands."""
-        self._bar.close()
+        if self._bar is not None:
+            self._bar.close()
 
 
 def in_short(found: Candidate) -> str:
@@ -147,6 +96,7 @@ def in_short(found: Candidate) -> str:
 
     Examples
     --------
+    >>> from slip_detector.parameters import ChainConfig
     >>> from slip_detector.tuning.objective import CandidateFigures
     >>> figures = CandidateFigures(41.0, 40.0, 0.95, 1.5, 0.25, auc=0.95)
     >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))
@@ -160,39 +110,6 @@ def in_short(found: Candidate) -> str:
         f'{number_text(counts.false_alarms_per_minute, ".2g")} false/min, '
         f'{number_text(counts.false_time_percent, ".2g")} % false time'
     )
-
-
-def _run_search(
-    problem: Problem,
-    where: str,
-    trials: int,
-    seed: int,
-    stop: Callable[[], bool],
-    results: Callable[[Sequence[Point]], Iterator[tuple[int, list[Candidate]]]] | None = None,
-) -> Any:
-    """Run a search that shows its progress, and return the study.
-
-    Parameters
-    ----------
-    problem, trials, stop, results
-        As :func:`slip_detector.tuning.search.search` takes them.
-    where
-        The storage of the study.
-    seed
-        Seed of the study's sampler.
-
-    Raises
-    ------
-    ValueError
-        When the storage fails; names it.
-    """
-    study = problem.study(where, problem.study_name(), seed)
-    progress = _Progress(problem, study, trials)
-    try:
-        search(problem, study, trials, stop, progress, results)
-    finally:
-        progress.close()
-    return study
 
 
 def _listed(tracks: Sequence[Track]) -> str:
@@ -237,8 +154,6 @@ def _learn(options: Namespace, argv: Sequence[str] | None) -> list[str]:
 
 def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     """Search and write the result; return the lines to print."""
-    if importlib.util.find_spec('optuna') is None:
-        raise ValueError(NEEDS_OPTUNA)
     parameters = _parameters(options)
     written = {'--out': options.out, '--report': options.report}
     where = options.storage or f'{options.out}.study.journal'
@@ -253,57 +168,27 @@ def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
         paths_for_workers(options, options.recordings),
         parameters.loader,
         paths_for_workers(options, options.held_out),
-        None if options.held_out else options.hold_out,
+        options.hold_out,
     )
-    training, held, notes = files.load()
-    if options.held_out:
-        held, more_notes = load_tracks(options.held_out, parameters.loader)
-        notes += more_notes
-        for part, what in ((training, 'to tune on'), (held, 'held out')):
-            if not any(track.slips for track in part):
-                names = ', '.join(track.name for track in part)
-                none = f'{names}: has no slip' if names else 'no recording is left'
-                raise ValueError(f'{none}, allowed: some with slips {what}')
-    tuned_on = {fingerprint([track]): track.name for track in training}
-    for track in held:
-        same = tuned_on.get(fingerprint([track]))
-        if same is not None:
-            raise ValueError(
-                f'{track.name}: is held out and holds the same as {same}, which is tuned on, '
-                'allowed: each recording once'
-            )
-    stopper = Stopper()
-    with stopper.listening():
-        problem = Problem(training, parameters.chain, None, parameters.evaluation, parameters.tune)
-        before = Objective(training, problem.evaluation, problem.config).as_it_is(problem.given)
-        if not parameters.tune.trade:
-            problem = Problem(
-                training, parameters.chain, before.figures, parameters.evaluation, parameters.tune
-            )
-        with workers_of(options) as workers:
-            results = partial(workers.results, FileObjective(files, problem).candidates)
-            study = _run_search(
-                problem, where, options.trials, options.seed, stopper,
-                None if workers.here else results,
-            )  # fmt: skip
-        early = ['Stopped early.'] if stopper.stopped else []
-        return _finish(options, argv, problem, held, study, notes + early)
+    with workers_of(options) as workers, closing(_Progress(options.trials)) as progress:
+        result = tune(
+            files,
+            parameters,
+            options.trials,
+            seed=options.seed,
+            storage=where,
+            progress=progress,
+            calls=None if workers.here else workers.results,
+        )
+    return _finish(options, argv, result)
 
 
-def _finish(
-    options: Namespace,
-    argv: Sequence[str] | None,
-    problem: Problem,
-    held: Sequence[Track],
-    study: Any,
-    notes: Sequence[str],
-) -> list[str]:
-    """Judge the best chain found and write the files; return the lines to print."""
+def _finish(options: Namespace, argv: Sequence[str] | None, result: TuningResult) -> list[str]:
+    """Write the files; return the lines to print."""
     from slip_detector.report.tuning_report import replay_tracks, write_tuning_report
     from slip_detector.report.tuning_table import comparison_table
 
-    count = study.follow()
-    verdict = judge(problem, held, problem.choice(study))
+    problem, held, study, verdict, notes = result
     tracks = [*held, *problem.tracks]
     shown = options.report is not None or options.plot is not None
     given = replay_tracks(problem.given, tracks, problem.evaluation, shown)
@@ -316,14 +201,14 @@ def _finish(
     }
     lines = [
         *notes,
-        f'{count} trials ({options.trials} asked for), seed {options.seed}',
+        f'{study.follow()} trials ({options.trials} asked for), seed {options.seed}',
         f'Tuned on: {_listed(problem.tracks)}',
         f'Held out, and not tuned on: {_listed(held)}',
     ]
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')
-    lines += ['On what was held out:', *comparison_table(*both['held out']).splitlines()]
-    lines += ['On what was tuned on:', *comparison_table(*both['tuned on']).splitlines()]
+    for what, figures in both.items():
+        lines += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
     changes = {} if verdict.kept else searched(verdict.chain)
     write_file(options.out, with_parameters(options.config, changes), _comments(argv, lines))
     written = [options.out]

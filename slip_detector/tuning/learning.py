@@ -32,18 +32,21 @@ from slip_detector.chain.settling import evidence_falls_s
 from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.impacts import impact_step
-from slip_detector.tuning.loading import load_tracks
-from slip_detector.tuning.noise import (
+from slip_detector.tuning.sensor import (
     LEARNT_RANGE_DB,
     LEAST_S,
     Mains,
     find_mains,
+    impact_step,
     learnt_floors,
 )
-from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
-from slip_detector.tuning.thresholds import threshold_scale, thresholds
-from slip_detector.tuning.tracks import Track
+from slip_detector.tuning.sweep import (
+    VoteStatistics,
+    sweep_thresholds,
+    threshold_scale,
+    thresholds,
+)
+from slip_detector.tuning.tracks import Track, load_tracks
 
 Floats = NDArray[np.float64]
 

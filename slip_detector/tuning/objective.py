@@ -29,14 +29,20 @@ from slip_detector.evaluation.scores import ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.sweep import ThresholdSweep, VoteStatistics, sweep_thresholds
-from slip_detector.tuning.thresholds import Vote, thresholds, votes_of
+from slip_detector.tuning.sweep import (
+    ThresholdSweep,
+    Vote,
+    VoteStatistics,
+    sweep_thresholds,
+    thresholds,
+    votes_of,
+)
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
-#: :data:`slip_detector.tuning.thresholds.STEP` apart: from day to day, contact and sensor change
+#: :data:`slip_detector.tuning.sweep.STEP` apart: from day to day, contact and sensor change
 #: the amplitude by about a tenth.
 NEIGHBOURS = 3
 

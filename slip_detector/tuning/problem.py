@@ -12,13 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The problem of a search: what is tuned, on what, and how the result is chosen."""
+"""The problem of a search: what is tuned, on what, and how the result is chosen and judged."""
 
 import dataclasses
 import functools
 import hashlib
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -200,3 +201,75 @@ class Problem:
             len(found.figures.worse_than(self.figures))
             > len(best.figures.worse_than(self.figures))
         )
+
+
+class Verdict(NamedTuple):
+    """The chain that a search returns.
+
+    Attributes
+    ----------
+    chain : ChainConfig
+        The best chain found, or the given one.
+    kept : str
+        Why the given chain is kept; empty where it is not.
+
+    Examples
+    --------
+    >>> from slip_detector import ChainConfig
+    >>> Verdict(ChainConfig(threshold=0.7), kept='').chain.threshold
+    0.7
+    """
+
+    chain: ChainConfig
+    kept: str
+
+
+def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
+    """Choose between the given chain and the best one found, by the held-out recordings.
+
+    The best one is chosen where it costs less on them and where, unless ``trade`` is set, none of
+    median latency, ``sooner_than_chance``, false alarms, false time and area under the ROC curve
+    is worse.
+
+    Parameters
+    ----------
+    problem
+        The problem of the search.
+    held
+        The held-out recordings.
+    best
+        The best chain found; None where none was found.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.parameters import EvaluationConfig, TuneConfig
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> slip = np.arange(760) >= 380
+    >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
+    >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
+    >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
+    >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
+    >>> judge(problem, [track], best=None).kept
+    'no trial found a chain that detects slip'
+    """
+    given = problem.given
+    if best is None:
+        return Verdict(given, 'no trial found a chain that detects slip')
+    objective = Objective(held, problem.evaluation, problem.config)
+    before, after = objective.as_it_is(given), objective.as_it_is(best.chain)
+    if not after.cost_ms < before.cost_ms:
+        return Verdict(
+            given,
+            f'on the held-out recordings the best found costs {after.cost_ms:.4g} ms against '
+            f'{before.cost_ms:.4g} ms',
+        )
+    worse = [] if problem.config.trade else after.figures.worse_than(before.figures)
+    if worse:
+        return Verdict(
+            given,
+            f'on the held-out recordings the best found has {", ".join(worse)} (trade: true '
+            f'in the section {problem.config.NODE} allows that where the cost falls)',
+        )
+    return Verdict(best.chain, '')

@@ -30,9 +30,8 @@ from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.shared_folder import shared_folder
-from slip_detector.tuning.impacts import LEAST_RATIO, largest_slip_steps_v
-from slip_detector.tuning.noise import MAINS_HZ, learnt_floors
-from slip_detector.tuning.thresholds import rounded
+from slip_detector.tuning.sensor import LEAST_RATIO, MAINS_HZ, largest_slip_steps_v, learnt_floors
+from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]

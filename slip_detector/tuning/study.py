@@ -155,7 +155,7 @@ class Study:
     def follow(self) -> int:
         """Read the trials of other workers; return the number of all trials."""
         if self._shared is None:
-            return len(self._mine.get_trials(deepcopy=False))
+            return sum(trial.state.is_finished() for trial in self._mine.get_trials(False))
         with _in_one_line(self._where):
             trials = self._shared.get_trials(deepcopy=False)
             for trial in trials[self._followed :]:

@@ -59,9 +59,9 @@ REASONS = {
         'report/protocol_pictures.py': {'draw_protocol'},
         'report/protocol_table.py': {'protocol_table'},
         'report/tuning_report.py': {'ChainReplay', 'write_tuning_report'},
-        'tuning/file_objective.py': {'FileObjective'},
-        'tuning/loading.py': {'TrainingFiles'},
         'tuning/objective.py': {'Candidate'},
+        'tuning/search.py': {'FileObjective', 'TuningResult', 'tune'},
+        'tuning/tracks.py': {'TrainingFiles'},
     },
     'a step of reading or writing a bag, as the example of BagRecording does': {
         'recordings/bag_storage.py': {'BagStorage'},

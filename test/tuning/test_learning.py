@@ -22,9 +22,8 @@ import pytest
 from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import EvaluationConfig, RecordingConfig
-from slip_detector.tuning.impacts import impact_step
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps, quiet_threshold
-from slip_detector.tuning.noise import learnt_floors
+from slip_detector.tuning.sensor import impact_step, learnt_floors
 from support.tuning_cases import CHAIN, RATE_HZ, slips, track, write
 
 EVIDENCE = dataclasses.replace(

@@ -30,7 +30,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.objective import CandidateFigures, Objective
-from slip_detector.tuning.thresholds import thresholds
+from slip_detector.tuning.sweep import thresholds
 from slip_detector.tuning.tracks import track_of
 from support.guesses import guessed
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings

@@ -12,14 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a search is asked, and which of the answers is taken."""
+"""What a search is asked, which of the answers is taken, and how it is judged."""
 
 import dataclasses
 from types import SimpleNamespace
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.objective import Objective
+from slip_detector.tuning.problem import judge
 from slip_detector.tuning.search import search
 from support.tuning_cases import CHAIN, problem, track
 
@@ -84,3 +88,57 @@ def test_a_study_gives_back_what_its_trials_found():
         candidates = asked.candidates(trial)
         assert candidates == objective.best(candidates[0].chain)
     assert asked.best(study).cost_ms == min(trial.value for trial in study.trials)
+
+
+@settings(max_examples=6)
+@given(seed=st.integers(0, 1000), held_hz=st.sampled_from([4.0, 18.0, 70.0, 150.0]))
+def test_what_is_handed_back_is_never_worse_on_what_was_held_out(seed, held_hz):
+    """Also where the held-out slips are of another kind than those tuned on."""
+    from slip_detector.tuning.search import search
+
+    asked = problem([track(seed, slip_hz=18.0), track(seed + 1, slip_hz=18.0)])
+    held = [track(seed + 2, slip_hz=held_hz)]
+    study = asked.study(None, 'a', seed=seed)
+    search(asked, study, 10, lambda: False, lambda count: None)
+    verdict = judge(asked, held, asked.choice(study))
+    objective = Objective(held, EvaluationConfig(), TuneConfig())
+    before, after = objective.as_it_is(asked.given), objective.as_it_is(verdict.chain)
+    assert after.figures.worse_than(before.figures) == []
+    assert after.cost_ms <= before.cost_ms
+    if verdict.kept:
+        assert verdict.chain is asked.given
+
+
+def test_with_trade_one_figure_may_get_worse():
+    tracks = [track(1), track(2)]
+    asked = problem(tracks)
+    free = dataclasses.replace(asked, config=TuneConfig(trade=True), figures=None)
+    objective = Objective(tracks, EvaluationConfig(), TuneConfig())
+    found = objective.as_it_is(dataclasses.replace(CHAIN, threshold=0.03))
+    given_too_careful = dataclasses.replace(CHAIN, threshold=0.5)
+    free = dataclasses.replace(free, given=given_too_careful)
+    asked = dataclasses.replace(asked, given=given_too_careful)
+    before = objective.as_it_is(given_too_careful)
+    assert found.cost_ms < before.cost_ms
+    worse = found.figures.worse_than(before.figures)
+    assert judge(free, tracks, found).kept == ''
+    assert bool(judge(asked, tracks, found).kept) == bool(worse)
+
+
+def test_a_given_chain_that_is_nearly_always_on_is_not_kept():
+    """Its recall was 1 and its latency short, before alarms had to begin with the slip."""
+    tracks = [track(1), track(2)]
+    too_low = dataclasses.replace(CHAIN, threshold=1e-6)
+    asked = problem(tracks, too_low)
+    assert asked.figures.false_time_percent > 99.0
+    assert asked.figures.sooner_than_chance < 0.1
+    found = Objective(tracks, EvaluationConfig(), TuneConfig()).as_it_is(
+        dataclasses.replace(CHAIN, threshold=0.02)
+    )
+    assert judge(asked, [track(3)], found) == (found.chain, '')
+
+
+def test_where_no_trial_found_a_chain_the_given_one_is_kept():
+    verdict = judge(problem([track(1)]), [track(2)], None)
+    assert verdict.chain == CHAIN
+    assert verdict.kept == 'no trial found a chain that detects slip'

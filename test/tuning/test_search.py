@@ -12,14 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A search in this process."""
+"""A search: in this process, with recordings that are read where they are needed, and its end."""
 
+import copy
 import dataclasses
+import pickle
+import signal
 
+import numpy as np
+import pytest
+
+from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.tuning import search as search_module
 from slip_detector.tuning.objective import Objective
 from slip_detector.tuning.problem import searched
-from slip_detector.tuning.search import search
-from support.tuning_cases import CHAIN, problem, track
+from slip_detector.tuning.search import FileObjective, TuningParameters, search, tune
+from slip_detector.tuning.space import SearchSpace
+from slip_detector.tuning.tracks import TrainingFiles
+from support.tuning_cases import CHAIN, problem, track, write
 
 
 def test_a_search_finds_what_costs_less_and_keeps_the_rest_of_the_chain():
@@ -66,3 +79,85 @@ def test_a_wish_to_stop_leaves_the_rest_of_a_batch_untold(tmp_path):
     counts = []
     search(asked, study, 20, lambda: len(counts) >= 3, counts.append)
     assert study.follow() == 3
+
+
+@pytest.fixture
+def files(tmp_path):
+    write(tmp_path / 'a.npz', 1)
+    write(tmp_path / 'b.npz', 2)
+    loader = RecordingLoader(
+        CHAIN, RecordingConfig(recording_truth_key='label'), EvaluationConfig()
+    )
+    return TrainingFiles([str(tmp_path)], loader, share=0.5)
+
+
+def test_it_says_what_the_objective_of_the_problem_says_and_is_small_to_send(files):
+    asked = problem(files.load()[0])
+    sent = pickle.dumps(FileObjective(files, asked))
+    assert len(sent) < 10_000 < asked.tracks[0].volts.nbytes
+    point = SearchSpace(CHAIN).starts()[0]
+    assert pickle.loads(sent).candidates(point) == asked.candidates_at(asked.objective(), point)
+
+
+def test_recordings_are_read_once_for_all_trials_of_a_problem(files, monkeypatch):
+    objective = FileObjective(files, problem(files.load()[0]))
+    point = SearchSpace(CHAIN).starts()[0]
+    monkeypatch.setattr(search_module, '_last', ('', None))
+    first = objective.candidates(point)
+    monkeypatch.setattr(TrainingFiles, 'load', None)
+    # As it comes with each call.
+    assert copy.deepcopy(objective).candidates(point) == first
+
+
+def test_other_recordings_under_the_same_paths_are_refused(files, monkeypatch):
+    objective = FileObjective(files, problem(files.load()[0]))
+    monkeypatch.setattr(search_module, '_last', ('', None))
+    (folder,) = files.paths
+    write(f'{folder}/a.npz', 3)
+    with pytest.raises(ValueError, match=f'^{folder}: a worker finds other recordings there'):
+        objective.candidates(SearchSpace(CHAIN).starts()[0])
+
+
+def test_a_point_without_a_chain_has_no_candidates(files):
+    objective = FileObjective(files, problem(files.load()[0]))
+    point = SearchSpace(CHAIN).starts()[0]
+    assert objective.candidates({**point, 'passband_low_hz': np.nan}) == []
+
+
+def interrupted_at(*counts):
+    """Return what interrupts a search when it has tried so many chains."""
+    left = list(counts)
+
+    def progress(count, best):
+        while left and count >= left[0]:
+            del left[0]
+            signal.raise_signal(signal.SIGINT)
+
+    return progress
+
+
+def test_a_first_interrupt_keeps_what_was_found_and_a_second_ends_at_once(files, capsys):
+    before = signal.getsignal(signal.SIGINT)
+    parameters = TuningParameters(
+        CHAIN, RecordingConfig(recording_truth_key='label'), EvaluationConfig(), TuneConfig()
+    )
+    result = tune(files, parameters, 1000, progress=interrupted_at(3))
+    assert result.notes == ['Stopped early.']
+    assert result.study.follow() == 3
+    assert [track.name for track in result.held] == ['b.npz']
+    with pytest.raises(KeyboardInterrupt):
+        tune(files, parameters, 1000, progress=interrupted_at(3, 3))
+    assert signal.getsignal(signal.SIGINT) is before
+    assert capsys.readouterr().err.count('stopping') == 2
+
+
+def test_the_best_chain_so_far_is_told_with_the_number_of_trials(files):
+    told = []
+    parameters = TuningParameters(
+        CHAIN, RecordingConfig(recording_truth_key='label'), EvaluationConfig(), TuneConfig()
+    )
+    result = tune(files, parameters, 10, progress=lambda *each: told.append(each))
+    counts, best = zip(*told, strict=True)
+    assert counts == (0, *range(1, 9), 8, 9, 10, 10)
+    assert best[0] is None
+    assert best[-1] == result.problem.best(result.study)

@@ -26,8 +26,7 @@ from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.scenes import find_scene, load_scene
-from slip_detector.tuning.impacts import common_steps_v
-from slip_detector.tuning.noise import learnt_floors
+from slip_detector.tuning.sensor import common_steps_v, learnt_floors
 from slip_detector.tuning.space import SearchSpace, presets
 from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, RATE_HZ, track

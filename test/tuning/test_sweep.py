@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""All thresholds and votes from one pass."""
+"""All thresholds and votes from one pass, and which of them are tried."""
 
 import dataclasses
 
@@ -27,8 +27,7 @@ from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
-from slip_detector.tuning.thresholds import thresholds, votes_of
+from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds, thresholds, votes_of
 from slip_detector.tuning.tracks import track_of
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 
@@ -94,3 +93,59 @@ def test_an_array_that_is_overwritten_gets_the_same_statistic():
     kept = first.copy()
     assert one_pass.of(track, first) is first
     np.testing.assert_array_equal(first, kept)
+
+
+EVIDENCE = ChainConfig(decision='evidence', noise_floor=1e-3, envelope_window_s=0.02)
+
+
+@pytest.mark.parametrize(
+    ('groups', 'vote', 'votes'),
+    [
+        ({'a': (1, 2, 3), 'b': (4, 5)}, 'all', ('all', 'mean', 1)),
+        ({'a': (1, 2, 3), 'b': (4, 5)}, 2, ('all', 'mean', 1, 2)),
+        ({'a': tuple(range(1, 17))}, 'mean', ('all', 'mean', 2, 4, 6, 8, 10, 12, 14)),
+    ],
+)
+def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones(groups, vote, votes):
+    channels = sum(map(len, groups.values()))
+    assert votes_of(ChainConfig(channels=channels, groups=groups, vote=vote)) == votes
+
+
+@given(
+    values=st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=50),
+    exponent=st.integers(1, 4),
+)
+def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(values, exponent):
+    statistic = np.array(values)
+    quiet = LabelledRows(np.zeros((len(values), 1)), np.zeros(len(values), bool))
+    chain = ChainConfig(exponent=exponent)
+    limits = thresholds(chain, [statistic], [track_of('a', [quiet], 380.0)])
+    assert limits[-1] >= statistic.max() > 0.999 * limits[-1]
+    np.testing.assert_allclose(limits[1:] / limits[:-1], 1.03**exponent, rtol=3e-3)
+    assert (
+        limits[0] <= max(np.median(statistic[::16]), statistic.max() * 1000.0**-exponent) * 1.001
+    )
+    # No more digits than a file is to show.
+    assert [float(f'{limit:.4g}') for limit in limits] == limits.tolist()
+
+
+def test_of_a_silent_or_endless_statistic_there_is_no_threshold():
+    quiet = track_of('a', [LabelledRows(np.zeros((3, 1)), np.zeros(3, bool))], 380.0)
+    for statistic in (np.zeros(3), np.array([0.0, np.inf, 1.0])):
+        assert thresholds(ChainConfig(), [statistic], [quiet]).size == 0
+
+
+def test_thresholds_of_evidence_stay_below_its_limit():
+    quiet = track_of('a', [LabelledRows(np.zeros((20, 1)), np.zeros(20, bool))], 380.0)
+    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.3, 20)], [quiet])
+    assert 0.95 * 1.3 < limits[-1] < 1.3
+    assert thresholds(EVIDENCE, [np.full(20, 1.3)], [quiet]).size == 0
+
+
+def test_thresholds_of_evidence_are_as_far_apart_as_louder_noise_moves_it():
+    quiet = track_of('a', [LabelledRows(np.zeros((20, 1)), np.zeros(20, bool))], 380.0)
+    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.0, 20)], [quiet])
+    # 3 % of amplitude are 0.257 dB, and a window lasts for 20 ms.
+    steps = np.diff(limits[limits < 0.1])
+    np.testing.assert_allclose(steps, 0.257 * 0.02, rtol=0.05)
+    np.testing.assert_allclose(limits[-10:-1] / limits[-9:], 1 / 1.03, rtol=2e-3)

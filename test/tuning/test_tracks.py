@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings in memory: their time, their parts, and what is held out."""
+"""Recordings in memory: how they are read, their time, their parts, and what is held out."""
 
 import numpy as np
 import pytest
@@ -21,12 +21,15 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import COMPILED
 from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.loading import RecordingLoader
 from slip_detector.evaluation.matching import RowInterval
 from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.tuning.tracks import fingerprint, held_out, track_of
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.tuning.tracks import TrainingFiles, fingerprint, held_out, load_tracks, track_of
 from support.track_cases import RATE_HZ, chains, recordings
-from support.tuning_cases import slips, track
+from support.tuning_cases import CHAIN, slips, track, write
 
 
 def test_a_track_of_a_recording_with_a_gap_keeps_its_time():
@@ -111,3 +114,38 @@ def test_a_fingerprint_tells_recordings_apart_by_what_they_hold_and_not_by_their
         [one._replace(sample_rate_hz=381.0)], [one, one], [],
     ]  # fmt: skip
     assert len({fingerprint(tracks) for tracks in ([one], *others)}) == 6
+
+
+LOADER = RecordingLoader(CHAIN, RecordingConfig(recording_truth_key='label'), EvaluationConfig())
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for seed, name in enumerate('abc'):
+        write(tmp_path / f'{name}.npz', seed)
+    return tmp_path
+
+
+def test_tracks_hold_the_rows_and_slips_of_their_files(folder):
+    (track, *others), notes = load_tracks([str(folder)], LOADER)
+    volts, truth = slips(0)
+    np.testing.assert_array_equal(track.volts, volts)
+    np.testing.assert_array_equal(track.kinds == 2, truth)
+    assert [one.name for one in others] == ['b.npz', 'c.npz']
+    assert notes == []
+
+
+def test_what_is_wrong_with_a_recording_is_noted(tmp_path):
+    volts, truth = slips(0)
+    volts[5, 0] = np.nan
+    np.savez(tmp_path / 'a.npz', volts=volts, label=truth, sample_rate_hz=380.0)
+    assert load_tracks([str(tmp_path)], LOADER)[1] == ['a.npz: 1 values that are not numbers']
+
+
+def test_a_share_or_those_named_are_held_out(folder):
+    training, held, _ = TrainingFiles([str(folder)], LOADER, share=1 / 3).load()
+    assert [track.name for track in training] == ['a.npz', 'b.npz']
+    assert [track.name for track in held] == ['c.npz']
+    training, held, _ = TrainingFiles([str(folder)], LOADER, [str(folder / 'b.npz')]).load()
+    assert [track.name for track in training] == ['a.npz', 'c.npz']
+    assert held == []
