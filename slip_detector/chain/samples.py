@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Samples on their way from a source, live or recorded, to the chain."""
+"""Rows of volts and what belongs to them, from the source to chain, evaluation and page."""
 
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 
 class Samples(NamedTuple):
-    """Consecutive samples, oldest first.
+    """Consecutive samples, oldest first: the one container for rows of volts in all rooms.
 
     Attributes
     ----------
@@ -29,10 +29,17 @@ class Samples(NamedTuple):
     stamps_ns : ndarray of int, shape (n,)
         Time at which each sample was taken.
     truth : ndarray of bool, shape (n,), or None
-        Whether there is slip, if that is known.
+        The label: whether there is slip, if that is known.
     position_m : ndarray, shape (n,), or None
         Position of the platform or the object, if known. It is written to recordings; a reader can
         derive the truth from it.
+    moving : ndarray of bool, shape (n,), or None
+        Whether the robot moves, where that is known.
+    row_numbers : ndarray of int, shape (n,), or None
+        Number of each row in its recording, from 0; a row that bridges a gap has the number of
+        the last row before the gap.
+    new_stretch : bool
+        Whether the chain must be reset before these rows, as after a long gap.
 
     Examples
     --------
@@ -48,29 +55,21 @@ class Samples(NamedTuple):
     stamps_ns: NDArray[np.int64]
     truth: NDArray[np.bool_] | None = None
     position_m: NDArray[np.float64] | None = None
+    moving: NDArray[np.bool_] | None = None
+    row_numbers: NDArray[np.int64] | None = None
+    new_stretch: bool = False
 
     def take(self, which: 'NDArray[np.intp] | slice') -> 'Samples':
         """Return the samples at the given indices."""
-        return Samples(
-            self.volts[which],
-            self.stamps_ns[which],
-            None if self.truth is None else self.truth[which],
-            None if self.position_m is None else self.position_m[which],
-        )
+        *columns, new_stretch = self
+        taken = (None if column is None else column[which] for column in columns)
+        return Samples(*taken, new_stretch=new_stretch)
 
     def then(self, more: 'Samples') -> 'Samples':
-        """Return these samples followed by those of ``more``.
-
-        Truth and position are kept only if both parts have them.
-        """
-        truth, position_m = None, None
-        if self.truth is not None and more.truth is not None:
-            truth = np.concatenate([self.truth, more.truth])
-        if self.position_m is not None and more.position_m is not None:
-            position_m = np.concatenate([self.position_m, more.position_m])
-        return Samples(
-            np.concatenate([self.volts, more.volts]),
-            np.concatenate([self.stamps_ns, more.stamps_ns]),
-            truth,
-            position_m,
+        """Return these samples followed by those of ``more``; a column is kept if both have it."""
+        columns = zip(self[:-1], more[:-1], strict=True)
+        joined = (
+            None if first is None or second is None else np.concatenate([first, second])
+            for first, second in columns
         )
+        return Samples(*joined, new_stretch=self.new_stretch)
