@@ -14,7 +14,7 @@
 
 """Rows of volts and what belongs to them, from the source to chain, evaluation and page."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,15 +61,22 @@ class Samples(NamedTuple):
 
     def take(self, which: 'NDArray[np.intp] | slice') -> 'Samples':
         """Return the samples at the given indices."""
-        *columns, new_stretch = self
-        taken = (None if column is None else column[which] for column in columns)
-        return Samples(*taken, new_stretch=new_stretch)
+        taken: dict[str, Any] = {
+            name: column[which] for name, column in self._asdict().items() if _is_array(column)
+        }
+        return self._replace(**taken)
 
     def then(self, more: 'Samples') -> 'Samples':
         """Return these samples followed by those of ``more``; a column is kept if both have it."""
-        columns = zip(self[:-1], more[:-1], strict=True)
-        joined = (
-            None if first is None or second is None else np.concatenate([first, second])
-            for first, second in columns
-        )
-        return Samples(*joined, new_stretch=self.new_stretch)
+        joined: dict[str, Any] = {
+            name: np.concatenate([column, getattr(more, name)])
+            if _is_array(getattr(more, name))
+            else None
+            for name, column in self._asdict().items()
+            if _is_array(column)
+        }
+        return self._replace(**joined)
+
+
+def _is_array(column: object) -> bool:
+    return isinstance(column, np.ndarray)
