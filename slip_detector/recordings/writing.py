@@ -116,7 +116,7 @@ def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> N
 def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> None:
     columns = {
         key: [column for column in parts if column is not None]
-        for key, parts in zip(_NPZ_KEYS, zip(*(piece[:4] for piece in pieces), strict=True), strict=True)
+        for key, parts in zip(_NPZ_KEYS, zip(*pieces, strict=True), strict=False)
     }
     arrays: dict[str, Any] = {key: np.concatenate(p) for key, p in columns.items() if p}
     np.savez(path, sample_rate_hz=sample_rate_hz, **arrays)
