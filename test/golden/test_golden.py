@@ -114,6 +114,36 @@ def grasp_figures():
         return json.loads((Path(folder) / 'grasp.json').read_text(encoding='utf-8'))
 
 
+def demo_figures():
+    """Return the figures of ``slip_demo`` as if each message arrived at once."""
+    from slip_detector.nodes.demo import _demo_figures
+    from slip_detector.parameters.detector import DetectorConfig
+    from slip_detector.parameters.driver import DriverConfig
+    from slip_detector.sources.scene import SceneSource
+
+    config = DetectorConfig.from_yaml(ROOT / 'config' / 'slip_detector.yaml')
+    samples = SceneSource(DriverConfig(scene='plate_400um')).read(10**6)
+    stamps_s = samples.stamps_ns * 1e-9
+    result = SlipChain(config).update(samples.volts)
+    states = {'slip': result.slip}
+    states |= {f'slip/group/{name}': result.groups[:, i] for i, name in enumerate(config.groups)}
+    states |= {
+        f'slip/channel/{name}': result.channels[:, i] for i, name in enumerate(config.names)
+    }
+
+    class Recorder:
+        position_stamps_s, positions_m = stamps_s, samples.position_m
+        latencies_s = (0.0,)
+
+        def changes_of(self, topic):
+            changed = np.diff(states[topic], prepend=~states[topic][:1])
+            return stamps_s[changed], states[topic][changed]
+
+    recorder = Recorder()
+    recorder.stamps_s = stamps_s
+    return json.loads(json.dumps(_demo_figures(recorder, config)))
+
+
 def golden(name):
     return json.loads((GOLDEN / name).read_text(encoding='utf-8'))
 
@@ -155,6 +185,12 @@ def test_objects_are_held_as_they_were():
     assert_same(grasp_figures(), golden('grasp.json'))
 
 
+@pytest.mark.nodes
+def test_the_demonstration_gives_the_figures_that_it_gave():
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    assert_same(demo_figures(), golden('demo.json'))
+
+
 def write(name, content):
     text = json.dumps(content, indent=1)
     (GOLDEN / name).write_text(text + '\n', encoding='utf-8')
@@ -165,3 +201,4 @@ if __name__ == '__main__':
     write('decisions.json', {'computer': computer(), 'scenes': scenes})
     write('paper.json', paper_figures())
     write('grasp.json', grasp_figures())
+    write('demo.json', demo_figures())
