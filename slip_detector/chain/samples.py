@@ -66,15 +66,13 @@ class Samples(NamedTuple):
         }
         return self._replace(**taken)
 
-    def then(self, more: 'Samples') -> 'Samples':
-        """Return these samples followed by those of ``more``; a column is kept if both have it."""
-        joined: dict[str, Any] = {
-            name: np.concatenate([column, getattr(more, name)])
-            if _is_array(getattr(more, name))
-            else None
-            for name, column in self._asdict().items()
-            if _is_array(column)
-        }
+    def then(self, *more: 'Samples') -> 'Samples':
+        """Return these samples followed by others; a column is kept if all have it."""
+        joined: dict[str, Any] = {}
+        for name, column in self._asdict().items():
+            columns = [column, *(getattr(samples, name) for samples in more)]
+            if _is_array(column):
+                joined[name] = np.concatenate(columns) if all(map(_is_array, columns)) else None
         return self._replace(**joined)
 
 

@@ -175,8 +175,8 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
 def _alone(one: EvaluatedRecording) -> dict[str, Any]:
     return {
         **recording_figures([one]),
-        'lost': one.counts.lost,
-        'doubts': one.counts.doubts,
+        'lost': one.counts.damage,
+        'doubts': one.counts.warnings,
         'slip_events': [dataclasses.asdict(slip) for slip in one.outcome.slips],
         'alarm_events': [dataclasses.asdict(alarm) for alarm in one.outcome.alarms],
     }

@@ -161,6 +161,7 @@ class RecordingLoader:
         last = -1
         for piece in recording.pieces(wanted_hz, self.chain_config.max_gap_s):
             truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
+            assert piece.row_numbers is not None
             last = int(piece.row_numbers[-1])
             if moving is None:
                 yield LabelledRows(piece.volts, truth, piece.stamps_ns, piece.new_stretch)

@@ -15,7 +15,6 @@
 """Recordings: rows of volts with their stamps and labels, in bags, npz and csv files."""
 
 from slip_detector.recordings.folders import recording_sets
-from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
 from slip_detector.recordings.reading import ENDINGS, is_recording, open_recording
 from slip_detector.recordings.reading_limit import PIECE_ROWS
@@ -26,7 +25,6 @@ __all__ = [
     'ENDINGS',
     'PIECE_ROWS',
     'RATE_TOLERANCE',
-    'Piece',
     'Recording',
     'RecordingCounts',
     'is_recording',

@@ -110,7 +110,7 @@ class BagRecording(Recording):
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
-        self.counts.doubts = '; '.join(self._storage.doubts)
+        self.counts.warnings = '; '.join(self._storage.doubts)
         truth_at = self._truth()
         decoder = self._decoder(self._topic, self._field)
         messages = 0
@@ -133,7 +133,7 @@ class BagRecording(Recording):
             recorded = self._storage.counts.get(self._topic.name, 0)
             missing = recorded - messages
             much = f'{missing} of {recorded} messages on' if missing > 0 else 'what followed on'
-            self.counts.lost = (
+            self.counts.damage = (
                 f'{"; ".join(self._storage.lost)}: {much} {self._topic.name} is lost, '
                 f'{messages} messages up to {end_s:.3f} s are read'
             )

@@ -26,10 +26,9 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings.labels import Labels
-from slip_detector.recordings.piece import Piece
 from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
-from slip_detector.recordings.reading_limit import ReadingLimit
-from slip_detector.recordings.resample import MOST_FACTOR, Resampler
+from slip_detector.recordings.reading_limit import PIECE_ROWS, ReadingLimit
+from slip_detector.recordings.resample import MOST_FACTOR, resampled, rows_after, stretches
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -59,9 +58,9 @@ class RecordingCounts:
     dropped : int
         Rows that were left out because their stamp is not after the previous one or their channels
         are not those of the first message.
-    lost : str
+    damage : str
         One line on the part of a damaged bag that could not be read; empty if all was read.
-    doubts : str
+    warnings : str
         One line on why damage may have gone unnoticed; empty if it would have been noticed.
 
     Examples
@@ -76,8 +75,8 @@ class RecordingCounts:
     stretches: int = 0
     bad_samples: int = 0
     dropped: int = 0
-    lost: str = ''
-    doubts: str = ''
+    damage: str = ''
+    warnings: str = ''
 
 
 class Recording:
@@ -157,16 +156,16 @@ class Recording:
                 rows = rows._replace(truth=labels.at(rows.stamps_ns - first_ns))  # noqa: PLW2901
             yield rows
         if empty:
-            raise ValueError(f'{self.path}: has no samples{self._but_lost()}')
-        if labels is not None and not self.counts.lost:
+            raise ValueError(f'{self.path}: has no samples{self._damage_note()}')
+        if labels is not None and not self.counts.damage:
             labels.check_end((last_ns - first_ns) * 1e-9 + 1 / self.sample_rate_hz, self.path)
 
-    def _but_lost(self) -> str:
-        return f' ({self.counts.lost})' if self.counts.lost else ''
+    def _damage_note(self) -> str:
+        return f' ({self.counts.damage})' if self.counts.damage else ''
 
     def pieces(
         self, chain_rate_hz: 'float | None' = None, max_gap_s: float = 0.1
-    ) -> Iterator[Piece]:
+    ) -> Iterator[Samples]:
         """Yield the rows as the detector node passes them to its chain.
 
         A row whose stamp is not after the previous one is dropped. A gap of up to ``max_gap_s`` is
@@ -181,8 +180,8 @@ class Recording:
 
         Yields
         ------
-        Piece
-            At least one row each.
+        Samples
+            At least one row each, evenly spaced within a stretch, with ``row_numbers``.
 
         Raises
         ------
@@ -222,20 +221,32 @@ class Recording:
             )
         pieces = self._stretches(rate_hz if apart else wanted_hz, max_gap_s)
         if apart:
-            pieces = Resampler(rate_hz, wanted_hz).pieces(pieces)
+            pieces = self._resampled(pieces, rate_hz, wanted_hz)
         for piece in pieces:
             self.counts.rows += len(piece.volts)
             self.counts.stretches += piece.new_stretch
             yield piece
 
-    def _stretches(self, rate_hz: float, max_gap_s: float) -> Iterator[Piece]:
+    def _resampled(
+        self, pieces: Iterator[Samples], from_hz: float, to_hz: float
+    ) -> Iterator[Samples]:
+        for stretch in stretches(pieces):
+            n, row_bytes = len(stretch.volts), 8 * stretch.volts.shape[1] + STAMP_BYTES
+            n = max(n, rows_after(n, from_hz, to_hz))
+            self._limit.check(n * row_bytes, 'a stretch to resample')
+            whole = resampled(stretch, from_hz, to_hz)
+            for first in range(0, len(whole.volts), PIECE_ROWS):
+                part = whole.take(slice(first, first + PIECE_ROWS))
+                yield part._replace(new_stretch=stretch.new_stretch and not first)
+
+    def _stretches(self, rate_hz: float, max_gap_s: float) -> Iterator[Samples]:
         """Yield the rows with bridged gaps; each piece is within one stretch."""
         grid = StampGrid(1 / rate_hz, max_gap_s)
         first = 0
-        last: Piece | None = None
+        last: Samples | None = None
         for rows in self.rows():
-            which = np.arange(first, first + len(rows.volts))
-            piece = _piece(rows, last is None, which)
+            numbers = np.arange(first, first + len(rows.volts))
+            piece = rows._replace(row_numbers=numbers, new_stretch=last is None)
             first += len(rows.volts)
             regular = grid.arrive_all(rows.stamps_ns)
             if not regular:
@@ -247,25 +258,19 @@ class Recording:
                 yield part
                 last = part
 
-    def _mended(self, piece: Piece, last: 'Piece | None', grid: StampGrid) -> list[Piece]:
+    def _mended(self, piece: Samples, last: Samples | None, grid: StampGrid) -> list[Samples]:
         """Drop rows, bridge gaps and separate stretches; ``last`` is the previous piece."""
         mended = grid.mend(piece.stamps_ns)
         self.counts.gaps += mended.gaps
         self.counts.bridged_rows += mended.bridged
         self.counts.dropped += mended.dropped
-        rows, which, places = Samples(*piece[:3]), piece.row_numbers, mended.places
+        rows, places = piece, mended.places
         if last is not None:  # the last row before this piece may have to bridge its first gap
-            rows = Samples(*last[:3]).take(slice(-1, None)).then(rows)
-            which = np.concatenate([last.row_numbers[-1:], which])
-            places = places + 1
-        parts = []
-        for i, of_stretch in enumerate(mended.stretches):
-            at = places[of_stretch]
-            part = rows.take(at)._replace(stamps_ns=mended.stamps_ns[of_stretch])
-            new = i > 0 or mended.first_is_new or piece.new_stretch
-            parts.append(_piece(part, new, which[at]))
-        return parts
-
-
-def _piece(rows: Samples, new_stretch: bool, which: Stamps) -> Piece:
-    return Piece(rows.volts, rows.stamps_ns, rows.truth, new_stretch, which)
+            rows, places = last.take(slice(-1, None)).then(piece), places + 1
+        return [
+            rows.take(places[of_stretch])._replace(
+                stamps_ns=mended.stamps_ns[of_stretch],
+                new_stretch=i > 0 or mended.first_is_new or piece.new_stretch,
+            )
+            for i, of_stretch in enumerate(mended.stretches)
+        ]

@@ -113,7 +113,7 @@ def write_evaluation_report(
         notes = [
             f'{title}: {line}'
             for title, one in titles.items()
-            for line in (one.counts.lost, one.counts.doubts)
+            for line in (one.counts.damage, one.counts.warnings)
             if line
         ]
         write_page(page, f'Slips and alarms: {", ".join(sets)}', variants, notes=notes)

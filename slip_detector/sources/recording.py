@@ -59,7 +59,7 @@ class RecordingSource(Source):
     def damage(self) -> str:
         """One line on what could not be read or checked so far; empty if all could."""
         counts = self._recording.counts
-        return '; '.join(filter(None, (counts.lost, counts.doubts)))
+        return '; '.join(filter(None, (counts.damage, counts.warnings)))
 
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples; fewer only at the end."""

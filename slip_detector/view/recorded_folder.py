@@ -200,7 +200,7 @@ class RecordedFolder:
                     slipping = slip
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))
-        note = f'was not ended: {recording.counts.lost}' if recording.counts.lost else ''
+        note = f'was not ended: {recording.counts.damage}' if recording.counts.damage else ''
         if not slips and name.startswith('slip_'):
             note = note or NO_SLIP
         return RecordingSummary(name, rows / recording.sample_rate_hz, slips, note)

@@ -243,7 +243,7 @@ def test_no_bytes_end_in_anything_but_rows_or_one_line(tmp_path_factory, content
         recording = open_recording(path)
         for piece in recording.pieces():
             assert len(piece.volts) == len(piece.stamps_ns) > 0
-        assert '\n' not in recording.counts.lost
+        assert '\n' not in recording.counts.damage
     except ValueError as error:
         said = str(error)
         assert said.startswith(f'{path}: ')
@@ -267,7 +267,7 @@ def test_no_damage_to_a_folder_ends_in_anything_but_rows_or_one_line(tmp_path, p
             try:
                 recording = open_recording(tmp_path / 'a')
                 outcomes.add(sum(len(piece.volts) for piece in recording.pieces()))
-                assert '\n' not in recording.counts.lost
+                assert '\n' not in recording.counts.damage
             except ValueError as error:
                 said = str(error)
                 assert said.startswith(f'{tmp_path / "a"}: ')

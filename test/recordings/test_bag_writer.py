@@ -43,7 +43,7 @@ def read(path):
     recording = open_recording(path)
     pieces = [*recording.pieces()]
     volts = np.concatenate([piece.volts for piece in pieces])
-    return volts, np.concatenate([piece.truth for piece in pieces]), recording.counts.lost
+    return volts, np.concatenate([piece.truth for piece in pieces]), recording.counts.damage
 
 
 @pytest.mark.parametrize('ending', ['.mcap', '.db3'])

@@ -87,7 +87,7 @@ def test_no_damage_to_a_recording_changes_rows_unseen(tmp_path, in_folder, step)
         )
         counts = recording.counts
         seen += not same
-        assert same or counts.lost or counts.dropped or counts.doubts, place
+        assert same or counts.damage or counts.dropped or counts.warnings, place
     assert seen > len(whole) / step / 2
 
 
@@ -95,7 +95,7 @@ def test_a_file_without_checksums_is_said_to_have_none(path):
     take_checksums(path)
     recording = open_recording(path)
     assert len(gathered(recording).volts) == ROWS
-    assert recording.counts.doubts == ('a.mcap has no checksums, so that damage may go unseen')
+    assert recording.counts.warnings == ('a.mcap has no checksums, so that damage may go unseen')
 
 
 def test_messages_outside_of_chunks_have_no_checksum(path):
@@ -107,7 +107,7 @@ def test_messages_outside_of_chunks_have_no_checksum(path):
     recording = open_recording(path)
     assert len(gathered(recording).volts) == ROWS
     said = 'a.mcap has no checksums of messages outside of chunks, so that damage may go unseen'
-    assert recording.counts.doubts == said
+    assert recording.counts.warnings == said
 
 
 def test_some_chunks_without_a_checksum_are_counted(tmp_path):

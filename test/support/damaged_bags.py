@@ -41,8 +41,8 @@ def read_of(path):
     """Return the readable rows, and the one-line message about the rest."""
     recording = open_recording(path)
     read = gathered(recording)
-    assert '\n' not in recording.counts.lost
-    return read, recording.counts.lost
+    assert '\n' not in recording.counts.damage
+    return read, recording.counts.damage
 
 
 def check_is_beginning(read, written):

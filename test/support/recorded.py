@@ -85,4 +85,4 @@ def stretches_of(pieces):
         if piece.new_stretch:
             stretches.append([])
         stretches[-1].append(piece)
-    return [[np.concatenate([p[i] for p in parts]) for i in (0, 1, 2, 4)] for parts in stretches]
+    return [[np.concatenate([p[i] for p in parts]) for i in (0, 1, 2, 5)] for parts in stretches]
