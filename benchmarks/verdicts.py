@@ -17,7 +17,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.figures import Bound
 
 
 def verdicts(

@@ -102,7 +102,7 @@ from benchmarks.timing import least_times_s
 from benchmarks.verdicts import verdicts
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design, largest_pole_radius
-from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]

@@ -65,7 +65,7 @@ from benchmarks.verdicts import values_of, verdicts
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]

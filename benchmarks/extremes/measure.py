@@ -60,7 +60,7 @@ from benchmarks.scenes.integrators import (
 )
 from benchmarks.scenes.ode import Ode
 from benchmarks.verdicts import verdicts
-from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.figures import Bound
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 from slip_detector.scenes.mechanics import LEAST, WORK

@@ -61,7 +61,7 @@ from benchmarks.scenes.costs import read_pace, scene_costs
 from benchmarks.scenes.precision import scene_precision
 from benchmarks.scenes.sizes import FULL, QUICK
 from benchmarks.verdicts import verdicts
-from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.scenes import find_scene
 

@@ -41,7 +41,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.processes import figures_of_process, why_not_ros
 from benchmarks.verdicts import values_of, verdicts
-from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.figures import Bound
 
 #: The bounds that are wanted, by part and figure.
 WANTED = {

@@ -43,14 +43,10 @@ from numpy.typing import NDArray
 
 from benchmarks.timing import least_times_s
 from benchmarks.verdicts import verdicts
-from slip_detector.evaluation.bounds import Bound
-from slip_detector.evaluation.evaluator import Evaluator
-from slip_detector.evaluation.loading import RecordingLoader
-from slip_detector.evaluation.outcome import figures_of_merit
-from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
+from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recording
+from slip_detector.evaluation.figures import Bound, figures_of_merit
+from slip_detector.evaluation.protocol import SCENES, simulate_trials
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
 
 WANTED = {'ratio': Bound(high=4.0)}
 
@@ -93,16 +89,16 @@ def measure_evaluation(rows: int = HOUR_ROWS, rounds: int = ROUNDS) -> dict[str,
         How often the sides take turns.
     """
     config = ChainConfig()
-    evaluator = Evaluator(RecordingLoader(config, RecordingConfig(), EvaluationConfig()))
+    loader = RecordingLoader(config)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'hour.npz'
         write_trials(path, rows)
-        figures = figures_of_merit([evaluator.evaluate(path).outcome])
+        figures = figures_of_merit([evaluate_recording(loader, path).outcome])
         with np.load(path) as file:
             volts = file['volts']
 
         def evaluation() -> None:
-            figures_of_merit([evaluator.evaluate(path).outcome])
+            figures_of_merit([evaluate_recording(loader, path).outcome])
 
         def plain() -> None:
             with np.load(path) as file:

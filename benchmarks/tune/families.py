@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.chain.samples import Samples
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import Scene, find_scene
@@ -101,7 +101,7 @@ def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int])
             scene = Scene(description, np.random.default_rng(seed))
             samples = scene.read(round(60.0 * scene.sample_rate_hz))
             assert samples.truth is not None
-            rows = LabelledRows(samples.volts, samples.truth)
+            rows = Samples.evenly(samples.volts, scene.sample_rate_hz, samples.truth)
             tracks.append(track_of(f'{PLATES[i]}, seed {seed}', [rows], scene.sample_rate_hz))
     return tracks
 

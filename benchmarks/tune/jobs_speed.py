@@ -37,11 +37,7 @@ from typing import Any
 from benchmarks.tune.reading_speed import CHANNELS, RATE_HZ, write_labelled_noise
 from slip_detector.commands.evaluate import as_report, evaluate
 from slip_detector.commands.workers import Workers
-from slip_detector.evaluation.evaluator import Evaluator
-from slip_detector.evaluation.loading import RecordingLoader
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.evaluation.evaluator import RecordingLoader
 
 FORMATS = ('npz', 'mcap')
 
@@ -112,12 +108,12 @@ def measure_jobs(
 
 def _evaluate(folder: str, workers: Workers, rounds: int) -> Measured:
     """Evaluate the recordings of a folder for some rounds."""
-    evaluator = Evaluator(RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig()))
+    loader = RecordingLoader()
     least_s, processor_s = float('inf'), 0.0
-    evaluate([folder], evaluator, workers)
+    evaluate([folder], loader, workers)
     for _ in range(rounds):
         start_s, processor_start_s = time.perf_counter(), time.process_time()
-        sets, _ = evaluate([folder], evaluator, workers)
+        sets, _ = evaluate([folder], loader, workers)
         least_s = min(least_s, time.perf_counter() - start_s)
         processor_s += time.process_time() - processor_start_s
     return least_s, processor_s, as_report(sets)

@@ -29,10 +29,9 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.evaluation.labelled_rows import MOTION
-from slip_detector.evaluation.outcome import ReplayOutcome, figures_of_merit
+from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.evaluation.scores import ScoreCounts
+from slip_detector.evaluation.scores import MOTION, ScoreCounts
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.objective import Objective
 from slip_detector.tuning.search import TuningParameters

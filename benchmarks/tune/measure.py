@@ -57,7 +57,7 @@ from benchmarks.tune.real_recordings import TRIALS, measure_real_recordings
 from benchmarks.tune.report_size import measure_report
 from benchmarks.tune.search_speed import measure_search
 from benchmarks.verdicts import values_of, verdicts
-from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.figures import Bound
 
 #: The parts; ``real`` needs recordings.
 PARTS = (

@@ -32,9 +32,9 @@ import numpy as np
 import yaml
 
 from benchmarks.tune.families import FIGURES, PLATES, play_scenes
-from slip_detector.evaluation.labelled_rows import SLIP
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
+from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import Scene, find_scene

@@ -46,10 +46,9 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.outcome import ReplayOutcome
-from slip_detector.evaluation.paper_figures import mean_and_sd, percent, trial_delays_ms
-from slip_detector.evaluation.protocol_trials import SCENES
+from slip_detector.chain.samples import Samples
+from slip_detector.evaluation.figures import ReplayOutcome, mean_and_sd, percent, trial_delays_ms
+from slip_detector.evaluation.protocol import SCENES
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.shared_folder import shared_folder
@@ -65,20 +64,20 @@ WITHOUT_SLIP = ('taps', 'rolling', 'tremor_hum')
 LONGEST_S = 60.0
 
 
-def simulate(seeds: Sequence[int]) -> dict[str, list[LabelledRows]]:
+def simulate(seeds: Sequence[int]) -> dict[str, list[Samples]]:
     """Play each of the scenes once with each seed; return their rows, by name of the scene."""
-    rows: dict[str, list[LabelledRows]] = {}
+    rows: dict[str, list[Samples]] = {}
     for name in (*SCENES.values(), *FAST, *WITHOUT_SLIP):
         rows[name] = []
         for seed in seeds:
             scene = load_scene(find_scene(name), np.random.default_rng(seed))
             samples = scene.read(round(LONGEST_S * scene.sample_rate_hz))
             assert samples.truth is not None
-            rows[name].append(LabelledRows(samples.volts, samples.truth))
+            rows[name].append(Samples.evenly(samples.volts, scene.sample_rate_hz, samples.truth))
     return rows
 
 
-def onset_figures(rows: dict[str, list[LabelledRows]], chain: ChainConfig) -> dict[str, Any]:
+def onset_figures(rows: dict[str, list[Samples]], chain: ChainConfig) -> dict[str, Any]:
     """Return the figures of one chain; the keys are in the module's docstring.
 
     Parameters

@@ -34,8 +34,7 @@ import numpy as np
 
 from benchmarks.tune.families import search_candidate
 from benchmarks.tune.left_out_choice import measure_left_out_choice
-from slip_detector.evaluation.labelled_rows import MOTION
-from slip_detector.evaluation.scores import ScoreTally
+from slip_detector.evaluation.scores import MOTION, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.search import tuning_parameters_of
 from slip_detector.tuning.sweep import VoteStatistics, threshold_scale

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tune.browser import ready_ms, why_no_browser
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.chain.samples import Samples
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import page as report
@@ -83,19 +83,19 @@ def _variants(duration_s: float) -> list[Variant]:
     return variants
 
 
-def _scene(name: str) -> LabelledRows:
+def _scene(name: str) -> Samples:
     scene = load_scene(find_scene(name), np.random.default_rng(0))
     samples = scene.read(1_000_000)  # more than any of them has
-    return LabelledRows(samples.volts, np.asarray(samples.truth, dtype=bool))
+    return Samples.evenly(samples.volts, 380.0, np.asarray(samples.truth, dtype=bool))
 
 
-def _pieces(
-    parts: list[LabelledRows], rows: int, random: np.random.Generator
-) -> Iterator[LabelledRows]:
+def _pieces(parts: list[Samples], rows: int, random: np.random.Generator) -> Iterator[Samples]:
     """Yield the parts, repeated and with noise, until there are this many rows."""
     left = rows
     while left > 0:
         for volts, truth, *_ in parts:
             some = volts[:left]
-            yield LabelledRows(some + NOISE_V * random.standard_normal(some.shape), truth[:left])
+            yield Samples.evenly(
+                some + NOISE_V * random.standard_normal(some.shape), 380.0, truth[:left]
+            )
             left -= len(some)

@@ -37,9 +37,10 @@ from scipy import signal
 
 from benchmarks.timing import garbage_collection_off
 from slip_detector.chain.filters import design
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.settling import settling_rows
-from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows
 from slip_detector.evaluation.matching import ScoredRows
+from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
@@ -72,7 +73,7 @@ def slips_and_noise(minutes: float) -> Track:
     volts += 0.002 * np.sin(2 * np.pi * 50.0 * time_s)[:, None]
     ridges = 0.02 * np.sin(2 * np.pi * 17.0 * time_s[:, None] + np.arange(config.channels))
     volts[truth] += ridges[truth]
-    return track_of('slips and noise', [LabelledRows(volts, truth)], rate)
+    return track_of('slips and noise', [Samples.evenly(volts, rate, truth)], rate)
 
 
 class NumpyObjective(Objective):
@@ -121,7 +122,13 @@ def _sweep(
 ) -> ThresholdSweep:
     """Return the outcome of one track; its windows must not overlap."""
     rate_hz = track.sample_rate_hz
-    rows = ScoredRows(track.slips, track.stretches, settling, config, rate_hz)
+    rows = ScoredRows(
+        track.slips,
+        [stretch.interval for stretch in track.stretches],
+        settling,
+        config,
+        rate_hz,
+    )
     rest = np.zeros(len(part), bool)
     for start, end in zip(rows.rest_starts, rows.rest_ends, strict=True):
         rest[start:end] = True

@@ -40,7 +40,7 @@ from typing import Any
 from benchmarks.processes import figures_of_process, why_not_ros
 from benchmarks.tune.browser import why_no_browser
 from benchmarks.verdicts import values_of, verdicts
-from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.figures import Bound
 
 #: The wanted bounds; that of the latency is the noise of the same run.
 WANTED = {

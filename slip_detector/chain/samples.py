@@ -17,7 +17,7 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 
 class Samples(NamedTuple):
@@ -58,6 +58,21 @@ class Samples(NamedTuple):
     moving: NDArray[np.bool_] | None = None
     row_numbers: NDArray[np.int64] | None = None
     new_stretch: bool = False
+
+    @classmethod
+    def evenly(
+        cls, volts: ArrayLike, sample_rate_hz: float, truth: ArrayLike, **columns: Any
+    ) -> 'Samples':
+        """Return labelled rows of volts that are evenly spaced from the time 0 on.
+
+        Examples
+        --------
+        >>> Samples.evenly(np.zeros((3, 16)), 100.0, truth=[False, True, True]).stamps_ns
+        array([       0, 10000000, 20000000])
+        """
+        rows = np.asarray(volts, np.float64)
+        stamps_ns = np.rint(np.arange(len(rows)) * 1e9 / sample_rate_hz).astype(np.int64)
+        return cls(rows, stamps_ns, np.asarray(truth, np.bool_), **columns)
 
     def take(self, which: 'NDArray[np.intp] | slice') -> 'Samples':
         """Return the samples at the given indices."""

@@ -25,10 +25,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from slip_detector.chain.compiled import COMPILED, on_compiling
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.warm_up import compile_chain
 from slip_detector.commands.command_line import run
-from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -98,12 +98,12 @@ PARTS: dict[str, Callable[[], None]] = {
 }
 
 
-def _labelled_rows() -> LabelledRows:
+def _labelled_rows() -> Samples:
     config = ChainConfig()
     truth = np.arange(ROWS) >= ROWS // 2
     tone = np.sin(2 * np.pi * 20.0 * np.arange(ROWS) / config.sample_rate_hz)
     volts = np.outer(np.where(truth, tone, 0.0), np.ones(config.channels))
-    return LabelledRows(volts, truth)
+    return Samples.evenly(volts, config.sample_rate_hz, truth)
 
 
 if __name__ == '__main__':

@@ -20,12 +20,12 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
 
 ``sets``
     For each set of recordings, by the name of its folder: the figures of all its recordings
-    together, see :func:`slip_detector.evaluation.outcome.figures_of_merit`, and counts of their
-    faults, see :func:`slip_detector.evaluation.evaluator.recording_counts`. Under
+    together, see :func:`slip_detector.evaluation.figures.figures_of_merit`, and counts of their
+    faults, see :func:`slip_detector.evaluation.evaluator.recording_figures`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
     part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
     ``slip_events`` and ``alarm_events``, see
-    :class:`slip_detector.evaluation.events.TrueSlip` and ``Alarm``.
+    :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``.
 ``all``
     The figures and counts over all sets.
 ``not_evaluated``
@@ -60,8 +60,12 @@ from slip_detector.commands.worker_options import (
     workers_of,
 )
 from slip_detector.commands.workers import Workers
-from slip_detector.evaluation.evaluator import EvaluatedRecording, Evaluator, recording_figures
-from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.evaluation.evaluator import (
+    EvaluatedRecording,
+    RecordingLoader,
+    evaluate_recording,
+    recording_figures,
+)
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_apart, check_writable, writable_folder
@@ -80,7 +84,7 @@ MOST_TRIALS = 1000
 
 def evaluate(
     arguments: Sequence[str],
-    evaluator: Evaluator,
+    loader: RecordingLoader,
     workers: Workers,
     with_overviews: bool = False,
 ) -> tuple[dict[str, dict[str, EvaluatedRecording]], list[Path]]:
@@ -90,8 +94,8 @@ def evaluate(
     ----------
     arguments
         Files and folders, see :func:`slip_detector.recordings.folders.recording_sets`.
-    evaluator
-        Evaluates each recording.
+    loader
+        Opens the recordings; it has the parameters of the chain and of the evaluation.
     workers
         The processes that evaluate.
     with_overviews
@@ -119,7 +123,7 @@ def evaluate(
     >>> with tempfile.TemporaryDirectory() as folder, Workers(1) as workers:
     ...     path = Path(folder) / 'rest.npz'
     ...     np.savez(path, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
-    ...     sets, left = evaluate([str(path)], Evaluator(loader), workers)
+    ...     sets, left = evaluate([str(path)], loader, workers)
     >>> as_report(sets)['all']['rows'], left
     (100, [])
     """
@@ -129,11 +133,12 @@ def evaluate(
     if with_overviews:
         from slip_detector.report.evaluation_report import overview_factory
 
-        watch = overview_factory(evaluator.chain_config, len(files))
+        watch = overview_factory(loader.chain_config, len(files))
+    call = partial(evaluate_recording, loader, watch=watch)
     found: dict[Path, EvaluatedRecording] = {}
     with progress_bar(len(files), 'recording') as bar:
         try:
-            for place, one in workers.results(partial(evaluator.evaluate, watch=watch), files):
+            for place, one in workers.results(call, files):
                 found[files[place]] = one
                 bar.update()
         except KeyboardInterrupt:
@@ -273,7 +278,7 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     recording_config = config_for_workers(
         options, with_recording_options(recording_config, options)
     )
-    evaluator = Evaluator(RecordingLoader(config, recording_config, evaluation_config))
+    loader = RecordingLoader(config, recording_config, evaluation_config)
     page = options.report
     if page:  # an error is reported before an hour of recordings is read
         check_apart({'--report': page}, [*paths_read(options), *([file] if file else [])])
@@ -283,7 +288,7 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     shown = page or options.plot
     paths = paths_for_workers(options, options.recordings)
     with workers_of(options) as workers:
-        sets, left = evaluate(paths, evaluator, workers, bool(shown))
+        sets, left = evaluate(paths, loader, workers, bool(shown))
     report = as_report(sets)
     if left:
         report['not_evaluated'] = [str(path) for path in left]

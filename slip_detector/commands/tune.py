@@ -36,7 +36,7 @@ from slip_detector.commands.worker_options import (
     paths_for_workers,
     workers_of,
 )
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.parameters.files import check_apart, check_writable, writable_folder
 from slip_detector.parameters.writing import with_parameters, write_file
 from slip_detector.report.text_table import number_text

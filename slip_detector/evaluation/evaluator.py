@@ -12,16 +12,198 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs a chain over recordings, each from its first row."""
+"""Opens recordings, checks them, reads them in pieces, and runs a chain over each."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from slip_detector.evaluation.loading import LabelledRecording, RecordingLoader
-from slip_detector.evaluation.outcome import ReplayOutcome, figures_of_merit
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.samples import Samples
+from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Observer, Replay
-from slip_detector.recordings import RecordingCounts
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
+from slip_detector.recordings.labels import labels_name
+
+Bools = NDArray[np.bool_]
+
+
+class LabelledRecording(NamedTuple):
+    """A recording that suits the chain.
+
+    Attributes
+    ----------
+    rows : iterator of Samples
+        The pieces of the recording, which can be read once. Reading raises a ValueError where the
+        file is broken.
+    sample_rate_hz : float
+        Rate of these rows.
+    channel_names : tuple of str
+    recording : Recording
+        Its ``counts`` are complete when all pieces have been read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = Path(folder.name) / 'rest.npz'
+    >>> np.savez(path, volts=np.full((760, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(760))
+    >>> loader = RecordingLoader()
+    >>> opened = loader.open(path)
+    >>> opened.sample_rate_hz, sum(len(piece.volts) for piece in opened.rows)
+    (380.0, 760)
+    >>> opened.recording.counts.rows
+    760
+    >>> folder.cleanup()
+    """
+
+    rows: Iterator[Samples]
+    sample_rate_hz: float
+    channel_names: tuple[str, ...]
+    recording: Recording
+
+
+class RecordingLoader(NamedTuple):
+    """Opens recordings and checks that they suit a chain.
+
+    Attributes
+    ----------
+    chain_config : ChainConfig
+        The parameters of the chain.
+    recording_config : RecordingConfig
+        Where in a recording the samples and labels are.
+    config : EvaluationConfig
+        What counts as detected, and which rows are rows of motion.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> loader = RecordingLoader()
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial.npz'
+    ...     np.savez(path, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
+    ...     opened = loader.open(path)
+    ...     sum(len(piece.volts) for piece in opened.rows)
+    100
+    """
+
+    chain_config: ChainConfig = ChainConfig()
+    recording_config: RecordingConfig = RecordingConfig()
+    config: EvaluationConfig = EvaluationConfig()
+
+    def open(self, path: Path, require_truth: bool = True) -> LabelledRecording:
+        """Open a recording and check that it suits the chain.
+
+        Parameters
+        ----------
+        path
+            The recording.
+        require_truth
+            Whether a recording without labels is refused; else it is taken to have no slip.
+
+        Raises
+        ------
+        ValueError
+            When the recording cannot be read, does not suit the chain or has no labels; names
+            the file.
+        """
+        recording = open_recording(path, self.recording_config)
+        config, names = self.chain_config, recording.channel_names
+        if len(names) != config.channels:
+            raise ValueError(
+                f'{path}: has {len(names)} channels, allowed: {config.channels}, the parameter '
+                'channels'
+            )
+        if recording.named and config.channel_names and names != config.channel_names:
+            raise ValueError(
+                f'{path}: has the channels {", ".join(names)}, allowed: '
+                f'{", ".join(config.channel_names)}, the parameter channel_names'
+            )
+        if require_truth and not recording.has_truth:
+            raise ValueError(
+                f'{path}: {self._no_truth(recording)}, or a file of labels beside it, '
+                f'{labels_name(path)} (--labels: elsewhere)'
+            )
+        # A recording of another rate is resampled, or reading it raises an error.
+        rate_hz = recording.sample_rate_hz
+        if rates_differ(rate_hz, config.sample_rate_hz):
+            rate_hz = config.sample_rate_hz
+        return LabelledRecording(self._rows(recording), rate_hz, names, recording)
+
+    def _no_truth(self, recording: Recording) -> str:
+        config, there = self.recording_config, ', '.join(recording.array_names())
+        if there:
+            return f'has no label {config.recording_truth_key}, there are: {there}; allowed: one'
+        return (
+            f'has no topic {config.recording_truth_topic} or {config.recording_position_topic} '
+            'to label the slips, allowed: one'
+        )
+
+    def _rows(self, recording: Recording) -> Iterator[Samples]:
+        """Yield the pieces of a recording with their labels and the motion of the robot."""
+        moving, wanted_hz = self._moving(recording), self.chain_config.sample_rate_hz
+        last = -1
+        for piece in recording.pieces(wanted_hz, self.chain_config.max_gap_s):
+            truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
+            assert piece.row_numbers is not None
+            last = int(piece.row_numbers[-1])
+            if moving is not None and last >= len(moving):
+                break
+            its = None if moving is None else moving[piece.row_numbers]
+            yield piece._replace(truth=truth, moving=its)
+        if moving is None:
+            return
+        # The last rows may have been dropped; resampling may end a row before the last.
+        spare = 1 if rates_differ(recording.sample_rate_hz, wanted_hz) else 0
+        if not 0 <= len(moving) - 1 - last <= recording.counts.dropped + spare:
+            raise ValueError(
+                f'{recording.path}: {self.config.motion_key} has {len(moving)} rows, allowed: as '
+                'many as the recording has'
+            )
+
+    def _moving(self, recording: Recording) -> Bools | None:
+        """Return which rows are rows of motion, shape (n,), from the recorded velocities."""
+        key, path = self.config.motion_key, recording.path
+        if not key:
+            return None
+        velocities = recording.array(key)
+        if velocities is None:
+            there = ', '.join(recording.array_names()) or 'none'
+            raise ValueError(f'{path}: has no array {key}, there are: {there}')
+        numbers = velocities.dtype.kind in 'fiu' and velocities.ndim in (1, 2) and velocities.size
+        if not numbers:
+            raise ValueError(
+                f'{path}: {key} has the shape {velocities.shape} and type {velocities.dtype}, '
+                'allowed: numbers of shape (rows,) or (rows, columns)'
+            )
+        table = velocities.astype(np.float64).reshape(len(velocities), -1)
+        if self.config.motion_columns:
+            table = table[:, self._columns(recording, table.shape[1])]
+        if not np.isfinite(table).all():
+            row = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0]) + 1
+            raise ValueError(f'{path}: {key} is not finite in row {row}, allowed: finite numbers')
+        return np.asarray(np.linalg.norm(table, axis=1) > self.config.moving_above)
+
+    def _columns(self, recording: Recording, n_columns: int) -> list[int]:
+        """Return the numbers of the configured columns of motion."""
+        key = f'{self.config.motion_key}_names'
+        where, names = f'{recording.path}: {key}', recording.array(key)
+        if names is None or names.shape != (n_columns,):
+            found = 'is not there' if names is None else f'has the shape {names.shape}'
+            raise ValueError(f'{where} {found}, allowed: a name for each of {n_columns} columns')
+        known = [str(name) for name in names]
+        for name in self.config.motion_columns:
+            if known.count(name) != 1:
+                raise ValueError(
+                    f'{where} has {name} {known.count(name)} times, allowed: once; there are: '
+                    f'{", ".join(known)}'
+                )
+        return [known.index(name) for name in self.config.motion_columns]
 
 
 class EvaluatedRecording(NamedTuple):
@@ -37,12 +219,7 @@ class EvaluatedRecording(NamedTuple):
 
     Examples
     --------
-    >>> from slip_detector import ChainConfig
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
-    >>> from slip_detector.evaluation.replay import Replay
-    >>> from slip_detector.recordings import RecordingCounts
-    >>> import numpy as np
-    >>> rest = LabelledRows(np.full((760, 16), 4.3), truth=np.zeros(760, bool))
+    >>> rest = Samples.evenly(np.full((760, 16), 4.3), 380.0, truth=np.zeros(760))
     >>> outcome = Replay(ChainConfig()).run([rest])
     >>> evaluated = EvaluatedRecording(outcome, RecordingCounts(gaps=1), observer=None)
     >>> evaluated.outcome.duration_s, evaluated.counts.gaps
@@ -54,29 +231,29 @@ class EvaluatedRecording(NamedTuple):
     observer: Observer | None
 
 
-def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int]:
-    """Add up the faults of recordings.
+def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:
+    """Return the figures of merit of recordings taken together, and their faults.
 
     Returns
     -------
     dict
-        ``bad_samples``: values that are not numbers; ``gaps`` that were bridged, and by how many
-        rows, ``bridged_rows``; ``long_gaps``, after which the chain was reset; ``dropped``: rows
-        whose stamp is not after the one before.
+        As :func:`.figures_of_merit` returns them, and ``bad_samples``: values that are not
+        numbers; ``gaps`` that were bridged, and by how many rows, ``bridged_rows``;
+        ``long_gaps``, after which the chain was reset; ``dropped``: rows whose stamp is not after
+        the one before.
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
-    >>> from slip_detector.parameters import ChainConfig
-    >>> rest = LabelledRows(np.ones((5, 16)), truth=np.zeros(5, bool))
+    >>> rest = Samples.evenly(np.ones((5, 16)), 380.0, truth=np.zeros(5))
     >>> replayed = Replay(ChainConfig()).run([rest])
-    >>> one = EvaluatedRecording(replayed, RecordingCounts(gaps=2, bridged_rows=7), observer=None)
-    >>> recording_counts([one, one])['bridged_rows']
-    14
+    >>> figures = recording_figures([EvaluatedRecording(replayed, RecordingCounts(gaps=2), None)])
+    >>> figures['rows'], figures['slips'], figures['gaps']
+    (5, 0, 2)
     """
-    counts = [one.counts for one in evaluations]
+    several = list(evaluations)
+    counts = [one.counts for one in several]
     return {
+        **figures_of_merit([one.outcome for one in several]),
         'bad_samples': sum(one.bad_samples for one in counts),
         'gaps': sum(one.gaps for one in counts),
         'bridged_rows': sum(one.bridged_rows for one in counts),
@@ -85,87 +262,42 @@ def recording_counts(evaluations: Iterable[EvaluatedRecording]) -> dict[str, int
     }
 
 
-def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:
-    """Return the figures of merit of recordings taken together, and their faults.
-
-    Returns
-    -------
-    dict
-        As :func:`.figures_of_merit` and :func:`recording_counts` return them.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
-    >>> from slip_detector.parameters import ChainConfig
-    >>> rest = LabelledRows(np.ones((5, 16)), truth=np.zeros(5, bool))
-    >>> replayed = Replay(ChainConfig()).run([rest])
-    >>> figures = recording_figures([EvaluatedRecording(replayed, RecordingCounts(gaps=2), None)])
-    >>> figures['rows'], figures['slips'], figures['gaps']
-    (5, 0, 2)
-    """
-    several = list(evaluations)
-    return {**figures_of_merit([one.outcome for one in several]), **recording_counts(several)}
-
-
-class Evaluator:
-    """Runs one chain over recordings, each on its own.
-
-    It keeps no state between recordings, so that processes or threads can share it.
+def evaluate_recording(
+    loader: RecordingLoader,
+    path: Path,
+    watch: Callable[[LabelledRecording], Observer] | None = None,
+) -> EvaluatedRecording:
+    """Run a chain over a recording from its first row.
 
     Parameters
     ----------
     loader
-        Opens the recordings; it has the parameters of the chain and of the evaluation.
+        Opens the recording; it has the parameters of the chain and of the evaluation.
+    path
+        The recording.
+    watch
+        Makes an observer of the replay, given the opened recording.
 
     Raises
     ------
     ValueError
-        When the chain cannot be built.
+        When the chain cannot be built, or the recording cannot be read, does not suit the chain
+        or has no labels; names the file.
 
     Examples
     --------
     >>> import tempfile
-    >>> import numpy as np
-    >>> from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig
     >>> slip = np.arange(760) >= 380
     >>> ridges = np.where(slip, np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0), 0.0)
-    >>> loader = RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig())
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / 'trial.npz'
     ...     np.savez(path, volts=np.tile(ridges, (16, 1)).T, sample_rate_hz=380.0, slip=slip)
-    ...     figures = recording_figures([Evaluator(loader).evaluate(path)])
+    ...     figures = recording_figures([evaluate_recording(RecordingLoader(), path)])
     >>> figures['slips'], figures['missed'], figures['bad_samples']
     (1, 0, 0)
     """
-
-    def __init__(self, loader: RecordingLoader) -> None:
-        self.chain_config = loader.chain_config
-        self._loader = loader
-        self._replay()
-
-    def evaluate(
-        self, path: Path, watch: Callable[[LabelledRecording], Observer] | None = None
-    ) -> EvaluatedRecording:
-        """Run the chain over a recording from its first row.
-
-        Parameters
-        ----------
-        path
-            The recording.
-        watch
-            Makes an observer of the replay, given the opened recording.
-
-        Raises
-        ------
-        ValueError
-            When the recording cannot be read, does not suit the chain or has no labels; names
-            the file.
-        """
-        opened = self._loader.open(path)
-        observer = None if watch is None else watch(opened)
-        outcome = self._replay().run(opened.rows, opened.sample_rate_hz, observer)
-        return EvaluatedRecording(outcome, opened.recording.counts, observer)
-
-    def _replay(self) -> Replay:
-        return Replay(self._loader.chain_config, self._loader.config)
+    replay = Replay(loader.chain_config, loader.config)
+    opened = loader.open(path)
+    observer = None if watch is None else watch(opened)
+    outcome = replay.run(opened.rows, opened.sample_rate_hz, observer)
+    return EvaluatedRecording(outcome, opened.recording.counts, observer)

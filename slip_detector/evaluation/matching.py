@@ -33,6 +33,7 @@ from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.evaluation import EvaluationConfig
 
 Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Takes the place of the number of an alarm or a slip where there is none.
@@ -104,49 +105,6 @@ class OnIntervals:
         return [RowInterval(*pair) for pair in pairs]
 
 
-def tolerance_rows(config: EvaluationConfig, sample_rate_hz: float) -> tuple[int, int]:
-    """Return how many rows before a slip, and how many after its end, its alarm may rise.
-
-    Examples
-    --------
-    >>> tolerance_rows(EvaluationConfig(early_s=0.01, tail_s=0.1), sample_rate_hz=380.0)
-    (4, 38)
-    """
-    return round(config.early_s * sample_rate_hz), round(config.tail_s * sample_rate_hz)
-
-
-def alarm_windows(
-    slips: Sequence[RowInterval], early_rows: int, tail_rows: int
-) -> tuple[Ints, Ints]:
-    """Return the window of each slip: the rows at which an alarm that belongs to it can rise.
-
-    A window begins ``early_rows`` before the slip, but not within the slip before it. It ends
-    ``tail_rows`` after the slip, but before the next slip.
-
-    Parameters
-    ----------
-    slips
-        In the order of time, without overlap.
-    early_rows, tail_rows
-        At least 0.
-
-    Returns
-    -------
-    lows, highs : ndarray of int, shape (slips,)
-        The first row of each window and the first row after it.
-
-    Examples
-    --------
-    >>> alarm_windows([RowInterval(10, 20), RowInterval(25, 30)], early_rows=8, tail_rows=9)
-    (array([ 2, 20]), array([25, 39]))
-    """
-    bounds = np.array(slips, np.int64).reshape(-1, 2)
-    lows, highs = bounds[:, 0] - early_rows, bounds[:, 1] + tail_rows
-    lows[1:] = np.maximum(lows[1:], bounds[:-1, 1])
-    highs[:-1] = np.minimum(highs[:-1], bounds[1:, 0])
-    return lows, highs
-
-
 @compiled
 def slip_not_over(row, slip, highs):
     """Return the first slip, from ``slip`` on, whose window has not ended before a row."""
@@ -171,7 +129,7 @@ def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
     slip : int
         See :func:`slip_not_over`.
     lows : ndarray of int, shape (slips,)
-        See :func:`alarm_windows`.
+        The first row of the window of each slip, see :class:`ScoredRows`.
     alarm_of : ndarray of int, shape (slips, thresholds)
         The number of each slip's alarm at each threshold, ``NONE`` before there is one.
     threshold : int
@@ -201,20 +159,6 @@ def is_false(row, slip, lows):
 
 
 @compiled
-def _common_rows(starts, ends, other_starts, other_ends):
-    """Count the rows that are in intervals of both of two signals."""
-    rows = first = 0
-    for k in range(starts.size):
-        while first < other_ends.size and other_ends[first] <= starts[k]:
-            first += 1
-        other = first
-        while other < other_ends.size and other_starts[other] < ends[k]:
-            rows += min(ends[k], other_ends[other]) - max(starts[k], other_starts[other])
-            other += 1
-    return rows
-
-
-@compiled
 def _match(rises, settling, lows, highs, alarm_of, slip_of):
     slip = 0
     for alarm in range(rises.size):
@@ -225,6 +169,10 @@ def _match(rises, settling, lows, highs, alarm_of, slip_of):
 
 class ScoredRows:
     """The rows of a recording that are scored, and those in which the alarm of each slip may rise.
+
+    The *window* of a slip, in which an alarm that belongs to it can rise, begins ``early_s``
+    before the slip, but not within the slip before it. It ends ``tail_s`` after the slip, but
+    before the next slip. It has only scored rows of the stretch of its slip.
 
     Parameters
     ----------
@@ -250,8 +198,7 @@ class ScoredRows:
     scored : ndarray of bool, shape (slips,)
         Whether a slip begins in a row that is scored. The others are neither found nor missed.
     lows, highs : ndarray of int, shape (slips,)
-        The window of each slip, as :func:`alarm_windows` returns it, within the scored rows of
-        its stretch.
+        The first row of each window and the first row after it.
     leads_s, windows_s : ndarray, shape (slips,)
         Time from the beginning of each window to the middle of the first row of its slip, and
         length of the window.
@@ -275,41 +222,40 @@ class ScoredRows:
         config: EvaluationConfig,
         sample_rate_hz: float,
     ) -> None:
-        early_rows, tail_rows = tolerance_rows(config, sample_rate_hz)
         self.off_rows = round(config.off_before_s * sample_rate_hz)
-        self._starts, ends = np.array(stretches, np.int64).reshape(-1, 2).T
+        self._starts, ends = _columns(stretches)
         self.settled = np.minimum(self._starts + max(settling_rows, self.off_rows), ends)
-        slip_starts = np.array(slips, np.int64).reshape(-1, 2)[:, 0]
+        slip_starts, slip_ends = _columns(slips)
         stretch = self._stretch_of(slip_starts)
         self.scored = np.asarray(slip_starts >= self.settled[stretch])
-        lows, highs = alarm_windows(slips, early_rows, tail_rows)
+        lows = slip_starts - round(config.early_s * sample_rate_hz)
+        highs = slip_ends + round(config.tail_s * sample_rate_hz)
+        lows[1:] = np.maximum(lows[1:], slip_ends[:-1])
+        highs[:-1] = np.minimum(highs[:-1], slip_starts[1:])
         self.lows = np.maximum(lows, self.settled[stretch])
         self.highs = np.maximum(np.minimum(highs, ends[stretch]), self.lows)
-        self.leads_s = (slip_starts - self.lows + 0.5) / sample_rate_hz
-        self.windows_s = (self.highs - self.lows) / sample_rate_hz
+        self.leads_s = np.asarray((slip_starts - self.lows + 0.5) / sample_rate_hz, np.float64)
+        self.windows_s = np.asarray((self.highs - self.lows) / sample_rate_hz, np.float64)
         # Rest begins where a window ends or the chain has settled, and lasts to the next window
         # or the end of the stretch. There is no rest between windows that meet or overlap.
         starts = np.sort(np.concatenate([self.settled, self.highs]))
         ends = np.sort(np.concatenate([self.lows, ends]))
         self.rest_starts, self.rest_ends = starts[starts < ends], ends[starts < ends]
+        self.settling_rows = int((self.settled - self._starts).sum())
+        self.rest_rows = int((self.rest_ends - self.rest_starts).sum())
 
     def _stretch_of(self, rows: Ints) -> Ints:
         return np.searchsorted(self._starts, rows, 'right') - 1
 
-    @property
-    def settling_rows(self) -> int:
-        """Number of rows that are not scored."""
-        return int((self.settled - self._starts).sum())
-
-    @property
-    def rest_rows(self) -> int:
-        """Number of rows of rest."""
-        return int((self.rest_ends - self.rest_starts).sum())
-
     def on_rest_rows(self, on: Sequence[RowInterval]) -> int:
         """Return in how many rows of rest a signal is ON, given its intervals in order."""
-        starts, ends = np.array(on, np.int64).reshape(-1, 2).T.copy()
-        return int(_common_rows(starts, ends, self.rest_starts, self.rest_ends))
+        if not self.rest_rows:
+            return 0
+        edges = np.stack([self.rest_starts, self.rest_ends], axis=1).ravel()
+        # The rows of rest before each row: within the rest they grow by one a row.
+        before = np.cumsum(np.diff(edges, prepend=edges[0]) * (np.arange(edges.size) % 2))
+        starts, ends = (np.interp(rows, edges, before) for rows in _columns(on))
+        return int((ends - starts).sum())
 
     def alarms(self, on: Sequence[RowInterval]) -> list[RowInterval]:
         """Return the alarms of a decision, given the intervals in which it is ON, in order.
@@ -323,13 +269,12 @@ class ScoredRows:
         >>> rows.alarms([RowInterval(10, 20), RowInterval(24, 30), RowInterval(35, 36)])
         [RowInterval(start=10, end=30), RowInterval(start=35, end=36)]
         """
-        starts, ends = np.array(on, np.int64).reshape(-1, 2).T
+        starts, ends = _columns(on)
         stretch = self._stretch_of(starts)
         new = (starts[1:] - ends[:-1] >= self.off_rows) | (stretch[1:] != stretch[:-1])
-        first = np.concatenate([np.ones(min(len(starts), 1), bool), new])
-        last = np.concatenate([new, np.ones(min(len(starts), 1), bool)])
-        pairs = zip(starts[first].tolist(), ends[last].tolist(), strict=True)
-        return [RowInterval(*pair) for pair in pairs]
+        outer = np.ones(min(len(starts), 1), bool)
+        first, last = np.concatenate([outer, new]), np.concatenate([new, outer])
+        return list(map(RowInterval, starts[first].tolist(), ends[last].tolist()))
 
     def settling(self, rises: Sequence[int]) -> Bools:
         """Return at which rows the chain still settles after a stretch began; shape (n,)."""
@@ -368,6 +313,11 @@ class ScoredRows:
         _match(rows, self.settling(rises), self.lows, self.highs, alarm_of, slip_of)
         alarm_of[~self.scored] = NONE
         return _or_none(alarm_of[:, 0]), _or_none(slip_of)
+
+
+def _columns(intervals: Sequence[RowInterval]) -> tuple[Ints, Ints]:
+    starts, ends = np.array(intervals, np.int64).reshape(-1, 2).T.copy()
+    return starts, ends
 
 
 def _or_none(numbers: Ints) -> list[int | None]:

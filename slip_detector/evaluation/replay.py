@@ -26,33 +26,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.result import SlipResult
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.events import (
+from slip_detector.chain.stamps import missing_rows
+from slip_detector.evaluation.figures import (
     ALREADY_ON,
     FALSE,
     REPEAT,
     SETTLING,
+    STAGES,
     TRUE,
     Alarm,
+    ReplayOutcome,
     TrueSlip,
+    mean_and_sd,
 )
-from slip_detector.evaluation.labelled_rows import (
-    Kinds,
-    LabelledRows,
-    Stamps,
-    rows_in_gap,
-)
-from slip_detector.evaluation.matching import (
-    OnIntervals,
-    RowInterval,
-    ScoredRows,
-    tolerance_rows,
-)
-from slip_detector.evaluation.outcome import ReplayOutcome
-from slip_detector.evaluation.paper_figures import mean_and_sd
-from slip_detector.evaluation.scores import ScoreTally
-from slip_detector.evaluation.stage_watch import StageWatch
+from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows
+from slip_detector.evaluation.scores import Kinds, ScoreTally, kinds_of
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 
@@ -62,9 +53,8 @@ Floats = NDArray[np.float64]
 #: Number of values that the chain is given at a time, so that its results stay in the cache.
 BLOCK_VALUES = 131072
 
-#: Length of the block that begins with a slip. Most alarms rise within it, and the envelope is not
-#: needed after the alarm.
-WATCHED_ROWS = 64
+#: Takes the place of a row that has not come.
+NEVER = np.iinfo(np.int64).max
 
 
 class Observer(Protocol):
@@ -97,10 +87,10 @@ class Replay:
 
     Examples
     --------
-    >>> from slip_detector.evaluation.outcome import figures_of_merit
+    >>> from slip_detector.evaluation.figures import figures_of_merit
     >>> volts = np.zeros((760, 16))
     >>> volts[380:] = np.sin(2 * np.pi * 20.0 * np.arange(380) / 380.0)[:, np.newaxis]
-    >>> slips = LabelledRows(volts, truth=np.arange(760) >= 380)
+    >>> slips = Samples.evenly(volts, 380.0, truth=np.arange(760) >= 380)
     >>> outcome = Replay(ChainConfig()).run([slips])
     >>> figures = figures_of_merit([outcome])
     >>> figures['matched'], figures['false_alarms'], figures['success_percent']
@@ -118,11 +108,11 @@ class Replay:
         self.config = config or EvaluationConfig()
         self.chain = SlipChain(chain_config)
         self.tally = ScoreTally() if scores else None
-        self.watch = StageWatch(chain_config) if stages else None
+        self.watch = _StageWatch(chain_config) if stages else None
 
     def run(
         self,
-        pieces: Iterable[LabelledRows],
+        pieces: Iterable[Samples],
         sample_rate_hz: float | None = None,
         observer: Observer | None = None,
     ) -> ReplayOutcome:
@@ -131,7 +121,7 @@ class Replay:
         Parameters
         ----------
         pieces
-            The whole recording, in pieces of any length.
+            The whole recording with its labels, in pieces of any length.
         sample_rate_hz
             Rate of the recording, which turns rows into times; the chain's rate if not given.
         observer
@@ -147,6 +137,66 @@ class Replay:
         for piece in pieces:
             run.add(piece)
         return run.outcome()
+
+
+class _StageWatch:
+    """Divides the latency of a detection into the parts of filter, envelope, decision and vote.
+
+    From the start of a slip on, two further chains run until its alarm: one like the chain that is
+    replayed, for the envelope, and one with windows of one sample, whose envelope is the filtered
+    signal, rectified and raised to the exponent. So the algorithm is written once, and few rows
+    run three times.
+
+    Filtered signal and envelope are compared with the threshold; where evidence decides, with the
+    channel's noise floor plus ``evidence_offset_db``, above which evidence grows.
+    """
+
+    def __init__(self, config: ChainConfig) -> None:
+        one_s = 1.0 / config.sample_rate_hz
+        self._chain, self._config = SlipChain(config), config
+        self._filters = SlipChain(
+            dataclasses.replace(
+                config, envelope_window_s=one_s, decision_window_s=one_s, decision='mean'
+            )
+        )
+        self._members = [np.array(members) - 1 for members in config.groups.values()]
+
+    def begin(self, chain: SlipChain) -> None:
+        """Start at a slip, before the chain that is replayed receives its first row."""
+        self._chain.state[:] = chain.state
+        self._filters.take_filters(chain)
+        # The first row above the threshold, for each of the first three stages and each channel.
+        self._first = np.full((3, self._config.channels), NEVER)
+        self._row = 0
+
+    def follow(self, volts: Floats) -> None:
+        """Take the next rows, at least one; with the alarm, if it rises, in the last of them."""
+        evidence = self._config.decision == 'evidence'
+        result = self._result = self._chain.update(volts, level=False, floor=evidence)
+        filtered = self._filters.update(volts, level=False).envelope
+        least: Floats | float = self._config.threshold
+        if evidence:
+            least = 10.0 ** ((result.floor + self._config.evidence_offset_db) / 20.0)
+        passed = filtered > least, result.envelope > least, result.channels
+        for first, through in zip(self._first, passed, strict=True):
+            valid = through & result.valid
+            new = valid.any(axis=0) & (first == NEVER)
+            first[new] = self._row + valid.argmax(axis=0)[new]
+        self._row += len(volts)
+
+    def stages(self) -> dict[str, int]:
+        """Return the rows spent in each stage, from slip to alarm, which has come."""
+        deciding = self._members[int(self._result.groups[-1].argmax())]
+        # A later stage may be above the threshold before the one that feeds it, as the windows
+        # still hold rows from before the slip. Then the earlier stage ends at the same row.
+        above = [*self._first[:, deciding].min(axis=1).tolist(), self._row - 1]
+        ends = np.minimum.accumulate(above[::-1])[::-1]
+        return dict(zip(STAGES, np.diff(ends, prepend=0).tolist(), strict=True))
+
+    def lost_at(self) -> str:
+        """Return the first stage at which no channel was above the threshold, or the vote."""
+        lost = (self._first == NEVER).all(axis=1)
+        return STAGES[int(lost.argmax()) if lost.any() else -1]
 
 
 @dataclasses.dataclass
@@ -175,22 +225,22 @@ class _Run:
     def __init__(self, replay: Replay, rate_hz: float, observer: Observer | None) -> None:
         self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
         self._chain, self._tally, self._watch = replay.chain, replay.tally, replay.watch
-        config, chain_config = replay.config, self._chain.config
-        self._tail = tolerance_rows(config, rate_hz)[1]
-        self._late_after = round(config.late_after_s * rate_hz)
-        disabled = {channel - 1 for channel in chain_config.disabled_channels}
-        self._enabled = [c for c in range(chain_config.channels) if c not in disabled]
-        self._block_rows = max(BLOCK_VALUES // chain_config.channels, 1)
+        config = self._chain.config
+        disabled = {channel - 1 for channel in config.disabled_channels}
+        self._enabled = [c for c in range(config.channels) if c not in disabled]
+        self._block_rows = max(BLOCK_VALUES // config.channels, 1)
+        self._tail_rows = round(replay.config.tail_s * rate_hz)
         self._row = 0  # Number of the next row; rows that are missing in gaps count.
-        self._rows = self._slip_rows = self._moving_rows = self._on_rows = 0
-        self._moves = False
-        self._last_stamps_ns: Stamps | None = None
+        self._rows = self._slip_rows = self._on_rows = 0
+        self._moving_rows: int | None = None
+        self._last_ns = 0
         self._labels, self._on = OnIntervals(), OnIntervals()
         self._stretches: list[RowInterval] = []
         self._stretch_start = 0
         self._slips: list[_Slip] = []
+        self._watching = False  # whether the alarm of the last slip may still rise
 
-    def add(self, piece: LabelledRows) -> None:
+    def add(self, piece: Samples) -> None:
         volts, truth = np.asarray(piece.volts, np.float64), np.asarray(piece.truth, np.bool_)
         n = len(volts)
         if truth.shape != (n,):
@@ -198,23 +248,20 @@ class _Run:
         if not n:
             return
         if piece.new_stretch and self._rows:
-            self._begin_stretch(piece.stamps_ns)
-        kinds = piece.kinds
+            self._begin_stretch(int(piece.stamps_ns[0]))
         if piece.moving is not None:
-            self._moves = True
-            self._moving_rows += int(np.count_nonzero(piece.moving))
+            self._moving_rows = (self._moving_rows or 0) + int(np.count_nonzero(piece.moving))
+        kinds = kinds_of(truth, piece.moving)
         # A block ends before each slip, so that the watch can copy the chain's state at that row.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         cuts = {*range(0, n, self._block_rows), *starts.tolist(), n}
-        if self._watch:
-            cuts.update(row for row in (starts + WATCHED_ROWS).tolist() if row < n)
         for a, b in itertools.pairwise(sorted(cuts)):
             self._block(volts[a:b], truth[a:b], kinds[a:b])
-        self._last_stamps_ns = piece.stamps_ns
+        self._last_ns = int(piece.stamps_ns[-1])
 
-    def _begin_stretch(self, stamps_ns: Stamps | None) -> None:
+    def _begin_stretch(self, first_ns: int) -> None:
         self._end_stretch()
-        missing = rows_in_gap(self._last_stamps_ns, stamps_ns, self._rate_hz)
+        missing = missing_rows(self._last_ns, first_ns, self._rate_hz)
         self._row += missing
         self._stretch_start = self._row
         if self._observer and missing:
@@ -232,14 +279,12 @@ class _Run:
         """Take rows with at most one slip, which is at their beginning."""
         if truth[0] and not self._labels.on:
             self._begin_slip()
-        watching = self._watch is not None and self._watch.watching
         votes = (self._chain.config.vote,) if self._tally else ()
+        # An observer receives floor and excess, which make evidence.
         level = self._observer is not None
-        # An observer receives floor and excess, which make evidence; the watch needs floors only.
-        evidence = self._chain.config.decision == 'evidence'
-        floor, excess = evidence and (watching or level), evidence and level
+        evidence = level and self._chain.config.decision == 'evidence'
         result = self._chain.update(
-            volts, envelope=watching, level=level, floor=floor, excess=excess, votes=votes
+            volts, envelope=False, level=level, floor=evidence, excess=evidence, votes=votes
         )
         on = np.ascontiguousarray(result.slip)
         self._labels.add(truth, self._row)
@@ -247,8 +292,8 @@ class _Run:
         n_slip = int(np.count_nonzero(truth))
         if n_slip:
             self._note_first_on(result, on[:n_slip], n_slip)
-        if watching:
-            self._follow(volts, result, on)
+        if self._watching:
+            self._follow(volts, on)
         self._rows += len(on)
         self._slip_rows += n_slip
         self._on_rows += int(np.count_nonzero(on[n_slip:]))
@@ -265,7 +310,8 @@ class _Run:
         if slip.on_at_start:
             slip.lost_at = ALREADY_ON  # Used only if no later alarm finds the slip.
         elif self._watch:
-            self._watch.begin(self._chain, self._row)
+            self._watch.begin(self._chain)
+            self._watching = True
 
     def _note_first_on(self, result: SlipResult, on: Bools, n_slip: int) -> None:
         slip = self._slips[-1]
@@ -276,37 +322,34 @@ class _Run:
             found = channels.any(axis=0)
             slip.first_on[waiting[found]] = self._row + channels.argmax(axis=0)[found]
 
-    def _follow(self, volts: Floats, result: SlipResult, on: Bools) -> None:
+    def _follow(self, volts: Floats, on: Bools) -> None:
         """Give the watch the rows in which the alarm of the last slip may rise."""
         assert self._watch is not None
-        n = len(on)
+        able = len(on)
         if not self._labels.on:
-            n = min(n, self._labels.edges[-1] + self._tail - self._row)
-        rises = np.flatnonzero(on[: max(n, 0)])
-        if n > 0:
-            rise = int(rises[0]) if rises.size else None
-            self._watch.follow(volts[:n], result, self._row, rise)
-        if n < len(on) or rises.size:
+            able = min(able, max(self._labels.edges[-1] + self._tail_rows - self._row, 0))
+        rises = np.flatnonzero(on[:able])
+        n = rises[0] + 1 if rises.size else able
+        if n:
+            self._watch.follow(volts[:n])
+        if rises.size:
+            self._slips[-1].stages = self._watch.stages()
+            self._watching = False
+        elif able < len(on):
             self._end_watch()
 
     def _end_watch(self) -> None:
-        """Note the parts of the last slip's latency, or where the slip was lost."""
-        if self._watch and self._watch.watching:
-            slip = self._slips[-1]
-            slip.stages = self._watch.stages()
-            slip.lost_at = None if slip.stages else self._watch.lost_at()
-            self._watch.watching = False
+        """Note where the last slip was lost, if its alarm has not come."""
+        if self._watching:
+            assert self._watch is not None
+            self._slips[-1].lost_at = self._watch.lost_at()
+            self._watching = False
 
     def outcome(self) -> ReplayOutcome:
         self._end_stretch()
-        labels, on = self._labels.closed(), self._on.closed()
-        scored = ScoredRows(
-            labels,
-            self._stretches,
-            settling_rows(self._chain.config),
-            self._replay.config,
-            self._rate_hz,
-        )
+        labels, on, rate_hz = self._labels.closed(), self._on.closed(), self._rate_hz
+        settling = settling_rows(self._chain.config)
+        scored = ScoredRows(labels, self._stretches, settling, self._replay.config, rate_hz)
         alarms = scored.alarms(on)
         rises = [alarm.start for alarm in alarms]
         alarm_of, slip_of = scored.match(rises)
@@ -319,8 +362,8 @@ class _Run:
             for slip, label, k, *how in of_slips
         ]
         kinds = []
-        for a, (settling, s) in enumerate(zip(scored.settling(rises), slip_of, strict=True)):
-            if settling or (s is not None and slips[s].settling):
+        for a, (settles, s) in enumerate(zip(scored.settling(rises), slip_of, strict=True)):
+            if settles or (s is not None and slips[s].settling):
                 kinds.append(SETTLING)
             elif s is None:
                 kinds.append(FALSE)
@@ -329,15 +372,15 @@ class _Run:
         return ReplayOutcome(
             rows=self._rows,
             slip_rows=self._slip_rows,
-            moving_rows=self._moving_rows if self._moves else None,
+            moving_rows=self._moving_rows,
             on_rows=self._on_rows,
             settling_rows=scored.settling_rows,
             rest_rows=scored.rest_rows,
             on_rest_rows=scored.on_rest_rows(on),
-            sample_rate_hz=self._rate_hz,
+            sample_rate_hz=rate_hz,
             slips=tuple(slips),
             alarms=tuple(
-                Alarm(alarm.start / self._rate_hz, alarm.end / self._rate_hz, kind, slip)
+                Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, slip)
                 for alarm, kind, slip in zip(alarms, kinds, slip_of, strict=True)
             ),
             scores=self._tally.take() if self._tally else None,
@@ -355,6 +398,7 @@ class _Run:
     ) -> TrueSlip:
         rate_hz = self._rate_hz
         latency = None if rise is None else rise - slip.start
+        late_after = round(self._replay.config.late_after_s * rate_hz)
         delays_s = tuple(
             None if row < 0 else (row - slip.start) / rate_hz for row in slip.first_on.tolist()
         )
@@ -370,7 +414,7 @@ class _Run:
             settling=not scored,
             lead_s=lead_s,
             window_s=window_s,
-            late=latency is not None and latency > self._late_after,
+            late=latency is not None and latency > late_after,
             stages_s=None if own is None else {name: n / rate_hz for name, n in own.items()},
             lost_at=lost_at if latency is None and scored else None,
             on_at_start=slip.on_at_start,

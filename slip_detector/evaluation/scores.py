@@ -12,19 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Scores of rows with and without slip: the ROC curve and the area under it, in bounded memory."""
+"""Rows of rest, motion and slip, and the ROC curve of their scores, in bounded memory."""
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.evaluation.labelled_rows import MOTION, REST, SLIP
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Kinds = NDArray[np.int8]
+
+#: Kinds of rows: the robot rests, or its motion is not known; the robot moves; there is slip.
+REST, MOTION, SLIP = range(3)
 
 #: Width of a class: scores in one class differ by less than this share of their value.
 SCORE_RESOLUTION = 2.0**-10
@@ -34,6 +38,27 @@ SCORE_RESOLUTION = 2.0**-10
 _DROPPED_BITS = 42
 _LOWEST_CLASS = (1023 - 127) << 10
 _CLASSES = 1 << 18
+
+
+def kinds_of(truth: Bools, moving: Bools | None = None) -> Kinds:
+    """Return the kind of each row: :data:`REST`, :data:`MOTION` or :data:`SLIP`; shape (n,).
+
+    A row with slip is of the kind :data:`SLIP` whether the robot moves or not.
+
+    Parameters
+    ----------
+    truth : ndarray of bool, shape (n,)
+        Whether there is slip.
+    moving : ndarray of bool, shape (n,), or None
+        Whether the robot moves, where that is known.
+
+    Examples
+    --------
+    >>> kinds_of(np.array([False, False, True]), np.array([False, True, True]))
+    array([0, 1, 2], dtype=int8)
+    """
+    others = REST if moving is None else np.where(moving, MOTION, REST)
+    return np.where(truth, SLIP, others).astype(np.int8)
 
 
 @compiled
@@ -54,27 +79,7 @@ def _count(bits, kinds, table, used):  # type: ignore[no-untyped-def]
     used[0], used[1] = low, high
 
 
-@compiled
-def _take(table, used):  # type: ignore[no-untyped-def]
-    """Return the classes that occur and their counts, and set all counts to 0."""
-    low, high = max(used[0], 1), used[1]
-    classes = np.empty(max(high - low, 0) + 1, np.int64)
-    many = 0
-    for place in range(low - 1, max(high, low)):
-        at = place if place >= low else 0
-        if table[0, at] or table[1, at] or table[2, at]:
-            classes[many] = at
-            many += 1
-    counts = np.empty((3, many), np.int64)
-    for kind in range(3):
-        for k in range(many):
-            counts[kind, k] = table[kind, classes[k]]
-            table[kind, classes[k]] = 0
-    used[0], used[1] = _CLASSES, 0
-    return classes[:many], counts
-
-
-class ScoreCounts:
+class ScoreCounts(NamedTuple):
     """Number of rows of each kind by score, in memory that does not grow with the rows.
 
     Scores from 1e-38 to 3e38 are resolved to :data:`SCORE_RESOLUTION` of their value.
@@ -95,17 +100,19 @@ class ScoreCounts:
     (1.0, 4)
     """
 
-    def __init__(self, classes: Ints | None = None, counts: Ints | None = None) -> None:
-        self.classes = np.zeros(0, np.int64) if classes is None else classes
-        self.counts = np.zeros((3, 0), np.int64) if counts is None else counts
+    classes: Ints
+    counts: Ints
 
     @classmethod
     def pooled(cls, parts: Iterable['ScoreCounts']) -> 'ScoreCounts':
         """Return the counts of several recordings together."""
-        tally = ScoreTally()
-        for part in parts:
-            tally.add_counts(part)
-        return tally.take()
+        several = [cls(np.zeros(0, np.int64), np.zeros((3, 0), np.int64)), *parts]
+        classes, places = np.unique(
+            np.concatenate([one.classes for one in several]), return_inverse=True
+        )
+        every = np.concatenate([one.counts for one in several], axis=1)
+        counts = [np.bincount(places, kind, minlength=classes.size) for kind in every]
+        return cls(classes, np.array(counts, np.int64))
 
     @property
     def score(self) -> Floats:
@@ -184,14 +191,13 @@ class ScoreTally:
         kinds = np.ascontiguousarray(kind, np.int8)
         _count(scores.view(np.int64), kinds, self._table, self._used)
 
-    def add_counts(self, counts: ScoreCounts) -> None:
-        """Add the rows that another tally has counted."""
-        if counts.classes.size:
-            self._table[:, counts.classes] += counts.counts
-            self._used[0] = min(self._used[0], counts.classes[0])
-            self._used[1] = max(self._used[1], counts.classes[-1] + 1)
-
     def take(self) -> ScoreCounts:
         """Return the counts so far and start again from zero."""
-        classes, counts = _take(self._table, self._used)
-        return ScoreCounts(classes, counts)
+        # Class 0, which has the rows before any signal, is far below the classes in use.
+        low, high = max(int(self._used[0]), 1), int(self._used[1])
+        classes = np.concatenate([[0], np.arange(low, high)])
+        counts = np.concatenate([self._table[:, :1], self._table[:, low:high]], axis=1)
+        self._table[:, :1] = self._table[:, low:high] = 0
+        self._used[:] = _CLASSES, 0
+        occur = counts.any(axis=0)
+        return ScoreCounts(classes[occur], counts[:, occur])

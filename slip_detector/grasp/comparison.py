@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.evaluation.bounds import Bound
+from slip_detector.evaluation.figures import Bound
 from slip_detector.grasp.loop import GraspTrial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig

@@ -32,7 +32,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
-from slip_detector.evaluation.paper_figures import first_on_delay_s, mean_and_sd, percent
+from slip_detector.evaluation.figures import first_on_delay_s, mean_and_sd, percent
 from slip_detector.nodes.demonstration import (
     START_TIMEOUT_S,
     NodeProcesses,

@@ -22,10 +22,8 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from slip_detector.evaluation.events import STAGES
-from slip_detector.evaluation.labelled_rows import MOTION
-from slip_detector.evaluation.outcome import ReplayOutcome, figures_of_merit
-from slip_detector.evaluation.scores import ScoreCounts
+from slip_detector.evaluation.figures import STAGES, ReplayOutcome, figures_of_merit
+from slip_detector.evaluation.scores import MOTION, ScoreCounts
 from slip_detector.report.pictures import save_picture
 
 
@@ -43,9 +41,9 @@ def draw_evaluation(path: Path, outcomes: Sequence[ReplayOutcome]) -> None:
     --------
     >>> import tempfile
     >>> from slip_detector import ChainConfig
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.evaluation.replay import Replay
-    >>> rows = LabelledRows(np.full((380, 16), 4.3), truth=np.arange(380) >= 190)
+    >>> rows = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / 'evaluation.png'
     ...     draw_evaluation(path, [Replay(ChainConfig()).run([rows])])

@@ -18,8 +18,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from slip_detector.evaluation.evaluator import EvaluatedRecording, recording_figures
-from slip_detector.evaluation.loading import LabelledRecording
+from slip_detector.evaluation.evaluator import (
+    EvaluatedRecording,
+    LabelledRecording,
+    recording_figures,
+)
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.evaluation_pictures import draw_evaluation
 from slip_detector.report.overview import Overview, cells_of_each, events_of
@@ -81,15 +84,14 @@ def write_evaluation_report(
     --------
     >>> import tempfile
     >>> import numpy as np
-    >>> from slip_detector.evaluation.evaluator import Evaluator
-    >>> from slip_detector.evaluation.loading import RecordingLoader
+    >>> from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recording
     >>> from slip_detector.parameters import EvaluationConfig, RecordingConfig
     >>> config = ChainConfig()
-    >>> evaluator = Evaluator(RecordingLoader(config, RecordingConfig(), EvaluationConfig()))
+    >>> loader = RecordingLoader(config)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     rest, page = Path(folder) / 'rest.npz', Path(folder) / 'report.html'
     ...     np.savez(rest, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
-    ...     one = evaluator.evaluate(rest, overview_factory(config, recordings=1))
+    ...     one = evaluate_recording(loader, rest, overview_factory(config, recordings=1))
     ...     written = write_evaluation_report({'rest': {'rest.npz': one}}, config, page, None)
     ...     [path.name for path in written]
     ['report.html']

@@ -17,7 +17,7 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from slip_detector.evaluation.events import ALREADY_ON, STAGES
+from slip_detector.evaluation.figures import ALREADY_ON, STAGES
 from slip_detector.report.text_table import UNDEFINED, text_table
 
 Cells = tuple[str, ...]

@@ -27,9 +27,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.result import SlipResult
-from slip_detector.evaluation.events import FALSE
+from slip_detector.evaluation.figures import FALSE, ReplayOutcome
 from slip_detector.evaluation.matching import OnIntervals
-from slip_detector.evaluation.outcome import ReplayOutcome
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.signal_codes import Codes, signal_codes, signals_of
 
@@ -126,9 +125,9 @@ def events_of(outcome: ReplayOutcome) -> list[Event]:
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.evaluation.replay import Replay
-    >>> quiet = LabelledRows(np.full((380, 16), 4.3), truth=np.arange(380) >= 190)
+    >>> quiet = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
     >>> outcome = Replay(ChainConfig()).run([quiet])
     >>> [(event.kind, event.start_s, event.note) for event in events_of(outcome)]
     [('missed', 0.5, 'lost at: filter')]

@@ -27,7 +27,7 @@ from scipy import signal
 from slip_detector.chain.filters import design
 from slip_detector.chain.result import SlipResult
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.protocol_trials import (
+from slip_detector.evaluation.protocol import (
     PAPER_DELAY_MS,
     PAPER_FALSE_POSITIVE_PERCENT,
     PlateTrial,
@@ -69,7 +69,7 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
 
     Examples
     --------
-    >>> from slip_detector.evaluation.protocol_trials import plate_trial
+    >>> from slip_detector.evaluation.protocol import plate_trial
     >>> time_s = np.arange(760) / 380.0
     >>> volts = 4.3 + 0.02 * np.sin(2 * np.pi * 25.0 * time_s)[:, np.newaxis] * np.ones(16)
     >>> trial = plate_trial(volts, np.clip(time_s - 1.0, 0.0, 0.5), 380.0)

@@ -17,7 +17,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slip_detector.evaluation.protocol_trials import SCENES, band_name
+from slip_detector.evaluation.protocol import SCENES, band_name
 from slip_detector.report.text_table import number_text, text_table
 
 #: Headings of the wanted figures.

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from slip_detector.evaluation.outcome import ReplayOutcome, figures_of_merit
+from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -65,9 +65,9 @@ def replay_tracks(
     Examples
     --------
     >>> import numpy as np
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
-    >>> rows = LabelledRows(np.full((380, 16), 4.3), truth=np.zeros(380, bool))
+    >>> rows = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.zeros(380, bool))
     >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
     >>> replay = replay_tracks(ChainConfig(), [track], EvaluationConfig(), shown=True)
     >>> replay.outcomes[0].alarms, replay.overviews[0].rows

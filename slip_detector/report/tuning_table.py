@@ -59,7 +59,7 @@ def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
     Parameters
     ----------
     given, tuned
-        Figures as :func:`slip_detector.evaluation.outcome.figures_of_merit` returns them.
+        Figures as :func:`slip_detector.evaluation.figures.figures_of_merit` returns them.
 
     Examples
     --------

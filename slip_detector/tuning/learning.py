@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.settling import evidence_falls_s
-from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.sensor import (
@@ -254,10 +254,10 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> QuietT
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> noise = 0.01 * np.random.default_rng(0).standard_normal((380 * 60, 16))
-    >>> rows = LabelledRows(noise, truth=np.zeros(380 * 60, bool))
+    >>> rows = Samples.evenly(noise, 380.0, np.zeros(380 * 60, bool))
     >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
     >>> quiet_threshold(track, ChainConfig(), per_hour=600.0).per_hour[1] <= 600.0
     True

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.settling import settling_rows
 from slip_detector.evaluation.chance import HALF
-from slip_detector.evaluation.labelled_rows import MOTION, REST
-from slip_detector.evaluation.scores import ScoreTally
+from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
@@ -187,11 +186,11 @@ class Objective:
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> slip = np.arange(760) >= 380
     >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
-    >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
+    >>> rows = Samples.evenly(np.tile(volts, (16, 1)).T, 380.0, slip)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
     >>> given = Objective([track], EvaluationConfig(), TuneConfig()).as_it_is(ChainConfig())
     >>> given.figures.sooner_than_chance, given.figures.false_alarms_per_minute

@@ -83,11 +83,11 @@ class Problem:
     Examples
     --------
     >>> import numpy as np
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> slip = np.arange(760) >= 380
     >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
-    >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
+    >>> rows = Samples.evenly(np.tile(volts, (16, 1)).T, 380.0, slip)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
     >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
     >>> point = problem.space.point(problem.given)
@@ -243,12 +243,12 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     Examples
     --------
     >>> import numpy as np
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.parameters import EvaluationConfig, TuneConfig
     >>> from slip_detector.tuning.tracks import track_of
     >>> slip = np.arange(760) >= 380
     >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
-    >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
+    >>> rows = Samples.evenly(np.tile(volts, (16, 1)).T, 380.0, slip)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
     >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
     >>> judge(problem, [track], best=None).kept

@@ -30,7 +30,7 @@ from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
@@ -237,12 +237,12 @@ def search(
     --------
     >>> import numpy as np
     >>> from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> slip = np.arange(760) >= 380
     >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
     >>> volts += 0.01 * np.random.default_rng(0).standard_normal(760)
-    >>> rows = LabelledRows(np.tile(volts, (16, 1)).T, truth=slip)
+    >>> rows = Samples.evenly(np.tile(volts, (16, 1)).T, 380.0, slip)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
     >>> problem = Problem([track], ChainConfig(), None, EvaluationConfig(), TuneConfig())
     >>> study = problem.study(None, problem.study_name(), seed=0)

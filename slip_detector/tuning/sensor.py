@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.labelled_rows import REST, SLIP
+from slip_detector.evaluation.scores import REST, SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.tracks import Track
 
@@ -103,10 +103,10 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> noise = np.random.default_rng(0).standard_normal((3000, 2)) * [0.01, 0.04]
-    >>> track = track_of('rest', [LabelledRows(noise, np.zeros(3000, bool))], 380.0)
+    >>> track = track_of('rest', [Samples.evenly(noise, 380.0, np.zeros(3000, bool))], 380.0)
     >>> floors = learnt_floors(ChainConfig(channels=2, exponent=1, gain=1.0), [track])
     >>> 3.5 < floors[1] / floors[0] < 4.5
     True
@@ -118,16 +118,13 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     for track in tracks:
         least = round(LEAST_S * track.sample_rate_hz)
         left = settling + max(MOST_ROWS // len(tracks), least)
-        for begin, end, _, new_stretch in track.pieces:
-            if new_stretch:
-                runner.reset()
-                unsettled = settling
+        for begin, end, _ in track.stretches:
+            runner.reset()
             rows = slice(begin, min(end, begin + left))
             result = runner.update(track.volts[rows], envelope=True, level=False)
             kinds = track.kinds[rows]
             counts = np.isin(kinds, quiet) if quiet else kinds != SLIP
-            counts[:unsettled] = False
-            unsettled = max(unsettled - counts.size, 0)
+            counts[:settling] = False
             envelopes.append(np.where(result.valid, result.envelope, np.nan)[counts])
             left -= counts.size
             if not left:
@@ -220,12 +217,12 @@ def find_mains(chain: ChainConfig, track: Track) -> Mains:
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> time_s = np.arange(6000)[:, np.newaxis] / 320.0
     >>> volts = np.random.default_rng(0).standard_normal((6000, 2))
     >>> volts += np.sin(2 * np.pi * 60.0 * time_s) + np.sin(2 * np.pi * 180.0 * time_s)
-    >>> track = track_of('rest', [LabelledRows(volts, np.zeros(6000, bool))], 320.0)
+    >>> track = track_of('rest', [Samples.evenly(volts, 320.0, np.zeros(6000, bool))], 320.0)
     >>> [(line.hum_hz, line.seen_hz) for line in find_mains(ChainConfig(channels=2), track).lines]
     [(60.0, 60.0), (180.0, 140.0)]
     """
@@ -278,8 +275,8 @@ def _not_flat(volts: Floats) -> Floats:
 
 def _longest_stretch(track: Track) -> Floats:
     """Return the rows of the longest stretch; the median replaces values that are not numbers."""
-    longest = max(track.rows_of_stretches, key=lambda rows: rows.stop - rows.start)
-    volts: Floats = track.volts[longest].copy()
+    begin, end, _ = max(track.stretches, key=lambda one: one.end - one.begin)
+    volts: Floats = track.volts[begin:end].copy()
     for column in volts.T:
         bad = ~np.isfinite(column)
         if bad.any():
@@ -305,10 +302,10 @@ def common_steps_v(chain: ChainConfig, track: Track) -> Floats:
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> volts = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 1.0], [3.0, -2.0, 2.0]])
-    >>> track = track_of('a', [LabelledRows(volts, np.zeros(3, bool))], 380.0)
+    >>> track = track_of('a', [Samples.evenly(volts, 380.0, np.zeros(3, bool))], 380.0)
     >>> common_steps_v(ChainConfig(channels=3, impact_channels=2), track)
     array([0., 2., 0.])
     """
@@ -322,15 +319,15 @@ def _steps_v(chain: ChainConfig, track: Track) -> Floats:
     disabled = set(chain.disabled_channels)
     enabled = [c for c in range(track.volts.shape[1]) if c + 1 not in disabled]
     found = np.zeros((len(track.volts), len(enabled)))
-    for rows in track.rows_of_stretches:
-        volts = track.volts[rows, enabled]
+    for begin, end, _ in track.stretches:
+        volts = track.volts[begin:end, enabled]
         good = (volts >= low) & (volts <= high)
         # The place of the last good sample up to each row; -1 before the first good one.
         places = np.where(good, np.arange(len(volts))[:, np.newaxis], -1)
         places = np.maximum.accumulate(places, axis=0)
         held = np.where(places < 0, np.nan, np.take_along_axis(volts, places, axis=0))
         steps = np.nan_to_num(np.abs(np.diff(held, axis=0)))
-        found[rows][1:] = np.sort(steps, axis=1)[:, ::-1]
+        found[begin + 1 : end] = np.sort(steps, axis=1)[:, ::-1]
     return found
 
 
@@ -344,11 +341,11 @@ def largest_slip_steps_v(chain: ChainConfig, tracks: Sequence[Track]) -> Floats:
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> volts = np.full((4, 3), 4.3)
     >>> volts[2:, :2] += 0.5, 0.2
-    >>> track = track_of('trial', [LabelledRows(volts, np.arange(4) > 0)], 380.0)
+    >>> track = track_of('trial', [Samples.evenly(volts, 380.0, np.arange(4) > 0)], 380.0)
     >>> chain = ChainConfig(channels=3, groups={'tip': (1, 2, 3)})
     >>> largest_slip_steps_v(chain, [track]).round(3).tolist()
     [0.5, 0.2, 0.0]
@@ -367,11 +364,11 @@ def knocks_v(chain: ChainConfig, track: Track) -> Floats:
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> volts = 4.3 + 1e-3 * np.random.default_rng(0).standard_normal((760, 2))
     >>> volts[380] += 1.0
-    >>> track = track_of('knocks', [LabelledRows(volts, np.zeros(760, bool))], 380.0)
+    >>> track = track_of('knocks', [Samples.evenly(volts, 380.0, np.zeros(760, bool))], 380.0)
     >>> len(knocks_v(ChainConfig(channels=2, groups={'tip': (1, 2)}, impact_channels=2), track))
     1
     """
@@ -439,12 +436,12 @@ def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> I
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> noise = np.random.default_rng(0).normal(0.0, 0.01, (2000, 2))
-    >>> slips = track_of('slips', [LabelledRows(noise, np.ones(2000, bool))], 380.0)
+    >>> slips = track_of('slips', [Samples.evenly(noise, 380.0, np.ones(2000, bool))], 380.0)
     >>> noise[300::500] += 1.0
-    >>> knocks = track_of('knocks', [LabelledRows(noise, np.zeros(2000, bool))], 380.0)
+    >>> knocks = track_of('knocks', [Samples.evenly(noise, 380.0, np.zeros(2000, bool))], 380.0)
     >>> found = impact_step(ChainConfig(channels=2), knocks, [slips])
     >>> found.knocks, found.slip_v < found.impact_v < found.knock_v
     (4, True)

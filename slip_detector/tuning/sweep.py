@@ -34,7 +34,6 @@ from slip_detector.evaluation.chance import (
     slip_figures,
     sooner_than_chance,
 )
-from slip_detector.evaluation.labelled_rows import SLIP
 from slip_detector.evaluation.matching import (
     NONE,
     ScoredRows,
@@ -42,6 +41,7 @@ from slip_detector.evaluation.matching import (
     is_false,
     slip_not_over,
 )
+from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.tracks import Track
@@ -125,9 +125,9 @@ def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
-    >>> rows = LabelledRows(np.zeros((20, 1)), truth=np.zeros(20, bool))
+    >>> rows = Samples.evenly(np.zeros((20, 1)), 380.0, np.zeros(20, bool))
     >>> tracks = [track_of('rest', [rows], sample_rate_hz=100.0)]
     >>> thresholds(ChainConfig(exponent=1), [np.linspace(0.95, 1.0, 20)], tracks)
     array([0.9709, 1.    ])
@@ -189,9 +189,9 @@ class VoteStatistics:
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
-    >>> rows = LabelledRows(np.full((5, 16), 4.3), truth=np.zeros(5, bool))
+    >>> rows = Samples.evenly(np.full((5, 16), 4.3), 380.0, np.zeros(5, bool))
     >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
     >>> VoteStatistics(ChainConfig(), ['all', 'mean']).of(track).shape
     (2, 5)
@@ -226,9 +226,8 @@ class VoteStatistics:
         shape = (len(self._votes), len(track.volts))
         if out is None or out.shape != shape:
             out = np.empty(shape)
-        for begin, end, _, new_stretch in track.pieces:
-            if new_stretch:
-                self._chain.restart() if begin else self._chain.reset()
+        for begin, end, _ in track.stretches:
+            self._chain.restart() if begin else self._chain.reset()
             for start in range(begin, end, ROWS_PER_CALL):
                 rows = slice(start, min(start + ROWS_PER_CALL, end))
                 result = self._chain.update(
@@ -414,10 +413,10 @@ def sweep_thresholds(
 
     Examples
     --------
-    >>> from slip_detector.evaluation.labelled_rows import LabelledRows
+    >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> slip = np.array([False, False, True, True, True])
-    >>> track = track_of('trial', [LabelledRows(np.zeros((5, 1)), slip)], sample_rate_hz=100.0)
+    >>> track = track_of('trial', [Samples.evenly(np.zeros((5, 1)), 100.0, slip)], 100.0)
     >>> statistic, limits = np.array([0.0, 0.2, 0.2, 0.6, 0.9]), np.array([0.1, 0.5, 1.0])
     >>> config = EvaluationConfig(off_before_s=0.0)
     >>> sweep = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
@@ -429,23 +428,22 @@ def sweep_thresholds(
     scored, leads_s, windows_s = [np.zeros(0, bool)], [np.zeros(0)], [np.zeros(0)]
     for part, track in zip(statistic, tracks, strict=True):
         rate_hz = track.sample_rate_hz
-        rows = ScoredRows(track.slips, track.stretches, settling_rows, config, rate_hz)
+        stretches = [stretch.interval for stretch in track.stretches]
+        rows = ScoredRows(track.slips, stretches, settling_rows, config, rate_hz)
         rises = np.full((len(track.slips), limits.size), NONE, np.int64)
         rest_rows = np.zeros(limits.size + 1, np.int64)
-        state, stretch = np.zeros(3, np.int64), -1
-        for begin, end, first_row, new_stretch in track.pieces:
-            if new_stretch:
-                stretch += 1
-                state[0] = 0
-                fell = np.full(limits.size, first_row - rows.off_rows)
+        state = np.zeros(3, np.int64)
+        for (begin, end, first_row), settled in zip(track.stretches, rows.settled, strict=True):
+            state[0] = 0
+            fell = np.full(limits.size, first_row - rows.off_rows)
             _sweep(
-                part[begin:end], limits, first_row, int(rows.settled[stretch]), rows.off_rows,
+                part[begin:end], limits, first_row, int(settled), rows.off_rows,
                 rows.lows, rows.highs, rows.rest_starts, rows.rest_ends, state, fell, rises,
                 false_alarms, rest_rows,
             )  # fmt: skip
         starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
-        latencies = np.where(rises == NONE, np.nan, (rises - starts) / rate_hz * 1e3)
-        latencies[~rows.scored] = np.nan
+        found = (rises != NONE) & rows.scored[:, np.newaxis]
+        latencies: Floats = np.where(found, (rises - starts) / rate_hz * 1e3, np.nan)
         latencies_ms.append(latencies)
         scored.append(rows.scored)
         leads_s.append(rows.leads_s)

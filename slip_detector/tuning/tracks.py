@@ -14,17 +14,20 @@
 
 """Labelled recordings in memory, as each trial of a search replays all of them."""
 
+import dataclasses
+import functools
 import hashlib
-import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows, rows_in_gap
-from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.chain.samples import Samples
+from slip_detector.chain.stamps import missing_rows
+from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import OnIntervals, RowInterval
+from slip_detector.evaluation.scores import SLIP, kinds_of
 from slip_detector.recordings import RecordingCounts, recording_sets
 
 Floats = NDArray[np.float64]
@@ -35,8 +38,8 @@ T = TypeVar('T')
 MARGIN_S = 1.0
 
 
-class TrackPiece(NamedTuple):
-    """Consecutive rows of a track.
+class Stretch(NamedTuple):
+    """Rows of a track without a gap, before which the chain is reset.
 
     Attributes
     ----------
@@ -44,102 +47,97 @@ class TrackPiece(NamedTuple):
         Indices of the first row and of the row after the last in the track's arrays.
     first_row : int
         Number of the first row in the recording, including the rows that are missing in gaps.
-    new_stretch : bool
-        Whether the chain is reset before these rows.
 
     Examples
     --------
-    >>> piece = TrackPiece(begin=380, end=760, first_row=400, new_stretch=True)
-    >>> piece.first_row + piece.end - piece.begin  # the row after it, gaps counted
-    780
+    >>> Stretch(begin=380, end=760, first_row=400).interval  # after a gap of 20 rows
+    RowInterval(start=400, end=780)
     """
 
     begin: int
     end: int
     first_row: int
-    new_stretch: bool
+
+    @property
+    def interval(self) -> RowInterval:
+        """Its rows, numbered like ``first_row``."""
+        return RowInterval(self.first_row, self.first_row + self.end - self.begin)
 
 
-class Track(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False)
+class Track:
     """A labelled recording, or a part of one, in memory.
 
     Attributes
     ----------
     name : str
-    volts : ndarray, shape (n, c)
-    kinds : ndarray of int8, shape (n,)
-        ``REST``, ``MOTION`` or ``SLIP``; see :mod:`slip_detector.evaluation.labelled_rows`.
-    moving : ndarray of bool, shape (n,), or None
-        Whether the robot moves, also in rows with slip; None where that is not recorded.
-    pieces : tuple of TrackPiece
-    slips : tuple of RowInterval
-        True slips, in rows that are counted like ``first_row``.
+    samples : Samples
+        All n rows, with their labels.
+    stretches : tuple of Stretch
     sample_rate_hz : float
         Rate of the recording, which turns rows into times.
+    slips : tuple of RowInterval
+        True slips, in rows that are numbered like ``first_row`` of a stretch.
+    kinds : ndarray of int8, shape (n,)
+        ``REST``, ``MOTION`` or ``SLIP``; see :mod:`slip_detector.evaluation.scores`.
 
     Examples
     --------
-    >>> rows = LabelledRows(np.full((760, 16), 4.3), truth=np.arange(760) >= 380)
+    >>> rows = Samples.evenly(np.full((760, 16), 4.3), 380.0, truth=np.arange(760) >= 380)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
-    >>> track.duration_s, len(track.stretches), track.slips
-    (2.0, 1, (RowInterval(start=380, end=760),))
+    >>> track.duration_s, track.stretches, track.slips
+    (2.0, (Stretch(begin=0, end=760, first_row=0),), (RowInterval(start=380, end=760),))
     """
 
     name: str
-    volts: Floats
-    kinds: NDArray[np.int8]
-    moving: NDArray[np.bool_] | None
-    pieces: tuple[TrackPiece, ...]
-    slips: tuple[RowInterval, ...]
+    samples: Samples
+    stretches: tuple[Stretch, ...]
     sample_rate_hz: float
+
+    @functools.cached_property
+    def kinds(self) -> NDArray[np.int8]:
+        """See above."""
+        return kinds_of(self._truth, self.samples.moving)
+
+    @functools.cached_property
+    def slips(self) -> tuple[RowInterval, ...]:
+        """See above."""
+        labels = OnIntervals()
+        for stretch in self.stretches:
+            labels.add(self._truth[stretch.begin : stretch.end], stretch.first_row)
+            labels.close(stretch.interval.end)
+        return tuple(labels.closed())
+
+    @property
+    def _truth(self) -> NDArray[np.bool_]:
+        assert self.samples.truth is not None
+        return self.samples.truth
+
+    @property
+    def volts(self) -> Floats:
+        """Its rows of volts; shape (n, c)."""
+        return self.samples.volts
 
     @property
     def duration_s(self) -> float:
         """Time of its rows, without gaps."""
         return len(self.volts) / self.sample_rate_hz
 
-    @property
-    def stretches(self) -> list[RowInterval]:
-        """Its stretches, in rows that are counted like ``first_row``; between them are gaps."""
-        begins = [k for k, piece in enumerate(self.pieces) if piece.new_stretch]
-        lasts = [*(k - 1 for k in begins[1:]), len(self.pieces) - 1]
-        return [
-            RowInterval(self.pieces[k].first_row, last.first_row + last.end - last.begin)
-            for k, last in zip(begins, (self.pieces[k] for k in lasts), strict=True)
-        ]
-
-    @property
-    def rows_of_stretches(self) -> list[slice]:
-        """Where each stretch is in the track's arrays."""
-        begins = [piece.begin for piece in self.pieces if piece.new_stretch]
-        return [slice(*cut) for cut in itertools.pairwise([*begins, len(self.volts)])]
-
-    def rows(self) -> Iterator[LabelledRows]:
-        """Yield its pieces, for a replay."""
-        period_ns = 1e9 / self.sample_rate_hz
-        for begin, end, first_row, new_stretch in self.pieces:
-            stamps_ns = np.round((first_row + np.arange(end - begin)) * period_ns)
-            yield self._rows(slice(begin, end), stamps_ns.astype(np.int64), new_stretch)
+    def rows(self) -> Iterator[Samples]:
+        """Yield its stretches, for a replay."""
+        for begin, end, _ in self.stretches:
+            yield self.samples.take(slice(begin, end))._replace(new_stretch=True)
 
     def part(self, name: str, first: int, last: int) -> 'Track':
         """Return the rows from index ``first`` up to, but not including, ``last`` as a track."""
-        rows = [
-            self._rows(slice(max(begin, first), min(end, last)), None, new_stretch)
-            for begin, end, _, new_stretch in self.pieces
-            if begin < last and end > first
+        pieces = [
+            self.samples.take(slice(max(begin, first), min(end, last)))._replace(new_stretch=True)
+            for begin, end, _ in self.stretches
         ]
-        return track_of(name, rows, self.sample_rate_hz)
-
-    def _rows(
-        self, rows: slice, stamps_ns: NDArray[np.int64] | None, new_stretch: bool
-    ) -> LabelledRows:
-        moving = None if self.moving is None else self.moving[rows]
-        return LabelledRows(
-            self.volts[rows], self.kinds[rows] == SLIP, stamps_ns, new_stretch, moving
-        )
+        return track_of(name, pieces, self.sample_rate_hz)
 
 
-def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -> Track:
+def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Track:
     """Read a recording into memory.
 
     Parameters
@@ -147,7 +145,7 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
     name
         The name of the recording in errors and reports.
     pieces
-        The whole recording, in pieces of any length.
+        The whole recording with its labels, in pieces of any length.
     sample_rate_hz
         Rate of the recording.
 
@@ -158,46 +156,27 @@ def track_of(name: str, pieces: Iterable[LabelledRows], sample_rate_hz: float) -
 
     Examples
     --------
-    >>> truth = np.array([False, True, True, False])
-    >>> track = track_of('trial', [LabelledRows(np.zeros((4, 1)), truth)], sample_rate_hz=2.0)
-    >>> track.duration_s, track.slips, track.stretches
-    (2.0, (RowInterval(start=1, end=3),), [RowInterval(start=0, end=4)])
+    >>> rows = Samples.evenly(np.zeros((4, 1)), 2.0, truth=[False, True, True, False])
+    >>> track_of('trial', [rows], sample_rate_hz=2.0).slips
+    (RowInterval(start=1, end=3),)
     """
-    labels, kinds, moving, volts, track_pieces = OnIntervals(), [], [], [], []
-    place = row = 0
-    last_stamps_ns = None
-    for piece in pieces:
-        n = len(piece.volts)
-        if not n:
-            continue
-        if piece.new_stretch and place:
-            labels.close(row)
-            row += rows_in_gap(last_stamps_ns, piece.stamps_ns, sample_rate_hz)
-        labels.add(piece.truth, row)
-        volts.append(np.asarray(piece.volts, np.float64))
-        kinds.append(piece.kinds)
-        moving.append(piece.moving)
-        track_pieces.append(TrackPiece(place, place + n, row, piece.new_stretch or not place))
-        place, row = place + n, row + n
-        last_stamps_ns = piece.stamps_ns
-    if not place:
+    filled = [piece for piece in pieces if len(piece.volts)]
+    if not filled:
         raise ValueError(f'{name}: has no samples')
-    labels.close(row)
-    return Track(
-        name,
-        np.ascontiguousarray(np.concatenate(volts)),
-        np.concatenate(kinds),
-        _joined(moving),
-        tuple(track_pieces),
-        tuple(labels.closed()),
-        sample_rate_hz,
-    )
-
-
-def _joined(moving: Sequence[NDArray[np.bool_] | None]) -> NDArray[np.bool_] | None:
-    """Join the motion of all pieces; None where the recording has no velocities."""
-    known = [part for part in moving if part is not None]
-    return np.concatenate(known) if known else None
+    stretches: list[Stretch] = []
+    last = filled[0]
+    for piece in filled:
+        n = len(piece.volts)
+        if not stretches:
+            stretches.append(Stretch(0, n, 0))
+        elif piece.new_stretch:
+            gap = missing_rows(int(last.stamps_ns[-1]), int(piece.stamps_ns[0]), sample_rate_hz)
+            begin, row = stretches[-1].end, stretches[-1].interval.end + gap
+            stretches.append(Stretch(begin, begin + n, row))
+        else:
+            stretches[-1] = stretches[-1]._replace(end=stretches[-1].end + n)
+        last = piece
+    return Track(name, filled[0].then(*filled[1:]), tuple(stretches), sample_rate_hz)
 
 
 def fingerprint(tracks: Sequence[Track]) -> str:
@@ -205,14 +184,15 @@ def fingerprint(tracks: Sequence[Track]) -> str:
 
     Examples
     --------
-    >>> rows = [LabelledRows(np.zeros((4, 1)), truth=np.zeros(4, bool))]
+    >>> rows = [Samples.evenly(np.zeros((4, 1)), 2.0, truth=np.zeros(4))]
     >>> fingerprint([track_of('a', rows, 2.0)]) == fingerprint([track_of('b', rows, 2.0)])
     True
     """
     digest = hashlib.sha256()
     for track in tracks:
-        digest.update(repr((track.volts.shape, track.pieces, track.sample_rate_hz)).encode())
-        digest.update(track.volts.data)
+        stretches = [tuple(stretch) for stretch in track.stretches]
+        digest.update(repr((track.volts.shape, stretches, track.sample_rate_hz)).encode())
+        digest.update(np.ascontiguousarray(track.volts).data)
         digest.update(track.kinds.data)
     return digest.hexdigest()[:16]
 
@@ -243,7 +223,7 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
 
     Examples
     --------
-    >>> rows = [LabelledRows(np.zeros((4, 1)), truth=np.array([False, True, True, False]))]
+    >>> rows = [Samples.evenly(np.zeros((4, 1)), 2.0, truth=[False, True, True, False])]
     >>> training, held = held_out([track_of(name, rows, 2.0) for name in 'abc'], share=1 / 3)
     >>> [track.name for track in training], [track.name for track in held]
     (['a', 'b'], ['c'])
@@ -254,10 +234,8 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
             f'{", ".join(track.name for track in tracks)}: has no slip, allowed: recordings with '
             'slips, to tune on and to hold out'
         )
-    if len(with_slip) == 1:
-        training, held = _cut_in_two(with_slip[0], share)
-    else:
-        training, held = hold_out_evenly(with_slip, share)
+    divide = _cut_in_two if len(with_slip) == 1 else hold_out_evenly
+    training, held = divide(with_slip, share)
     quiet, quiet_held = hold_out_evenly([track for track in tracks if not track.slips], share)
     return training + quiet, held + quiet_held
 
@@ -279,27 +257,22 @@ def hold_out_evenly(items: Sequence[T], share: float) -> tuple[list[T], list[T]]
     return [item for i, item in enumerate(items) if i not in places], held
 
 
-def _cut_in_two(track: Track, share: float) -> tuple[list[Track], list[Track]]:
-    """Cut a recording between two slips; the later part is held out."""
-    slipping = np.flatnonzero(np.diff(np.concatenate([[0], track.kinds == SLIP, [0]]).astype(int)))
-    starts, ends = slipping[::2], slipping[1::2]
-    if len(starts) < 2:
+def _cut_in_two(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
+    """Cut the one recording between two slips; the later part is held out."""
+    (track,) = tracks
+    edges = np.flatnonzero(np.diff(track.kinds == SLIP, prepend=False, append=False))
+    if edges.size < 4:
         raise ValueError(
             f'{track.name}: has one slip, allowed: two or more, to tune on and to hold out'
         )
-    margin = round(MARGIN_S * track.sample_rate_hz)
-    wanted = (1.0 - share) * len(track.volts)
+    ends, starts, rate = edges[1:-1:2], edges[2::2], track.sample_rate_hz
     # The margin is centred between the two slips; it is shorter where they are close together.
-    cuts = [
-        (int(end) + int(start)) // 2 - min(margin, (int(start) - int(end)) // 2) // 2
-        for end, start in zip(ends[:-1], starts[1:], strict=True)
-    ]
-    k = int(np.argmin([abs(cut - wanted) for cut in cuts]))
-    after = cuts[k] + min(margin, (int(starts[k + 1]) - int(ends[k])) // 2)
-    n = len(track.volts)
-    rate = track.sample_rate_hz
-    training = track.part(f'{track.name} to {cuts[k] / rate:.1f} s', 0, cuts[k])
-    held = track.part(f'{track.name} from {after / rate:.1f} s', after, n)
+    margins = np.minimum(round(MARGIN_S * rate), (starts - ends) // 2)
+    cuts = (ends + starts) // 2 - margins // 2
+    k = int(np.argmin(np.abs(cuts - (1.0 - share) * len(track.volts))))
+    cut, after = int(cuts[k]), int(cuts[k] + margins[k])
+    training = track.part(f'{track.name} to {cut / rate:.1f} s', 0, cut)
+    held = track.part(f'{track.name} from {after / rate:.1f} s', after, len(track.volts))
     return [training], [held]
 
 
@@ -336,14 +309,11 @@ def load_tracks(
     Examples
     --------
     >>> import tempfile
-    >>> import numpy as np
     >>> from pathlib import Path
-    >>> from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig
-    >>> loader = RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig())
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     rows = {'volts': np.full((100, 16), 4.3), 'slip': np.zeros(100)}
     ...     np.savez(Path(folder) / 'rest.npz', sample_rate_hz=380.0, **rows)
-    ...     tracks, notes = load_tracks([folder], loader)
+    ...     tracks, notes = load_tracks([folder], RecordingLoader())
     >>> [track.name for track in tracks], notes
     (['rest.npz'], [])
     """

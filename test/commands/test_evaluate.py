@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slip_detector.chain.samples import Samples
 from slip_detector.commands import evaluate as evaluation
 from slip_detector.commands.evaluate import main
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -96,7 +96,7 @@ def test_figures_are_those_of_the_replay(capsys, tmp_path):
     with np.load(path) as file:
         outcome = Replay(
             ChainConfig(threshold=2.0), EvaluationConfig(early_s=0.4, late_after_s=0.05)
-        ).run([LabelledRows(file['volts'], file['slip'])])
+        ).run([Samples.evenly(file['volts'], 380.0, file['slip'])])
     found = report_of(capsys, path, '--config', config)[tmp_path.name]['recordings']['a.npz']
     assert figures_of_merit([outcome]).items() <= found.items()
     # The ridges begin 150 rows before they are called slip.

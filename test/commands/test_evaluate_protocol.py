@@ -23,8 +23,7 @@ from matplotlib import image
 
 from slip_detector.commands.evaluate import main
 from slip_detector.evaluation import protocol
-from slip_detector.evaluation.protocol import WANTED
-from slip_detector.evaluation.protocol_trials import SCENES, evaluate_plates, simulate_trials
+from slip_detector.evaluation.protocol import SCENES, WANTED, evaluate_plates, simulate_trials
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.protocol_table import MEANINGS
 

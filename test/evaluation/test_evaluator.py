@@ -15,23 +15,21 @@
 """Recordings through one chain, and the figures of several."""
 
 import numpy as np
-import pytest
 
-from slip_detector.evaluation.evaluator import Evaluator, recording_counts, recording_figures
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.loading import RecordingLoader
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.chain.samples import Samples
+from slip_detector.evaluation.evaluator import (
+    RecordingLoader,
+    evaluate_recording,
+    recording_figures,
+)
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
 
 CHAIN = ChainConfig(channels=2, stopbands_hz=(), gain=1.0, threshold=0.1)
 
 
-@pytest.fixture
-def evaluator():
-    return Evaluator(RecordingLoader(CHAIN, RecordingConfig(), EvaluationConfig()))
+LOADER = RecordingLoader(CHAIN)
 
 
 def arrays(seed):
@@ -47,18 +45,21 @@ def write(path, seed, **changes):
     return path
 
 
-def test_an_evaluation_is_the_replay_of_the_rows_of_the_file(evaluator, tmp_path):
-    evaluated = evaluator.evaluate(write(tmp_path / 'a.npz', 0))
-    outcome = Replay(CHAIN).run([LabelledRows(*arrays(0))], 380.0)
+def test_an_evaluation_is_the_replay_of_the_rows_of_the_file(tmp_path):
+    evaluated = evaluate_recording(LOADER, write(tmp_path / 'a.npz', 0))
+    outcome = Replay(CHAIN).run([Samples.evenly(arrays(0)[0], 380.0, arrays(0)[1])], 380.0)
     assert figures_of_merit([evaluated.outcome]) == figures_of_merit([outcome])
     assert evaluated.outcome.slips == outcome.slips
     assert evaluated.observer is None
 
 
-def test_one_recording_leaves_nothing_behind_for_the_next(evaluator, tmp_path):
+def test_one_recording_leaves_nothing_behind_for_the_next(tmp_path):
     paths = [write(tmp_path / f'{seed}.npz', seed) for seed in range(2)]
-    first = [evaluator.evaluate(path).outcome.slips for path in paths]
-    assert [evaluator.evaluate(path).outcome.slips for path in reversed(paths)] == first[::-1]
+
+    def slips(paths):
+        return [evaluate_recording(LOADER, path).outcome.slips for path in paths]
+
+    assert slips(reversed(paths)) == slips(paths)[::-1]
 
 
 class Rows:
@@ -69,19 +70,18 @@ class Rows:
         self.volts.append(volts)
 
 
-def test_an_observer_is_made_of_the_opened_recording_and_shown_its_rows(evaluator, tmp_path):
-    observer = evaluator.evaluate(write(tmp_path / 'a.npz', 0), Rows).observer
+def test_an_observer_is_made_of_the_opened_recording_and_shown_its_rows(tmp_path):
+    observer = evaluate_recording(LOADER, write(tmp_path / 'a.npz', 0), Rows).observer
     assert observer.sample_rate_hz == 380.0
     np.testing.assert_array_equal(np.concatenate(observer.volts), arrays(0)[0])
 
 
-def test_figures_of_several_recordings_count_all_that_was_met_in_them(evaluator, tmp_path):
+def test_figures_of_several_recordings_count_all_that_was_met_in_them(tmp_path):
     volts, _ = arrays(1)
     volts[5:8, 1] = np.nan
     paths = [write(tmp_path / 'a.npz', 0), write(tmp_path / 'b.npz', 1, volts=volts)]
-    several = [evaluator.evaluate(path) for path in paths]
-    assert recording_counts(several) == {
-        'bad_samples': 3, 'gaps': 0, 'bridged_rows': 0, 'long_gaps': 0, 'dropped': 0,
-    }  # fmt: skip
+    several = [evaluate_recording(LOADER, path) for path in paths]
     figures = recording_figures(several)
     assert (figures['rows'], figures['slips'], figures['bad_samples']) == (1600, 4, 3)
+    others = ('gaps', 'bridged_rows', 'long_gaps', 'dropped')
+    assert {figures[name] for name in others} == {0}

@@ -18,7 +18,7 @@ import dataclasses
 
 import pytest
 
-from slip_detector.evaluation.events import (
+from slip_detector.evaluation.figures import (
     FALSE,
     REPEAT,
     SETTLING,

@@ -20,8 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
@@ -44,15 +43,8 @@ def loader(chain=CHAIN, resample=False, **evaluation):
 
 def whole(labelled):
     """Put the pieces of a recording together."""
-    pieces = list(labelled.rows)
-    moving = None
-    if pieces[0].moving is not None:
-        moving = np.concatenate([piece.moving for piece in pieces])
-    return LabelledRows(
-        np.concatenate([piece.volts for piece in pieces]),
-        np.concatenate([piece.truth for piece in pieces]),
-        moving=moving,
-    )
+    first, *others = labelled.rows
+    return first.then(*others)
 
 
 def test_the_rows_are_those_of_the_file_with_its_label(tmp_path):

@@ -17,10 +17,9 @@
 import numpy as np
 import pytest
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.settling import settling_rows
-from slip_detector.evaluation.events import FALSE, TRUE
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import FALSE, TRUE, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
@@ -29,7 +28,7 @@ def labelled(*slips, others=()):
     """Return rows with ridges, of which the label calls only some slip."""
     volts, _ = ridges(*slips, *others)
     _, truth = ridges(*slips)
-    return LabelledRows(volts, truth)
+    return Samples.evenly(volts, RATE_HZ, truth)
 
 
 def test_figures_of_several_are_those_of_their_events_and_rows_together():

@@ -19,8 +19,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.events import TrueSlip
-from slip_detector.evaluation.paper_figures import (
+from slip_detector.evaluation.figures import (
+    TrueSlip,
     first_on_delay_s,
     mean_and_sd,
     paper_figures,

@@ -19,11 +19,10 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
-from slip_detector.evaluation.events import ALREADY_ON, SETTLING, STAGES, TRUE
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import ALREADY_ON, SETTLING, STAGES, TRUE, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from support.replay_cases import CONFIG, RATE_HZ, plain, ridges
@@ -32,7 +31,7 @@ from support.replay_cases import CONFIG, RATE_HZ, plain, ridges
 def test_two_slips_with_one_alarm_are_one_detected_and_one_that_found_it_on():
     volts, truth = ridges((400, 800))
     truth[600:604] = False
-    outcome = Replay(CONFIG).run([LabelledRows(volts, truth)])
+    outcome = Replay(CONFIG).run([Samples.evenly(volts, RATE_HZ, truth)])
     first, second = outcome.slips
     assert [alarm.kind for alarm in outcome.alarms] == [TRUE]
     assert (first.alarm, first.on_at_start, first.lost_at) == (0, False, None)
@@ -47,8 +46,8 @@ def test_a_slip_that_goes_on_after_a_gap_is_no_easy_one_that_begins_there():
     stamps_ns = np.round(np.arange(2000) * 1e9 / RATE_HZ).astype(np.int64)
     stamps_ns[800:] += 3_000_000_000
     pieces = [
-        LabelledRows(volts[:800], truth[:800], stamps_ns[:800]),
-        LabelledRows(volts[800:], truth[800:], stamps_ns[800:], new_stretch=True),
+        Samples(volts[:800], stamps_ns[:800], truth[:800]),
+        Samples(volts[800:], stamps_ns[800:], truth[800:], new_stretch=True),
     ]
     outcome = Replay(CONFIG).run(pieces)
     assert [slip.start_s for slip in outcome.slips] == [1.0, 5.0]
@@ -69,8 +68,8 @@ def test_a_clock_that_was_set_back_does_not_turn_time_back():
     volts, truth = ridges((400, 600), (1400, 1600))
     stamps_ns = np.round(np.arange(2000) * 1e9 / RATE_HZ).astype(np.int64)
     pieces = [
-        LabelledRows(volts[:1000], truth[:1000], stamps_ns[1000:]),
-        LabelledRows(volts[1000:], truth[1000:], stamps_ns[:1000], new_stretch=True),
+        Samples(volts[:1000], stamps_ns[1000:], truth[:1000]),
+        Samples(volts[1000:], stamps_ns[:1000], truth[1000:], new_stretch=True),
     ]
     outcome = Replay(CONFIG).run(pieces)
     assert [slip.start_s for slip in outcome.slips] == [1.0, 3.5]
@@ -79,8 +78,10 @@ def test_a_clock_that_was_set_back_does_not_turn_time_back():
 
 def test_the_recordings_own_rate_turns_rows_into_times():
     volts, truth = ridges((400, 600))
-    ours = Replay(CONFIG).run([LabelledRows(volts, truth)])
-    its = Replay(CONFIG).run([LabelledRows(volts, truth)], sample_rate_hz=RATE_HZ / 1.01)
+    ours = Replay(CONFIG).run([Samples.evenly(volts, RATE_HZ, truth)])
+    its = Replay(CONFIG).run(
+        [Samples.evenly(volts, RATE_HZ, truth)], sample_rate_hz=RATE_HZ / 1.01
+    )
     assert its.slips[0].start_s == pytest.approx(1.01 * ours.slips[0].start_s)
     assert its.slips[0].latency_s == pytest.approx(1.01 * ours.slips[0].latency_s)
     # The tail of the slip and off_before_s are times too.
@@ -90,10 +91,10 @@ def test_the_recordings_own_rate_turns_rows_into_times():
 
 def test_late_is_later_than_the_limit():
     volts, truth = ridges((400, 600))
-    latency_s = Replay(CONFIG).run([LabelledRows(volts, truth)]).slips[0].latency_s
+    latency_s = Replay(CONFIG).run([Samples.evenly(volts, RATE_HZ, truth)]).slips[0].latency_s
     for limit_s, late in ((latency_s, False), (latency_s - 1 / RATE_HZ, True)):
         config = EvaluationConfig(late_after_s=limit_s)
-        outcome = Replay(CONFIG, config).run([LabelledRows(volts, truth)])
+        outcome = Replay(CONFIG, config).run([Samples.evenly(volts, RATE_HZ, truth)])
         assert outcome.slips[0].late == late
         assert (figures_of_merit([outcome])['late_filter_ms'] is None) == (not late)
 
@@ -101,16 +102,16 @@ def test_late_is_later_than_the_limit():
 def test_a_replay_used_again_remembers_nothing():
     volts, truth = ridges((400, 600))
     replay = Replay(CONFIG)
-    first = replay.run([LabelledRows(volts[:500], truth[:500])])
-    again = replay.run([LabelledRows(volts[:500], truth[:500])])
+    first = replay.run([Samples.evenly(volts[:500], RATE_HZ, truth[:500])])
+    again = replay.run([Samples.evenly(volts[:500], RATE_HZ, truth[:500])])
     assert plain(first) == plain(again)
 
 
 def test_what_is_not_asked_for_is_undefined_and_the_rest_is_the_same():
     volts, truth = ridges((400, 600), (1000, 1001))
-    whole = figures_of_merit([Replay(CONFIG).run([LabelledRows(volts, truth)])])
+    whole = figures_of_merit([Replay(CONFIG).run([Samples.evenly(volts, RATE_HZ, truth)])])
     lean = Replay(CONFIG, scores=False, stages=False)
-    bare = figures_of_merit([lean.run([LabelledRows(volts, truth)])])
+    bare = figures_of_merit([lean.run([Samples.evenly(volts, RATE_HZ, truth)])])
     differ = {name for name in whole if whole[name] != bare[name]}
     assert whole['missed'] == 1
     assert differ == {
@@ -143,8 +144,8 @@ def test_who_looks_on_sees_all_rows_and_gaps(scores):
     stamps_ns[800:] += 3_000_000_000
     witness = Witness()
     pieces = [
-        LabelledRows(volts[:800], truth[:800], stamps_ns[:800]),
-        LabelledRows(volts[800:], truth[800:], stamps_ns[800:], new_stretch=True),
+        Samples(volts[:800], stamps_ns[:800], truth[:800]),
+        Samples(volts[800:], stamps_ns[800:], truth[800:], new_stretch=True),
     ]
     Replay(CONFIG, scores=scores).run(pieces, observer=witness)
     np.testing.assert_array_equal(np.concatenate(witness.volts), volts)
@@ -156,7 +157,7 @@ def test_who_looks_on_sees_all_rows_and_gaps(scores):
 
 def test_a_label_of_another_length_is_refused():
     with pytest.raises(ValueError, match=r'truth has the shape \(3,\), allowed: \(4,\)'):
-        Replay(CONFIG).run([LabelledRows(np.zeros((4, 4)), np.zeros(3, bool))])
+        Replay(CONFIG).run([Samples.evenly(np.zeros((4, 4)), RATE_HZ, np.zeros(3, bool))])
 
 
 def test_memory_does_not_grow_with_the_rows():
@@ -166,7 +167,7 @@ def test_memory_does_not_grow_with_the_rows():
     def peak(pieces):
         tracemalloc.start()
         try:
-            replay.run(LabelledRows(volts, truth) for _ in range(pieces))
+            replay.run(Samples.evenly(volts, RATE_HZ, truth) for _ in range(pieces))
             return tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()

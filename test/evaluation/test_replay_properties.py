@@ -22,13 +22,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation import replay as replay_module
-from slip_detector.evaluation.events import ALREADY_ON, STAGES
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.outcome import figures_of_merit
-from slip_detector.evaluation.paper_figures import first_on_delay_s
+from slip_detector.evaluation.figures import ALREADY_ON, STAGES, figures_of_merit, first_on_delay_s
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from support.replay_cases import CONFIG, RATE_HZ, plain
@@ -69,7 +67,7 @@ def cut(recording, cuts):
         new = a in breaks and a not in seen and a < b
         if new:
             seen.add(a)
-        yield LabelledRows(volts[a:b], truth[a:b], stamps_ns[a:b], new, moving[a:b])
+        yield Samples(volts[a:b], stamps_ns[a:b], truth[a:b], new_stretch=new, moving=moving[a:b])
 
 
 CONFIGS = st.builds(
@@ -184,7 +182,7 @@ def test_figures_are_those_of_a_plain_evaluation_of_the_whole(recording, config,
 @given(recordings(), CONFIGS, EVALUATIONS)
 def test_the_parts_of_a_latency_sum_to_it_and_each_is_what_it_says(recording, config, evaluation):
     volts, truth, _, _, _ = recording
-    whole = [LabelledRows(volts, truth)]
+    whole = [Samples.evenly(volts, RATE_HZ, truth)]
     outcome = Replay(config, evaluation).run(whole)
     sharp = dataclasses.replace(
         config, envelope_window_s=1.0 / RATE_HZ, decision_window_s=1.0 / RATE_HZ

@@ -19,8 +19,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.labelled_rows import MOTION, REST, SLIP
-from slip_detector.evaluation.scores import SCORE_RESOLUTION, ScoreCounts, ScoreTally
+from slip_detector.evaluation.scores import (
+    MOTION,
+    REST,
+    SCORE_RESOLUTION,
+    SLIP,
+    ScoreCounts,
+    ScoreTally,
+)
 
 TALLY = ScoreTally()
 

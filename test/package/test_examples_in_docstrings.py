@@ -52,7 +52,6 @@ REASONS = {
         'tuning/learning.py': {'learn_from_quiet', 'learn_from_taps'},
         'evaluation/protocol.py': {'claims', 'run_protocol'},
         'evaluation/replay.py': {'Observer'},
-        'evaluation/stage_watch.py': {'StageWatch'},
         'report/evaluation_report.py': {'overview_factory'},
         'report/grasp_picture.py': {'draw_grasp'},
         'report/page_data.py': {'choose_snippets'},

@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 
-from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report import evaluation_pictures
@@ -32,7 +32,7 @@ def test_latencies_their_parts_and_the_roc_are_those_of_the_outcome(tmp_path, mo
         evaluation_pictures, 'save_picture', lambda figure, path: drawn.append(figure)
     )
     volts, truth = scenes.volts_and_truth(rows)
-    outcome = Replay(scenes.GIVEN).run([LabelledRows(volts, truth)])
+    outcome = Replay(scenes.GIVEN).run([Samples.evenly(volts, 380.0, truth)])
     draw_evaluation(tmp_path / 'a.png', [outcome])
     latencies, parts, roc = drawn[0].axes
     found = sum(slip.latency_s is not None for slip in outcome.slips)
@@ -51,7 +51,7 @@ def test_slips_whose_latency_has_no_parts_are_drawn_without_a_warning(tmp_path):
     volts, truth = scenes.volts_and_truth(380 * 20)
     # Labels that come late: the alarm rises before them, and no stage took time.
     replay = Replay(scenes.GIVEN, EvaluationConfig(early_s=0.1))
-    outcome = replay.run([LabelledRows(volts, np.roll(truth, 30))])
+    outcome = replay.run([Samples.evenly(volts, 380.0, np.roll(truth, 30))])
     found = [slip for slip in outcome.slips if slip.latency_s is not None]
     assert found
     assert not any(slip.stages_s for slip in found)

@@ -20,10 +20,7 @@ import re
 import numpy as np
 import pytest
 
-from slip_detector.evaluation.evaluator import Evaluator
-from slip_detector.evaluation.loading import RecordingLoader
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recording
 from slip_detector.report.evaluation_report import overview_factory, write_evaluation_report
 from support import report_scenes as scenes
 
@@ -31,13 +28,15 @@ from support import report_scenes as scenes
 @pytest.fixture(scope='module')
 def sets(tmp_path_factory):
     """Return two sets of one recording each, evaluated, with their overviews."""
-    evaluator = Evaluator(RecordingLoader(scenes.GIVEN, RecordingConfig(), EvaluationConfig()))
+    loader = RecordingLoader(scenes.GIVEN)
     found = {}
     for k, name in enumerate(('x', 'y')):
         path = tmp_path_factory.mktemp(name) / 'a.npz'
         volts, truth = scenes.volts_and_truth(seed=k)
         np.savez(path, volts=volts, slip=truth, sample_rate_hz=380.0)
-        found[name] = {'a.npz': evaluator.evaluate(path, overview_factory(scenes.GIVEN, 2))}
+        found[name] = {
+            'a.npz': evaluate_recording(loader, path, overview_factory(scenes.GIVEN, 2))
+        }
     return found
 
 

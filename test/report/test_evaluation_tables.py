@@ -14,7 +14,7 @@
 
 """The figures of an evaluation as tables of text."""
 
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.evaluation_tables import TABLE_SECTIONS, evaluation_tables

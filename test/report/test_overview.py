@@ -22,9 +22,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.events import Alarm
-from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.evaluation.figures import Alarm
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Overview, events_of
@@ -186,7 +186,7 @@ def test_no_rows_are_no_error():
 
 def test_what_a_report_shows_is_what_became_of_slips_and_alarms():
     volts = np.zeros((1, 16))
-    settling = Replay(ChainConfig()).run([LabelledRows(volts, np.ones(1, bool))]).slips[0]
+    settling = Replay(ChainConfig()).run([Samples.evenly(volts, 380.0, np.ones(1, bool))]).slips[0]
     assert settling.settling
     slip = dataclasses.replace(settling, settling=False, lost_at='filter')
     slips = [

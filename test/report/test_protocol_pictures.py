@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.protocol_trials import SCENES, simulate_trials
+from slip_detector.evaluation.protocol import SCENES, simulate_trials
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.protocol_pictures import stage_signals
 

@@ -16,7 +16,7 @@
 
 from types import SimpleNamespace
 
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report.tuning_report import replay_tracks, write_tuning_report
 from support import tuning_cases

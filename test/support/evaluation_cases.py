@@ -23,8 +23,7 @@ import yaml
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands.evaluate import main
-from slip_detector.evaluation.labelled_rows import REST, SLIP
-from slip_detector.evaluation.scores import ScoreTally
+from slip_detector.evaluation.scores import REST, SLIP, ScoreTally
 from slip_detector.recordings import write_recording
 
 RATE_HZ = 380.0

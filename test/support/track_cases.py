@@ -17,7 +17,7 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.labelled_rows import LabelledRows
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 
@@ -83,12 +83,12 @@ def recordings(draw):
     cuts = sorted({*gaps, *random.integers(1, n, 2).tolist()})
     moving = random.random(n) < 0.5 if draw(st.booleans(), label='motion is known') else None
     return [
-        LabelledRows(
+        Samples(
             volts[a:b],
-            truth[a:b],
             stamps_ns[a:b],
-            a in gaps,
-            None if moving is None else moving[a:b],
+            truth[a:b],
+            new_stretch=a in gaps,
+            moving=None if moving is None else moving[a:b],
         )
         for a, b in zip([0, *cuts], [*cuts, n], strict=True)
     ]

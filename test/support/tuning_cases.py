@@ -17,8 +17,8 @@
 import numpy as np
 import optuna
 
+from slip_detector.chain.samples import Samples
 from slip_detector.commands.tune import main
-from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
@@ -73,7 +73,7 @@ def slips(seed, duration_s=12.0, slip_hz=18.0, slips=True):
 
 def track(seed, **what):
     volts, truth = slips(seed, **what)
-    return track_of(f'seed {seed}', [LabelledRows(volts, truth)], RATE_HZ)
+    return track_of(f'seed {seed}', [Samples.evenly(volts, RATE_HZ, truth)], RATE_HZ)
 
 
 def write(path, seed, label=True, **what):

@@ -19,11 +19,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.chain.samples import Samples
+from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import EvaluationConfig, RecordingConfig
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps, quiet_threshold
 from slip_detector.tuning.sensor import impact_step, learnt_floors
+from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, RATE_HZ, slips, track, write
 
 EVIDENCE = dataclasses.replace(
@@ -37,6 +39,10 @@ EVIDENCE = dataclasses.replace(
     evidence_offset_db=4.0,
     vote=1,
 )
+
+
+def silent(name):
+    return track_of(name, [Samples.evenly(np.zeros((4560, 4)), 380.0, np.zeros(4560))], 380.0)
 
 
 def alarms_at(chain, recording):
@@ -84,7 +90,9 @@ def test_with_more_data_the_bound_is_nearer_to_the_count():
             'seed 5: the evidence reaches its limit of 1.3 dB s',
         ),
         (
-            track(5)._replace(volts=np.zeros((4560, 4)), slips=()),
+            track_of(
+                'seed 5', [Samples.evenly(np.zeros((4560, 4)), 380.0, np.zeros(4560))], 380.0
+            ),
             CHAIN,
             1000.0,
             'seed 5: the chain gives 0 throughout',
@@ -176,7 +184,7 @@ def test_with_the_decision_of_the_paper_only_the_threshold_is_set(tmp_path):
 def test_taps_set_a_step_between_knocks_and_slips(tmp_path):
     path, volts = recording(tmp_path / 'knocks.npz', knock=20.0)
     parameters, lines = learn(path, of_slips=[write(tmp_path / 'slips.npz', 2)])
-    knocks = track(1, duration_s=60.0, slips=False)._replace(volts=volts)
+    knocks = track_of('knocks', [Samples.evenly(volts, 380.0, np.zeros(len(volts)))], 380.0)
     assert parameters == {'impact_v': impact_step(GIVEN, knocks, [track(2)]).impact_v}
     assert '30 knocks' in lines
 

@@ -22,10 +22,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
@@ -166,7 +166,7 @@ def test_no_guess_costs_less_than_never_being_on(seed, mean_on, mean_off):
     truth = np.zeros(n, bool)
     for start in np.arange(slips) * 600 + random.integers(0, 250, slips):
         truth[start : start + random.integers(50, 300)] = True
-    quiet = track_of('a', [LabelledRows(np.zeros((n, 1)), truth)], RATE_HZ)
+    quiet = track_of('a', [Samples.evenly(np.zeros((n, 1)), RATE_HZ, truth)], RATE_HZ)
     guess = Guesses([quiet], guessed(random, n, mean_on, mean_off).astype(float))
     sides = [guess.as_it_is(dataclasses.replace(CHAIN, threshold=at)) for at in (0.5, 2.0)]
     assert sides[1].figures.false_time_percent == 0.0
@@ -179,7 +179,7 @@ def test_no_guess_costs_less_than_never_being_on(seed, mean_on, mean_off):
 
 def test_always_on_costs_what_misses_cost_and_all_of_the_time():
     truth = np.arange(6000) % 1000 >= 800
-    quiet = track_of('a', [LabelledRows(np.zeros((6000, 1)), truth)], RATE_HZ)
+    quiet = track_of('a', [Samples.evenly(np.zeros((6000, 1)), RATE_HZ, truth)], RATE_HZ)
     guess = Guesses([quiet], np.ones(6000))
     always, never = (guess.as_it_is(dataclasses.replace(CHAIN, threshold=at)) for at in (0.5, 2.0))
     config = TuneConfig()
@@ -190,7 +190,9 @@ def test_always_on_costs_what_misses_cost_and_all_of_the_time():
 def test_a_chain_does_not_gain_by_settling_for_longer():
     """The slip that it leaves out is no slip that it need not find."""
     volts, truth = slips(1)
-    late = track_of('a', [LabelledRows(volts[500:], truth[500:])], RATE_HZ)  # a slip after 0.2 s
+    late = track_of(
+        'a', [Samples.evenly(volts[500:], RATE_HZ, truth[500:])], RATE_HZ
+    )  # a slip after 0.2 s
     objective = Objective([late], EvaluationConfig(), TuneConfig())
     chain = dataclasses.replace(CHAIN, threshold=0.02)
     slow = dataclasses.replace(chain, passband_hz=(0.5, 50.0))
@@ -205,7 +207,7 @@ def test_a_chain_does_not_gain_by_settling_for_longer():
 
 def test_of_a_recording_that_ends_before_the_chain_has_settled_nothing_is_known():
     volts, truth = slips(1)
-    short = track_of('a', [LabelledRows(volts[600:680], truth[600:680])], RATE_HZ)
+    short = track_of('a', [Samples.evenly(volts[600:680], RATE_HZ, truth[600:680])], RATE_HZ)
     objective = Objective([short], EvaluationConfig(), TuneConfig())
     assert objective.as_it_is(CHAIN).cost_ms == math.inf
     assert objective.as_it_is(CHAIN).figures[:5] == (None,) * 5
@@ -243,6 +245,5 @@ def test_a_threshold_next_to_no_evidence_is_not_taken():
 
 
 def test_a_chain_that_never_moves_has_no_threshold():
-    flat = track(1)._replace(volts=np.full((100, 4), 4.3), kinds=np.zeros(100, np.int8))
-    flat = flat._replace(pieces=(flat.pieces[0]._replace(end=100),))
+    flat = track_of('a', [Samples.evenly(np.full((100, 4), 4.3), RATE_HZ, np.zeros(100))], RATE_HZ)
     assert Objective([flat], EvaluationConfig(), TuneConfig()).best(CHAIN) == []

@@ -22,7 +22,7 @@ import signal
 import numpy as np
 import pytest
 
-from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.tuning import TuneConfig

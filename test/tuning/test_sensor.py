@@ -21,8 +21,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.labelled_rows import LabelledRows
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.sensor import (
     LEAST_LINE_DB,
@@ -54,7 +54,7 @@ def noise(rows=10_000, seed=0):
 
 def rest(volts, truth=None, rate_hz=PIEZO_HZ):
     truth = np.zeros(len(volts), bool) if truth is None else truth
-    return track_of('rest', [LabelledRows(volts, truth)], rate_hz)
+    return track_of('rest', [Samples.evenly(volts, rate_hz, truth)], rate_hz)
 
 
 def hum(mains_hz, rows, rate_hz, amplitudes):
@@ -102,7 +102,7 @@ def test_slips_and_bad_channels_take_no_part_in_the_floors():
 def test_floors_come_from_all_recordings_and_cuts_change_nothing():
     volts = noise()
     truth = np.zeros(5000, bool)
-    pieces = [LabelledRows(part, truth) for part in np.split(volts, 2)]
+    pieces = [Samples.evenly(part, PIEZO_HZ, truth) for part in np.split(volts, 2)]
     whole = learnt_floors(PIEZO, [rest(volts)])
     assert learnt_floors(PIEZO, [track_of('rest', pieces, PIEZO_HZ)]) == whole
     louder = learnt_floors(PIEZO, [rest(volts), rest(10.0 * noise(seed=1))])
@@ -178,7 +178,7 @@ def test_of_many_short_recordings_each_takes_part_in_the_floors():
 
 
 def recording(volts, name='knocks', slip=False):
-    return track_of(name, [LabelledRows(volts, np.full(len(volts), slip))], RATE_HZ)
+    return track_of(name, [Samples.evenly(volts, RATE_HZ, np.full(len(volts), slip))], RATE_HZ)
 
 
 def with_knocks(step_v, many=20, seed=3):
@@ -213,7 +213,10 @@ def test_a_gap_and_a_disabled_channel_make_no_step():
     volts = np.zeros((20, 4))
     volts[10:] = 5.0
     truth = np.zeros(10, bool)
-    pieces = [LabelledRows(volts[:10], truth), LabelledRows(volts[10:], truth, new_stretch=True)]
+    pieces = [
+        Samples.evenly(volts[:10], PIEZO_HZ, truth),
+        Samples.evenly(volts[10:], PIEZO_HZ, truth, new_stretch=True),
+    ]
     assert not common_steps_v(CHAIN, track_of('gap', pieces, RATE_HZ)).any()
     assert common_steps_v(CHAIN, recording(volts)).max() == 5.0
     one = np.zeros((20, 4))

@@ -22,7 +22,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.labelled_rows import SLIP, LabelledRows
+from slip_detector.chain.samples import Samples
+from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.scenes import find_scene, load_scene
@@ -78,7 +79,7 @@ SHARES = st.lists(st.floats(0.0, 1.0), min_size=21, max_size=21)
 
 def noise_at(rate_hz):
     volts = np.random.default_rng(0).standard_normal((9000, 4)) * [0.01, 0.02, 0.03, 0.04]
-    return track_of('noise', [LabelledRows(volts, np.arange(9000) > 8500)], rate_hz)
+    return track_of('noise', [Samples.evenly(volts, rate_hz, np.arange(9000) > 8500)], rate_hz)
 
 
 @given(rate_hz=st.sampled_from([30.0, 60.0, 380.0, 2000.0]), shares=SHARES)
@@ -197,7 +198,7 @@ def test_where_a_preset_is_for_the_sensor_the_search_begins_where_it_is():
     """The simulated fingertip is what it is for: floors learnt there are those it has."""
     scene = load_scene(find_scene('plate_440um'), np.random.default_rng(6000))
     samples = scene.read(round(60.0 * scene.sample_rate_hz))
-    tracks = [track_of('plate', [LabelledRows(samples.volts, samples.truth)], RATE_HZ)]
+    tracks = [track_of('plate', [Samples.evenly(samples.volts, RATE_HZ, samples.truth)], RATE_HZ)]
     space = SearchSpace(ChainConfig(gain=1.0), tracks)
     for name in ('onset', 'sure'):
         preset = ChainConfig.from_yaml(shared_folder() / 'config' / f'{name}.yaml')

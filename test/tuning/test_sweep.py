@@ -21,10 +21,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds, thresholds, votes_of
@@ -87,7 +87,7 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
 def test_an_array_that_is_overwritten_gets_the_same_statistic():
     config = ChainConfig(channels=2, stopbands_hz=())
     volts = np.random.default_rng(0).standard_normal((5000, 2))
-    track = track_of('a', [LabelledRows(volts, np.zeros(5000, bool))], 380.0)
+    track = track_of('a', [Samples.evenly(volts, 380.0, np.zeros(5000, bool))], 380.0)
     one_pass = VoteStatistics(config, ['all', 1])
     first = one_pass.of(track)
     kept = first.copy()
@@ -117,7 +117,7 @@ def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones(group
 )
 def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(values, exponent):
     statistic = np.array(values)
-    quiet = LabelledRows(np.zeros((len(values), 1)), np.zeros(len(values), bool))
+    quiet = Samples.evenly(np.zeros((len(values), 1)), RATE_HZ, np.zeros(len(values), bool))
     chain = ChainConfig(exponent=exponent)
     limits = thresholds(chain, [statistic], [track_of('a', [quiet], 380.0)])
     assert limits[-1] >= statistic.max() > 0.999 * limits[-1]
@@ -130,20 +130,20 @@ def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(va
 
 
 def test_of_a_silent_or_endless_statistic_there_is_no_threshold():
-    quiet = track_of('a', [LabelledRows(np.zeros((3, 1)), np.zeros(3, bool))], 380.0)
+    quiet = track_of('a', [Samples.evenly(np.zeros((3, 1)), 380.0, np.zeros(3, bool))], 380.0)
     for statistic in (np.zeros(3), np.array([0.0, np.inf, 1.0])):
         assert thresholds(ChainConfig(), [statistic], [quiet]).size == 0
 
 
 def test_thresholds_of_evidence_stay_below_its_limit():
-    quiet = track_of('a', [LabelledRows(np.zeros((20, 1)), np.zeros(20, bool))], 380.0)
+    quiet = track_of('a', [Samples.evenly(np.zeros((20, 1)), 380.0, np.zeros(20, bool))], 380.0)
     limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.3, 20)], [quiet])
     assert 0.95 * 1.3 < limits[-1] < 1.3
     assert thresholds(EVIDENCE, [np.full(20, 1.3)], [quiet]).size == 0
 
 
 def test_thresholds_of_evidence_are_as_far_apart_as_louder_noise_moves_it():
-    quiet = track_of('a', [LabelledRows(np.zeros((20, 1)), np.zeros(20, bool))], 380.0)
+    quiet = track_of('a', [Samples.evenly(np.zeros((20, 1)), 380.0, np.zeros(20, bool))], 380.0)
     limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.0, 20)], [quiet])
     # 3 % of amplitude are 0.257 dB, and a window lasts for 20 ms.
     steps = np.diff(limits[limits < 0.1])

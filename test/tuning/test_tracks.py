@@ -19,11 +19,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import COMPILED
-from slip_detector.evaluation.labelled_rows import LabelledRows
-from slip_detector.evaluation.loading import RecordingLoader
+from slip_detector.evaluation.evaluator import RecordingLoader
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import RowInterval
-from slip_detector.evaluation.outcome import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
@@ -37,12 +37,12 @@ def test_a_track_of_a_recording_with_a_gap_keeps_its_time():
     stamps = np.round(np.arange(len(volts)) * 1e9 / 380.0).astype(np.int64)
     stamps[1000:] += 2_000_000_000
     pieces = [
-        LabelledRows(volts[:1000], truth[:1000], stamps[:1000]),
-        LabelledRows(volts[1000:], truth[1000:], stamps[1000:], new_stretch=True),
+        Samples(volts[:1000], stamps[:1000], truth[:1000]),
+        Samples(volts[1000:], stamps[1000:], truth[1000:], new_stretch=True),
     ]
     whole = track_of('a', pieces, 380.0)
-    assert whole.pieces[1].first_row == 1000 + 760
-    assert whole.stretches == [RowInterval(0, 1000), RowInterval(1760, 760 + len(volts))]
+    intervals = [stretch.interval for stretch in whole.stretches]
+    assert intervals == [RowInterval(0, 1000), RowInterval(1760, 760 + len(volts))]
     assert whole.slips[-1].start == np.flatnonzero(np.diff(truth.astype(int)) == 1)[-1] + 1 + 760
 
 
@@ -96,24 +96,22 @@ def test_a_part_of_a_track_has_the_rows_and_labels_of_the_whole(pieces, one, oth
     part = whole.part('part', first, last)
     np.testing.assert_array_equal(part.volts, whole.volts[first:last])
     np.testing.assert_array_equal(part.kinds, whole.kinds[first:last])
-    if whole.moving is None:
-        assert part.moving is None
-    else:
-        np.testing.assert_array_equal(part.moving, whole.moving[first:last])
+    if whole.samples.moving is not None:
+        np.testing.assert_array_equal(part.samples.moving, whole.samples.moving[first:last])
 
 
-def test_a_fingerprint_tells_recordings_apart_by_what_they_hold_and_not_by_their_names():
-    one = track(1)
-    assert fingerprint([one._replace(name='another')]) == fingerprint([one])
-    changed = one.volts.copy()
-    changed[7, 2] += 1e-9
-    kinds = one.kinds.copy()
-    kinds[0] = 2
-    others = [
-        [one._replace(volts=changed)], [one._replace(kinds=kinds)],
-        [one._replace(sample_rate_hz=381.0)], [one, one], [],
-    ]  # fmt: skip
-    assert len({fingerprint(tracks) for tracks in ([one], *others)}) == 6
+def test_a_fingerprint_differs_with_volts_labels_and_rate_and_not_with_the_name():
+    volts, truth = slips(1)
+    changed_volts, changed_truth = volts.copy(), truth.copy()
+    changed_volts[7, 2] += 1e-9
+    changed_truth[0] = True
+
+    def of(volts=volts, truth=truth, name='a', rate_hz=380.0):
+        return track_of(name, [Samples.evenly(volts, rate_hz, truth)], rate_hz)
+
+    assert fingerprint([of(name='b')]) == fingerprint([of()])
+    others = [of(changed_volts)], [of(truth=changed_truth)], [of(rate_hz=381.0)], [of(), of()], []
+    assert len({fingerprint(tracks) for tracks in ([of()], *others)}) == 6
 
 
 LOADER = RecordingLoader(CHAIN, RecordingConfig(recording_truth_key='label'), EvaluationConfig())

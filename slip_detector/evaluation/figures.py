@@ -1,0 +1,465 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""True slips, alarms and the outcome of a replay, and the figures of several together."""
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slip_detector.evaluation.chance import slip_figures
+from slip_detector.evaluation.scores import MOTION, ScoreCounts
+
+
+class Bound(NamedTuple):
+    """The range in which a figure is wanted, from ``low`` to ``high``.
+
+    Attributes
+    ----------
+    low, high : float
+        In the unit of the figure.
+    strict : bool
+        Whether a figure equal to ``low`` or ``high`` is outside the range.
+
+    Examples
+    --------
+    >>> Bound(high=4.0).met(4.0), Bound(high=4.0, strict=True).met(4.0), Bound(low=1.0).met(None)
+    (True, False, False)
+    >>> print(Bound(low=0.0, strict=True), Bound(high=4.0), Bound(32.0, 40.0), sep=', ')
+    > 0, <= 4, 32.00 to 40.00
+    """
+
+    low: float = -np.inf
+    high: float = np.inf
+    strict: bool = False
+
+    def met(self, figure: float | None) -> bool:
+        """Return whether a figure is in the range; None, a figure that is not defined, is not."""
+        if figure is None:
+            return False
+        if self.strict:
+            return self.low < figure < self.high
+        return self.low <= figure <= self.high
+
+    def __str__(self) -> str:
+        equal = '' if self.strict else '='
+        if self.high == np.inf:
+            return f'>{equal} {self.low:g}'
+        if self.low == -np.inf:
+            return f'<{equal} {self.high:g}'
+        return f'{self.low:.2f} to {self.high:.2f}'
+
+
+#: The stages between a signal and the global decision, in order; the parts of a latency.
+STAGES = ('filter', 'envelope', 'decision', 'vote')
+
+#: Takes the place of a stage where an alarm that began before the slip was not over.
+ALREADY_ON = 'already_on'
+
+#: Kinds of alarms.
+TRUE, REPEAT, FALSE, SETTLING = 'true', 'repeat', 'false', 'settling'
+
+
+@dataclasses.dataclass(frozen=True)
+class TrueSlip:
+    """A true slip, its alarm and its latency. Times are seconds from the start of the recording.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+        Times of the first row of the label and of the first row after it.
+    alarm : int or None
+        Number of its alarm in the recording; None where the slip was missed.
+    latency_s : float or None
+        Time from the start to the rise of its alarm; negative where the alarm rises before the
+        label. None where the slip is missed, and where it is neither found nor missed.
+    settling : bool
+        Whether the slip begins while filters and windows settle, at the beginning of a recording
+        or after a long gap. Then it is neither found nor missed.
+    lead_s, window_s : float
+        How long before its start its alarm may rise at the earliest, and length of the time in
+        which it may; see :mod:`.chance`.
+    late : bool
+        Whether the latency is above ``late_after_s``.
+    stages_s : dict or None
+        The parts of the latency, by :data:`STAGES`; their sum is the latency. ``filter`` ends
+        when a channel of the deciding group has a filtered signal (rectified, raised to the
+        exponent) above the threshold: it includes the time until the sensor feels the slip.
+        ``envelope`` ends when the envelope of a channel is above the threshold (for the limits
+        that evidence uses instead see :mod:`.stage_watch`), ``decision`` when its level is,
+        which turns the channel ON, and ``vote`` when the group is ON. None where there is no
+        latency, where the alarm rises before the label and where another alarm was not over when
+        the slip began.
+    lost_at : str or None
+        Where a missed slip was lost: the first of :data:`STAGES` after which no channel was above
+        the threshold in the time in which the alarm could rise; ``vote`` where channels were ON
+        but no group; :data:`ALREADY_ON` where an alarm that began before the slip was not over.
+        None where the slip was not missed.
+    on_at_start : bool
+        Whether the global decision was ON in the row before the slip.
+    on_while : bool
+        Whether the global decision was ON at any time during the slip (the paper's success).
+    channel_delays_s : tuple of float or None
+        For each enabled channel the time from the start to its first ON during the slip.
+    delay_s : float or None
+        Mean of these delays (Eq. 10).
+
+    Examples
+    --------
+    >>> slip = TrueSlip(
+    ...     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, settling=False, lead_s=0.1,
+    ...     window_s=0.5, late=False, stages_s=None, lost_at=None, on_at_start=False,
+    ...     on_while=True, channel_delays_s=(0.03, 0.05), delay_s=0.04,
+    ... )
+    >>> slip.start_s + slip.latency_s  # when its alarm rose
+    1.04
+    """
+
+    start_s: float
+    end_s: float
+    alarm: int | None
+    latency_s: float | None
+    settling: bool
+    lead_s: float
+    window_s: float
+    late: bool
+    stages_s: dict[str, float] | None
+    lost_at: str | None
+    on_at_start: bool
+    on_while: bool
+    channel_delays_s: tuple[float | None, ...]
+    delay_s: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Alarm:
+    """A rise of the global decision, and what follows until it is OFF for ``off_before_s``.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+        Times of its first row and of the first row after its last ON, from the start of the
+        recording.
+    kind : str
+        ``true``: the alarm of a slip; ``repeat``: a further alarm of a slip that has one already;
+        ``settling``: one that rises, or whose slip begins, while the chain settles; ``false``:
+        any other.
+    slip : int or None
+        Number of its slip in the recording; None where it belongs to none.
+
+    Examples
+    --------
+    >>> Alarm(start_s=2.0, end_s=2.5, kind=FALSE, slip=None).kind
+    'false'
+    """
+
+    start_s: float
+    end_s: float
+    kind: str
+    slip: int | None
+
+
+def event_figures(
+    slips: Sequence[TrueSlip], alarms: Sequence[Alarm], rest_s: float, on_rest_s: float
+) -> dict[str, Any]:
+    """Return the figures that matter to a robot; None where one is not defined.
+
+    Parameters
+    ----------
+    slips, alarms
+        The slips and alarms of one recording or of several.
+    rest_s, on_rest_s
+        Time of the rest, and how much of it the global decision is ON.
+
+    Returns
+    -------
+    dict
+        ``slips``, with how many of them are ``matched`` to an alarm, ``missed``, or neither
+        because they begin while the chain settles (``settling_slips``), and how many of the
+        matched ones are ``late``; ``alarms``, with ``repeated_alarms``, ``false_alarms`` and
+        ``settling_alarms``; ``precision``: the share of the alarms that are matched, without
+        repeated and settling ones, and ``precision_by_chance``: the share of the scored
+        time in which an alarm would be matched; ``rest_s``; the figures of
+        :func:`.slip_figures`; ``<stage>_ms``: mean time that the latency of the matched slips
+        spends in the stage; ``late_<stage>_ms``: the same for the late slips;
+        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
+
+    Examples
+    --------
+    >>> false_alarms = [Alarm(2.0, 2.1, 'false', slip=None), Alarm(5.0, 5.4, 'false', slip=None)]
+    >>> figures = event_figures([], false_alarms, rest_s=30.0, on_rest_s=0.5)
+    >>> figures['false_alarms_per_minute'], figures['false_time_s_per_hour'], figures['recall']
+    (4.0, 60.0, None)
+    """
+    scored = [slip for slip in slips if not slip.settling]
+    kinds = [alarm.kind for alarm in alarms]
+    false_alarms = kinds.count(FALSE)
+    matched = sum(slip.latency_s is not None for slip in scored)
+    lost = [slip.lost_at for slip in scored]
+    late = [slip for slip in scored if slip.late]
+    known = all(slip.lost_at for slip in scored if slip.latency_s is None)
+    windows_s = [slip.window_s for slip in scored]
+    scored_s = sum(windows_s) + rest_s
+    latencies_ms = [np.nan if slip.latency_s is None else slip.latency_s * 1e3 for slip in scored]
+    return {
+        'slips': len(slips),
+        'settling_slips': len(slips) - len(scored),
+        'matched': matched,
+        'late': len(late),
+        'missed': len(scored) - matched,
+        'alarms': len(alarms),
+        'repeated_alarms': kinds.count(REPEAT),
+        'false_alarms': false_alarms,
+        'settling_alarms': kinds.count(SETTLING),
+        'precision': matched / (matched + false_alarms) if matched + false_alarms else None,
+        'precision_by_chance': sum(windows_s) / scored_s if scored_s else None,
+        'rest_s': rest_s,
+        **slip_figures(
+            latencies_ms,
+            [slip.lead_s for slip in scored],
+            windows_s,
+            false_alarms,
+            rest_s,
+            on_rest_s,
+        ),
+        **_mean_stages(scored, ''),
+        **_mean_stages(late, 'late_'),
+        **{f'missed_at_{stage}': lost.count(stage) if known else None for stage in STAGES},
+        f'missed_{ALREADY_ON}': lost.count(ALREADY_ON) if known else None,
+    }
+
+
+def _mean_stages(slips: Sequence[TrueSlip], prefix: str) -> dict[str, float | None]:
+    parts = [slip.stages_s for slip in slips if slip.stages_s is not None]
+    return {
+        f'{prefix}{stage}_ms': 1e3 * float(np.mean([part[stage] for part in parts]))
+        if parts
+        else None
+        for stage in STAGES
+    }
+
+
+def first_on_delay_s(on: ArrayLike, time_s: ArrayLike, start_s: float) -> float | None:
+    """Return the time from the start of slip to the first ON at or after it.
+
+    Parameters
+    ----------
+    on : array_like of bool, shape (n,)
+        Decisions of a channel or group, or the global ones.
+    time_s : array_like, shape (n,)
+        Time of each row, rising.
+    start_s : float
+        When slip begins.
+
+    Returns
+    -------
+    float or None
+        Seconds; None where there is no such ON.
+
+    Examples
+    --------
+    >>> first_on_delay_s([True, False, True], time_s=[0.0, 1.0, 2.0], start_s=0.5)
+    1.5
+    """
+    times = np.asarray(time_s, dtype=np.float64)
+    after = np.flatnonzero(np.asarray(on, dtype=bool) & (times >= start_s))
+    return float(times[after[0]]) - start_s if after.size else None
+
+
+def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | None]:
+    """Return mean and standard deviation of delays; Eq. 10 is the mean over channels.
+
+    Parameters
+    ----------
+    delays
+        In any unit; None for a channel or trial without a delay.
+
+    Returns
+    -------
+    mean, sd : float or None
+        Mean and standard deviation (n - 1) of the known delays. None for the mean of no delay and
+        for the standard deviation of fewer than two.
+
+    Examples
+    --------
+    >>> mean_and_sd([1.0, None, 3.0])
+    (2.0, 1.4142135623730951)
+    """
+    known = [delay for delay in delays if delay is not None]
+    mean = float(np.mean(known)) if known else None
+    return mean, float(np.std(known, ddof=1)) if len(known) > 1 else None
+
+
+def percent(part: int, whole: int) -> float | None:
+    """Return a share in percent; None where the whole is 0.
+
+    Examples
+    --------
+    >>> percent(1, 4), percent(0, 0)
+    (25.0, None)
+    """
+    return 100.0 * part / whole if whole else None
+
+
+def paper_figures(slips: Sequence[TrueSlip], on_rows: int, rest_rows: int) -> dict[str, Any]:
+    """Return the figures that the paper reports; each slip counts as one of its trials.
+
+    Parameters
+    ----------
+    slips
+        The slips of one recording or of several; :func:`trial_delays_ms` has their delays.
+    on_rows
+        Number of rows without slip in which the global decision is ON.
+    rest_rows
+        Number of rows without slip.
+
+    Returns
+    -------
+    dict
+        ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1) of the slips; ``success_percent``: the share
+        of the slips during which the global decision is ON; ``false_positive_percent``: the share
+        of the rows without slip in which it is ON. None where one is not defined.
+
+    Examples
+    --------
+    >>> paper_figures([], on_rows=19, rest_rows=1900)['false_positive_percent']
+    1.0
+    """
+    mean_ms, sd_ms = mean_and_sd(trial_delays_ms(slips))
+    return {
+        'mean_delay_ms': mean_ms,
+        'sd_delay_ms': sd_ms,
+        'success_percent': percent(sum(slip.on_while for slip in slips), len(slips)),
+        'false_positive_percent': percent(on_rows, rest_rows),
+    }
+
+
+def trial_delays_ms(slips: Sequence[TrueSlip]) -> list[float | None]:
+    """Return the mean delay of the channels in each slip (Eq. 10); None where none is ON.
+
+    Examples
+    --------
+    >>> trial_delays_ms([])
+    []
+    """
+    return [None if slip.delay_s is None else slip.delay_s * 1e3 for slip in slips]
+
+
+@dataclasses.dataclass(frozen=True)
+class ReplayOutcome:
+    """The outcome of a recording's replay through a chain.
+
+    Attributes
+    ----------
+    rows, slip_rows : int
+    moving_rows : int or None
+        Number of rows of motion; None where the recording has no velocities.
+    on_rows : int
+        Number of rows without slip in which the global decision is ON, as the paper counts them.
+    settling_rows : int
+        Number of rows that are not scored, as filters and windows settle.
+    rest_rows, on_rest_rows : int
+        Number of rows of rest, see :mod:`.matching`, and how many of them have the global
+        decision ON.
+    sample_rate_hz : float
+        Rate of the recording.
+    slips : tuple of TrueSlip
+    alarms : tuple of Alarm
+    scores : ScoreCounts or None
+        Scores of the decision statistic; None where they were not asked for.
+
+    Examples
+    --------
+    >>> outcome = ReplayOutcome(
+    ...     rows=760, slip_rows=190, moving_rows=None, on_rows=19, settling_rows=190,
+    ...     rest_rows=380, on_rest_rows=19, sample_rate_hz=380.0, slips=(), alarms=(), scores=None,
+    ... )
+    >>> outcome.duration_s, outcome.rest_s, outcome.on_rest_s
+    (2.0, 1.0, 0.05)
+    """
+
+    rows: int
+    slip_rows: int
+    moving_rows: int | None
+    on_rows: int
+    settling_rows: int
+    rest_rows: int
+    on_rest_rows: int
+    sample_rate_hz: float
+    slips: tuple[TrueSlip, ...]
+    alarms: tuple[Alarm, ...]
+    scores: ScoreCounts | None
+
+    @property
+    def duration_s(self) -> float:
+        """Time of its rows, without gaps."""
+        return self.rows / self.sample_rate_hz
+
+    @property
+    def rest_s(self) -> float:
+        """Time of its rest."""
+        return self.rest_rows / self.sample_rate_hz
+
+    @property
+    def on_rest_s(self) -> float:
+        """Time of its rest in which the global decision is ON."""
+        return self.on_rest_rows / self.sample_rate_hz
+
+
+def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
+    """Return the figures of merit of recordings, at least one, taken together.
+
+    Returns
+    -------
+    dict
+        Numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows``,
+        ``settling_rows`` (in which neither slips nor rest are scored) and ``duration_s``; areas
+        under the ROC curve of the decision statistic, for rows with slip against all other rows
+        (``auc_all``) and against rows of motion (``auc_moving``); the figures of
+        :func:`paper_figures` and :func:`event_figures`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector import ChainConfig
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.evaluation.replay import Replay
+    >>> rest = Samples.evenly(np.full((760, 16), 4.3), 380.0, truth=np.zeros(760))
+    >>> figures = figures_of_merit([Replay(ChainConfig()).run([rest])])
+    >>> figures['duration_s'], figures['false_alarms'], figures['recall']
+    (2.0, 0, None)
+    """
+    slips = [slip for one in outcomes for slip in one.slips]
+    rows, slip_rows = sum(one.rows for one in outcomes), sum(one.slip_rows for one in outcomes)
+    moving = [one.moving_rows for one in outcomes if one.moving_rows is not None]
+    scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
+    return {
+        'rows': rows,
+        'slip_rows': slip_rows,
+        'moving_rows': sum(moving) if moving else None,
+        'settling_rows': sum(one.settling_rows for one in outcomes),
+        'duration_s': sum(one.duration_s for one in outcomes),
+        'auc_all': scores.auc(),
+        'auc_moving': scores.auc([MOTION]) if moving else None,
+        **paper_figures(slips, sum(one.on_rows for one in outcomes), rows - slip_rows),
+        **event_figures(
+            slips,
+            [alarm for one in outcomes for alarm in one.alarms],
+            sum(one.rest_s for one in outcomes),
+            sum(one.on_rest_s for one in outcomes),
+        ),
+    }
