@@ -15,8 +15,9 @@
 """The parameters of the slip chain and of the detector node that runs it."""
 
 import dataclasses
+import functools
 
-from slip_detector.parameters import chain_checks
+from slip_detector.parameters.chain_checks import LONGEST_COMB_S, check_chain
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
@@ -24,8 +25,9 @@ from slip_detector.parameters.sets import ParameterSet
 #: mains frequency itself deviates by as much.
 WHOLE_PERIODS = 1e-3
 
-#: Allowed values of the parameter ``common_mode``.
+#: Allowed values of the parameters ``common_mode`` and ``decision``.
 COMMON_MODES = ('none', 'median', 'mean')
+DECISIONS = ('mean', 'evidence')
 
 #: Number of channels of the paper's fingertip.
 PAPER_CHANNELS = 16
@@ -40,15 +42,15 @@ PAPER_GROUPS: dict[str, tuple[int, ...]] = {
     'LU': (2, 4, 15, 13),
 }
 
+# What a parameter affects, and with which decisions the tuner searches it.
+given_filter = functools.partial(parameter, affects='filters')
+searched_filter = functools.partial(parameter, affects='filters', searched_with=DECISIONS)
+decision_parameter = functools.partial(parameter, affects='decision')
+of_evidence = functools.partial(parameter, affects='decision', searched_with=('evidence',))
+
 
 def default_channel_names(channels: int) -> tuple[str, ...]:
-    """Return the names of the channels where none are configured.
-
-    Examples
-    --------
-    >>> default_channel_names(3)
-    ('ch1', 'ch2', 'ch3')
-    """
+    """Return the names of the channels where none are configured: ch1, ch2, ..."""
     return tuple(f'ch{channel}' for channel in range(1, channels + 1))
 
 
@@ -69,243 +71,170 @@ class ChainConfig(ParameterSet):
     NODE = 'slip_detector'
 
     sample_rate_hz: float = parameter(
-        380.0,
-        'Rate at which samples are taken.',
-        unit='Hz',
-        low=1.0,
-        high=1e6,
-        heading='Samples',
+        380.0, 'Rate of the samples.', (1.0, 1e6, 'Hz'), heading='Samples', affects='input'
     )
     channels: int = parameter(
-        16, 'Number of channels in a sample.', low=1, high=1_000_000, affects=('outputs',)
+        16, 'Number of channels in a sample.', (1, 1_000_000), affects='input outputs display'
     )
     channel_names: tuple[str, ...] = parameter(
         (),
         'Names of the channels in the input; empty: ch1, ch2, ..., and the input may have any.',
         allows='letters, digits, _',
-        affects=('decision', 'outputs'),
+        affects='decision outputs',
     )
     disabled_channels: tuple[int, ...] = parameter(
         (),
         'Channels (counted from 1) that are not computed and do not vote.',
         allows='1 to the number of channels',
-        affects=('outputs',),
+        affects='outputs',
     )
-    valid_range_v: tuple[float, float] = parameter(
+    valid_range_v: tuple[float, float] = decision_parameter(
         (-1e9, 1e9),
         'Lowest and highest value a working channel can give; beyond it a sample is bad.',
-        unit='V',
-        low=-1e12,
-        high=1e12,
-        affects=('decision',),
+        (-1e12, 1e12, 'V'),
     )
-    flat_after_s: float = parameter(
-        1.0,
-        'A channel that repeats one value for this long leaves the vote; 0: no such check.',
-        unit='s',
-        low=0.0,
-        high=3600.0,
-        affects=('decision',),
+    flat_after_s: float = decision_parameter(
+        1.0, 'A channel with one value for this long cannot vote; 0: no check.', (0.0, 3600.0, 's')
     )
-    max_gap_s: float = parameter(
-        0.1,
-        'A shorter gap in the input is bridged with the last row, a longer one resets the chain.',
-        unit='s',
-        low=0.0,
-        high=60.0,
-        affects=('decision',),
+    max_gap_s: float = decision_parameter(
+        0.1, 'A longer gap in the input resets the chain, a shorter is bridged.', (0.0, 60.0, 's')
     )
-    common_mode: str = parameter(
+    common_mode: str = searched_filter(
         'none',
-        'What is subtracted from each row as common to all channels: none, median or mean.',
+        'What is subtracted from each row as common to all channels.',
         choices=COMMON_MODES,
         heading='Interference',
     )
-    mains_hz: float = parameter(
+    mains_hz: float = searched_filter(
         0.0,
-        'Mains frequency whose hum is removed: from each row the row a whole number of periods '
-        'earlier is subtracted; 0: none.',
-        unit='Hz',
-        low=0.0,
-        high=1000.0,
+        'Mains hum to remove, by subtracting the row whole periods earlier; 0: none.',
+        (0.0, 1000.0, 'Hz'),
         allows='0, or up to 1000 with whole periods in at most 0.25 s of rows',
     )
-    passband_hz: tuple[float, float] = parameter(
+    passband_hz: tuple[float, float] = searched_filter(
         (7.0, 50.0),
         'Edges of the band-pass; a high edge of 0 makes it a high-pass.',
-        unit='Hz',
+        (None, None, 'Hz'),
         allows='1e-5 of the sample rate to below half of it',
         heading='Filters',
     )
-    passband_degree: int = parameter(
+    passband_degree: int = searched_filter(
         4,
         'Degree of the band-pass polynomials (Eq. 1).',
-        low=1,
-        high=20,
+        (1, 20),
         allows='even, 2 to 20; 1 to 20 for a high-pass',
     )
-    gain: float = parameter(100.0, 'Factor on the filtered signal.', low=1e-6, high=1e6)
-    stopbands_hz: tuple[tuple[float, float], ...] = parameter(
+    gain: float = given_filter(100.0, 'Factor on the filtered signal.', (1e-6, 1e6))
+    stopbands_hz: tuple[tuple[float, float], ...] = searched_filter(
         ((0.5, 7.0), (50.0, 180.0)),
         'Low and high edge of each stop-band (Eq. 4), where the ripple ends; [] for none.',
-        unit='Hz',
+        (None, None, 'Hz'),
         allows='as passband_hz; at most 32 pairs',
     )
-    stopband_degree: int = parameter(
-        4, 'Degree of the stop-band polynomials.', low=2, high=20, allows='even, 2 to 20'
+    stopband_degree: int = given_filter(
+        4, 'Degree of the stop-band polynomials.', (2, 20), allows='even, 2 to 20'
     )
-    stopband_ripple_db: float = parameter(
-        0.01, 'Ripple outside the stop-bands.', unit='dB', low=1e-4, high=3.0
+    stopband_ripple_db: float = given_filter(
+        0.01, 'Ripple outside the stop-bands.', (1e-4, 3.0, 'dB')
     )
-    stopband_attenuation_db: float = parameter(
-        40.0, 'Attenuation in the middle of the stop-bands.', unit='dB', low=6.0, high=120.0
+    stopband_attenuation_db: float = given_filter(
+        40.0, 'Attenuation in the middle of the stop-bands.', (6.0, 120.0, 'dB')
     )
-    rectify: str = parameter(
-        'full',
-        'Rectifier: full wave or half wave (Eq. 3).',
-        choices=('full', 'half'),
-        heading='Envelope',
+    rectify: str = given_filter(
+        'full', 'Full or half wave (Eq. 3).', choices=('full', 'half'), heading='Envelope'
     )
-    exponent: int = parameter(3, 'Power of the rectified signal (Eq. 3-5).', low=1, high=6)
+    exponent: int = searched_filter(3, 'Power of the rectified signal (Eq. 3-5).', (1, 6))
     envelope_window_s: float = parameter(
         0.04,
         'Window of the RMS envelope (Eq. 6-8).',
-        unit='s',
-        low=0.0,
-        high=60.0,
+        (0.0, 60.0, 's'),
         allows='one sample to 60 s',
+        searched_with=DECISIONS,
     )
     decision_window_s: float = parameter(
         0.04,
         'Window of the mean that is compared with the threshold.',
-        unit='s',
-        low=0.0,
-        high=60.0,
+        (0.0, 60.0, 's'),
         allows='one sample to 60 s',
+        searched_with=('mean',),
     )
     decision: str = parameter(
         'mean',
-        'What is compared with the threshold: the mean envelope, or the evidence for slip '
-        '(docs/method.md). The parameters up to impact_hold_s are for evidence.',
-        choices=('mean', 'evidence'),
+        'What the threshold is for: the mean envelope, or evidence (docs/method.md).',
+        choices=DECISIONS,
         heading='Decision',
+        searched_with=DECISIONS,
     )
-    noise_floor: tuple[float, ...] = parameter(
+    noise_floor: tuple[float, ...] = of_evidence(
         (),
         'Smallest envelope of the noise: one number, or one per channel; evidence needs it.',
-        low=1e-30,
-        high=1e30,
+        (1e-30, 1e30),
         allows='1e-30 to 1e+30; one number, or one for each channel',
-        affects=('decision',),
     )
-    noise_floor_learnt: bool = parameter(
-        False,
-        'Whether the floor begins at noise_floor; else it begins at the first envelope, but not '
-        'below noise_floor.',
-        affects=('decision',),
+    noise_floor_learnt: bool = of_evidence(
+        False, 'Whether the floor begins at noise_floor; else at the first envelope above it.'
     )
-    noise_floor_range_db: float = parameter(
-        60.0,
-        'How far above noise_floor the floor may rise; 15 dB suits a learnt noise_floor.',
-        unit='dB',
-        low=0.0,
-        high=300.0,
-        affects=('decision',),
+    noise_floor_range_db: float = of_evidence(
+        60.0, 'How far the floor may rise above noise_floor; 15 dB if learnt.', (0.0, 300.0, 'dB')
     )
-    noise_floor_rate_db_s: float = parameter(
-        0.43,
-        'How fast the floor rises while the envelope is above it; it falls nine times as fast '
-        'while the envelope is below.',
-        unit='dB/s',
-        low=0.0,
-        high=1000.0,
-        affects=('decision',),
+    noise_floor_rate_db_s: float = of_evidence(
+        0.43, 'How fast the floor rises; it falls nine times as fast.', (0.0, 1000.0, 'dB/s')
     )
-    evidence_cap_db: float = parameter(
+    evidence_cap_db: float = of_evidence(
         13.0,
         'Largest excess of the envelope over the floor that counts.',
-        unit='dB',
-        low=0.0,
-        high=300.0,
+        (0.0, 300.0, 'dB'),
         allows='above evidence_offset_db, to 300',
-        affects=('decision',),
     )
-    evidence_offset_db: float = parameter(
-        3.5,
-        'Evidence grows while the envelope is more than this above the floor, else it falls.',
-        unit='dB',
-        low=0.0,
-        high=100.0,
-        affects=('decision',),
+    evidence_offset_db: float = of_evidence(
+        3.5, 'Evidence grows while the envelope is this far above the floor.', (0.0, 100.0, 'dB')
     )
-    evidence_limit_db_s: float = parameter(
-        1.3,
-        'Upper limit of the evidence: it bounds how long slip stays ON after its end.',
-        unit='dB s',
-        low=1e-6,
-        high=1e6,
-        affects=('decision',),
+    evidence_limit_db_s: float = of_evidence(
+        1.3, 'Upper limit of the evidence; it bounds how late slip goes OFF.', (1e-6, 1e6, 'dB s')
     )
-    impact_v: float = parameter(
+    impact_v: float = of_evidence(
         0.0,
-        'A step of more than this from one sample to the next, on impact_channels at once, is an '
-        'impact; 0: no impacts.',
-        unit='V',
-        low=0.0,
-        high=1e12,
+        'A larger step between two samples, on impact_channels at once, is an impact; 0: none.',
+        (0.0, 1e12, 'V'),
         heading='Impacts',
-        affects=('decision',),
     )
-    impact_channels: int = parameter(
+    impact_channels: int = of_evidence(
         2,
         'Number of channels that must step at once.',
-        low=1,
-        high=1_000_000,
+        (1, 1_000_000),
         allows='1 to the number of enabled channels',
-        affects=('decision',),
     )
-    impact_hold_s: float = parameter(
-        0.3,
-        'For this time after an impact no channel counts as above its floor.',
-        unit='s',
-        low=0.0,
-        high=60.0,
-        affects=('decision',),
+    impact_hold_s: float = of_evidence(
+        0.3, 'For this time after an impact no channel is above its floor.', (0.0, 60.0, 's')
     )
     threshold: float = parameter(
         0.5,
-        'Level above which a channel is ON; with evidence it is in dB s, and a channel goes '
-        'OFF at half of it.',
-        low=1e-30,
-        high=1e30,
+        'Level above which a channel is ON; with evidence in dB s, and OFF at half of it.',
+        (1e-30, 1e30),
         heading='Threshold and vote',
-        affects=('decision',),
+        affects='decision',
+        searched_with=DECISIONS,
     )
     vote: str | int = parameter(
         'all',
-        'When a group is ON: all its channels, a whole number k of them, or mean '
-        '(the geometric mean of level / threshold exceeds 1).',
+        'When a group is ON: all channels, k of them, or mean (geometric, of level / threshold).',
         allows='all, mean, or 1 to the size of the smallest group',
-        affects=('decision',),
+        affects='decision',
+        searched_with=DECISIONS,
     )
     groups: dict[str, tuple[int, ...]] = parameter(
         {},
-        'Channels (counted from 1) of each group; none given: Table 1 for 16 channels, '
-        'else one group named all.',
+        'Channels (from 1) of each group; none given: Table 1 for 16 channels, else one, all.',
         allows='each enabled channel in one group',
-        affects=('decision', 'outputs'),
+        affects='decision outputs display',
     )
 
     def __post_init__(self) -> None:
-        """Check the fields against each other and fill in the groups."""
+        """Check the fields, each and against each other, and fill in the groups."""
         super().__post_init__()
-        chain_checks.check_channels(self)
         if not self.groups:
             object.__setattr__(self, 'groups', self._default_groups())
-        chain_checks.check_groups(self)
-        chain_checks.check_filters(self)
-        chain_checks.check_windows(self)
-        chain_checks.check_evidence(self)
+        check_chain(self)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -325,9 +254,9 @@ class ChainConfig(ParameterSet):
         >>> ChainConfig(mains_hz=50).mains_rows, ChainConfig(mains_hz=60).mains_rows
         (38, 19)
         """
-        for periods in range(1, int(chain_checks.LONGEST_COMB_S * self.mains_hz) + 1):
+        for periods in range(1, int(LONGEST_COMB_S * self.mains_hz) + 1):
             rows = max(1, round(periods * self.sample_rate_hz / self.mains_hz))
-            if rows > chain_checks.LONGEST_COMB_S * self.sample_rate_hz * (1 + 1e-9):
+            if rows > LONGEST_COMB_S * self.sample_rate_hz * (1 + 1e-9):
                 break
             if abs(rows * self.mains_hz / self.sample_rate_hz - periods) <= WHOLE_PERIODS:
                 return rows
@@ -366,43 +295,33 @@ class DetectorConfig(ChainConfig):
         'Message type of the topic voltages.',
         allows='any installed type, as package/msg/Type',
         heading='Input and topics',
+        affects='input display',
     )
     input_field: str = parameter(
         'position',
         'Field of the message that has the channels.',
         allows='a field, or a path such as wrench.force.x, pillars[].fz or tactiles[0].pressure',
+        affects='input display',
     )
     input_timeout_s: float = parameter(
-        0.5,
-        'slip_valid becomes false within this time after the last sample.',
-        unit='s',
-        low=0.01,
-        high=3600.0,
+        0.5, 'slip_valid becomes false within this time after a sample.', (0.01, 3600.0, 's')
     )
     heartbeat_hz: float = parameter(
-        10.0,
-        'Rate at which slip and slip_valid repeat.',
-        unit='Hz',
-        low=0.1,
-        high=1000.0,
-        affects=('outputs',),
+        10.0, 'Rate at which slip and slip_valid repeat.', (0.1, 1000.0, 'Hz'), affects='outputs'
     )
     publish_groups: bool = parameter(
-        True, 'Whether slip/group/... is published.', affects=('outputs',)
+        True, 'Whether slip/group/... is published.', affects='outputs display'
     )
     publish_channels: bool = parameter(
-        True, 'Whether slip/channel/... is published.', affects=('outputs',)
+        True, 'Whether slip/channel/... is published.', affects='outputs'
     )
     autostart: bool = parameter(
         True, 'Whether the node configures and activates itself; else a lifecycle manager does.'
     )
     taxel_positions_m: tuple[float, ...] = parameter(
         (),
-        'Where the channels are drawn: x, y, z of each, channel 1 first, in the frame of the '
-        'samples; empty: in a grid.',
-        unit='m',
-        low=-10.0,
-        high=10.0,
+        'x, y, z of each channel in the frame of the samples, for drawing; empty: in a grid.',
+        (-10.0, 10.0, 'm'),
         allows='three numbers a channel, -10 to 10',
         heading='Fingertip',
     )
@@ -412,7 +331,5 @@ class DetectorConfig(ChainConfig):
         super().__post_init__()
         numbers = len(self.taxel_positions_m)
         if numbers not in (0, 3 * self.channels):
-            raise ValueError(
-                f'parameter taxel_positions_m has {numbers} numbers, allowed: '
-                f'{3 * self.channels}, three for each channel, or none'
-            )
+            allowed = f'{3 * self.channels}, three for each channel, or none'
+            self.refuse('taxel_positions_m', allowed, f'has {numbers} numbers')

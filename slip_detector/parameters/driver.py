@@ -12,12 +12,60 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of the driver node."""
+"""The parameters of the driver node, and those of them that describe a recording."""
 
 import dataclasses
 
 from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.sets import ParameterSet
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordingConfig(ParameterSet):
+    """Where in a recording the samples and the labels are, and how they are read.
+
+    The driver, the evaluation and the tuner read these parameters from the section ``slip_driver``
+    of a parameter file.
+
+    Examples
+    --------
+    >>> RecordingConfig(recording_topic='/left/voltages').recording_volts_key
+    'volts'
+    """
+
+    NODE = 'slip_driver'
+
+    recording_topic: str = parameter(
+        '', 'Topic of a bag that has the samples; empty: voltages in any namespace.'
+    )
+    recording_field: str = parameter(
+        '', 'Field of its messages with the channels, as pillars[].fz; empty: position or data.'
+    )
+    recording_labels: str = parameter(
+        '', 'YAML file of the slips, or a folder of such; empty: <name>.labels.yaml beside it.'
+    )
+    recording_truth_topic: str = parameter(
+        'slip_truth', 'Topic of a bag with the true slip (Bool, on change).'
+    )
+    recording_position_topic: str = parameter(
+        'platform_position', 'Else a topic with a position that changes in slip (Eq. 9).'
+    )
+    recording_still_m: float = parameter(
+        0.0, 'Largest change of that position between messages at rest.', (0.0, 1.0, 'm')
+    )
+    recording_resample: bool = parameter(
+        False, 'Whether slip_evaluate and slip_tune resample to the rate of the chain.'
+    )
+    recording_limit_mb: float = parameter(
+        1024.0, 'Largest piece held in memory; reading takes at most four.', (1.0, 1e6, 'MB')
+    )
+    recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
+    recording_rate_key: str = parameter(
+        'sample_rate_hz', 'Name of the sample rate in an npz recording.'
+    )
+    recording_truth_key: str = parameter(
+        'slip', 'Name of the column or array of true slip; absent: no truth is published.'
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,57 +83,42 @@ class DriverConfig(RecordingConfig):
 
     source: str = parameter(
         '',
-        'Where the samples come from. There is no default: a simulation must not replace a sensor '
-        'unnoticed.',
+        'Where the samples come from; no default: a simulation must not pass for a sensor.',
         choices=('', 'scene', 'recording', 'serial', 'udp'),
         allows='scene, recording, serial or udp',
     )
     scene: str = parameter('plate_400um', 'A scene that comes with the package, or a path.')
-    seed: int = parameter(
-        0, 'Seed of the noise; each seed is another trial.', low=0, high=2**31 - 1
-    )
+    seed: int = parameter(0, 'Seed of the noise; each seed is another trial.', (0, 2**31 - 1))
     recording: str = parameter(
         '', 'Path of the recording to play: npz, csv, mcap, db3, or the folder of a bag.'
     )
-    rate: float = parameter(
-        1.0, 'Playing speed as a multiple of real time.', low=0.001, high=1000.0
-    )
+    rate: float = parameter(1.0, 'Playing speed as a multiple of real time.', (0.001, 1000.0))
     loop: bool = parameter(False, 'Whether to start again at the end; else the driver ends.')
     wait_for_subscribers: int = parameter(
-        0, 'Number of subscribers to voltages that the first sample waits for.', low=0, high=1000
+        0, 'Number of subscribers to voltages that the first sample waits for.', (0, 1000)
     )
     wait_for_grip: bool = parameter(
         False, 'Whether a scene with an object starts only with the first grip_force.'
     )
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
     samples_per_message: int = parameter(
-        1,
-        'More than one: samples are published in batches, as a std_msgs/Float32MultiArray with '
-        'the layout sample, channel.',
-        low=1,
-        high=10_000,
+        1, 'More than one: batches of samples, as std_msgs/Float32MultiArray.', (1, 10_000)
     )
-    channels: int = parameter(16, 'Channels that the sensor sends (serial, udp).', low=1, high=255)
+    channels: int = parameter(16, 'Channels that the sensor sends (serial, udp).', (1, 255))
     packet_values: str = parameter(
         'int16',
         'Type of the values in a packet (docs/packets.md).',
         choices=('int16', 'int24', 'int32', 'uint16', 'uint24', 'uint32'),
     )
     packet_scale_v: float = parameter(
-        1e-3, 'Volts for each unit of a value in a packet.', unit='V', low=-1e9, high=1e9
+        1e-3, 'Volts for each unit of a value in a packet.', (-1e9, 1e9, 'V')
     )
-    packet_offset_v: float = parameter(
-        0.0, 'Volts of the value 0 in a packet.', unit='V', low=-1e9, high=1e9
-    )
+    packet_offset_v: float = parameter(0.0, 'Volts of the value 0 in a packet.', (-1e9, 1e9, 'V'))
     serial_port: str = parameter(
         '', 'Serial port; best its name in /dev/serial/by-id, which does not change.'
     )
     serial_baud: int = parameter(
-        115200,
-        'Rate of the serial port; no effect on USB.',
-        unit='baud',
-        low=50,
-        high=20_000_000,
+        115200, 'Rate of the serial port; no effect on USB.', (50, 20_000_000, 'baud')
     )
     serial_format: str = parameter(
         'packet',
@@ -93,18 +126,12 @@ class DriverConfig(RecordingConfig):
         choices=('packet', 'text'),
     )
     text_rate_hz: float = parameter(
-        0.0,
-        'Rate at which a sensor that sends text takes samples; 0: unknown, each line is stamped '
-        'when it arrives.',
-        unit='Hz',
-        low=0.0,
-        high=1e6,
+        0.0, 'Rate of the lines of text; 0: each is stamped as it arrives.', (0.0, 1e6, 'Hz')
     )
     udp_bind_address: str = parameter(
-        '127.0.0.1',
-        'Own address to listen on; 0.0.0.0: all, so that other machines can reach it.',
+        '127.0.0.1', 'Own address to listen on; 0.0.0.0: all, also for other machines.'
     )
-    udp_port: int = parameter(47380, 'UDP port to listen on.', low=1, high=65535)
+    udp_port: int = parameter(47380, 'UDP port to listen on.', (1, 65535))
     udp_senders: tuple[str, ...] = parameter(
         ('127.0.0.1',), 'Addresses that may send; packets from others are dropped.'
     )

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of the evaluation."""
+"""The parameters of the evaluation and of the search."""
 
 import dataclasses
 
@@ -36,52 +36,65 @@ class EvaluationConfig(ParameterSet):
     NODE = 'slip_evaluate'
 
     early_s: float = parameter(
-        0.0,
-        'An alarm that rises this long before the label of a slip still counts for it.',
-        unit='s',
-        low=0.0,
-        high=10.0,
+        0.0, 'An alarm this long before a slip still counts for it.', (0.0, 10.0, 's')
     )
     tail_s: float = parameter(
-        0.1,
-        'An alarm that rises this long after the end of a slip, while the windows still hold it, '
-        'still counts for it.',
-        unit='s',
-        low=0.0,
-        high=10.0,
+        0.1, 'An alarm this long after the end of a slip still counts.', (0.0, 10.0, 's')
     )
     off_before_s: float = parameter(
-        0.1,
-        'A new alarm begins only after slip was OFF for this long; a shorter OFF does not end an '
-        'alarm.',
-        unit='s',
-        low=0.0,
-        high=10.0,
+        0.1, 'OFF for a shorter time than this does not end an alarm.', (0.0, 10.0, 's')
     )
     late_after_s: float = parameter(
-        0.1, 'A detection with a longer latency is late.', unit='s', low=0.0, high=10.0
+        0.1, 'A detection with a longer latency is late.', (0.0, 10.0, 's')
     )
 
     motion_key: str = parameter(
         '', 'Name of the array of velocities in a recording; empty: there is none.'
     )
     motion_columns: tuple[str, ...] = parameter(
-        (),
-        'Columns of that array to use, as named in the array <motion_key>_names; empty: all.',
+        (), 'Columns of it to use, as named in the array <motion_key>_names; empty: all.'
     )
     moving_above: float = parameter(
-        0.01,
-        'A row counts as motion when the norm of its velocities exceeds this.',
-        unit='m/s',
-        low=0.0,
-        high=1e6,
+        0.01, 'Norm of the velocities above which a row is motion.', (0.0, 1e6, 'm/s')
     )
 
     def __post_init__(self) -> None:
         """Check the fields against each other."""
         super().__post_init__()
         if self.motion_columns and not self.motion_key:
-            raise ValueError(
-                "parameter motion_key is '', allowed: the name of an array, as motion_columns "
-                'names columns of it'
-            )
+            allowed = 'the name of an array, as motion_columns names columns of it'
+            self.refuse('motion_key', allowed)
+
+
+@dataclasses.dataclass(frozen=True)
+class TuneConfig(ParameterSet):
+    """Parameters of the search: the cost, in ms, of each kind of error of a chain.
+
+    These costs are added to the mean latency of the chain over the true slips. Added is also the
+    latency that its false alarms would save by chance.
+
+    Examples
+    --------
+    >>> TuneConfig(false_alarm_costs_ms=20).false_alarm_costs_ms
+    20.0
+    """
+
+    NODE = 'slip_tune'
+
+    missed_costs_ms: float = parameter(
+        500.0, 'Latency that a missed slip counts as.', (1.0, 1e6, 'ms')
+    )
+    false_alarm_costs_ms: float = parameter(
+        10.0, 'Cost of each false alarm per minute.', (0.0, 1e6, 'ms')
+    )
+    false_time_costs_ms: float = parameter(
+        10.0, 'Cost of each per cent of the rest during which slip is ON.', (0.0, 1e6, 'ms')
+    )
+    auc_costs_ms: float = parameter(
+        100.0,
+        'Cost of an area under the ROC curve of 0; 1 costs nothing. It is an area over all rows.',
+        (0.0, 1e6, 'ms'),
+    )
+    trade: bool = parameter(
+        False, 'Whether a single figure may get worse if the total cost falls.'
+    )

@@ -12,23 +12,35 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The description of one parameter, as the metadata of a dataclass field."""
+"""The description of one parameter as a dataclass field, and the conversion of its values."""
 
+import contextlib
 import dataclasses
-from typing import Any
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NoReturn, get_args
+
+Field = dataclasses.Field[Any]
+
+#: Allowed names of channels and groups; they become parts of topic names.
+NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+
+#: Most characters of a value that a message shows.
+LONGEST_SHOWN = 200
 
 
 def parameter(
     default: Any,
     meaning: str,
+    within: tuple[Any, ...] = (None, None, ''),
     *,
-    unit: str = '',
-    low: float | None = None,
-    high: float | None = None,
     choices: tuple[str, ...] = (),
     allows: str = '',
     heading: str = '',
-    affects: tuple[str, ...] = (),
+    affects: str = '',
+    searched_with: tuple[str, ...] = (),
 ) -> Any:
     """Return a dataclass field that describes one parameter; conversion and checks read it.
 
@@ -39,10 +51,9 @@ def parameter(
         of pairs is a flat list.
     meaning
         One sentence, for the ROS descriptor of the parameter and for docs/parameters.md.
-    unit
-        SI unit.
-    low, high
-        Inclusive bounds of a number, or of each number of a list.
+    within
+        Inclusive bounds of a number, or of each number of a list, and its SI unit, if it has one:
+        ``(0.0, 60.0, 's')``. A bound may be None.
     choices
         The allowed values of a text.
     allows
@@ -51,8 +62,12 @@ def parameter(
         Heading over this parameter and the following ones, up to the next heading, in
         docs/parameters.md and on the live page.
     affects
-        What a change reaches: ``decision`` if the state of a running chain does not depend on the
-        parameter, ``outputs`` if the topics of the decisions do.
+        What a change reaches, separated by spaces: ``input``, other samples than before;
+        ``filters``, the envelope of a channel; ``decision``, what the chain makes of the envelope
+        without any state of its own; ``outputs``, the topics of the decisions; ``display``, the
+        topics that the live page listens to.
+    searched_with
+        The decisions with which the tuner searches the parameter.
 
     Examples
     --------
@@ -60,22 +75,18 @@ def parameter(
     >>> from slip_detector.parameters.sets import ParameterSet
     >>> @dataclasses.dataclass(frozen=True)
     ... class Gripper(ParameterSet):
-    ...     force_n: float = parameter(2.0, 'Grip force.', unit='N', low=0.1, high=40.0)
+    ...     force_n: float = parameter(2.0, 'Grip force.', (0.1, 40.0, 'N'))
     >>> Gripper(force_n=3)
     Gripper(force_n=3.0)
     >>> Gripper(force_n=99)
     Traceback (most recent call last):
     ValueError: parameter force_n is 99 N, allowed: 0.1 to 40 N
     """
+    low, high, unit = (*within, '')[:3]
     metadata = {
-        'meaning': meaning,
-        'unit': unit,
-        'low': low,
-        'high': high,
-        'choices': choices,
-        'allows': allows,
-        'heading': heading,
-        'affects': affects,
+        **{'meaning': meaning, 'low': low, 'high': high, 'unit': unit},
+        **{'choices': choices, 'allows': allows, 'heading': heading},
+        **{'affects': affects.split(), 'searched_with': searched_with},
     }
     if isinstance(default, dict):
         return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
@@ -88,29 +99,22 @@ def names_that_affect(config_class: type[Any], part: str) -> frozenset[str]:
     Examples
     --------
     >>> from slip_detector.parameters import ChainConfig
-    >>> 'threshold' in names_that_affect(ChainConfig, 'decision')
-    True
+    >>> sorted(names_that_affect(ChainConfig, 'input'))
+    ['channels', 'sample_rate_hz']
     """
     fields = dataclasses.fields(config_class)
     return frozenset(field.name for field in fields if part in field.metadata['affects'])
 
 
-def default_of(field: 'dataclasses.Field[Any]') -> Any:
-    """Return the default of a dataclass field, also if it has a default factory.
-
-    Examples
-    --------
-    >>> from slip_detector.parameters import ChainConfig
-    >>> default_of(ChainConfig.__dataclass_fields__['threshold'])
-    0.5
-    """
+def default_of(field: Field) -> Any:
+    """Return the default of a dataclass field, also if it has a default factory."""
     if field.default is not dataclasses.MISSING:
         return field.default
     assert field.default_factory is not dataclasses.MISSING
     return field.default_factory()
 
 
-def allowed(field: 'dataclasses.Field[Any]') -> str:
+def allowed(field: Field) -> str:
     """Return the allowed values of a parameter in words.
 
     Examples
@@ -120,31 +124,193 @@ def allowed(field: 'dataclasses.Field[Any]') -> str:
     '0.001 to 60 s'
     """
     metadata = field.metadata
-    if metadata['allows']:
-        return str(metadata['allows'])
-    if metadata['choices']:
-        return ', '.join(metadata['choices'])
+    if metadata['allows'] or metadata['choices']:
+        return metadata['allows'] or ', '.join(metadata['choices'])
     unit = f' {metadata["unit"]}' if metadata['unit'] else ''
     low, high = metadata['low'], metadata['high']
-    if low is not None and high is not None:
-        return f'{low:g} to {high:g}{unit}'
     if low is not None:
-        return f'at least {low:g}{unit}'
+        return f'at least {low:g}{unit}' if high is None else f'{low:g} to {high:g}{unit}'
     return 'true, false' if isinstance(default_of(field), bool) else ''
 
 
-def under_headings(config_class: type[Any]) -> dict[str, list['dataclasses.Field[Any]']]:
-    """Return the fields of a parameter set by their headings, in order of definition.
-
-    Examples
-    --------
-    >>> from slip_detector.parameters import ChainConfig
-    >>> [field.name for field in under_headings(ChainConfig)['Interference']]
-    ['common_mode', 'mains_hz']
-    """
-    found: dict[str, list[dataclasses.Field[Any]]] = {}
+def under_headings(config_class: type[Any]) -> dict[str, list[Field]]:
+    """Return the fields of a parameter set by their headings, in order of definition."""
+    found: dict[str, list[Field]] = {}
     heading = ''
     for field in dataclasses.fields(config_class):
         heading = field.metadata['heading'] or heading
         found.setdefault(heading, []).append(field)
     return found
+
+
+def shortened(text: str) -> str:
+    """Return a text, cut off with ``...`` if it is too long for a message."""
+    return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
+
+
+def shown(value: Any) -> str:
+    """Return the representation of a value for a message, shortened to keep that readable."""
+    return shortened(repr(value))
+
+
+def shown_name(name: str) -> str:
+    """Return a user's name for a message: in quotes if it is long or has unprintable characters.
+
+    Examples
+    --------
+    >>> shown_name('left'), shown_name('left' * 100)[-7:]
+    ('left', 'left...')
+    """
+    return name if name.isprintable() and len(name) < LONGEST_SHOWN else shown(name)
+
+
+def listed(names: Sequence[str], most: int = 40) -> str:
+    """Return names as a comma-separated text; of a long list only the first ones.
+
+    Examples
+    --------
+    >>> listed([f'ch{k}' for k in range(1, 11)], most=3)
+    'ch1, ch2, ch3 and 7 more'
+    """
+    text = ', '.join(map(shown_name, names[:most]))
+    return text if len(names) <= most else f'{text} and {len(names) - most} more'
+
+
+def refuse(what: str, allowed_text: str) -> NoReturn:
+    """Raise the ValueError of a value that is not allowed: what is wrong, and what is allowed."""
+    raise ValueError(f'{what}, allowed: {allowed_text}')
+
+
+def check_once(values: Iterable[Any], where: str, what: str) -> None:
+    """Raise a ValueError if a value occurs twice."""
+    doubled = sorted(value for value, count in Counter(values).items() if count > 1)
+    if doubled:
+        refuse(f'{where} has {shown(doubled[0])} twice', f'each {what} once')
+
+
+def converted(value: Any, field: Field, where: str) -> Any:
+    """Convert a value from YAML, ROS or Python to the type of its parameter.
+
+    Parameters
+    ----------
+    value
+        A value of any type.
+    field
+        The field that describes the parameter; see :func:`parameter`.
+    where
+        The name of the parameter in messages.
+
+    Raises
+    ------
+    ValueError
+        When the value cannot be converted or is out of range.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters import ChainConfig
+    >>> stopbands = ChainConfig.__dataclass_fields__['stopbands_hz']
+    >>> converted([0.5, 7, '48', 52], stopbands, 'parameter stopbands_hz')
+    ((0.5, 7.0), (48.0, 52.0))
+    """
+    default = default_of(field)
+    if field.name == 'vote':
+        return _vote(value, where)
+    if isinstance(default, dict):
+        return _groups(value, where)
+    if isinstance(default, bool):
+        return value if isinstance(value, bool) else _refuse_value(value, where, 'true, false')
+    if isinstance(default, (int, float)):
+        return _number(value, type(default), where, field)
+    if isinstance(default, str):
+        if isinstance(value, str) and value in (field.metadata['choices'] or (value,)):
+            return value
+        _refuse_value(value, where, allowed(field) or 'text')
+    if field.name == 'noise_floor' and _is_single(value):
+        value = [value]
+    if _is_single(value):
+        _refuse_value(value, where, 'a list')
+    if field.name == 'channel_names':
+        return _names(value, where)
+    if str in get_args(field.type):
+        for text in value:
+            if not isinstance(text, str) or not text:
+                refuse(f'{where} has {shown(text)}', 'a list of names')
+        return tuple(value)
+    return _numbers(value, default, where, field)
+
+
+def _is_single(value: Any) -> bool:
+    return isinstance(value, str) or not hasattr(value, '__iter__')
+
+
+def _refuse_value(value: Any, where: str, allowed_text: str) -> NoReturn:
+    refuse(f'{where} is {shown(value)}', allowed_text)
+
+
+def _number(value: Any, kind: type, where: str, field: Field | None = None) -> Any:
+    """Return a value as int or float, within the bounds of its field."""
+    if isinstance(value, str) and value.isascii() and '_' not in value and kind is float:
+        # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number. Python's 1_0
+        # is a number in neither.
+        with contextlib.suppress(ValueError):
+            value = float(value)
+    wanted = 'a whole number' if kind is int else 'a number'
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        _refuse_value(value, where, wanted)
+    try:
+        number = float(value)
+    except OverflowError:
+        refuse(f'{where} has too many digits', f'{wanted} below 1e308')
+    if math.isnan(number):
+        refuse(f'{where} is not a number', wanted)
+    if kind is int and not number.is_integer():
+        _refuse_value(value, where, wanted)
+    if field is not None:
+        low, high = field.metadata['low'], field.metadata['high']
+        if (low is not None and number < low) or (high is not None and number > high):
+            refuse(f'{where} is {number:g} {field.metadata["unit"]}'.rstrip(), allowed(field))
+    return kind(value)
+
+
+def _numbers(items: Iterable[Any], default: Any, where: str, field: Field) -> tuple[Any, ...]:
+    """Return numbers as a tuple, or as a tuple of pairs, which may be given as a flat list."""
+    pairs = bool(default) and isinstance(default[0], tuple)
+    flat: list[Any] = []
+    for item in items:
+        flat += [item] if not pairs or _is_single(item) else item
+    kind = int if field.name.endswith('_channels') else float
+    numbers = tuple(_number(item, kind, where, field) for item in flat)
+    if pairs and len(numbers) % 2:
+        refuse(f'{where} has {len(numbers)} numbers', 'pairs [low, high]')
+    if not pairs and Ellipsis not in get_args(field.type) and len(numbers) != len(default):
+        refuse(f'{where} has {len(numbers)} numbers', f'{len(default)}')
+    return tuple(zip(numbers[::2], numbers[1::2], strict=True)) if pairs else numbers
+
+
+def _vote(value: Any, where: str) -> str | int:
+    if value in ('all', 'mean'):
+        return str(value)
+    if not isinstance(value, bool) and re.fullmatch('0*[1-9][0-9]{0,8}', str(value)):
+        return int(value)
+    _refuse_value(value, where, 'all, mean, or a whole number from 1')
+
+
+def _names(value: Iterable[Any], where: str) -> tuple[str, ...]:
+    names = tuple(value)
+    for name in names:
+        if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
+            refuse(f'{where} has {shown(name)}', 'letters, digits and _, a letter first')
+    check_once(names, where, 'name')
+    return names
+
+
+def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
+    if not isinstance(value, Mapping):
+        _refuse_value(value, where, 'a list of channel numbers per name')
+    groups = {}
+    for name in _names(value, where):
+        inner = f'{where}.{name}'
+        if _is_single(value[name]):
+            _refuse_value(value[name], inner, 'a list of channel numbers')
+        groups[name] = tuple(_number(member, int, inner) for member in value[name])
+    return groups

@@ -12,16 +12,48 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Atomic writing of files, reading with a size limit, and checks that a file can be written."""
+"""Files: written whole, read up to a limit, YAML files, and those that come with the package."""
 
 import contextlib
 import os
+import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import yaml
+
+from slip_detector.parameters.fields import shortened
 
 #: Prefix of the temporary folder in which a file is written before it is moved to its place.
 UNFINISHED = '.unfinished_'
+
+#: Largest size of a YAML file. A parameter file for a hundred channels has some 10 kB.
+MOST_BYTES = 1_000_000
+
+#: Numbers that YAML 1.1 reads otherwise than a user expects: ``1:30`` as 90, ``020`` as 16.
+_ODD_NUMBER = re.compile('.*[:_]|[-+]?0(b|[0-9]+$)')
+
+
+def shared_folder() -> Path:
+    """Return the folder that holds ``config``: the source tree's or the installed package's.
+
+    Raises
+    ------
+    ValueError
+        When the package was installed without it.
+
+    Examples
+    --------
+    >>> (shared_folder() / 'config' / 'slip_detector.yaml').is_file()
+    True
+    """
+    for parent in Path(__file__).resolve().parents:
+        for folder in (parent, parent / 'share' / 'slip_detector'):
+            if (folder / 'config' / 'scenes').is_dir() and (folder / 'package.xml').is_file():
+                return folder
+    raise ValueError('the package was installed without its config folder: install it again')
 
 
 @contextlib.contextmanager
@@ -79,46 +111,9 @@ def _bring_to_disk(path: Path) -> None:
         os.close(descriptor)
 
 
-def read_limited(path: str | Path, most_bytes: int) -> bytes:
-    """Return the content of a file, but read no more than a limit: a device may never end.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be read or is larger than ``most_bytes``; names it.
-
-    Examples
-    --------
-    >>> read_limited('/dev/zero', 1000)
-    Traceback (most recent call last):
-    ValueError: /dev/zero: has more than 1000 bytes, allowed: fewer
-    """
-    try:
-        with open(path, 'rb') as file:
-            content = file.read(most_bytes + 1)
-    except OSError as error:
-        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
-    if len(content) > most_bytes:
-        raise ValueError(f'{path}: has more than {most_bytes} bytes, allowed: fewer')
-    return content
-
-
 @contextlib.contextmanager
 def write_errors_of(path: str | Path) -> Iterator[None]:
-    """Within a block, turn an error of the file system into a one-line message with the path.
-
-    Raises
-    ------
-    ValueError
-        For any OSError within the block.
-
-    Examples
-    --------
-    >>> with write_errors_of('pictures'):
-    ...     raise OSError(28, 'No space left on device')
-    Traceback (most recent call last):
-    ValueError: pictures: cannot be written (No space left on device)
-    """
+    """Within a block, turn an error of the file system into a ValueError of one line."""
     try:
         yield
     except OSError as error:
@@ -140,16 +135,13 @@ def check_writable(path: Path) -> None:
     ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
     """
     with write_errors_of(path):
-        if path.is_dir():
-            raise IsADirectoryError(0, 'is a folder')
-        if path.exists() and not path.is_file():  # Writing would replace a device by a file.
-            raise OSError(0, 'is no file')
-        place, existed = Path(os.path.realpath(path)), path.exists()
-        with open(path, 'ab'):
-            pass
-        if not existed:
-            place.unlink()
-        with tempfile.TemporaryFile(dir=place.parent):  # whole_file needs to write beside it.
+        if path.exists():
+            if not path.is_file():  # Writing would replace a device by a file.
+                raise OSError(0, 'is a folder' if path.is_dir() else 'is no file')
+            with open(path, 'ab'):
+                pass
+        # whole_file needs to write beside it.
+        with tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path))):
             pass
 
 
@@ -174,33 +166,152 @@ def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] =
     Traceback (most recent call last):
     ValueError: --report tuned.yaml: is written by --out too, allowed: a file of its own
     """
-    taken = {Path(path).resolve(): 'is read' for path in read}
+    uses = {Path(path).resolve(): 'is read' for path in read}
     for option, path in written.items():
-        if path is None:
-            continue
-        place = path.resolve()
-        if place in taken:
-            raise ValueError(f'{option} {path}: {taken[place]} too, allowed: a file of its own')
-        taken[place] = f'is written by {option}'
+        if path is not None:
+            use = uses.setdefault(path.resolve(), f'is written by {option}')
+            if use != f'is written by {option}':
+                raise ValueError(f'{option} {path}: {use} too, allowed: a file of its own')
 
 
 def writable_folder(folder: Path) -> Path:
-    """Return a folder, which is made if it does not exist.
-
-    Raises
-    ------
-    ValueError
-        When the folder cannot be made; names it.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     writable_folder(Path(folder) / 'out').is_dir()
-    True
-    """
+    """Return a folder, which is made if it does not exist; a ValueError if it cannot be made."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ValueError(f'{folder}: cannot be made ({error.strerror})') from None
     return folder
+
+
+class _RefusedError(Exception):
+    """A place in a YAML file, and why it is refused."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Refuses, while it parses, what YAML 1.1 would read otherwise than it looks."""
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Parse the next node."""
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        where = f'line {event.start_mark.line + 1}'
+        if isinstance(event, yaml.AliasEvent):  # As ROS does: some lines can stand for billions.
+            raise _RefusedError(f'{where}: has an alias, allowed: the value itself')
+        node: Any = super().compose_node(parent, index)  # type: ignore[arg-type]
+        if node.tag.endswith((':int', ':float')) and _ODD_NUMBER.match(str(node.value)):
+            allowed = 'allowed: a decimal number, or a text in quotes'
+            number = shortened(str(node.value))
+            raise _RefusedError(f'{where}: {number} is not a number as it looks, {allowed}')
+        lines: dict[str, int] = {}
+        keys = [key for key, _ in node.value] if isinstance(node, yaml.MappingNode) else []
+        for key in keys:
+            line, name = key.start_mark.line + 1, str(key.value)
+            if name in lines:  # YAML takes the last one. `1` and `'1'` are the same name.
+                again = f'has {shortened(name)} again, as in line {lines[name]}'
+                raise _RefusedError(f'line {line}: {again}, allowed: once')
+            lines[name] = line
+        return node  # type: ignore[no-any-return]
+
+
+# launch_ros writes a list among the parameters of a launch file as a Python tuple.
+_Loader.add_constructor(
+    'tag:yaml.org,2002:python/tuple',
+    _Loader.construct_yaml_seq,  # type: ignore[type-var]
+)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes a value that occurs twice twice, not as an alias, which ROS does not read."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def read_yaml(path: str | Path) -> dict[str, Any]:
+    """Read a YAML file of names and values.
+
+    Each name may occur once in its mapping, a number must be decimal, and there are no aliases.
+
+    Raises
+    ------
+    ValueError
+        When the file is missing, is not YAML, has no names, is too large, or has what is not
+        allowed; names the file and the line.
+
+    Examples
+    --------
+    >>> list(read_yaml(shared_folder() / 'config' / 'slip_detector.yaml'))
+    ['/**/slip_detector', '/**/slip_driver']
+    """
+    document = _parsed(path, _Loader.get_single_data)
+    if not isinstance(document, dict):
+        raise ValueError(f'{path}: is not a YAML file of names and values')
+    return {str(name): value for name, value in document.items()}
+
+
+def compose_yaml(path: str | Path) -> yaml.Node | None:
+    """Read a YAML file as a node, which knows its line numbers; None: the file is empty.
+
+    Raises
+    ------
+    ValueError
+        As :func:`read_yaml`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / 'a.yaml'
+    ...     _ = file.write_text('slip_s: [[1.0, 2.5]]')
+    ...     compose_yaml(file).value[0][0].value
+    'slip_s'
+    """
+    node: yaml.Node | None = _parsed(path, _Loader.get_single_node)
+    return node
+
+
+def _parsed(path: str | Path, parse: Callable[[_Loader], Any]) -> Any:
+    """Parse a file; an error is one line with file and, where it is known, line."""
+    try:
+        with open(path, 'rb') as file:
+            content = file.read(MOST_BYTES + 1)  # A device may never end.
+    except OSError as error:
+        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
+    if len(content) > MOST_BYTES:
+        raise ValueError(f'{path}: has more than {MOST_BYTES} bytes, allowed: fewer')
+    try:
+        return parse(_Loader(content.decode()))
+    except UnicodeDecodeError:
+        said = ': is not text, allowed: a YAML file'
+    except RecursionError:
+        said = ': is nested too deeply'
+    except _RefusedError as error:
+        said = f': {error}'
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        problem = getattr(error, 'problem', None) or 'cannot be parsed'
+        said = f':{f" line {mark.line + 1}" if mark else ""} is not YAML ({shortened(problem)})'
+    except (ValueError, LookupError, AttributeError, ArithmeticError):
+        said = ': is not YAML (a value is not what its tag or its form says)'
+    raise ValueError(f'{path}{said}')
+
+
+def write_yaml(path: Path, document: Mapping[str, Any], comments: Iterable[str] = ()) -> None:
+    """Write a document with comments above it; a ValueError names a file that cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'tuned.yaml'
+    ...     write_yaml(path, {'slip_detector': {'ros__parameters': {'vote': 2}}}, ['Tuned.'])
+    ...     print(path.read_text().splitlines()[0])
+    # Tuned.
+    """
+    lines = ''.join(f'# {line}'.rstrip() + '\n' for line in comments)
+    with whole_file(path) as new:
+        new.write_text(lines + yaml_text(document), encoding='utf-8')
+
+
+def yaml_text(document: Mapping[str, Any]) -> str:
+    """Return a document as YAML."""
+    return yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None)

@@ -18,7 +18,6 @@ import dataclasses
 import re
 from typing import Any
 
-from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
@@ -45,69 +44,36 @@ class GraspConfig(ParameterSet):
     NODE = 'grasp_controller'
 
     grip_n: float = parameter(
-        1.8,
-        'Grip force at the start, and the lowest force it relaxes to.',
-        unit='N',
-        low=0.001,
-        high=1000.0,
+        1.8, 'Grip force at the start, and the lowest force it relaxes to.', (0.001, 1000.0, 'N')
     )
-    limit_n: float = parameter(
-        10.0, 'Largest grip force that is commanded.', unit='N', low=0.001, high=1000.0
-    )
-    step_factor: float = parameter(
-        1.7, 'Slip raises the force by this factor ...', low=1.0, high=100.0
-    )
-    step_n: float = parameter(0.0, '... and by this much more.', unit='N', low=0.0, high=1000.0)
+    limit_n: float = parameter(10.0, 'Largest grip force that is commanded.', (0.001, 1000.0, 'N'))
+    step_factor: float = parameter(1.7, 'Slip raises the force by this factor ...', (1.0, 100.0))
+    step_n: float = parameter(0.0, '... and by this much more.', (0.0, 1000.0, 'N'))
     repeat_s: float = parameter(
-        0.1,
-        'Shortest time between two increases of the force, while slip lasts or comes again.',
-        unit='s',
-        low=0.0,
-        high=60.0,
+        0.1, 'Shortest time between two increases while slip lasts or returns.', (0.0, 60.0, 's')
     )
     relax_after_s: float = parameter(
-        1.0,
-        'Time from the last slip until the force begins to decrease.',
-        unit='s',
-        low=0.0,
-        high=3600.0,
+        1.0, 'Time from the last slip until the force begins to decrease.', (0.0, 3600.0, 's')
     )
     relax_n_s: float = parameter(
-        0.1, 'How fast the force decreases; 0: never.', unit='N/s', low=0.0, high=1000.0
+        0.1, 'How fast the force decreases; 0: never.', (0.0, 1000.0, 'N/s')
     )
     closing_n_s: float = parameter(
         5.0,
-        'How fast the force rises when the grip closes, and falls when it opens.',
-        unit='N/s',
-        low=0.001,
-        high=1e6,
+        'How fast the force rises and falls as the grip closes and opens.',
+        (0.001, 1e6, 'N/s'),
     )
     settle_s: float = parameter(
-        0.3,
-        'Slip is ignored until the grip has been closed for this time: contact looks like slip.',
-        unit='s',
-        low=0.0,
-        high=60.0,
+        0.3, 'After closing, slip is ignored for so long: contact looks like it.', (0.0, 60.0, 's')
     )
     on_invalid: str = parameter(
-        'hold',
-        'What to do while slip is invalid or no longer arrives: hold the force, or open.',
-        choices=('hold', 'open'),
+        'hold', 'When slip is invalid or late: hold the force, or open.', choices=('hold', 'open')
     )
     deadline_s: float = parameter(
-        0.3,
-        'Longest time without a message on slip or slip_valid; at least two heartbeat periods of '
-        'the detector.',
-        unit='s',
-        low=0.001,
-        high=60.0,
+        0.3, 'Longest silence of slip and slip_valid; at least two heartbeats.', (0.001, 60.0, 's')
     )
     command_hz: float = parameter(
-        100.0,
-        'Rate at which the command is repeated; a change of the force is commanded at once.',
-        unit='Hz',
-        low=1.0,
-        high=1000.0,
+        100.0, 'Rate of repeated commands; a change is commanded at once.', (1.0, 1000.0, 'Hz')
     )
     command_type: str = parameter(
         JOINT_STATE,
@@ -122,40 +88,27 @@ class GraspConfig(ParameterSet):
     )
     command_factor: float = parameter(
         1.0,
-        'Command of a joint per newton of grip force, for example its lever arm in metres; '
-        'negative if the joint closes with a negative effort.',
-        low=-1e6,
-        high=1e6,
+        'Command of a joint per newton, as its lever arm in m; negative if that closes it.',
+        (-1e6, 1e6),
     )
 
     def __post_init__(self) -> None:
         """Check the fields against each other."""
         super().__post_init__()
         if self.grip_n > self.limit_n:
-            raise ValueError(
-                f'parameter grip_n is {self.grip_n:g} N, allowed: at most limit_n, '
-                f'{self.limit_n:g} N'
-            )
+            self.refuse('grip_n', f'at most limit_n, {self.limit_n:g} N')
         if self.step_factor == 1.0 and self.step_n == 0.0:
-            raise ValueError(
-                'parameter step_factor is 1 and step_n is 0, allowed: one of them larger, else '
-                'slip changes nothing'
-            )
+            allowed = 'one of them larger, else slip changes nothing'
+            self.refuse('step_factor', allowed, 'is 1 and step_n is 0')
         if not TOPIC_PATTERN.fullmatch(self.command_topic):
-            raise ValueError(
-                f'parameter command_topic is {shown(self.command_topic)}, allowed: names of '
-                'letters, digits and _ with / between, no digit first'
-            )
-        if not self.command_joints or len(set(self.command_joints)) < len(self.command_joints):
-            raise ValueError(
-                f'parameter command_joints is {list(self.command_joints)}, allowed: at least one '
-                'name, each once'
-            )
+            allowed = 'names of letters, digits and _ with / between, no digit first'
+            self.refuse('command_topic', allowed)
+        joints = self.command_joints
+        if not joints or len(set(joints)) < len(joints):
+            self.refuse('command_joints', 'at least one name, each once', f'is {list(joints)}')
         if self.command_factor == 0.0:
-            raise ValueError(
-                'parameter command_factor is 0, allowed: any other number from -1e+06 to 1e+06, '
-                'else nothing grips'
-            )
+            allowed = 'any other number from -1e+06 to 1e+06, else nothing grips'
+            self.refuse('command_factor', allowed)
 
 
 def commands_of_a_scene() -> dict[str, Any]:

@@ -12,26 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The folder with the files that come with the package: configurations and scenes."""
+# ruff: noqa: PLC0414
+"""Moved to files."""
 
-from pathlib import Path
-
-
-def shared_folder() -> Path:
-    """Return the folder that holds ``config``: the source tree's or the installed package's.
-
-    Raises
-    ------
-    ValueError
-        When the package was installed without it.
-
-    Examples
-    --------
-    >>> (shared_folder() / 'config' / 'slip_detector.yaml').is_file()
-    True
-    """
-    for parent in Path(__file__).resolve().parents:
-        for folder in (parent, parent / 'share' / 'slip_detector'):
-            if (folder / 'config' / 'scenes').is_dir() and (folder / 'package.xml').is_file():
-                return folder
-    raise ValueError('the package was installed without its config folder: install it again')
+from slip_detector.parameters.files import shared_folder as shared_folder

@@ -12,52 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of the search."""
+# ruff: noqa: PLC0414
+"""Moved to evaluation."""
 
-import dataclasses
-
-from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.sets import ParameterSet
-
-
-@dataclasses.dataclass(frozen=True)
-class TuneConfig(ParameterSet):
-    """Parameters of the search: the cost, in ms, of each kind of error of a chain.
-
-    These costs are added to the mean latency of the chain over the true slips. Added is also the
-    latency that its false alarms would save by chance.
-
-    Examples
-    --------
-    >>> TuneConfig(false_alarm_costs_ms=20).false_alarm_costs_ms
-    20.0
-    """
-
-    NODE = 'slip_tune'
-
-    missed_costs_ms: float = parameter(
-        500.0, 'Latency that a missed slip counts as.', unit='ms', low=1.0, high=1e6
-    )
-    false_alarm_costs_ms: float = parameter(
-        10.0, 'Cost of each false alarm per minute.', unit='ms', low=0.0, high=1e6
-    )
-    false_time_costs_ms: float = parameter(
-        10.0,
-        'Cost of each per cent of the rest during which slip is ON.',
-        unit='ms',
-        low=0.0,
-        high=1e6,
-    )
-    auc_costs_ms: float = parameter(
-        100.0,
-        'Cost of an area under the ROC curve of 0; an area of 1 costs nothing. The area uses all '
-        'rows, which tell more than a few slips.',
-        unit='ms',
-        low=0.0,
-        high=1e6,
-    )
-    trade: bool = parameter(
-        False,
-        'Whether latency, recall, false alarms, false time or area may get worse than with the '
-        'given parameters if the total cost falls.',
-    )
+from slip_detector.parameters.evaluation import TuneConfig as TuneConfig

@@ -106,15 +106,10 @@ class Hum(ParameterSet):
     (0.0, 0.3)
     """
 
-    frequency_hz: float = parameter(50.0, 'Frequency of the mains.', unit='Hz', low=1.0, high=1e3)
-    amplitude_v: float = parameter(
-        5e-3, 'Amplitude (peak) of the fundamental.', unit='V', low=0.0, high=100.0
-    )
+    frequency_hz: float = parameter(50.0, 'Frequency of the mains.', (1.0, 1e3, 'Hz'))
+    amplitude_v: float = parameter(5e-3, 'Amplitude (peak) of the fundamental.', (0.0, 100.0, 'V'))
     harmonics: tuple[float, ...] = parameter(
-        (),
-        'Amplitudes of the 2nd, 3rd, ... harmonic, relative to the fundamental.',
-        low=0.0,
-        high=10.0,
+        (), 'Amplitudes of the 2nd, 3rd, ... harmonic, relative to the fundamental.', (0.0, 10.0)
     )
 
 
@@ -180,13 +175,13 @@ class Tremor(ParameterSet):
     20.0
     """
 
-    low_hz: float = parameter(2.0, 'Lowest frequency.', unit='Hz', low=0.01, high=1e3)
-    high_hz: float = parameter(20.0, 'Highest frequency.', unit='Hz', low=0.01, high=1e3)
+    low_hz: float = parameter(2.0, 'Lowest frequency.', (0.01, 1e3, 'Hz'))
+    high_hz: float = parameter(20.0, 'Highest frequency.', (0.01, 1e3, 'Hz'))
     force_rms_n: float = parameter(
-        0.01, 'RMS of the force that is added to the normal force.', unit='N', low=0.0, high=100.0
+        0.01, 'RMS of the force that is added to the normal force.', (0.0, 100.0, 'N')
     )
     motion_rms_m: float = parameter(
-        5e-6, 'RMS of the motion of the surface along x.', unit='m', low=0.0, high=0.1
+        5e-6, 'RMS of the motion of the surface along x.', (0.0, 0.1, 'm')
     )
 
     def __post_init__(self) -> None:
@@ -270,19 +265,13 @@ class Taps(ParameterSet):
     times_s: tuple[float, ...] = parameter(
         (),
         'Times at which the taps begin.',
-        unit='s',
-        low=0.0,
-        high=1e6,
+        (0.0, 1e6, 's'),
         allows='at least one, rising, at least duration_s apart, 0 to 1e+06 s',
     )
     peak_force_n: float = parameter(
-        0.5,
-        'Peak force; a negative one relieves the contact.',
-        unit='N',
-        low=-1000.0,
-        high=1000.0,
+        0.5, 'Peak force; a negative one relieves the contact.', (-1000.0, 1000.0, 'N')
     )
-    duration_s: float = parameter(0.01, 'Duration of a tap.', unit='s', low=1e-4, high=10.0)
+    duration_s: float = parameter(0.01, 'Duration of a tap.', (1e-4, 10.0, 's'))
 
     def __post_init__(self) -> None:
         """Check that there are taps, and that they do not overlap."""

@@ -37,64 +37,50 @@ class Electronics(ParameterSet):
     """
 
     fingertip_seed: int = parameter(
-        1, 'Seed of the differences between channels: one seed is one fingertip.', low=0
+        1, 'Seed of the differences between channels: one seed is one fingertip.', (0, None)
     )
     baseline_v: tuple[float, float] = parameter(
-        (4.3, 4.35), 'Range of the voltages without contact.', unit='V', low=-100.0, high=100.0
+        (4.3, 4.35), 'Range of the voltages without contact.', (-100.0, 100.0, 'V')
     )
-    normal_v_n: float = parameter(
-        -10.0, 'Sensitivity to normal load.', unit='V/N', low=-1e6, high=1e6
-    )
+    normal_v_n: float = parameter(-10.0, 'Sensitivity to normal load.', (-1e6, 1e6, 'V/N'))
     normal_along_share: float = parameter(
         1.0,
         'Sensitivity of the units along the finger (groups L) to normal load, as a share of '
         'normal_v_n.',
-        low=0.0,
-        high=1.0,
+        (0.0, 1.0),
     )
     shear_v_n: float = parameter(
         2.2,
         'Sensitivity to shear load of the units across the finger (groups T).',
-        unit='V/N',
-        low=-1e6,
-        high=1e6,
+        (-1e6, 1e6, 'V/N'),
     )
     shear_along_share: float = parameter(
         0.5,
         'Sensitivity of the units along the finger (groups L) to shear load, as a share of '
         'shear_v_n.',
-        low=0.0,
-        high=1.0,
+        (0.0, 1.0),
     )
     spread: float = parameter(
-        0.1, 'Standard deviation of the sensitivities, as a share of them.', low=0.0, high=1.0
+        0.1, 'Standard deviation of the sensitivities, as a share of them.', (0.0, 1.0)
     )
     bandwidth_hz: float = parameter(
         0.0,
         'Corner of the first-order low-pass before the converter; 0: unlimited.',
-        unit='Hz',
-        low=0.0,
-        high=1e9,
+        (0.0, 1e9, 'Hz'),
     )
     drift_v: float = parameter(
         0.0,
         'Random walk of each baseline: its standard deviation after one second.',
-        unit='V/sqrt(s)',
-        low=0.0,
-        high=100.0,
+        (0.0, 100.0, 'V/sqrt(s)'),
     )
     noise_v: float = parameter(
-        0.5e-3, 'Standard deviation of the noise of a sample.', unit='V', low=0.0, high=100.0
+        0.5e-3, 'Standard deviation of the noise of a sample.', (0.0, 100.0, 'V')
     )
     rails_v: tuple[float, float] = parameter(
-        (0.0, 5.0),
-        'Lowest and highest voltage of the electronics.',
-        unit='V',
-        low=-1000.0,
-        high=1000.0,
+        (0.0, 5.0), 'Lowest and highest voltage of the electronics.', (-1000.0, 1000.0, 'V')
     )
     adc_bits: int = parameter(
-        0, 'Resolution over the range of rails_v; 0: no quantisation.', low=0, high=32
+        0, 'Resolution over the range of rails_v; 0: no quantisation.', (0, 32)
     )
 
     def __post_init__(self) -> None:

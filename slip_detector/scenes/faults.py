@@ -43,7 +43,7 @@ class Clock(ParameterSet):
     """
 
     rate_ratio: float = parameter(
-        1.01, 'True rate of the samples over the nominal rate.', low=0.1, high=10.0
+        1.01, 'True rate of the samples over the nominal rate.', (0.1, 10.0)
     )
 
 
@@ -60,25 +60,18 @@ class Faults(ParameterSet):
     (3,)
     """
 
-    from_s: float = parameter(0.0, 'Time at which the channels fail.', unit='s', low=0.0, high=1e6)
+    from_s: float = parameter(0.0, 'Time at which the channels fail.', (0.0, 1e6, 's'))
     dead_channels: tuple[int, ...] = parameter(
-        (), 'Channels that read the lower of rails_v.', low=1, high=PAPER_CHANNELS
+        (), 'Channels that read the lower of rails_v.', (1, PAPER_CHANNELS)
     )
     flat_channels: tuple[int, ...] = parameter(
-        (),
-        'Channels that keep reading their first sample from that time on.',
-        low=1,
-        high=PAPER_CHANNELS,
+        (), 'Channels that keep reading their first sample from that time on.', (1, PAPER_CHANNELS)
     )
     noisy_channels: tuple[int, ...] = parameter(
-        (), 'Channels with more noise.', low=1, high=PAPER_CHANNELS
+        (), 'Channels with more noise.', (1, PAPER_CHANNELS)
     )
     noise_v: float = parameter(
-        0.05,
-        'Standard deviation of the additional noise of noisy_channels.',
-        unit='V',
-        low=0.0,
-        high=100.0,
+        0.05, 'Standard deviation of the additional noise of noisy_channels.', (0.0, 100.0, 'V')
     )
 
     def __post_init__(self) -> None:
@@ -198,9 +191,9 @@ class Drops(ParameterSet):
     ValueError: parameter share is 0.6, allowed: at most 0.5 with a burst_samples of 1, ...
     """
 
-    share: float = parameter(0.01, 'Share of the samples that are lost.', low=0.0, high=0.99)
+    share: float = parameter(0.01, 'Share of the samples that are lost.', (0.0, 0.99))
     burst_samples: float = parameter(
-        1.0, 'Mean number of consecutive lost samples; 1: never two.', low=1.0, high=1e6
+        1.0, 'Mean number of consecutive lost samples; 1: never two.', (1.0, 1e6)
     )
 
     def __post_init__(self) -> None:

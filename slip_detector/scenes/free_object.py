@@ -51,19 +51,16 @@ class FreeObject(ParameterSet):
     1.961
     """
 
-    mass_kg: float = parameter(0.2, 'Mass of the object.', unit='kg', low=1e-3, high=10.0)
+    mass_kg: float = parameter(0.2, 'Mass of the object.', (1e-3, 10.0, 'kg'))
     length_m: float = parameter(
         0.1,
         'How far the object can slide through the fingers before it is lost.',
-        unit='m',
-        low=1e-4,
-        high=10.0,
+        (1e-4, 10.0, 'm'),
     )
     rest_patches: float = parameter(
         50.0,
         'Number of further skin patches, each as stiff as that over a taxel, between the taxels.',
-        low=1.0,
-        high=1e4,
+        (1.0, 1e4),
     )
 
     def numbers(self) -> ObjectNumbers:

@@ -64,18 +64,14 @@ class Skin(ParameterSet):
     SkinNumbers(stiffness_n_m=800.0, damping_n_s_m=0.3, mass_kg=1e-06)
     """
 
-    shear_stiffness_n_m: float = parameter(
-        800.0, 'Shear stiffness.', unit='N/m', low=1e-3, high=1e9
-    )
+    shear_stiffness_n_m: float = parameter(800.0, 'Shear stiffness.', (1e-3, 1e9, 'N/m'))
     damping_n_s_m: float = parameter(
-        0.3, 'Damping against the finger; 0: none.', unit='N s/m', low=0.0, high=1e6
+        0.3, 'Damping against the finger; 0: none.', (0.0, 1e6, 'N s/m')
     )
     mass_kg: float = parameter(
         0.0,
         'Mass that moves with the surface of the skin; 0: the skin has no inertia.',
-        unit='kg',
-        low=0.0,
-        high=1.0,
+        (0.0, 1.0, 'kg'),
     )
 
     def numbers(self) -> SkinNumbers:
@@ -126,38 +122,30 @@ class Friction(ParameterSet):
         choices=('lugre', 'coulomb'),
     )
     kinetic_coefficient: float = parameter(
-        0.56, 'Coefficient of friction while sliding.', low=0.0, high=10.0
+        0.56, 'Coefficient of friction while sliding.', (0.0, 10.0)
     )
     static_coefficient: float = parameter(
-        0.61, 'Coefficient of friction at rest (lugre).', low=0.0, high=10.0
+        0.61, 'Coefficient of friction at rest (lugre).', (0.0, 10.0)
     )
     stribeck_velocity_m_s: float = parameter(
         10e-3,
         'Velocity at which friction has fallen from static to kinetic by 1 - 1/e (lugre).',
-        unit='m/s',
-        low=1e-6,
-        high=1e3,
+        (1e-6, 1e3, 'm/s'),
     )
     bristle_stiffness_n_m: float = parameter(
-        1e5,
-        'Stiffness of the bristles of a patch, sigma 0 (lugre).',
-        unit='N/m',
-        low=1.0,
-        high=1e12,
+        1e5, 'Stiffness of the bristles of a patch, sigma 0 (lugre).', (1.0, 1e12, 'N/m')
     )
     bristle_damping_n_s_m: float = parameter(
-        0.1, 'Damping of the bristles, sigma 1 (lugre).', unit='N s/m', low=0.0, high=1e6
+        0.1, 'Damping of the bristles, sigma 1 (lugre).', (0.0, 1e6, 'N s/m')
     )
     viscous_n_s_m: float = parameter(
-        0.0, 'Viscous friction, sigma 2 (lugre).', unit='N s/m', low=0.0, high=1e6
+        0.0, 'Viscous friction, sigma 2 (lugre).', (0.0, 1e6, 'N s/m')
     )
     unloading_s: float = parameter(
         1e-4,
         'Time constant with which bristles relax that are bent further than the load can hold '
         '(lugre).',
-        unit='s',
-        low=1e-9,
-        high=1.0,
+        (1e-9, 1.0, 's'),
     )
 
     def __post_init__(self) -> None:

@@ -49,30 +49,19 @@ class Step(ParameterSet):
     0.0
     """
 
-    duration_s: float = parameter(1.0, 'Duration of the step.', unit='s', low=1e-3, high=36000.0)
+    duration_s: float = parameter(1.0, 'Duration of the step.', (1e-3, 36000.0, 's'))
     force_n: float = parameter(
-        -1.0,
-        'Normal force at the end of the step; negative: as before.',
-        unit='N',
-        low=-1.0,
-        high=1000.0,
+        -1.0, 'Normal force at the end of the step; negative: as before.', (-1.0, 1000.0, 'N')
     )
-    velocity_m_s: float = parameter(
-        0.0, 'Velocity of the plate along x.', unit='m/s', low=-10.0, high=10.0
-    )
+    velocity_m_s: float = parameter(0.0, 'Velocity of the plate along x.', (-10.0, 10.0, 'm/s'))
     carried: float = parameter(
         -1.0,
         "Share of the object's weight that the fingers carry at the end of the step; negative: as "
         'before.',
-        low=-1.0,
-        high=1.0,
+        (-1.0, 1.0),
     )
     pull_n: float = parameter(
-        0.0,
-        'Further force on the object along x at the end of the step.',
-        unit='N',
-        low=-1e3,
-        high=1e3,
+        0.0, 'Further force on the object along x at the end of the step.', (-1e3, 1e3, 'N')
     )
 
 
@@ -130,18 +119,12 @@ class Motion(ParameterSet):
     """
 
     acceleration_m_s2: float = parameter(
-        0.46, 'Acceleration between two velocities.', unit='m/s2', low=1e-3, high=1e6
+        0.46, 'Acceleration between two velocities.', (1e-3, 1e6, 'm/s2')
     )
     ringing_hz: float = parameter(
-        18.0,
-        'Natural frequency of the fingertip against the platform.',
-        unit='Hz',
-        low=0.1,
-        high=1e6,
+        18.0, 'Natural frequency of the fingertip against the platform.', (0.1, 1e6, 'Hz')
     )
-    ringing_damping: float = parameter(
-        0.3, 'Damping ratio of that oscillation.', low=0.01, high=10.0
-    )
+    ringing_damping: float = parameter(0.3, 'Damping ratio of that oscillation.', (0.01, 10.0))
 
 
 @compiled

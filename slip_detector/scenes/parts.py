@@ -68,13 +68,11 @@ class Sampling(ParameterSet):
     0.00035
     """
 
-    sample_rate_hz: float = parameter(380.0, 'Rate of the samples.', unit='Hz', low=1.0, high=1e6)
+    sample_rate_hz: float = parameter(380.0, 'Rate of the samples.', (1.0, 1e6, 'Hz'))
     step_s: float = parameter(
         3.5e-4,
         'Longest step of the integrator; each sample period has a whole number of equal steps.',
-        unit='s',
-        low=1e-7,
-        high=1.0,
+        (1e-7, 1.0, 's'),
     )
 
 

@@ -43,13 +43,13 @@ class RollingNumbers(NamedTuple):
 class Rolling(ParameterSet):
     """The object rolls over the fingertip and back: the contact moves, and nothing slides."""
 
-    start_s: float = parameter(1.0, 'When rolling begins.', unit='s', low=0.0, high=1e6)
-    duration_s: float = parameter(0.5, 'Time to roll one way.', unit='s', low=1e-3, high=3600.0)
-    hold_s: float = parameter(0.0, 'Rest at either end.', unit='s', low=0.0, high=3600.0)
+    start_s: float = parameter(1.0, 'When rolling begins.', (0.0, 1e6, 's'))
+    duration_s: float = parameter(0.5, 'Time to roll one way.', (1e-3, 3600.0, 's'))
+    hold_s: float = parameter(0.0, 'Rest at either end.', (0.0, 3600.0, 's'))
     distance_m: tuple[float, float] = parameter(
-        (1.5e-3, 0.0), 'How far the centre of contact moves: x, y.', unit='m', low=-0.1, high=0.1
+        (1.5e-3, 0.0), 'How far the centre of contact moves: x, y.', (-0.1, 0.1, 'm')
     )
-    repeats: int = parameter(1, 'Number of times it rolls there and back.', low=1, high=10**6)
+    repeats: int = parameter(1, 'Number of times it rolls there and back.', (1, 10**6))
 
     @property
     def cycle_s(self) -> float:

@@ -50,24 +50,19 @@ class Texture(ParameterSet):
     2000.0
     """
 
-    spatial_period_m: float = parameter(
-        400e-6, 'Distance from ridge to ridge.', unit='m', low=1e-6, high=1.0
-    )
+    spatial_period_m: float = parameter(400e-6, 'Distance from ridge to ridge.', (1e-6, 1.0, 'm'))
     ridge_height_m: float = parameter(
         100e-6,
         'Amplitude of the ridges: height of the first harmonic above the mean.',
-        unit='m',
-        low=0.0,
-        high=1e-2,
+        (0.0, 1e-2, 'm'),
     )
     harmonics: tuple[float, ...] = parameter(
         (0.0, -0.22),
         'Heights of the second, third, ... harmonic as shares of the first; [] for a sine.',
-        low=-10.0,
-        high=10.0,
+        (-10.0, 10.0),
     )
     indentation_m: float = parameter(
-        670e-6, 'Height that doubles the load of the taxel on it.', unit='m', low=1e-9, high=1.0
+        670e-6, 'Height that doubles the load of the taxel on it.', (1e-9, 1.0, 'm')
     )
 
     def __post_init__(self) -> None:
@@ -167,16 +162,14 @@ class Roughness(ParameterSet):
     True
     """
 
-    height_rms_m: float = parameter(
-        0.2e-6, 'Standard deviation of the height.', unit='m', low=0.0, high=1e-2
-    )
-    correlation_m: float = parameter(
-        50e-6, 'Correlation length of the profile.', unit='m', low=1e-9, high=1.0
-    )
+    height_rms_m: float = parameter(0.2e-6, 'Standard deviation of the height.', (0.0, 1e-2, 'm'))
+    correlation_m: float = parameter(50e-6, 'Correlation length of the profile.', (1e-9, 1.0, 'm'))
     indentation_m: float = parameter(
-        670e-6, 'Height that doubles the load of the taxel on it.', unit='m', low=1e-9, high=1.0
+        670e-6, 'Height that doubles the load of the taxel on it.', (1e-9, 1.0, 'm')
     )
-    surface_seed: int = parameter(1, 'Seed of the profile; each seed is another surface.', low=0)
+    surface_seed: int = parameter(
+        1, 'Seed of the profile; each seed is another surface.', (0, None)
+    )
 
     def numbers(self) -> RoughNumbers:
         """Return the numbers for compiled code."""

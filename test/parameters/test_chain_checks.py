@@ -12,18 +12,129 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of mains and evidence, against each other."""
+"""The parameters of chain and detector against each other."""
+
+import math
 
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from slip_detector.parameters.chain_checks import LONGEST_COMB_S
+from slip_detector.parameters.chain_checks import LONGEST_COMB_S, LOWEST_EDGE
 from slip_detector.parameters.detector import WHOLE_PERIODS, ChainConfig, DetectorConfig
 from support.config_cases import message_of
 
+TWO = {'channels': 2}
 EVIDENCE = {'decision': 'evidence', 'noise_floor': 0.5}
 HIGH_PASS = {'stopbands_hz': (), 'passband_degree': 1}
+
+#: Values that do not go together, and the message after the word parameter.
+REFUSED = [
+    ({'passband_hz': (7, 7)}, 'passband_hz has the edges 7 and 7 Hz, allowed: the low edge first'),
+    (
+        {'passband_hz': (7, 190)},
+        'passband_hz has the edge 190 Hz, allowed: 0.0038 Hz to below 190 Hz (half the sample',
+    ),
+    ({'passband_hz': (200, 0)}, 'passband_hz has the edge 200 Hz, allowed: 0.0038 Hz to below'),
+    ({'passband_hz': (0, 0)}, 'passband_hz has the edge 0 Hz, allowed: 0.0038 Hz to below'),
+    ({'passband_hz': (7, -50)}, 'passband_hz has the edge -50 Hz, allowed: 0.0038 Hz to below'),
+    ({'passband_hz': (7, math.inf)}, 'passband_hz has the edge inf Hz, allowed: 0.0038 Hz to'),
+    ({'sample_rate_hz': 80}, 'passband_hz has the edge 50 Hz, allowed: 0.0008 Hz to below 40'),
+    (
+        {'stopbands_hz': ((1, 2), (7, 0.5))},
+        'stopbands_hz has the edges 7 and 0.5 Hz, allowed: the',
+    ),
+    ({'stopbands_hz': ((50, 0),)}, 'stopbands_hz has the edge 0 Hz, allowed: 0.0038 Hz to below'),
+    ({'stopbands_hz': (0.5, 7) * 33}, 'stopbands_hz has 33 pairs, allowed: at most 32'),
+    ({'passband_degree': 3}, 'passband_degree is 3, allowed: an even number (a band-pass has'),
+    ({'stopband_degree': 5}, 'stopband_degree is 5, allowed: an even number'),
+    ({'mains_hz': 3.9}, 'mains_hz is 3.9 Hz, allowed: 0, or a frequency with whole periods in at'),
+    ({'disabled_channels': (17,)}, 'disabled_channels has 17, allowed: 1 to 16'),
+    (
+        {**TWO, 'disabled_channels': (1, 2)},
+        'disabled_channels names every channel, allowed: all but one',
+    ),
+    (
+        {**TWO, 'channel_names': ('a', 'b', 'c')},
+        'channel_names has 3 names, allowed: 2, the number of channels',
+    ),
+    (
+        {**TWO, 'groups': {'a': [1, 2], 'b': [2]}},
+        'groups.b has channel 2, which is in a already, allowed: one group for a channel',
+    ),
+    ({**TWO, 'groups': {'a': [0, 1, 2]}}, 'groups.a has channel 0, allowed: 1 to 2'),
+    (
+        {**TWO, 'groups': {'a': [1]}},
+        'groups leaves out channel 2, allowed: every channel in one group or in disabled_channels',
+    ),
+    (
+        {**TWO, 'groups': {'a': [1, 2], 'b': []}},
+        'groups.b is empty, allowed: at least one channel',
+    ),
+    ({'vote': 5}, 'vote is 5, allowed: at most 4, the enabled channels of group TP'),
+    (
+        {'disabled_channels': (14, 16), 'vote': 3},
+        'vote is 3, allowed: at most 2, the enabled channels of group TP',
+    ),
+    (
+        {'envelope_window_s': 0.002},
+        'envelope_window_s is 0.002 s, allowed: at least one sample (0.00263158 s at 380 Hz)',
+    ),
+    ({'decision_window_s': 0.0}, 'decision_window_s is 0 s, allowed: at least one sample'),
+    ({'valid_range_v': (5, 5)}, 'valid_range_v is [5, 5] V, allowed: low below high'),
+    (
+        {'noise_floor': [1.0] * 100_000},
+        'noise_floor has 100000 numbers, allowed: at most 16, one for each channel',
+    ),
+    (
+        {**EVIDENCE, 'noise_floor': ()},
+        'noise_floor is not given, allowed: one number, or 16, one for each channel, with',
+    ),
+    (
+        {**EVIDENCE, 'noise_floor': (1.0, 2.0)},
+        'noise_floor has 2 numbers, allowed: one number, or',
+    ),
+    (
+        {**EVIDENCE, 'evidence_cap_db': 3.5},
+        'evidence_cap_db is 3.5 dB, allowed: above evidence_offset_db (3.5 dB)',
+    ),
+    (
+        {**EVIDENCE, 'threshold': 1.3},
+        'threshold is 1.3 dB s, allowed: below evidence_limit_db_s (1.3 dB s)',
+    ),
+    (
+        {**EVIDENCE, **TWO, 'disabled_channels': (1,), 'impact_v': 1.0},
+        'impact_channels is 2, allowed: at most 1, the number of enabled channels',
+    ),
+    (
+        {'taxel_positions_m': (0.0,) * 47},
+        'taxel_positions_m has 47 numbers, allowed: 48, three for each channel, or none',
+    ),
+]
+
+
+@pytest.mark.parametrize(('values', 'said'), REFUSED)
+def test_parameters_that_do_not_go_together_are_refused(values, said):
+    assert message_of(DetectorConfig, **values).startswith(f'parameter {said}')
+
+
+def test_parameters_of_the_evidence_are_not_checked_without_it():
+    values = {'threshold': 2.0, 'impact_v': 1.0, 'impact_channels': 99, 'noise_floor': (1, 2)}
+    assert ChainConfig(**values).threshold == 2.0
+
+
+@pytest.mark.parametrize('rate', [1.0, 100.0, 380.0, 1e6])
+def test_edges_are_allowed_from_their_share_of_the_rate_to_below_half_of_it(rate):
+    def build(low, high):
+        windows = {'envelope_window_s': 1 / rate, 'decision_window_s': 1 / rate}
+        band = {'passband_hz': (low, high), 'stopbands_hz': ()}
+        return ChainConfig(sample_rate_hz=rate, **band, **windows)
+
+    low, high = LOWEST_EDGE * rate, math.nextafter(rate / 2, 0)
+    # As the message writes it, which may be a last digit below.
+    assert build(float(f'{low:g}'), high).samples(1 / rate) == 1
+    assert 'passband_hz' in message_of(build, low * (1 - 1e-9), high)
+    assert 'passband_hz' in message_of(build, low, rate / 2)
 
 
 @pytest.mark.parametrize(
@@ -31,13 +142,8 @@ HIGH_PASS = {'stopbands_hz': (), 'passband_degree': 1}
     [
         (380.0, 0.0, 0),
         (312.5, 50.0, 25),
-        (380.0, 50.0, 38),
         (380.0, 60.0, 19),
-        (60.0, 50.0, 6),
-        (1000.0, 50.0, 20),
-        (1000.0, 60.0, 50),
         (44_100.0, 60.0, 735),
-        (1e5, 50.0, 2000),
         (50.0, 50.0, 1),
         (30.0, 60.0, 1),
         (333.333, 50.0, 20),
@@ -69,63 +175,3 @@ def test_rows_of_the_mains_are_whole_periods_or_the_mains_is_refused(rate_hz, ma
     else:
         message = message_of(ChainConfig, **values, **windows, **HIGH_PASS)
         assert message.startswith(f'parameter mains_hz is {mains_hz:g} Hz, allowed: 0, or')
-
-
-@pytest.mark.parametrize(
-    ('values', 'said'),
-    [
-        ({'noise_floor': ()}, 'noise_floor is not given, allowed: one number, or 16, one for'),
-        ({'noise_floor': (1.0, 2.0)}, 'noise_floor has 2 numbers, allowed: one number, or 16'),
-        ({'noise_floor': 0.0}, 'noise_floor is 0, allowed: 1e-30 to 1e+30'),
-        ({'noise_floor': 'loud'}, "noise_floor is 'loud', allowed: a number"),
-        ({'noise_floor': [None]}, 'noise_floor is None, allowed: a number'),
-        ({'noise_floor_learnt': 1}, 'noise_floor_learnt is 1, allowed: true, false'),
-        ({'noise_floor_range_db': -1}, 'noise_floor_range_db is -1 dB, allowed: 0 to 300 dB'),
-        ({'noise_floor_rate_db_s': 1e4}, 'is 10000 dB/s, allowed: 0 to 1000 dB/s'),
-        ({'evidence_cap_db': 3.5}, 'evidence_cap_db is 3.5 dB, allowed: above evidence_offset_db'),
-        ({'evidence_cap_db': 301}, 'is 301 dB, allowed: above evidence_offset_db, to 300'),
-        ({'evidence_offset_db': -1}, 'evidence_offset_db is -1 dB, allowed: 0 to 100 dB'),
-        ({'evidence_limit_db_s': 0}, 'evidence_limit_db_s is 0 dB s, allowed: 1e-06 to 1e+06'),
-        ({'threshold': 1.3}, 'threshold is 1.3 dB s, allowed: below evidence_limit_db_s (1.3'),
-        ({'impact_v': -1}, 'impact_v is -1 V, allowed: 0 to 1e+12 V'),
-        ({'impact_channels': 0}, 'impact_channels is 0, allowed: 1 to the number of enabled'),
-        ({'impact_v': 1, 'impact_channels': 17}, 'impact_channels is 17, allowed: at most 16'),
-        ({'impact_hold_s': 61}, 'impact_hold_s is 61 s, allowed: 0 to 60 s'),
-        ({'decision': 'cusum'}, "decision is 'cusum', allowed: mean, evidence"),
-        ({'mains_hz': 3.9}, 'mains_hz is 3.9 Hz, allowed: 0, or a frequency with whole periods'),
-    ],
-)
-def test_what_evidence_cannot_be_decided_with_is_refused(values, said):
-    message = message_of(ChainConfig, **EVIDENCE | values)
-    assert message.startswith('parameter ')
-    assert said in message
-
-
-def test_what_only_evidence_needs_is_not_asked_of_the_mean():
-    values = {'threshold': 2.0, 'impact_v': 1.0, 'impact_channels': 99, 'noise_floor': (1, 2)}
-    assert ChainConfig(**values).threshold == 2.0
-
-
-def test_impacts_need_enabled_channels_only_where_there_are_any():
-    values = {'channels': 2, 'disabled_channels': (1,), **EVIDENCE}
-    assert ChainConfig(**values).impact_channels == 2
-    message = message_of(ChainConfig, **values, impact_v=1.0)
-    assert message.endswith('allowed: at most 1, the number of enabled channels')
-
-
-def test_more_noise_floors_than_channels_are_refused_whatever_decides():
-    said = 'parameter noise_floor has 100000 numbers, allowed: at most 16, one for each channel'
-    assert message_of(ChainConfig, noise_floor=[1.0] * 100_000) == said
-
-
-def test_a_noise_floor_is_one_number_or_one_a_channel_in_yaml_too(tmp_path):
-    one = DetectorConfig(channels=3, decision='evidence', noise_floor=0.25)
-    assert one.noise_floors == (0.25, 0.25, 0.25)
-    several = DetectorConfig(channels=3, decision='evidence', noise_floor=[0.25, 1, '5e-1'])
-    assert several.noise_floors == (0.25, 1.0, 0.5)
-    for config in (one, several, DetectorConfig(channels=3)):
-        path = tmp_path / 'detector.yaml'
-        path.write_text(config.to_yaml())
-        assert DetectorConfig.from_yaml(path) == config
-    path.write_text('slip_detector: {ros__parameters: {decision: evidence, noise_floor: 1e-3}}')
-    assert DetectorConfig.from_yaml(path).noise_floor == (1e-3,)

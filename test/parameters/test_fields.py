@@ -12,35 +12,167 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The description of a parameter."""
+"""The values of parameters: in the type of their parameter, or refused in one line."""
 
 import dataclasses
+import math
+import re
 
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.fields import allowed, default_of, under_headings
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.parameters import (
+    ChainConfig,
+    DetectorConfig,
+    DriverConfig,
+    EvaluationConfig,
+    GraspConfig,
+    TuneConfig,
+)
+from slip_detector.parameters.fields import allowed, default_of, shown, under_headings
+from support.config_cases import message_of
+
+NAN, INF = math.nan, math.inf
 
 
 def test_the_default_of_groups_is_not_shared():
-    field = next(f for f in dataclasses.fields(ChainConfig) if f.name == 'groups')
+    field = ChainConfig.__dataclass_fields__['groups']
     default_of(field)['mine'] = (1,)
     assert 'mine' not in default_of(field)
     assert 'mine' not in ChainConfig().groups
 
 
 def test_allowed_says_the_range_the_choices_or_nothing():
-    fields = {field.name: field for field in dataclasses.fields(DriverConfig)}
-    chain = {field.name: field for field in dataclasses.fields(ChainConfig)}
-    assert allowed(chain['sample_rate_hz']) == '1 to 1e+06 Hz'
-    assert allowed(chain['rectify']) == 'full, half'
+    fields = DriverConfig.__dataclass_fields__
+    assert allowed(fields['udp_port']) == '1 to 65535'
+    assert allowed(fields['serial_format']) == 'packet, text'
     assert allowed(fields['frame_id']) == ''
 
 
-def test_each_field_stands_under_the_heading_before_it_in_the_order_of_the_set():
+def test_fields_are_under_the_heading_before_them_in_the_order_of_the_set():
     found = under_headings(DetectorConfig)
     names = [field.name for fields in found.values() for field in fields]
     assert names == [field.name for field in dataclasses.fields(DetectorConfig)]
-    assert next(iter(found)) == 'Samples'
     assert {field.name for field in found['Threshold and vote']} == {'threshold', 'vote', 'groups'}
-    assert '' not in found
     assert list(under_headings(DriverConfig)) == ['']
+
+
+@pytest.mark.parametrize(
+    ('values', 'expected'),
+    [
+        ({'gain': 5}, 5.0),
+        ({'threshold': '1e9'}, 1e9),
+        ({'valid_range_v': ['-1e9', 0]}, (-1e9, 0.0)),
+        ({'passband_hz': [10, 0]}, (10.0, 0.0)),
+        ({'stopbands_hz': [1, 2, 48, 52]}, ((1.0, 2.0), (48.0, 52.0))),
+        ({'stopbands_hz': [[1, 2], [48, 52]]}, ((1.0, 2.0), (48.0, 52.0))),
+        ({'stopbands_hz': []}, ()),
+        ({'noise_floor': 2}, (2.0,)),
+        ({'noise_floor': '1e-3'}, (1e-3,)),
+        ({'exponent': 2.0}, 2),
+        ({'disabled_channels': [3, 1]}, (3, 1)),
+        ({'vote': '3'}, 3),
+        ({'vote': 'mean'}, 'mean'),
+        ({'groups': {'a': (1.0, 2.0)}, 'channels': 2}, {'a': (1, 2)}),
+    ],
+)
+def test_values_are_converted_to_the_type_of_the_parameter(values, expected):
+    value = getattr(ChainConfig(**values), next(iter(values)))
+    assert value == expected
+    assert type(value) is type(expected)
+    if isinstance(expected, tuple):
+        assert [type(item) for item in value] == [type(item) for item in expected]
+
+
+@given(st.floats())
+def test_any_float_is_accepted_or_refused_in_one_line(value):
+    for field in dataclasses.fields(DetectorConfig):
+        if type(default_of(field)) is not float:
+            continue
+        try:
+            assert getattr(DetectorConfig(**{field.name: value}), field.name) == value
+        except ValueError:
+            message = message_of(DetectorConfig, **{field.name: value})
+            assert re.fullmatch(r'parameter \w+ .+, allowed: .+', message)
+            in_range = field.metadata['low'] <= value <= field.metadata['high']
+            # Within its range, but not with the edges, the windows or the mains of the defaults.
+            together = {'sample_rate_hz', 'mains_hz', 'envelope_window_s', 'decision_window_s'}
+            assert not in_range or field.name in together
+
+
+#: The set, the bad value of a parameter, and the message after the name of the parameter.
+REFUSED = [
+    # Numbers.
+    (ChainConfig, 'sample_rate_hz', 0.5, 'is 0.5 Hz, allowed: 1 to 1e+06 Hz'),
+    (ChainConfig, 'sample_rate_hz', INF, 'is inf Hz, allowed: 1 to 1e+06 Hz'),
+    (ChainConfig, 'sample_rate_hz', 'fast', "is 'fast', allowed: a number"),
+    (ChainConfig, 'sample_rate_hz', None, 'is None, allowed: a number'),
+    (ChainConfig, 'sample_rate_hz', True, 'is True, allowed: a number'),
+    (ChainConfig, 'sample_rate_hz', NAN, 'is not a number, allowed: a number'),
+    (ChainConfig, 'threshold', 'nan', 'is not a number, allowed: a number'),
+    (ChainConfig, 'threshold', '٣.٣', "is '٣.٣', allowed: a number"),
+    (ChainConfig, 'threshold', '1_0e3', "is '1_0e3', allowed: a number"),
+    (ChainConfig, 'threshold', [1.0] * 1000, f'is {shown([1.0] * 1000)}, allowed: a number'),
+    (ChainConfig, 'threshold', -0.5, 'is -0.5, allowed: 1e-30 to 1e+30'),
+    (ChainConfig, 'channels', 10**7, 'is 1e+07, allowed: 1 to 1e+06'),
+    (ChainConfig, 'channels', 16.5, 'is 16.5, allowed: a whole number'),
+    (ChainConfig, 'channels', '16', "is '16', allowed: a whole number"),
+    (ChainConfig, 'channels', 10**400, 'has too many digits, allowed: a whole number below 1e308'),
+    (ChainConfig, 'exponent', INF, 'is inf, allowed: a whole number'),
+    (ChainConfig, 'envelope_window_s', 61, 'is 61 s, allowed: one sample to 60 s'),
+    (ChainConfig, 'noise_floor_rate_db_s', 1e4, 'is 10000 dB/s, allowed: 0 to 1000 dB/s'),
+    (DriverConfig, 'seed', 2**31, 'is 2.14748e+09, allowed: 0 to 2.14748e+09'),
+    (TuneConfig, 'missed_costs_ms', 0.5, 'is 0.5 ms, allowed: 1 to 1e+06 ms'),
+    (EvaluationConfig, 'tail_s', 10.001, 'is 10.001 s, allowed: 0 to 10 s'),
+    # Texts and switches.
+    (ChainConfig, 'common_mode', 3, 'is 3, allowed: none, median, mean'),
+    (ChainConfig, 'decision', 'cusum', "is 'cusum', allowed: mean, evidence"),
+    (ChainConfig, 'noise_floor_learnt', 1, 'is 1, allowed: true, false'),
+    (DriverConfig, 'source', 'camera', "is 'camera', allowed: scene, recording, serial or udp"),
+    (DriverConfig, 'loop', 'true', "is 'true', allowed: true, false"),
+    (DriverConfig, 'frame_id', None, 'is None, allowed: text'),
+    *(
+        (
+            ChainConfig,
+            'vote',
+            vote,
+            f'is {shown(vote)}, allowed: all, mean, or a whole number from 1',
+        )
+        for vote in ('٣', '³', '1_0', ' 3', '0', -1, True)
+    ),
+    # Lists.
+    (ChainConfig, 'passband_hz', 7, 'is 7, allowed: a list'),
+    (ChainConfig, 'passband_hz', '7, 50', "is '7, 50', allowed: a list"),
+    (ChainConfig, 'passband_hz', (7, 20, 50), 'has 3 numbers, allowed: 2'),
+    (ChainConfig, 'passband_hz', ('low', 50), "is 'low', allowed: a number"),
+    (ChainConfig, 'stopbands_hz', (0.5, 7, 50), 'has 3 numbers, allowed: pairs [low, high]'),
+    (ChainConfig, 'stopbands_hz', (0.5, 7, NAN, 180), 'is not a number, allowed: a number'),
+    (ChainConfig, 'valid_range_v', (0, INF), 'is inf V, allowed: -1e+12 to 1e+12 V'),
+    (ChainConfig, 'noise_floor', 'loud', "is 'loud', allowed: a number"),
+    (ChainConfig, 'disabled_channels', (1.5,), 'is 1.5, allowed: a whole number'),
+    (ChainConfig, 'disabled_channels', (2, 5, 2), 'has 2 twice, allowed: each channel once'),
+    (DetectorConfig, 'taxel_positions_m', (0, 0, 10.5), 'is 10.5 m, allowed: three numbers a'),
+    (EvaluationConfig, 'motion_columns', ['v_x', ''], "has '', allowed: a list of names"),
+    (GraspConfig, 'command_joints', 'grip', "is 'grip', allowed: a list"),
+    # Names.
+    (ChainConfig, 'channel_names', 'ab', "is 'ab', allowed: a list"),
+    *(
+        (ChainConfig, 'channel_names', [name], f'has {name!r}, allowed: letters, digits and _, a')
+        for name in ('', '2b', 'b/c', 'ä', 7, 'a\n')
+    ),
+    (ChainConfig, 'channel_names', ('a', 'a'), "has 'a' twice, allowed: each name once"),
+    (ChainConfig, 'groups', [1, 2], 'is [1, 2], allowed: a list of channel numbers per name'),
+    (ChainConfig, 'groups', {'a b': [1]}, "has 'a b', allowed: letters, digits and _, a letter"),
+    (ChainConfig, 'groups.a', {'a': 3}, 'is 3, allowed: a list of channel numbers'),
+    (ChainConfig, 'groups.a', {'a': ['1']}, "is '1', allowed: a whole number"),
+]
+
+
+@pytest.mark.parametrize(('kind', 'name', 'value', 'said'), REFUSED)
+def test_a_bad_value_is_refused_with_parameter_value_and_what_is_allowed(kind, name, value, said):
+    parameters = {name.partition('.')[0]: value}
+    message = message_of(kind, **parameters)
+    assert message.startswith(f'parameter {name} {said}')
+    lead = message_of(kind.from_parameters, parameters, 'here.yaml')
+    assert lead == f'here.yaml: {message}'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files that appear whole or not at all, also on a disk that is full."""
+"""Files that are written whole or not at all, and YAML files that are read as they look."""
 
 import os
 import signal
@@ -21,15 +21,24 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
+from slip_detector.parameters import files
+from slip_detector.parameters.fields import LONGEST_SHOWN
 from slip_detector.parameters.files import (
+    MOST_BYTES,
     UNFINISHED,
     check_apart,
     check_writable,
+    read_yaml,
+    shared_folder,
     whole_file,
     writable_folder,
+    write_yaml,
 )
-from slip_detector.parameters.writing import write_file
+from support.config_cases import message_of
 from support.full_disk import full_disk
 
 #: Writes half a file, says so, and waits to be killed.
@@ -51,16 +60,6 @@ def test_a_full_disk_leaves_the_old_file_as_it_was(tmp_path):
         new.write_text('x' * 5000)
     assert path.read_text() == 'old'
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_an_error_in_the_block_leaves_nothing_and_is_not_changed(tmp_path):
-    def fail(new):
-        new.write_text('half')
-        raise RuntimeError('the source failed')
-
-    with pytest.raises(RuntimeError, match='the source failed'), whole_file(tmp_path / 'a') as new:
-        fail(new)
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_process_that_is_killed_leaves_the_old_file_as_it_was(tmp_path):
@@ -95,10 +94,9 @@ def test_a_folder_appears_whole_too_and_all_in_it_is_brought_to_the_disk(tmp_pat
 
 def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left(tmp_path):
     for path in (tmp_path / 'no' / 'a.yaml', tmp_path):
-        for write in (check_writable, lambda path: write_file(path, {}, [])):
-            with pytest.raises(ValueError, match='cannot be written') as caught:
-                write(path)
-            assert str(caught.value).startswith(f'{path}: ')
+        for write in (check_writable, lambda path: write_yaml(path, {})):
+            message = message_of(write, path)
+            assert message.startswith(f'{path}: cannot be written (')
     assert list(tmp_path.iterdir()) == []
 
 
@@ -142,3 +140,73 @@ def test_a_file_is_not_written_twice_nor_over_what_is_read(tmp_path):
         check_apart({'--out': out, '--report': link})
     with pytest.raises(ValueError, match=r'--out .*a\.yaml: is read too, allowed: a file of its'):
         check_apart({'--out': out}, [str(link)])
+
+
+def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
+    assert (shared_folder() / 'config' / 'scenes' / 'plate_400um.yaml').is_file()
+    monkeypatch.setattr(files, '__file__', str(tmp_path / 'files.py'))
+    assert 'without its config folder' in message_of(shared_folder)
+
+
+# --- YAML --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('a: 1\nb: 2\na: 3\n', ' line 3: has a again, as in line 1, allowed: once'),
+        ('a: [{b: 1,\n  b: 2}]\n', ' line 2: has b again, as in line 1, allowed: once'),
+        ("1: a\n'1': b\n", ' line 2: has 1 again'),
+        *(
+            (f'a: 1\nb: [{number}]\n', f' line 2: {number} is not a number as it looks, allowed:')
+            for number in ('1:30', '1:30.5', '020', '-017', '1_000', '1_0.5', '0b11', '00')
+        ),
+        ('a: &a [1]\nb: *a\n', ' line 2: has an alias, allowed: the value itself'),
+        ('a: &a [*a]\n', ' line 1: has an alias'),
+        ('a: [1, 2\n', ' line 2 is not YAML ('),
+        ('a: 1\n\tb: 2\n', ' line 2 is not YAML ('),
+        ('a: 1\n---\nb: 2\n', ' line 2 is not YAML ('),
+        ('a: !!python/object:os.system {}\n', ' line 1 is not YAML ('),
+        ('a: \x01\n', ' is not YAML ('),
+        *(
+            (f'a: {value}', ' is not YAML (a value is not what')
+            for value in ('!!bool x', '!!timestamp x', '!!int x', '2026-13-45')
+        ),
+        ('a: ' + '[' * 20_000, ' is nested too deeply'),
+        ('', ' is not a YAML file of names and values'),
+        ('- 1\n- 2\n', ' is not a YAML file of names and values'),
+        ('a' * (MOST_BYTES + 1), f' has more than {MOST_BYTES} bytes, allowed: fewer'),
+        (b'\xff\xfe\0slip', ' is not text, allowed: a YAML file'),
+        (f'{"b" * 900}: 1\n' * 2, ' line 2: has bbb'),
+        ('a: 0' + '7' * 5_000, ' line 1: 0777'),
+        ('!' * 10_000, ' line 1 is not YAML ('),
+    ],
+)
+def test_yaml_that_is_not_what_it_looks_like_is_refused_with_its_line(tmp_path, text, said):
+    path = tmp_path / 'a.yaml'
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    message = message_of(read_yaml, path)
+    assert message.startswith(f'{path}:{said}')
+    assert len(message) < 2 * LONGEST_SHOWN + len(str(path))
+
+
+def test_a_file_that_cannot_be_read_or_never_ends_is_refused(tmp_path):
+    for path in (tmp_path / 'missing.yaml', tmp_path):
+        assert message_of(read_yaml, path).startswith(f'{path}: cannot be read (')
+    assert message_of(read_yaml, '/dev/zero').startswith('/dev/zero: has more than')
+
+
+@given(number=st.integers() | st.floats(allow_nan=False))
+def test_numbers_are_read_as_they_are_written(tmp_path_factory, number):
+    path = tmp_path_factory.getbasetemp() / 'a.yaml'
+    path.write_text(yaml.safe_dump({'a': number}))
+    assert read_yaml(path) == {'a': number}
+
+
+def test_other_values_are_read_as_they_look(tmp_path):
+    path = tmp_path / 'a.yaml'
+    path.write_text('a: ["1:30", "020", 1e9, 1.2.3, 0x10, .inf, 0, -0, 08.5]\n')
+    assert read_yaml(path) == {'a': ['1:30', '020', '1e9', '1.2.3', 16, float('inf'), 0, 0, 8.5]}
+    # launch_ros writes the list of a launch file as a tuple.
+    path.write_text(yaml.dump({'a': ('left', 'right')}))
+    assert read_yaml(path) == {'a': ['left', 'right']}

@@ -12,34 +12,45 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sets of parameters: names, copies, and what is written is read."""
+"""Sets of parameters: names, copies, and ROS parameter files, whose sections a node reads."""
 
 import dataclasses
 import re
-import tempfile
-from pathlib import Path
 
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
 from slip_detector.parameters.fields import default_of
+from slip_detector.parameters.files import write_yaml
+from slip_detector.parameters.sets import (
+    check_sections,
+    names_for_others,
+    read_parameter_file,
+    with_parameters,
+)
 from support.config_cases import SETS, message_of
 
 
-@pytest.mark.parametrize('kind', SETS)
-def test_a_set_of_parameters_cannot_be_changed(kind):
-    config = kind()
-    for field in dataclasses.fields(kind):
-        with pytest.raises(dataclasses.FrozenInstanceError):
-            setattr(config, field.name, default_of(field))
+@pytest.fixture
+def write(tmp_path):
+    def to_file(text):
+        path = tmp_path / 'finger.yaml'
+        path.write_text(text, encoding='utf-8')
+        return path
+
+    return to_file
 
 
-def test_a_changed_copy_is_checked_too():
+# --- names and values ------------------------------------------------------------------------
+
+
+def test_a_set_cannot_be_changed_and_a_changed_copy_is_checked():
     config = ChainConfig()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        config.gain = 2.0
     assert dataclasses.replace(config, threshold=2.0).threshold == 2.0
     assert 'threshold' in message_of(dataclasses.replace, config, threshold=-2.0)
 
@@ -48,27 +59,17 @@ def test_a_changed_copy_is_checked_too():
     ('name', 'hint'),
     [
         ('treshold', 'did you mean threshold?'),
-        ('passband', 'did you mean passband_hz?'),
-        ('envelope_window', 'did you mean envelope_window_s?'),
         ('stopband_hz', 'did you mean stopbands_hz?'),
-        ('Gain', 'did you mean gain?'),
         ('zzz', 'allowed: channel_names, channels, common_mode'),
         ('threshold.a', 'did you mean threshold?'),
-        ('threshold.', 'did you mean threshold?'),
         ('groups.', 'did you mean groups?'),
+        ('grip_n', 'it is a parameter of grasp_controller'),
     ],
 )
 def test_an_unknown_parameter_is_an_error_that_suggests_a_near_name(name, hint):
     message = message_of(ChainConfig.from_parameters, {'gain': 1.0, name: 0.7}, 'a.yaml')
     assert message.startswith(f'a.yaml: unknown parameter {name} = 0.7; ')
     assert hint in message
-
-
-def test_from_parameters_takes_nested_names():
-    config = ChainConfig.from_parameters(
-        {'channels': 3, 'groups.left': [1, 3], 'groups.right': [2], 'vote': 1}
-    )
-    assert config.groups == {'left': (1, 3), 'right': (2,)}
 
 
 @pytest.mark.parametrize('names', [('groups', 'groups.new'), ('groups.new', 'groups')])
@@ -91,131 +92,69 @@ ANY_VALUE = st.one_of(ONE_VALUE, st.none(), st.lists(ONE_VALUE, max_size=5))
 
 @pytest.mark.parametrize('kind', SETS)
 @given(st.dictionaries(ANY_NAME, ANY_VALUE, max_size=4))
-def test_whatever_is_given_is_a_set_or_refused_in_one_line(kind, parameters):
+def test_any_names_and_values_are_a_set_or_refused_in_one_line(kind, parameters):
     values = kind().to_parameters() | parameters
     try:
         config = kind.from_parameters(values)
-    except ValueError as error:
-        config, refusal = kind(), str(error)
+    except ValueError:
+        assert message_of(kind.from_parameters, values)
     else:
-        refusal = ''
-    assert '\n' not in refusal
-    assert kind.from_parameters(config.to_parameters()) == config
+        assert kind.from_parameters(config.to_parameters()) == config
 
 
-def test_a_message_without_a_file_leads_with_the_parameter():
-    assert message_of(ChainConfig.from_parameters, {'gain': 0}).startswith('parameter gain is 0')
-
-
-@st.composite
-def chain_values(draw):
-    rate = draw(st.floats(1.0, 1e6))
-    channels = draw(st.integers(1, 20))
-    order = draw(st.permutations(range(1, channels + 1)))
-    enabled = order[: draw(st.integers(1, channels))]
-    n_groups = draw(st.integers(1, min(3, len(enabled))))
-    names = st.from_regex(r'[A-Za-z][A-Za-z0-9_]{0,8}', fullmatch=True)
-    # Words that YAML takes for something else.
-    words = st.sampled_from(['on', 'no', 'null', 'true', 'y', 'NaN', 'e1', 'all'])
-    labels = draw(
-        st.lists(st.one_of(names, words), min_size=n_groups, max_size=n_groups, unique=True)
-    )
-    groups = {label: enabled[i::n_groups] for i, label in enumerate(labels)}
-    few = min(len(members) for members in groups.values())
-    shares = st.floats(2e-5, 0.24)
-    low = draw(shares) * rate
-    high_pass = draw(st.booleans())
-    stopbands = [(a * rate, (a + b) * rate) for a, b in draw(st.lists(st.tuples(shares, shares)))]
-    windows = st.floats(1.001, 50.0).map(lambda samples: min(samples / rate, 60.0))
-    return {
-        'sample_rate_hz': rate,
-        'channels': channels,
-        'channel_names': draw(
-            st.one_of(
-                st.just([]),
-                st.lists(
-                    st.one_of(names, words), min_size=channels, max_size=channels, unique=True
-                ),
-            )
-        ),
-        'disabled_channels': order[len(enabled) :],
-        'valid_range_v': (draw(st.floats(-1e12, -1e-300)), draw(st.floats(0, 1e12))),
-        'flat_after_s': draw(st.floats(0, 3600)),
-        'common_mode': draw(st.sampled_from(['none', 'mean', 'median'])),
-        'passband_hz': (low, 0.0 if high_pass else low + draw(shares) * rate),
-        'passband_degree': draw(st.integers(1, 10)) * (1 if high_pass else 2),
-        'gain': draw(st.floats(1e-6, 1e6)),
-        'stopbands_hz': stopbands,
-        'stopband_degree': 2 * draw(st.integers(1, 10)),
-        'stopband_ripple_db': draw(st.floats(1e-4, 3)),
-        'stopband_attenuation_db': draw(st.floats(6, 120)),
-        'rectify': draw(st.sampled_from(['full', 'half'])),
-        'exponent': draw(st.integers(1, 6)),
-        'envelope_window_s': draw(windows),
-        'decision_window_s': draw(windows),
-        'threshold': draw(st.floats(1e-30, 1e30)),
-        'vote': draw(st.one_of(st.sampled_from(['all', 'mean']), st.integers(1, few))),
-        'groups': groups,
-    }
-
-
-def read_back(config):
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / 'parameters.yaml'
-        path.write_text(config.to_yaml(), encoding='utf-8')
-        return type(config).from_yaml(path)
-
-
-@given(chain_values())
-def test_a_chain_written_to_yaml_reads_back_equal(values):
-    config = ChainConfig(**values)
-    assert read_back(config) == config
-    assert list(read_back(config).groups) == list(config.groups)
-    assert ChainConfig.from_parameters(config.to_parameters()) == config
-
-
-@given(
-    chain_values(),
-    st.fixed_dictionaries(
-        {
-            'max_gap_s': st.floats(0, 60),
-            'input_timeout_s': st.floats(0.01, 3600),
-            'heartbeat_hz': st.floats(0.1, 1000),
-            'publish_groups': st.booleans(),
-            'publish_channels': st.booleans(),
-        }
-    ),
-)
-def test_a_detector_written_to_yaml_reads_back_equal(values, more):
-    config = DetectorConfig(**values, **more)
-    assert read_back(config) == config
-
-
-@given(
-    st.fixed_dictionaries(
-        {
-            'source': st.sampled_from(['scene', 'recording']),
-            'scene': st.text(),
-            'seed': st.integers(0, 2**31 - 1),
-            'recording': st.text(min_size=1),
-            'rate': st.floats(0.001, 1000),
-            'loop': st.booleans(),
-            'frame_id': st.one_of(st.text(), st.sampled_from(['1e9', 'on', 'null', '~', '0x1'])),
-        }
-    )
-)
-def test_a_driver_written_to_yaml_reads_back_equal(values):
-    config = DriverConfig(**values)
-    assert read_back(config) == config
+#: By the end of a parameter's name, the longer first.
+UNITS = {
+    **{'_rate_db_s': 'dB/s', '_limit_db_s': 'dB s', '_n_s': 'N/s', '_ms': 'ms', '_hz': 'Hz'},
+    **{'_db': 'dB', '_s': 's', '_n': 'N', '_m': 'm', '_v': 'V'},
+}
 
 
 @pytest.mark.parametrize('kind', SETS)
-def test_the_defaults_written_to_yaml_are_a_ros_parameter_file(kind):
-    assert read_back(kind()) == kind()
-    document = yaml.safe_load(kind().to_yaml())
-    assert list(document) == [f'/**/{kind.NODE}']
-    parameters = document[f'/**/{kind.NODE}']['ros__parameters']
-    assert list(parameters) == [field.name for field in dataclasses.fields(kind)]
+def test_every_parameter_is_described_and_its_name_has_its_unit(kind):
+    for field in dataclasses.fields(kind):
+        assert re.fullmatch(r'[a-z][a-z0-9_]*', field.name)
+        assert field.metadata['meaning'].endswith(('.', ')')), field.name
+        choices = field.metadata['choices']
+        assert not choices or default_of(field) in choices
+        units = [unit for suffix, unit in UNITS.items() if field.name.endswith(suffix)]
+        assert not units or field.metadata['unit'] == units[0], field.name
+
+
+# --- files that are written --------------------------------------------------------------------
+
+#: Words that YAML takes for something else, as names and as texts.
+WORDS = ('on', 'no', 'null', 'y', 'NaN', 'e1')
+
+
+@given(
+    groups=st.permutations(WORDS),
+    gain=st.floats(1e-6, 1e6),
+    stopbands=st.lists(st.tuples(st.floats(0.1, 9.0), st.floats(9.5, 180.0)), max_size=3),
+    text=st.one_of(st.text(min_size=1), st.sampled_from(['1e9', '~', '0x1', *WORDS])),
+)
+def test_parameters_written_to_yaml_are_read_back_equal(
+    tmp_path_factory, groups, gain, stopbands, text
+):
+    path = tmp_path_factory.getbasetemp() / 'a.yaml'
+    channels = {name: (k + 1,) for k, name in enumerate(groups)}
+    detector = DetectorConfig(
+        channels=6, groups=channels, gain=gain, stopbands_hz=stopbands, channel_names=groups,
+        noise_floor=[gain], taxel_positions_m=[gain / 1e6] * 18, publish_groups=False,
+    )  # fmt: skip
+    for config in (detector, DriverConfig(frame_id=text, recording=text)):
+        path.write_text(config.to_yaml(), encoding='utf-8')
+        again = type(config).from_yaml(path)
+        assert again == config
+    assert list(detector.from_parameters(detector.to_parameters()).groups) == groups
+
+
+@pytest.mark.parametrize('kind', SETS)
+def test_the_defaults_written_to_yaml_are_a_ros_parameter_file(kind, write):
+    text = kind().to_yaml()
+    assert kind.from_yaml(write(text)) == kind()
+    ((section, content),) = yaml.safe_load(text).items()
+    assert section == f'/**/{kind.NODE}'
+    assert list(content['ros__parameters']) == [field.name for field in dataclasses.fields(kind)]
     # ROS takes numbers, text, booleans, and flat lists of one type.
     for name, value in kind().to_parameters().items():
         items = value if isinstance(value, list) else [value]
@@ -223,39 +162,105 @@ def test_the_defaults_written_to_yaml_are_a_ros_parameter_file(kind):
         assert all(isinstance(item, (bool, int, float, str)) for item in items), name
 
 
-def test_to_parameters_gives_flat_lists_and_nested_names():
-    parameters = ChainConfig().to_parameters()
-    assert parameters['stopbands_hz'] == [0.5, 7.0, 50.0, 180.0]
-    assert parameters['groups.TP'] == [14, 16, 11, 9]
-    assert 'groups' not in parameters
+def test_changes_override_every_section_and_all_else_stays(write, tmp_path):
+    path = write(
+        '/**/slip_detector:\n  ros__parameters: {noise_floor: [0.7], gain: 50.0}\n'
+        'slip_driver:\n  ros__parameters: {seed: 3}\n'
+        '/**:\n  ros__parameters: {noise_floor: [0.9]}\n'
+    )
+    document = with_parameters(path, {'noise_floor': [0.2]})
+    new = tmp_path / 'new.yaml'
+    write_yaml(new, document, ['Tuned.', ''])
+    text = new.read_text()
+    assert text.startswith('# Tuned.\n#\n')
+    # ROS reads no aliases.
+    assert '*' not in text.replace('/**', '')
+    assert ChainConfig.from_yaml(new) == ChainConfig(noise_floor=0.2, gain=50.0)
+    assert yaml.safe_load(text)['slip_driver'] == {'ros__parameters': {'seed': 3}}
 
 
-#: By the end of a parameter's name, the longer first.
-UNITS = {
-    '_rate_db_s': 'dB/s',
-    '_limit_db_s': 'dB s',
-    '_n_s': 'N/s',
-    '_ms': 'ms',
-    '_hz': 'Hz',
-    '_db': 'dB',
-    '_s': 's',
-    '_n': 'N',
-    '_m': 'm',
-    '_v': 'V',
-}
+def test_a_file_without_the_section_of_the_detector_gets_one(write):
+    path = write('slip_driver:\n  ros__parameters: {seed: 3}\n')
+    document = with_parameters(path, {'threshold': 0.2})
+    assert document['/**/slip_detector'] == {'ros__parameters': {'threshold': 0.2}}
 
 
-@pytest.mark.parametrize('kind', SETS)
-def test_every_parameter_is_described_and_its_default_allowed(kind):
-    for field in dataclasses.fields(kind):
-        assert re.fullmatch(r'[a-z][a-z0-9_]*', field.name)
-        meaning = field.metadata['meaning']
-        assert meaning.endswith(('.', ')')), field.name
-        assert len(meaning) < 160, field.name
-        choices = field.metadata['choices']
-        assert not choices or default_of(field) in choices
-        for suffix, unit in UNITS.items():
-            if field.name.endswith(suffix):
-                assert field.metadata['unit'] == unit, field.name
-                break
-    assert kind() == kind()
+# --- sections of files -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    'section', ['slip_detector', '/left/slip_detector', '/**/slip_detector', '/**']
+)
+def test_the_section_of_the_node_is_read_in_any_namespace(write, section):
+    path = write(f'{section}:\n  ros__parameters: {{threshold: 1e3, heartbeat_hz: 5}}\n')
+    assert DetectorConfig.from_yaml(path) == DetectorConfig(threshold=1000.0, heartbeat_hz=5.0)
+    # The chain is read from the same section.
+    assert ChainConfig.from_yaml(str(path)) == ChainConfig(threshold=1000.0)
+
+
+def test_sections_for_all_nodes_count_and_those_of_other_nodes_do_not(write):
+    path = write(
+        """
+        slip_driver: {ros__parameters: {seed: 3}}
+        /**: {ros__parameters: {channels: 2, limit_n: 8.0, use_sim_time: true}}
+        my_slip_detector: {ros__parameters: {threshold: nonsense}}
+        finger: {slip_detector: {ros__parameters: {groups: {left: [1], right: [2]}}}}
+        """
+    )
+    assert DetectorConfig.from_yaml(path).groups == {'left': (1,), 'right': (2,)}
+    assert DriverConfig.from_yaml(path) == DriverConfig(seed=3, channels=2)
+    assert GraspConfig.from_yaml(path) == GraspConfig(limit_n=8.0)
+    assert names_for_others(path, 'slip_detector') == {'limit_n'}
+
+
+def test_a_running_node_has_what_ros_would_give_it(write):
+    path = write(
+        """
+        /**/slip_detector: {ros__parameters: {threshold: 0.3, gain: 5.0}}
+        /thumb/slip_detector: {ros__parameters: {threshold: 0.4}}
+        /index/slip_detector: {ros__parameters: {threshold: 0.6}}
+        /**: {ros__parameters: {seed: 3, heartbeat_hz: 20.0}}
+        """
+    )
+    common = {'gain': 5.0, 'heartbeat_hz': 20.0}
+    for finger, threshold in (('thumb', 0.4), ('index', 0.6), ('little', 0.3)):
+        name = f'/{finger}/slip_detector'
+        values = read_parameter_file(path, 'slip_detector', running=name)
+        assert values == {'threshold': threshold, **common}
+    check_sections(path, 'slip_detector', '/little/slip_detector')
+    said = 'has sections for /thumb/slip_detector, /index/slip_detector, allowed: one namespace'
+    assert message_of(ChainConfig.from_yaml, path) == f'{path}: {said}'
+
+
+def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
+    path = write('/thumb/slip_driver: {ros__parameters: {seed: 3}}\n')
+    message = message_of(check_sections, path, 'slip_driver', '/index/slip_driver')
+    assert message == (
+        f'{path}: has sections for /thumb/slip_driver, none for this node, /index/slip_driver, '
+        'allowed: /index/slip_driver or /**/slip_driver'
+    )
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('slip_driver: {seed: 3}', 'section slip_driver/seed has no ros__parameters'),
+        ('slip_driver:', 'section slip_driver has no ros__parameters'),
+        ('slip_driver: {ros__parameters: [1]}', 'section slip_driver has no names under ros__'),
+        ('/camera: {ros__parameters: {gain: 3.0}}', 'has no section of this package, allowed: '),
+        ('slip_driver: {ros__parameters: {seed: -1}}', 'parameter seed is -1, allowed: 0 to'),
+        ('slip_driver: {ros__parameters: {sed: 1}}', 'unknown parameter sed = 1; did you mean'),
+        ('/**: {ros__parameters: {sed: 1}}', 'unknown parameter sed = 1; did you mean seed?'),
+        (
+            '{/**: {ros__parameters: {vote: 1}}, slip_driver: {ros__parameters: {vote: 1}}}',
+            'unknown parameter vote = 1; it is a parameter of slip_detector',
+        ),
+        (
+            'slip_driver: {ros__parameters: {a: {b: 1}, a.b: 2}}',
+            'section slip_driver has a.b again, allowed: once',
+        ),
+    ],
+)
+def test_a_bad_section_is_an_error_that_names_the_file(write, text, said):
+    path = write(text)
+    assert message_of(DriverConfig.from_yaml, path).startswith(f'{path}: {said}')

@@ -124,7 +124,7 @@ def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recordi
         ('slip_s:\n- [1, .nan]', ": line 2: '.nan' is no time"),
         ('slip_s:\n- [1, .inf]', ": line 2: '.inf' is no time"),
         ('slip_s:\n- [1, inf]', ": line 2: 'inf' is no time"),
-        ('slip_s:\n- [1, 1_0]', ": line 2: '1_0' is no time"),
+        ('slip_s:\n- [1, 1_0]', ': line 2: 1_0 is not a number as it looks'),
         ('slip_s:\n- [1, [2]]', ': line 2: a list is no time'),
         ('slip_s:\n- [1, true]', ": line 2: 'true' is no time"),
         ('slip_s:\n- [1, ]', ': line 2: is no pair'),
