@@ -15,7 +15,6 @@
 """The subcommand ``tune``."""
 
 import argparse
-from pathlib import Path
 
 from benchmarks.measurement import Measurement, heading, machine, shared_options
 from benchmarks.tune.measure import measure_tuning
@@ -28,21 +27,15 @@ def options() -> argparse.ArgumentParser:
         'tune',
         'Measure what evaluating and reading an hour costs, a search against the same around '
         'SciPy and NumPy, and the report of an hour; then what tuning brings on families of '
-        'simulated scenes, on a new sensor and, where they are given, on real recordings, and how '
+        'simulated scenes and on a new sensor, and how '
         'soon and clean config/onset.yaml is. Says of each figure what is wanted and whether it '
         'is met; the exit code is 0 either way.',
     )
     parser.add_argument(
         '--part', action='append', default=[], metavar='NAME',
-        help='only this one: evaluate, read, jobs, search, report, families, sensor, onset or '
-        'real; repeatable',
+        help='only this one: evaluate, read, jobs, search, report, families, sensor or '
+        'onset; repeatable',
     )  # fmt: skip
-    parser.add_argument(
-        '--recordings', metavar='FOLDER', type=Path, help='for real: labelled recordings'
-    )
-    parser.add_argument(
-        '--config', metavar='FILE', type=Path, help='for real: the parameters to begin with'
-    )
     return parser
 
 
@@ -52,8 +45,8 @@ def run(words: argparse.Namespace) -> Measurement:
     Raises
     ------
     ValueError
-        For an unknown part, or one that lacks its recordings.
+        For an unknown part.
     """
     figures = {'machine': machine(), 'quick': words.quick}
-    figures |= measure_tuning(words.quick, words.part, words.recordings, words.config)
+    figures |= measure_tuning(words.quick, words.part)
     return Measurement(figures, '\n\n'.join((heading(figures), tuning_table(figures))))

@@ -22,6 +22,7 @@ figures of both chains on scenes with seeds that the search has not seen (:data:
 as they can be; and ``parameters``: the tuned values of the parameters that are searched.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -32,9 +33,8 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import Scene, find_scene
-from slip_detector.tuning.objective import Candidate, Objective
 from slip_detector.tuning.problem import Problem, Verdict, judge, searched
-from slip_detector.tuning.search import TuningParameters, search
+from slip_detector.tuning.search import Study, TuningParameters, search
 from slip_detector.tuning.tracks import Track, held_out, track_of
 
 #: The paper's plates; each is a scene of a family, with each seed.
@@ -106,33 +106,17 @@ def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int])
     return tracks
 
 
-def search_candidate(
-    tracks: Sequence[Track], parameters: TuningParameters, trials: int, seed: int
-) -> Candidate | None:
-    """Search on all tracks.
-
-    Returns
-    -------
-    Candidate or None
-        The best candidate; None where none is better than the given parameters.
-    """
-    before = Objective(tracks, parameters.evaluation, parameters.tune).as_it_is(parameters.chain)
-    problem = Problem(
-        list(tracks), parameters.chain, before.figures, parameters.evaluation, parameters.tune
-    )
-    study = problem.study(None, 'in memory', seed)
-    search(problem, study, trials, lambda: False, lambda count: None)
-    return problem.choice(study)
-
-
 def tune_and_judge(
     tracks: Sequence[Track], parameters: TuningParameters, trials: int, seed: int
 ) -> Verdict:
     """Tune as ``slip_tune`` does: search on a part of the tracks, judge on the rest."""
     training, held = held_out(tracks, SHARE)
-    choice = search_candidate(training, parameters, trials, seed)
     problem = Problem(training, parameters.chain, None, parameters.evaluation, parameters.tune)
-    return judge(problem, held, choice)
+    figures = problem.as_it_is(problem.given).figures
+    problem = dataclasses.replace(problem, figures=figures)
+    study = Study(problem.space.distributions, seed)
+    search(problem, study, trials)
+    return judge(problem, held, problem.choice(study.trials))
 
 
 def measure_families(

@@ -34,8 +34,6 @@
     The figures of :mod:`benchmarks.tune.new_sensor`.
 ``onset``
     The figures of :mod:`benchmarks.tune.onset`.
-``real``
-    The figures of :mod:`benchmarks.tune.real_recordings`.
 ``wanted``
     For each claim, by ``part.figure``: the measured ``value``, the ``bound`` as text and whether
     it is ``met``; both are null where it was not measured, and ``met`` with ``--quick``, which is
@@ -53,16 +51,12 @@ from benchmarks.tune.jobs_speed import measure_jobs
 from benchmarks.tune.new_sensor import measure_new_sensor
 from benchmarks.tune.onset import measure_onset
 from benchmarks.tune.reading_speed import measure_reading, write_labelled_noise
-from benchmarks.tune.real_recordings import TRIALS, measure_real_recordings
 from benchmarks.tune.report_size import measure_report
 from benchmarks.tune.search_speed import measure_search
 from benchmarks.verdicts import values_of, verdicts
 from slip_detector.evaluation.figures import Bound
 
-#: The parts; ``real`` needs recordings.
-PARTS = (
-    'evaluate', 'read', 'jobs', 'search', 'report', 'families', 'sensor', 'onset', 'real',
-)  # fmt: skip
+PARTS = ('evaluate', 'read', 'jobs', 'search', 'report', 'families', 'sensor', 'onset')
 
 WANTED = {
     'evaluate.ratio': Bound(high=4.0),
@@ -78,19 +72,10 @@ WANTED = {
     'onset.taps_percent': Bound(high=0.05),
     'onset.rolling_percent': Bound(high=0.05),
     'onset.fast_detected_percent': Bound(low=100.0),
-    'real.least_auc_moving': Bound(low=0.90),
 }
 
-#: Number of searches on the real recordings; their seeds count from 0.
-REAL_SEEDS = 5
 
-
-def measure_tuning(
-    quick: bool = False,
-    parts: Sequence[str] = (),
-    recordings: Path | None = None,
-    config: Path | None = None,
-) -> dict[str, Any]:
+def measure_tuning(quick: bool = False, parts: Sequence[str] = ()) -> dict[str, Any]:
     """Measure what it costs to tune and what it brings; the keys are in the module's docstring.
 
     Parameters
@@ -98,30 +83,17 @@ def measure_tuning(
     quick
         Measure little, and judge nothing.
     parts
-        Some of :data:`PARTS`; without any all are measured, ``real`` only with recordings.
-    recordings, config
-        A folder of labelled recordings and the file of the parameters that are tuned.
+        Some of :data:`PARTS`; without any all are measured.
 
     Raises
     ------
     ValueError
-        For an unknown part, or ``real`` without recordings and parameters.
+        For an unknown part.
     """
     for part in parts:
         if part not in PARTS:
             raise ValueError(f'--part is {part!r}, allowed: {", ".join(PARTS)}')
-    if ('real' in parts or recordings) and not (recordings and config):
-        raise ValueError('real recordings need --recordings and --config')
-    chosen = parts or [part for part in PARTS if part != 'real' or recordings]
-    result: dict[str, Any] = {}
-    for part in chosen:
-        if part == 'real':
-            assert recordings is not None
-            assert config is not None
-            seeds, trials = (range(1), 4) if quick else (range(REAL_SEEDS), TRIALS)
-            result['real'] = measure_real_recordings(recordings, config, seeds, trials)
-        else:
-            result[part] = _MEASURES[part](quick)
+    result: dict[str, Any] = {part: _MEASURES[part](quick) for part in parts or PARTS}
     result['wanted'] = verdicts(WANTED, values_of(WANTED, result), judged=not quick)
     return result
 

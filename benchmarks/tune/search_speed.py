@@ -43,8 +43,8 @@ from slip_detector.evaluation.matching import ScoredRows
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.objective import Objective
+from slip_detector.tuning.problem import Problem
+from slip_detector.tuning.search import Study
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.sweep import ThresholdSweep, Vote
 from slip_detector.tuning.tracks import Track, track_of
@@ -76,8 +76,8 @@ def slips_and_noise(minutes: float) -> Track:
     return track_of('slips and noise', [Samples.evenly(volts, rate, truth)], rate)
 
 
-class NumpyObjective(Objective):
-    """The objective, with chain and sweep as a user of SciPy and NumPy would write them.
+class NumpyProblem(Problem):
+    """The problem, with chain and sweep as a user of SciPy and NumPy would write them.
 
     It does not check the samples, as such scripts do not.
     """
@@ -86,7 +86,7 @@ class NumpyObjective(Objective):
         self, chain: ChainConfig, votes: Sequence[Vote]
     ) -> Mapping[Vote, Sequence[Floats]]:
         """Return the statistic to compare with the threshold, by vote and track; shapes (n,)."""
-        tracks = [_statistics(_level(chain, track.volts), chain, votes) for track in self._tracks]
+        tracks = [_statistics(_level(chain, track.volts), chain, votes) for track in self.tracks]
         return {vote: [one[vote] for one in tracks] for vote in votes}
 
     def sweep(
@@ -94,8 +94,8 @@ class NumpyObjective(Objective):
     ) -> ThresholdSweep:
         """Return the outcome of the tracks, which have no gaps, at each threshold."""
         sweeps = [
-            _sweep(part, limits, track, self._evaluation, settling_rows(chain))
-            for part, track in zip(statistic, self._tracks, strict=True)
+            _sweep(part, limits, track, self.evaluation, settling_rows(chain))
+            for part, track in zip(statistic, self.tracks, strict=True)
         ]
         return ThresholdSweep(
             np.concatenate([one.latencies_ms for one in sweeps]),
@@ -110,7 +110,7 @@ class NumpyObjective(Objective):
     def auc(self, statistic: Sequence[Floats], threshold: float) -> float | None:
         """Return the area under the ROC curve of rows with slip against all others."""
         score = np.concatenate(statistic)
-        slip = np.concatenate([track.kinds == SLIP for track in self._tracks])
+        slip = np.concatenate([track.kinds == SLIP for track in self.tracks])
         pairs = int(slip.sum()) * int((~slip).sum())
         others = np.sort(score[~slip])
         below = sum(np.searchsorted(others, score[slip], side) for side in ('left', 'right'))
@@ -196,7 +196,7 @@ def _statistics(level: Floats, config: ChainConfig, votes: Sequence[Vote]) -> di
 
 
 def measure_search(trials: int = TRIALS, minutes: float = MINUTES) -> dict[str, Any]:
-    """Compare a search with the same search with :class:`NumpyObjective`.
+    """Compare a search with the same search with :class:`NumpyProblem`.
 
     Parameters
     ----------
@@ -212,32 +212,27 @@ def measure_search(trials: int = TRIALS, minutes: float = MINUTES) -> dict[str, 
     """
     from optuna.distributions import CategoricalDistribution
 
-    from slip_detector.tuning.study import Study
-
-    given, weights, evaluation = ChainConfig(), TuneConfig(), EvaluationConfig()
+    given = ChainConfig()
     track = slips_and_noise(minutes)
     space = SearchSpace(given)
     only: dict[str, Any] = {'decision': 'mean', 'mains_hz': 0.0}
-    distributions = space.distributions() | {
+    distributions = space.distributions | {
         name: CategoricalDistribution((value,)) for name, value in only.items()
     }
     points = [point | only for point in space.starts() if point['decision'] == 'mean']
-    sides = [
-        (kind([track], evaluation, weights), Study(None, '', distributions, seed=0))
-        for kind in (Objective, NumpyObjective)
-    ]
-    for objective, _ in sides:  # compile and load before the measurement
-        objective.best(given)
+    sides = [(kind([track]), Study(distributions, seed=0)) for kind in (Problem, NumpyProblem)]
+    for problem, _ in sides:  # compile and load before the measurement
+        problem.best(given)
     spent_s, sampler_s, same = [0.0, 0.0], [0.0, 0.0], 0
     with garbage_collection_off():
         for k in range(trials):
             costs_ms = []
-            for i, (objective, study) in enumerate(sides):
+            for i, (problem, study) in enumerate(sides):
                 start_s = time.process_time()
                 trial = study.ask(points[k] if k < len(points) else None)
                 asked_s = time.process_time()
                 try:
-                    found = objective.best(space.chain(trial.params))
+                    found = problem.best(space.chain(trial.params))
                 except ValueError:  # no such filter
                     found = []
                 cost_ms = found[0].cost_ms if found else None

@@ -33,7 +33,6 @@ MEANINGS = {
     'onset.taps_percent': 'onset.yaml, ON in taps [% of the time]',
     'onset.rolling_percent': 'onset.yaml, ON in rolling [% of the time]',
     'onset.fast_detected_percent': 'onset.yaml, slides at 40 and 80 mm/s detected [%]',
-    'real.least_auc_moving': 'real recordings left out, AUC against motion, worst seed',
 }
 
 ONSET_FIGURES = {
@@ -93,34 +92,7 @@ def tuning_table(figures_by_part: dict[str, Any]) -> str:
         ]
     if 'onset' in figures_by_part:
         lines += ['', *_onset_lines(figures_by_part['onset'])]
-    if 'real' in figures_by_part:
-        real = figures_by_part['real']
-        lines += ['', f'Real recordings, {real["recordings"]}, each left out of its search:']
-        rows = {'as given': real['given'], **{f'seed {k}': v for k, v in real['seeds'].items()}}
-        for name, one in rows.items():
-            lines.append(
-                f'  {name:<9} AUC against motion {one["auc_moving"]:.3f} '
-                f'(by thresholds {one["auc_moving_by_threshold"]:.3f})'
-            )
-        if real['choice']:
-            lines += _choice_lines(real['choice'])
     return '\n'.join(lines)
-
-
-def _choice_lines(choice: dict[str, Any]) -> list[str]:
-    """Return the figures of a configuration, and what choosing it on the recordings is worth."""
-    lines = [
-        f'  of {choice["settings"]} settings beside the given one half have an AUC below '
-        f'{choice["median_auc_moving"]:.3f}'
-    ]
-    for name, one in (('as given', choice['given']), ('chosen on the others', choice)):
-        lines.append(
-            f'  {name:<20} AUC against motion {one["auc_moving"]:.3f}, {one["matched"]} of '
-            f'{one["slips"]} slips detected ({one["settling_slips"]} while settling), '
-            f'{one["false_alarms"]} false alarms, ON without slip '
-            f'{number_text(one["false_time_percent"], ".2f")} %'
-        )
-    return lines
 
 
 def _onset_lines(onset: dict[str, Any]) -> list[str]:

@@ -14,8 +14,8 @@
 
 """The command ``slip_tune``: it tunes the chain on labelled recordings, some of them held out.
 
-It uses no ROS. :mod:`slip_detector.tuning.search` searches, and :mod:`slip_detector.tuning.study`
-stores the trials. The result is judged on recordings that the search has not seen.
+It uses no ROS. :mod:`slip_detector.tuning.search` searches and stores the trials. The result is
+judged on recordings that the search has not seen.
 """
 
 import datetime
@@ -41,8 +41,7 @@ from slip_detector.parameters.files import check_apart, check_writable, writable
 from slip_detector.parameters.writing import with_parameters, write_file
 from slip_detector.report.text_table import number_text
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
-from slip_detector.tuning.objective import Candidate
-from slip_detector.tuning.problem import searched
+from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import (
     TuningParameters,
     TuningResult,
@@ -97,7 +96,7 @@ def in_short(found: Candidate) -> str:
     Examples
     --------
     >>> from slip_detector.parameters import ChainConfig
-    >>> from slip_detector.tuning.objective import CandidateFigures
+    >>> from slip_detector.tuning.problem import CandidateFigures
     >>> figures = CandidateFigures(41.0, 40.0, 0.95, 1.5, 0.25, auc=0.95)
     >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))
     'costs 91.0 ms, latency 41.0 ms, sooner than chance 0.95, 1.5 false/min, 0.25 % false time'

@@ -30,7 +30,12 @@ from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.shared_folder import shared_folder
-from slip_detector.tuning.sensor import LEAST_RATIO, MAINS_HZ, largest_slip_steps_v, learnt_floors
+from slip_detector.tuning.learning import (
+    LEAST_RATIO,
+    MAINS_HZ,
+    largest_slip_steps_v,
+    learnt_floors,
+)
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 
@@ -40,8 +45,8 @@ Floats = NDArray[np.float64]
 #: highest edge of any band. A pass-band that would end above it becomes a high-pass.
 LOWEST_LOW, HIGHEST_LOW, HIGHEST = 1 / 400, 0.3, 0.48
 
-#: Narrowest and widest pass-band in octaves; the paper's has 2.8 octaves.
-OCTAVES = (0.5, 6.0)
+#: Most octaves of a pass-band; the paper's has 2.8.
+WIDEST = 6.0
 
 #: High edge over low edge of the stop-bands below and above the pass-band, as in the paper: 0.5 to
 #: 7 Hz and 50 to 180 Hz.
@@ -50,36 +55,20 @@ BELOW, ABOVE = 7.0 / 0.5, 180.0 / 50.0
 #: Half the width of a stop-band around the mains frequency.
 NOTCH_HALF_WIDTH_HZ = 5.0
 
-#: Shortest window, one sample at the paper's rate, and longest.
-SHORTEST_WINDOW_S, LONGEST_WINDOW_S = 0.0025, 0.3
-
-STOPBANDS = ('given', 'none', 'below', 'above', 'both')
+#: Shortest window, one sample at the paper's rate.
+SHORTEST_WINDOW_S = 0.0025
 
 #: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3
 
-#: Degrees of the pass-band, besides the given one; for a band-pass an odd one is raised by 1.
-DEGREES = (1, 2, 4)
-
-#: Ranges of the parameters of evidence: the factor on the noise floors, in amplitude, how far and
-#: how fast they rise, the offset, the cap above it, the limit, and how long an impact is held for.
-FLOOR_SCALE, FLOOR_RANGE_DB, FLOOR_RATE_DB_S = (0.1, 10.0), (0.0, 60.0), (0.02, 5.0)
-OFFSET_DB, CAP_ABOVE_DB, LIMIT_DB_S = (0.5, 12.0), (1.0, 30.0), (0.02, 5.0)
-HOLD_S = (0.05, 1.0)
-
-#: Where the noise floors come from: the given ones; ones that begin at the level learnt at rest;
-#: or ones that follow the envelope, but not below the level learnt at rest.
-FLOORS = ('given', 'learnt', 'followed')
-
-#: The step that is an impact: the given one, none, or one larger than any step of a slip.
-IMPACTS = ('given', 'none', 'above slips')
-
-#: The parameters of a point that only the decision ``mean``, or only ``evidence``, has.
-OF_MEAN = ('decision_window_s',)
-OF_EVIDENCE = (
-    'floors', 'floor_scale', 'floor_range_db', 'floor_rate_db_s', 'evidence_offset_db',
-    'cap_above_db', 'evidence_limit_db_s', 'impact', 'impact_channels', 'impact_hold_s',
-)  # fmt: skip
+#: The parameters of a point that only one decision has.
+OF_DECISIONS = {
+    'mean': {'decision_window_s'},
+    'evidence': {
+        'floors', 'floor_scale', 'floor_range_db', 'floor_rate_db_s', 'evidence_offset_db',
+        'cap_above_db', 'evidence_limit_db_s', 'impact', 'impact_channels', 'impact_hold_s',
+    },
+}  # fmt: skip
 
 
 @functools.cache
@@ -118,51 +107,49 @@ class SearchSpace:
 
     def __init__(self, given: ChainConfig, tracks: Sequence[Track] = ()) -> None:
         self._given, self._tracks = given, tracks
-        rate = given.sample_rate_hz
-        self._highest_hz = HIGHEST * rate
-        self._low_hz = (LOWEST_LOW * rate, HIGHEST_LOW * rate)
-        self._window_s = (max(SHORTEST_WINDOW_S, 1.0 / rate), LONGEST_WINDOW_S)
-        self._hold_s = (max(HOLD_S[0], 1.0 / rate), HOLD_S[1])
-        self._exponents = (1, max(4, given.exponent))
-        self._degrees = tuple(sorted({given.passband_degree, *DEGREES}))
-        self.notches_hz = (0.0, *(f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < HIGHEST * rate))
-        self._enabled = given.channels - len(given.disabled_channels)
-        mains_hz = filter(self._has_whole_periods, MAINS_HZ)
-        self.mains_hz = tuple(sorted({0.0, given.mains_hz, *mains_hz}))
-        self._common_modes = COMMON_MODES if self._enabled >= LEAST_SHARING else ('none',)
-        self._floors = FLOORS if given.decision == 'evidence' else FLOORS[1:]
-        self._impacts = IMPACTS if given.impact_v else IMPACTS[1:]
+        self._highest_hz = HIGHEST * given.sample_rate_hz
+        self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / given.sample_rate_hz)
 
+    @functools.cached_property
     def distributions(self) -> dict[str, Any]:
-        """Return Optuna's distributions by name."""
-        from optuna.distributions import (
-            CategoricalDistribution,
-            FloatDistribution,
-            IntDistribution,
-        )
+        """Optuna's distributions by name."""
+        from optuna.distributions import CategoricalDistribution as OneOf
+        from optuna.distributions import FloatDistribution as Between
+        from optuna.distributions import IntDistribution as Whole
 
+        given, rate = self._given, self._given.sample_rate_hz
+        enabled = given.channels - len(given.disabled_channels)
+        windows_s = Between(self._least_window_s, 0.3, log=True)
+        notches_hz = [f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < self._highest_hz]
+        given_floors = ('given',) if given.decision == 'evidence' else ()
+        given_impact = ('given',) if given.impact_v else ()
+        mains_hz = {0.0, given.mains_hz, *filter(self._has_whole_periods, MAINS_HZ)}
         return {
-            'decision': CategoricalDistribution(('mean', 'evidence')),
-            'passband_low_hz': FloatDistribution(*self._low_hz, log=True),
-            'passband_octaves': FloatDistribution(*OCTAVES),
-            'passband_degree': CategoricalDistribution(self._degrees),
-            'stopbands': CategoricalDistribution(STOPBANDS),
-            'notch_hz': CategoricalDistribution(self.notches_hz),
-            'mains_hz': CategoricalDistribution(self.mains_hz),
-            'exponent': IntDistribution(*self._exponents),
-            'envelope_window_s': FloatDistribution(*self._window_s, log=True),
-            'decision_window_s': FloatDistribution(*self._window_s, log=True),
-            'floors': CategoricalDistribution(self._floors),
-            'floor_scale': FloatDistribution(*FLOOR_SCALE, log=True),
-            'floor_range_db': FloatDistribution(*FLOOR_RANGE_DB),
-            'floor_rate_db_s': FloatDistribution(*FLOOR_RATE_DB_S, log=True),
-            'evidence_offset_db': FloatDistribution(*OFFSET_DB),
-            'cap_above_db': FloatDistribution(*CAP_ABOVE_DB),
-            'evidence_limit_db_s': FloatDistribution(*LIMIT_DB_S, log=True),
-            'impact': CategoricalDistribution(self._impacts),
-            'impact_channels': IntDistribution(1, self._enabled, log=True),
-            'impact_hold_s': FloatDistribution(*self._hold_s, log=True),
-            'common_mode': CategoricalDistribution(self._common_modes),
+            'decision': OneOf(('mean', 'evidence')),
+            'passband_low_hz': Between(LOWEST_LOW * rate, HIGHEST_LOW * rate, log=True),
+            'passband_octaves': Between(0.5, WIDEST),
+            # For a band-pass an odd degree is raised by 1.
+            'passband_degree': OneOf(sorted({given.passband_degree, 1, 2, 4})),
+            'stopbands': OneOf(('given', 'none', 'below', 'above', 'both')),
+            'notch_hz': OneOf((0.0, *notches_hz)),
+            'mains_hz': OneOf(sorted(mains_hz)),
+            'exponent': Whole(1, max(4, given.exponent)),
+            'envelope_window_s': windows_s,
+            'decision_window_s': windows_s,
+            # The given floors; ones that begin at the level learnt at rest; or ones that follow
+            # the envelope, but not below the level learnt at rest.
+            'floors': OneOf((*given_floors, 'learnt', 'followed')),
+            'floor_scale': Between(0.1, 10.0, log=True),  # of the amplitude
+            'floor_range_db': Between(0.0, 60.0),
+            'floor_rate_db_s': Between(0.02, 5.0, log=True),
+            'evidence_offset_db': Between(0.5, 12.0),
+            'cap_above_db': Between(1.0, 30.0),
+            'evidence_limit_db_s': Between(0.02, 5.0, log=True),
+            # The given step that is an impact, none, or one larger than any step of a slip.
+            'impact': OneOf((*given_impact, 'none', 'above slips')),
+            'impact_channels': Whole(1, enabled, log=True),
+            'impact_hold_s': Between(max(0.05, 1.0 / rate), 1.0, log=True),
+            'common_mode': OneOf(COMMON_MODES if enabled >= LEAST_SHARING else ('none',)),
         }
 
     def chain(self, point: dict[str, Any]) -> ChainConfig:
@@ -191,11 +178,11 @@ class SearchSpace:
             mains_hz=point['mains_hz'],
             exponent=point['exponent'],
             # A rounded window must not be shorter than a sample.
-            envelope_window_s=max(rounded(point['envelope_window_s']), self._window_s[0]),
+            envelope_window_s=max(rounded(point['envelope_window_s']), self._least_window_s),
             common_mode=point['common_mode'],
         )
         if point['decision'] == 'mean':
-            window_s = max(rounded(point['decision_window_s']), self._window_s[0])
+            window_s = max(rounded(point['decision_window_s']), self._least_window_s)
             return dataclasses.replace(chain, decision_window_s=window_s)
         return dataclasses.replace(chain, **self._of_evidence(point, chain))
 
@@ -270,43 +257,52 @@ class SearchSpace:
     def point(self, chain: ChainConfig) -> dict[str, Any]:
         """Return the point of the space that is nearest to a chain."""
         low_hz, high_hz = chain.passband_hz
-        octaves = math.log2(high_hz / low_hz) if high_hz else OCTAVES[1]
         stopbands = 'both' if chain.stopbands_hz else 'none'
         if chain.stopbands_hz == self._given.stopbands_hz:
             stopbands = 'given'
-        degree, offset_db = chain.passband_degree, chain.evidence_offset_db
-        mode = chain.common_mode
-        return {
+        degrees = self.distributions['passband_degree'].choices
+        values: dict[str, Any] = {
             'decision': chain.decision,
-            'passband_low_hz': _within(low_hz, self._low_hz),
-            'passband_octaves': _within(octaves, OCTAVES),
-            'passband_degree': min(self._degrees, key=lambda one: abs(one - degree)),
+            'passband_low_hz': low_hz,
+            'passband_octaves': math.log2(high_hz / low_hz) if high_hz else WIDEST,
+            'passband_degree': min(degrees, key=lambda one: abs(one - chain.passband_degree)),
             'stopbands': stopbands,
             'notch_hz': 0.0,
-            'mains_hz': chain.mains_hz if chain.mains_hz in self.mains_hz else 0.0,
-            'exponent': int(_within(chain.exponent, self._exponents)),
-            'envelope_window_s': _within(chain.envelope_window_s, self._window_s),
-            'decision_window_s': _within(chain.decision_window_s, self._window_s),
+            'mains_hz': chain.mains_hz,
+            'exponent': chain.exponent,
+            'envelope_window_s': chain.envelope_window_s,
+            'decision_window_s': chain.decision_window_s,
             'floors': self._floors_of(chain),
             'floor_scale': 1.0,
-            'floor_range_db': _within(chain.noise_floor_range_db, FLOOR_RANGE_DB),
-            'floor_rate_db_s': _within(chain.noise_floor_rate_db_s, FLOOR_RATE_DB_S),
-            'evidence_offset_db': _within(offset_db, OFFSET_DB),
-            'cap_above_db': _within(chain.evidence_cap_db - offset_db, CAP_ABOVE_DB),
-            'evidence_limit_db_s': _within(chain.evidence_limit_db_s, LIMIT_DB_S),
+            'floor_range_db': chain.noise_floor_range_db,
+            'floor_rate_db_s': chain.noise_floor_rate_db_s,
+            'evidence_offset_db': chain.evidence_offset_db,
+            'cap_above_db': chain.evidence_cap_db - chain.evidence_offset_db,
+            'evidence_limit_db_s': chain.evidence_limit_db_s,
             'impact': self._impact_of(chain),
-            'impact_channels': min(chain.impact_channels, self._enabled),
-            'impact_hold_s': _within(chain.impact_hold_s, self._hold_s),
-            'common_mode': mode if mode in self._common_modes else 'none',
+            'impact_channels': chain.impact_channels,
+            'impact_hold_s': chain.impact_hold_s,
+            'common_mode': chain.common_mode,
         }
+        return {name: self._nearest(name, value) for name, value in values.items()}
+
+    def _nearest(self, name: str, value: Any) -> Any:
+        """Return the nearest value in a parameter's range; of choices, what stands for none."""
+        allowed = self.distributions[name]
+        if not hasattr(allowed, 'choices'):
+            return min(max(value, allowed.low), allowed.high)
+        if value in allowed.choices:
+            return value
+        return 0.0 if name == 'mains_hz' else 'none'
 
     def _floors_of(self, chain: ChainConfig) -> str:
-        """Return where the noise floors of a chain come from, one of :data:`FLOORS`.
+        """Return where the noise floors of a chain come from, one of its choices.
 
         Floors that are not the given ones belong to another sensor and are replaced by learnt
         ones. Only whether they follow the envelope counts; with the decision ``mean`` they do not.
         """
-        if 'given' in self._floors and chain.noise_floor == self._given.noise_floor:
+        given = self._given
+        if given.decision == 'evidence' and chain.noise_floor == given.noise_floor:
             return 'given'
         followed = chain.decision == 'evidence' and not chain.noise_floor_learnt
         return 'followed' if followed else 'learnt'
@@ -314,45 +310,29 @@ class SearchSpace:
     def _impact_of(self, chain: ChainConfig) -> str:
         if not chain.impact_v:
             return 'none'
-        which = 'given' if chain.impact_v == self._given.impact_v else 'above slips'
-        return which if which in self._impacts else 'none'
+        return 'given' if chain.impact_v == self._given.impact_v else 'above slips'
 
     def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
         """Return the distance of two points: 1 for another choice, or for a parameter's range.
 
         The parameters of a decision count only where both points have this decision.
         """
-        ranges = {
-            'passband_low_hz': self._low_hz,
-            'envelope_window_s': self._window_s,
-            'decision_window_s': self._window_s,
-            'floor_scale': FLOOR_SCALE,
-            'floor_rate_db_s': FLOOR_RATE_DB_S,
-            'evidence_limit_db_s': LIMIT_DB_S,
-            'impact_hold_s': self._hold_s,
-        }
-        spans = {
-            'passband_octaves': OCTAVES[1],
-            'passband_degree': max(self._degrees),
-            'exponent': self._exponents[1],
-            'floor_range_db': FLOOR_RANGE_DB[1],
-            'evidence_offset_db': OFFSET_DB[1],
-            'cap_above_db': CAP_ABOVE_DB[1],
-            'impact_channels': self._enabled,
-        }
-        left_out = set() if point['decision'] == 'mean' == other['decision'] else {*OF_MEAN}
-        if not point['decision'] == 'evidence' == other['decision']:
-            left_out |= {*OF_EVIDENCE}
         steps = []
-        for name in point.keys() - left_out:
+        for name, allowed in self.distributions.items():
             a, b = point[name], other[name]
-            if name in ranges:
-                low, high = ranges[name]
-                steps.append(math.log(a / b) / math.log(high / low))
-            elif name in spans:
-                steps.append((a - b) / spans[name])
-            else:
+            if any(
+                name in names and {point['decision'], other['decision']} != {decision}
+                for decision, names in OF_DECISIONS.items()
+            ):
+                continue
+            if name == 'passband_degree':
+                steps.append((a - b) / allowed.choices[-1])
+            elif hasattr(allowed, 'choices'):
                 steps.append(float(a != b))
+            elif allowed.log and name != 'impact_channels':
+                steps.append(math.log(a / b) / math.log(allowed.high / allowed.low))
+            else:
+                steps.append((a - b) / allowed.high)
         return math.hypot(*steps)
 
     def starts(self) -> list[dict[str, Any]]:
@@ -366,7 +346,3 @@ class SearchSpace:
             point = self.point(chain)
             points += [] if point in points else [point]
         return points
-
-
-def _within(value: float, bounds: tuple[float, float]) -> float:
-    return min(max(value, bounds[0]), bounds[1])

@@ -207,25 +207,12 @@ class VoteStatistics:
         self._chain = SlipChain(dataclasses.replace(config, vote='all', threshold=self._unit))
         self._votes = tuple(votes)
 
-    def of(self, track: Track, out: Floats | None = None) -> Floats:
-        """Return the statistic of each row of a track in the level's unit.
+    def of(self, track: Track) -> Floats:
+        """Return the statistic of each row of a track in the level's unit; shape (votes, n).
 
-        Parameters
-        ----------
-        track
-            A track of n rows.
-        out
-            The array that an earlier call returned for this track, to be overwritten, as a new
-            array takes time.
-
-        Returns
-        -------
-        ndarray, shape (votes, n)
-            A chain with that vote is ON exactly where this is above its threshold.
+        A chain with that vote is ON exactly where this is above its threshold.
         """
-        shape = (len(self._votes), len(track.volts))
-        if out is None or out.shape != shape:
-            out = np.empty(shape)
+        out = np.empty((len(self._votes), len(track.volts)))
         for begin, end, _ in track.stretches:
             self._chain.restart() if begin else self._chain.reset()
             for start in range(begin, end, ROWS_PER_CALL):
@@ -233,16 +220,8 @@ class VoteStatistics:
                 result = self._chain.update(
                     track.volts[rows], envelope=False, level=False, votes=self._votes
                 )
-                _transpose(result.vote_statistic, self._unit, out, start)
+                np.multiply(result.vote_statistic.T, self._unit, out=out[:, rows])
         return out
-
-
-@compiled
-def _transpose(statistics, unit, out, start):
-    """Write statistics, shape (n, votes), times ``unit`` to ``out`` from column ``start`` on."""
-    for v in range(statistics.shape[1]):
-        for k in range(statistics.shape[0]):
-            out[v, start + k] = unit * statistics[k, v]
 
 
 @compiled
@@ -423,9 +402,10 @@ def sweep_thresholds(
     >>> sweep.latencies_ms, sweep.false_alarms, sweep.on_rest_s
     (array([[nan, 10., nan]]), array([1, 0, 0]), array([0.01, 0.  , 0.  ]))
     """
-    false_alarms = np.zeros(limits.size, np.int64)
-    latencies_ms, rest_s, on_rest_s = [np.zeros((0, limits.size))], 0.0, np.zeros(limits.size)
-    scored, leads_s, windows_s = [np.zeros(0, bool)], [np.zeros(0)], [np.zeros(0)]
+    false_alarms, rest_s, on_rest_s = np.zeros(limits.size, np.int64), 0.0, np.zeros(limits.size)
+    none = np.zeros(0)
+    # For each track: latencies_ms, scored, leads_s and windows_s of its slips.
+    of_tracks = [(np.zeros((0, limits.size)), np.zeros(0, np.bool_), none, none)]
     for part, track in zip(statistic, tracks, strict=True):
         rate_hz = track.sample_rate_hz
         stretches = [stretch.interval for stretch in track.stretches]
@@ -443,20 +423,10 @@ def sweep_thresholds(
             )  # fmt: skip
         starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
         found = (rises != NONE) & rows.scored[:, np.newaxis]
-        latencies: Floats = np.where(found, (rises - starts) / rate_hz * 1e3, np.nan)
-        latencies_ms.append(latencies)
-        scored.append(rows.scored)
-        leads_s.append(rows.leads_s)
-        windows_s.append(rows.windows_s)
+        latencies_ms: Floats = np.where(found, (rises - starts) / rate_hz * 1e3, np.nan)
+        of_tracks.append((latencies_ms, rows.scored, rows.leads_s, rows.windows_s))
         rest_s += rows.rest_rows / rate_hz
         # A row is ON at threshold k where more than k thresholds are below its value.
         on_rest_s += np.cumsum(rest_rows[:0:-1])[::-1] / rate_hz
-    return ThresholdSweep(
-        np.concatenate(latencies_ms),
-        np.concatenate(scored),
-        np.concatenate(leads_s),
-        np.concatenate(windows_s),
-        false_alarms,
-        rest_s,
-        on_rest_s,
-    )
+    latencies, scored, leads_s, windows_s = map(np.concatenate, zip(*of_tracks, strict=True))
+    return ThresholdSweep(latencies, scored, leads_s, windows_s, false_alarms, rest_s, on_rest_s)

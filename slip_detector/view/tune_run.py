@@ -35,7 +35,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import writable_folder
 from slip_detector.parameters.writing import write_file
 from slip_detector.report.tuning_table import FIGURES, comparison_text
-from slip_detector.tuning.sensor import LEAST_S
+from slip_detector.tuning.learning import LEAST_S
 from slip_detector.view.recorded_folder import RecordedFolder
 
 #: Number of chains that the search tries.

@@ -20,10 +20,8 @@ import optuna
 from slip_detector.chain.samples import Samples
 from slip_detector.commands.tune import main
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.objective import Objective
 from slip_detector.tuning.problem import Problem
+from slip_detector.tuning.search import Study, search
 from slip_detector.tuning.tracks import track_of
 
 RATE_HZ = 380.0
@@ -89,9 +87,15 @@ def run(*words, code=0):
 
 
 def problem(tracks, given_chain=CHAIN):
-    config = TuneConfig()
-    before = Objective(tracks, EvaluationConfig(), config).as_it_is(given_chain)
-    return Problem(tracks, given_chain, before.figures, EvaluationConfig(), config)
+    before = Problem(tracks).as_it_is(given_chain)
+    return Problem(tracks, given_chain, before.figures)
+
+
+def study_of(asked, trials, seed=1, results=None):
+    """Search, and return the study in memory."""
+    study = Study(asked.space.distributions, seed)
+    search(asked, study, trials, results=results)
+    return study
 
 
 def trials_of(storage):

@@ -12,32 +12,221 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a search is asked, which of the answers is taken, and how it is judged."""
+"""What a chain costs, which answers of a search are taken, and how they are judged."""
 
 import dataclasses
+import math
 from types import SimpleNamespace
 
-from hypothesis import given, settings
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
+from slip_detector.chain.settling import settling_rows
+from slip_detector.chain.slip_chain import COMPILED
+from slip_detector.evaluation.figures import figures_of_merit
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.tuning import TuneConfig
-from slip_detector.tuning.objective import Objective
-from slip_detector.tuning.problem import judge
-from slip_detector.tuning.search import search
-from support.tuning_cases import CHAIN, problem, track
+from slip_detector.tuning.problem import CandidateFigures, Problem, judge
+from slip_detector.tuning.sweep import thresholds
+from slip_detector.tuning.tracks import track_of
+from support.guesses import guessed
+from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
+from support.tuning_cases import CHAIN, problem, slips, study_of, track
 
-BANDS = ('passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'common_mode')
+QUICK = dataclasses.replace(CHAIN, threshold=0.02)
+
+
+def evaluated(chain, evaluation, several):
+    """Return the figures that the evaluation gives of recordings, as the tuner compares them."""
+    replay = Replay(chain, evaluation)
+    outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
+    figures = figures_of_merit(outcomes)
+    against_motion = any(one.scores.counts[1].any() for one in outcomes)
+    figures['auc'] = figures['auc_moving' if against_motion else 'auc_all']
+    return CandidateFigures(**{name: figures[name] for name in CandidateFigures._fields})
+
+
+@settings(max_examples=40 if COMPILED else 3, deadline=None)
+@given(chains(), st.lists(recordings(), min_size=1, max_size=3), EVALUATIONS)
+def test_the_tuner_gives_a_chain_the_figures_of_the_evaluation_to_the_bit(
+    chain, several, evaluation
+):
+    tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
+    assume(any(track.slips for track in tracks))
+    objective = Problem(tracks, evaluation=evaluation)
+    assert objective.as_it_is(chain).figures == evaluated(chain, evaluation, several)
+    for candidate in objective.best(chain):
+        assert candidate.figures == evaluated(candidate.chain, evaluation, several)
+        assert objective.as_it_is(candidate.chain).figures == candidate.figures
+
+
+def test_costs_are_latency_and_what_misses_false_alarms_and_false_time_count_for():
+    tracks = [track(1), track(2)]
+    weights = TuneConfig(
+        missed_costs_ms=300.0, false_alarm_costs_ms=7.0, false_time_costs_ms=3.0, auc_costs_ms=0.0
+    )
+    objective = Problem(tracks, config=weights)
+    never = objective.as_it_is(dataclasses.replace(CHAIN, threshold=1e9))
+    assert never.cost_ms == 300.0
+    assert never.figures.sooner_than_chance == 0.0
+    found = objective.as_it_is(dataclasses.replace(CHAIN, threshold=0.02))
+    assert found.figures.sooner_than_chance > 0.9
+    assert 10.0 < found.figures.latency_median_ms < 100.0
+    for weight, figure in (
+        ('false_alarm_costs_ms', found.figures.false_alarms_per_minute),
+        ('false_time_costs_ms', found.figures.false_time_percent),
+    ):
+        heavier = dataclasses.replace(weights, **{weight: getattr(weights, weight) + 1.0})
+        more = Problem(tracks, config=heavier).as_it_is(found.chain)
+        assert more.cost_ms - found.cost_ms == pytest.approx(figure, abs=1e-9)
+
+
+def test_a_figure_that_gets_worse_than_given_counts_tenfold():
+    tracks = [track(1)]
+    alone = Problem(tracks).as_it_is(QUICK)
+    auc = alone.figures.auc
+    faster = alone.figures._replace(latency_median_all_ms=alone.figures.latency_median_all_ms - 5)
+    surer = alone.figures._replace(auc=auc + 0.01)
+    # It finds few slips and is never OFF: no median of all, no alarms in a minute of OFF.
+    few = CandidateFigures(None, 30.0, 0.2, 0.0, 100.0, None)
+    for given_figures, more_ms in ((faster, 50.0), (surer, 10.0), (alone.figures, 0.0), (few, 0)):
+        cost_ms = Problem(tracks, figures=given_figures).as_it_is(QUICK).cost_ms
+        assert cost_ms == pytest.approx(alone.cost_ms + more_ms)
+
+
+GOOD = CandidateFigures(20.0, 20.0, 1.0, 1.0, 0.5, 0.99)
+
+
+def test_each_figure_that_is_worse_is_named():
+    assert GOOD.worse_than(GOOD) == []
+    bad = CandidateFigures(None, 15.0, 0.5, 2.0, 1.5, 0.9)
+    assert bad.worse_than(GOOD) == [
+        'no median latency defined against 20 ms',
+        'false alarms 2.03 against 1.005 in a minute of OFF',
+        'false time 1.5 against 0.5 %',
+        'sooner than chance 0.5 against 1',
+        'area under the ROC curve 0.9 against 0.99',
+    ]
+    assert GOOD.worse_than(bad) == []
+
+
+def test_nothing_is_worse_than_a_chain_no_better_than_chance_or_one_nearly_always_on():
+    worse = GOOD._replace(false_time_percent=50.0, false_alarms_per_minute=20.0)
+    for sooner_than_chance in (0.0, -0.2, None):
+        assert worse.worse_than(GOOD._replace(sooner_than_chance=sooner_than_chance)) == []
+    # Alarms that hardly end are few.
+    mostly_on = GOOD._replace(false_time_percent=99.0, sooner_than_chance=0.1)
+    assert worse.worse_than(mostly_on) == []
+    assert GOOD.worse_than(mostly_on._replace(false_time_percent=100.0)) == []
+
+
+class Guesses(Problem):
+    """The problem with decisions that do not depend on slip in place of a chain's."""
+
+    def __init__(self, tracks, on):
+        super().__init__(tracks)
+        object.__setattr__(self, 'on', on)
+
+    def statistics(self, chain, votes):
+        return {vote: [self.on] for vote in votes}
+
+
+@settings(max_examples=20)
+@given(
+    st.integers(0, 2**32 - 1),
+    *[st.floats(0.0, math.log(4000.0)).map(math.exp)] * 2,
+)
+def test_no_guess_costs_less_than_never_being_on(seed, mean_on, mean_off):
+    random = np.random.default_rng(seed)
+    slips, n = 100, 100 * 600
+    truth = np.zeros(n, bool)
+    for start in np.arange(slips) * 600 + random.integers(0, 250, slips):
+        truth[start : start + random.integers(50, 300)] = True
+    quiet = track_of('a', [Samples.evenly(np.zeros((n, 1)), RATE_HZ, truth)], RATE_HZ)
+    guess = Guesses([quiet], guessed(random, n, mean_on, mean_off).astype(float))
+    sides = [guess.as_it_is(dataclasses.replace(CHAIN, threshold=at)) for at in (0.5, 2.0)]
+    assert sides[1].figures.false_time_percent == 0.0
+    rest = float(np.count_nonzero(~truth))
+    alarms = sides[0].figures.false_alarms_per_minute * rest / RATE_HZ / 60.0
+    # Of the share of slips that is found, and of that which chance is said to find.
+    deviation = math.hypot(0.5 / math.sqrt(slips), 200.0 / rest * math.sqrt(alarms))
+    assert sides[0].cost_ms > sides[1].cost_ms - 5.0 * deviation * TuneConfig().missed_costs_ms
+
+
+def test_always_on_costs_all_misses_and_all_of_the_time():
+    truth = np.arange(6000) % 1000 >= 800
+    quiet = track_of('a', [Samples.evenly(np.zeros((6000, 1)), RATE_HZ, truth)], RATE_HZ)
+    guess = Guesses([quiet], np.ones(6000))
+    always, never = (guess.as_it_is(dataclasses.replace(CHAIN, threshold=at)) for at in (0.5, 2.0))
+    config = TuneConfig()
+    assert always.cost_ms == never.cost_ms + 100.0 * config.false_time_costs_ms
+    assert never.cost_ms == config.missed_costs_ms + 0.5 * config.auc_costs_ms
+
+
+def test_a_chain_does_not_gain_by_settling_for_longer():
+    volts, truth = slips(1)
+    late = track_of(
+        'a', [Samples.evenly(volts[500:], RATE_HZ, truth[500:])], RATE_HZ
+    )  # a slip after 0.2 s
+    objective = Problem([late])
+    for each in (QUICK, dataclasses.replace(QUICK, passband_hz=(0.5, 50.0))):
+        candidate = objective.as_it_is(each)
+        statistic = objective.statistics(each, [each.vote])[each.vote]
+        sweep = objective.sweep(each, statistic, np.array([each.threshold]))
+        left_out = int((~sweep.scored).sum())
+        assert candidate.cost_ms > left_out / len(sweep.scored) * TuneConfig().missed_costs_ms
+        assert left_out == sum(slip.start < settling_rows(each) for slip in late.slips)
+
+
+def test_a_recording_that_ends_before_the_chain_has_settled_has_no_figures():
+    volts, truth = slips(1)
+    short = track_of('a', [Samples.evenly(volts[600:680], RATE_HZ, truth[600:680])], RATE_HZ)
+    objective = Problem([short])
+    assert objective.as_it_is(CHAIN).cost_ms == math.inf
+    assert objective.as_it_is(CHAIN).figures[:5] == (None,) * 5
+    assert objective.best(CHAIN) == []
+
+
+def test_the_best_threshold_is_found_for_each_vote():
+    objective = Problem([track(1), track(2)])
+    found = objective.best(CHAIN)
+    assert {one.chain.vote for one in found} == {'all', 'mean', 1}
+    assert [one.cost_ms for one in found] == sorted(one.cost_ms for one in found)
+    assert found[0].cost_ms < objective.as_it_is(CHAIN).cost_ms
+    assert found[0].figures.sooner_than_chance == 1.0
+
+
+def test_a_threshold_next_to_no_evidence_is_not_taken():
+    chain = dataclasses.replace(
+        CHAIN, decision='evidence', noise_floor=(0.05,), exponent=1, evidence_offset_db=12.0
+    )
+    tracks = [track(1)]
+    objective = Problem(tracks)
+    for found in objective.best(chain):
+        assert found.figures.sooner_than_chance > 0.9
+        statistic = objective.statistics(chain, [found.chain.vote])[found.chain.vote]
+        assert found.chain.threshold >= thresholds(chain, statistic, tracks)[3]
+        # Three steps of 3 %, or 0.257 dB, for as long as a window.
+        assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
+
+
+def test_a_dead_sensor_has_no_threshold():
+    flat = track_of('a', [Samples.evenly(np.full((100, 4), 4.3), RATE_HZ, np.zeros(100))], RATE_HZ)
+    assert Problem([flat]).best(CHAIN) == []
 
 
 def test_of_one_slip_nothing_is_learnt_but_a_threshold():
     one = track(1, duration_s=3.0)
     assert len(one.slips) == 1
     asked = problem([one])
-    study = asked.study(None, 'a', seed=1)
-    search(asked, study, 12, lambda: False, lambda count: None)
-    choice = asked.choice(study)
-    for name in BANDS:
+    choice = asked.choice(study_of(asked, 12).trials)
+    for name in (
+        'passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'common_mode', 'vote',
+    ):  # fmt: skip
         assert getattr(choice.chain, name) == getattr(CHAIN, name), name
     assert choice.chain.vote == CHAIN.vote
 
@@ -59,13 +248,13 @@ def test_few_slips_do_not_excuse_a_chain_that_tells_less_of_the_rows():
 
     best = trial(2.0, 50.0, asked.figures.auc - 0.02)
     near, nearer = trial(1.0, 80.0, asked.figures.auc - 0.02), trial(0.5, 70.0, 0.6)
-    choice = asked.choice(SimpleNamespace(trials=[best, near, nearer]))
+    choice = asked.choice([best, near, nearer])
     assert choice.cost_ms == 80.0
     nearest = trial(0.1, 500.0, asked.figures.auc)
-    assert asked.choice(SimpleNamespace(trials=[best, near, nearest])).cost_ms == 500.0
+    assert asked.choice([best, near, nearest]).cost_ms == 500.0
 
 
-def test_another_question_has_another_name():
+def test_another_problem_has_another_name():
     asked = problem([track(1)])
     others = [
         problem([track(2)]),
@@ -78,30 +267,24 @@ def test_another_question_has_another_name():
     assert len({one.study_name() for one in (asked, *others)}) == 6
 
 
-def test_a_study_gives_back_what_its_trials_found():
+def test_a_study_has_the_candidates_of_its_trials():
     asked = problem([track(1)])
-    study = asked.study(None, 'a', seed=1)
-    assert asked.best(study) is asked.choice(study) is None
-    search(asked, study, 2, lambda: False, lambda count: None)
-    objective = Objective(asked.tracks, asked.evaluation, asked.config, asked.figures)
-    for trial in study.trials:
+    assert asked.best_of([]) is asked.choice([]) is None
+    trials = study_of(asked, 2).trials
+    for trial in trials:
         candidates = asked.candidates(trial)
-        assert candidates == objective.best(candidates[0].chain)
-    assert asked.best(study).cost_ms == min(trial.value for trial in study.trials)
+        assert candidates == asked.best(candidates[0].chain)
+    assert asked.best_of(trials).cost_ms == min(trial.value for trial in trials)
 
 
 @settings(max_examples=6)
 @given(seed=st.integers(0, 1000), held_hz=st.sampled_from([4.0, 18.0, 70.0, 150.0]))
-def test_what_is_handed_back_is_never_worse_on_what_was_held_out(seed, held_hz):
+def test_the_result_is_never_worse_on_the_held_out_recordings(seed, held_hz):
     """Also where the held-out slips are of another kind than those tuned on."""
-    from slip_detector.tuning.search import search
-
     asked = problem([track(seed, slip_hz=18.0), track(seed + 1, slip_hz=18.0)])
     held = [track(seed + 2, slip_hz=held_hz)]
-    study = asked.study(None, 'a', seed=seed)
-    search(asked, study, 10, lambda: False, lambda count: None)
-    verdict = judge(asked, held, asked.choice(study))
-    objective = Objective(held, EvaluationConfig(), TuneConfig())
+    verdict = judge(asked, held, asked.choice(study_of(asked, 10, seed).trials))
+    objective = Problem(held)
     before, after = objective.as_it_is(asked.given), objective.as_it_is(verdict.chain)
     assert after.figures.worse_than(before.figures) == []
     assert after.cost_ms <= before.cost_ms
@@ -113,7 +296,7 @@ def test_with_trade_one_figure_may_get_worse():
     tracks = [track(1), track(2)]
     asked = problem(tracks)
     free = dataclasses.replace(asked, config=TuneConfig(trade=True), figures=None)
-    objective = Objective(tracks, EvaluationConfig(), TuneConfig())
+    objective = Problem(tracks)
     found = objective.as_it_is(dataclasses.replace(CHAIN, threshold=0.03))
     given_too_careful = dataclasses.replace(CHAIN, threshold=0.5)
     free = dataclasses.replace(free, given=given_too_careful)
@@ -126,19 +309,8 @@ def test_with_trade_one_figure_may_get_worse():
 
 
 def test_a_given_chain_that_is_nearly_always_on_is_not_kept():
-    """Its recall was 1 and its latency short, before alarms had to begin with the slip."""
     tracks = [track(1), track(2)]
-    too_low = dataclasses.replace(CHAIN, threshold=1e-6)
-    asked = problem(tracks, too_low)
+    asked = problem(tracks, dataclasses.replace(CHAIN, threshold=1e-6))
     assert asked.figures.false_time_percent > 99.0
-    assert asked.figures.sooner_than_chance < 0.1
-    found = Objective(tracks, EvaluationConfig(), TuneConfig()).as_it_is(
-        dataclasses.replace(CHAIN, threshold=0.02)
-    )
+    found = Problem(tracks).as_it_is(QUICK)
     assert judge(asked, [track(3)], found) == (found.chain, '')
-
-
-def test_where_no_trial_found_a_chain_the_given_one_is_kept():
-    verdict = judge(problem([track(1)]), [track(2)], None)
-    assert verdict.chain == CHAIN
-    assert verdict.kept == 'no trial found a chain that detects slip'

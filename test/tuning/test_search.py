@@ -12,70 +12,56 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A search: in this process, with recordings that are read where they are needed, and its end."""
+"""A search in this process and in others, its study and its end."""
 
-import copy
 import dataclasses
 import pickle
 import signal
 
 import numpy as np
+import optuna
 import pytest
 
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning import search as search_module
-from slip_detector.tuning.objective import Objective
-from slip_detector.tuning.problem import searched
-from slip_detector.tuning.search import FileObjective, TuningParameters, search, tune
-from slip_detector.tuning.space import SearchSpace
+from slip_detector.tuning.problem import Problem, searched
+from slip_detector.tuning.search import Study, TuningParameters, search, tune
 from slip_detector.tuning.tracks import TrainingFiles
-from support.tuning_cases import CHAIN, problem, track, write
+from support.tuning_cases import CHAIN, problem, study_of, track, write
+
+PARAMETERS = TuningParameters(CHAIN, RecordingConfig(recording_truth_key='label'))
+X = {'x': optuna.distributions.FloatDistribution(0.0, 1.0)}
 
 
-def test_a_search_finds_what_costs_less_and_keeps_the_rest_of_the_chain():
+def test_a_search_finds_a_chain_that_costs_less_and_keeps_the_rest_of_the_given_one():
     given_chain = dataclasses.replace(CHAIN, passband_hz=(60.0, 120.0), stopbands_hz=())
     asked = problem([track(1), track(2)], given_chain)
-    study = asked.study(None, 'a', seed=1)
-    counts = []
-    search(asked, study, 25, lambda: False, counts.append)
-    assert counts == sorted(counts)
-    assert set(counts) == set(range(1, 26))
-    best = asked.best(study)
-    free = Objective(asked.tracks, asked.evaluation, asked.config)
-    assert best.cost_ms < free.as_it_is(given_chain).cost_ms - 20.0
+    best = asked.best_of(study_of(asked, 25).trials)
+    assert best.cost_ms < Problem(asked.tracks).as_it_is(given_chain).cost_ms - 20.0
     for field in dataclasses.fields(CHAIN):
         if field.name not in searched(best.chain):
             assert getattr(best.chain, field.name) == getattr(given_chain, field.name)
-    choice = asked.choice(study)
-    assert choice.cost_ms <= best.cost_ms + best.error_ms
 
 
 def test_the_order_in_which_a_batch_is_done_changes_nothing():
     asked = problem([track(1)])
-    objective = asked.objective()
 
-    def in_order(points):
-        return [
-            (place, asked.candidates_at(objective, point)) for place, point in enumerate(points)
-        ]
+    def backwards(points):
+        places = range(len(points) - 1, -1, -1)
+        return ((place, asked.candidates_at(points[place])) for place in places)
 
-    found = []
-    for results in (None, in_order, lambda points: in_order(points)[::-1]):
-        study = asked.study(None, 'a', seed=1)
-        search(asked, study, 24, lambda: False, lambda count: None, results)
-        found.append(
-            [(trial.params, trial.values, trial.user_attrs['found']) for trial in study.trials]
-        )
+    found = [
+        [(trial.params, trial.values, trial.user_attrs['found']) for trial in study.trials]
+        for study in (study_of(asked, 24), study_of(asked, 24, results=backwards))
+    ]
     assert len(found[0]) > 15
-    assert found[0] == found[1] == found[2]
+    assert found[0] == found[1]
 
 
-def test_a_wish_to_stop_leaves_the_rest_of_a_batch_untold(tmp_path):
+def test_a_search_that_is_stopped_keeps_the_trials_that_were_done(tmp_path):
     asked = problem([track(1)])
-    study = asked.study(str(tmp_path / 'a.journal'), 'a', seed=1)
+    study = Study(asked.space.distributions, 1, str(tmp_path / 'a.journal'))
     counts = []
     search(asked, study, 20, lambda: len(counts) >= 3, counts.append)
     assert study.follow() == 3
@@ -85,43 +71,28 @@ def test_a_wish_to_stop_leaves_the_rest_of_a_batch_untold(tmp_path):
 def files(tmp_path):
     write(tmp_path / 'a.npz', 1)
     write(tmp_path / 'b.npz', 2)
-    loader = RecordingLoader(
-        CHAIN, RecordingConfig(recording_truth_key='label'), EvaluationConfig()
-    )
-    return TrainingFiles([str(tmp_path)], loader, share=0.5)
+    return TrainingFiles([str(tmp_path)], RecordingLoader(*PARAMETERS[:3]), share=0.5)
 
 
-def test_it_says_what_the_objective_of_the_problem_says_and_is_small_to_send(files):
+def test_another_process_gets_little_and_reads_the_recordings_once(files, monkeypatch):
     asked = problem(files.load()[0])
-    sent = pickle.dumps(FileObjective(files, asked))
+    sent = pickle.dumps(search_module._in_workers(files, asked))
     assert len(sent) < 10_000 < asked.tracks[0].volts.nbytes
-    point = SearchSpace(CHAIN).starts()[0]
-    assert pickle.loads(sent).candidates(point) == asked.candidates_at(asked.objective(), point)
-
-
-def test_recordings_are_read_once_for_all_trials_of_a_problem(files, monkeypatch):
-    objective = FileObjective(files, problem(files.load()[0]))
-    point = SearchSpace(CHAIN).starts()[0]
-    monkeypatch.setattr(search_module, '_last', ('', None))
-    first = objective.candidates(point)
+    point = asked.space.starts()[0]
+    assert pickle.loads(sent)(point) == asked.candidates_at(point)
     monkeypatch.setattr(TrainingFiles, 'load', None)
-    # As it comes with each call.
-    assert copy.deepcopy(objective).candidates(point) == first
+    assert pickle.loads(sent)(point) == asked.candidates_at(point)
+    assert pickle.loads(sent)({**point, 'passband_low_hz': np.nan}) == []
 
 
-def test_other_recordings_under_the_same_paths_are_refused(files, monkeypatch):
-    objective = FileObjective(files, problem(files.load()[0]))
-    monkeypatch.setattr(search_module, '_last', ('', None))
+def test_other_recordings_under_the_same_paths_are_refused(files):
+    asked = problem(files.load()[0])
+    search_module._with_rows.cache_clear()
+    candidates_at = search_module._in_workers(files, asked)
     (folder,) = files.paths
     write(f'{folder}/a.npz', 3)
     with pytest.raises(ValueError, match=f'^{folder}: a worker finds other recordings there'):
-        objective.candidates(SearchSpace(CHAIN).starts()[0])
-
-
-def test_a_point_without_a_chain_has_no_candidates(files):
-    objective = FileObjective(files, problem(files.load()[0]))
-    point = SearchSpace(CHAIN).starts()[0]
-    assert objective.candidates({**point, 'passband_low_hz': np.nan}) == []
+        candidates_at(asked.space.starts()[0])
 
 
 def interrupted_at(*counts):
@@ -136,28 +107,73 @@ def interrupted_at(*counts):
     return progress
 
 
-def test_a_first_interrupt_keeps_what_was_found_and_a_second_ends_at_once(files, capsys):
+def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(files, capsys):
     before = signal.getsignal(signal.SIGINT)
-    parameters = TuningParameters(
-        CHAIN, RecordingConfig(recording_truth_key='label'), EvaluationConfig(), TuneConfig()
-    )
-    result = tune(files, parameters, 1000, progress=interrupted_at(3))
+    result = tune(files, PARAMETERS, 1000, progress=interrupted_at(3))
     assert result.notes == ['Stopped early.']
     assert result.study.follow() == 3
     assert [track.name for track in result.held] == ['b.npz']
     with pytest.raises(KeyboardInterrupt):
-        tune(files, parameters, 1000, progress=interrupted_at(3, 3))
+        tune(files, PARAMETERS, 1000, progress=interrupted_at(3, 3))
     assert signal.getsignal(signal.SIGINT) is before
     assert capsys.readouterr().err.count('stopping') == 2
 
 
-def test_the_best_chain_so_far_is_told_with_the_number_of_trials(files):
-    told = []
-    parameters = TuningParameters(
-        CHAIN, RecordingConfig(recording_truth_key='label'), EvaluationConfig(), TuneConfig()
-    )
-    result = tune(files, parameters, 10, progress=lambda *each: told.append(each))
-    counts, best = zip(*told, strict=True)
+def test_the_best_chain_so_far_is_reported_with_the_number_of_trials(files):
+    reported = []
+    result = tune(files, PARAMETERS, 10, progress=lambda *each: reported.append(each))
+    counts, best = zip(*reported, strict=True)
     assert counts == (0, *range(1, 9), 8, 9, 10, 10)
     assert best[0] is None
-    assert best[-1] == result.problem.best(result.study)
+    assert best[-1] == result.problem.best_of(result.study.trials)
+
+
+@pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
+def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
+    where = where.format(tmp_path)
+    a, b = (Study(X, seed, where, 'a') for seed in range(2))
+    a.tell(a.ask({'x': 0.25}), 3.0, {'found': 'by a'})
+    b.tell(b.ask({'x': 0.5}), 2.0, {'found': 'by b'})
+    assert (a.follow(), b.follow()) == (2, 2)
+    for study in (a, b):
+        told = {
+            trial.params['x']: (trial.value, trial.user_attrs['found']) for trial in study.trials
+        }
+        assert told == {0.25: (3.0, 'by a'), 0.5: (2.0, 'by b')}
+    assert Study(X, 0, where, 'other').follow() == 0
+
+
+def test_a_point_without_a_chain_counts_as_tried_and_has_no_cost():
+    study = Study(X, seed=0)
+    study.tell(study.ask(), None, {})
+    assert study.follow() == 1
+    assert study.trials == []
+
+
+@pytest.mark.parametrize(
+    ('where', 'line'),
+    [
+        ('study.txt', 'is not known, allowed: a path that ends in .journal'),
+        ('nix://study', ''),
+        ('sqlite:///old.journal', ''),
+        ('folder.journal', 'Is a directory'),
+    ],
+)
+def test_what_is_no_storage_is_refused_in_one_line(where, line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'old.journal').write_text('no journal')
+    (tmp_path / 'folder.journal').mkdir()
+    with pytest.raises(ValueError, match=f'^storage {where}: {line}[^\n]*$'):
+        Study(X, 0, where)
+
+
+@pytest.mark.parametrize('more', ['{"op_co', 'null\n', '{"op_code": "x"}\n', '[' * 100_000 + '\n'])
+def test_a_damaged_journal_is_refused_in_one_line_and_is_not_changed(more, tmp_path):
+    path = tmp_path / 'study.journal'
+    Study(X, 0, str(path))
+    damaged = path.read_text() + more
+    path.write_text(damaged)
+    with pytest.raises(ValueError, match=r'^storage .*study.journal: [^\n]{1,200}$') as refused:
+        Study(X, 0, str(path))
+    assert ('was cut off after 7 bytes' in str(refused.value)) == (not more.endswith('\n'))
+    assert path.read_text() == damaged

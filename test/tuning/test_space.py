@@ -27,7 +27,7 @@ from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.scenes import find_scene, load_scene
-from slip_detector.tuning.sensor import common_steps_v, learnt_floors
+from slip_detector.tuning.learning import common_steps_v, learnt_floors
 from slip_detector.tuning.space import SearchSpace, presets
 from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, RATE_HZ, track
@@ -64,7 +64,7 @@ def test_the_paper_s_chain_is_where_every_search_begins():
 def some_point(space, shares):
     """Return a point at shares of the range of each of its parameters."""
     point = {}
-    for (name, kind), share in zip(space.distributions().items(), shares, strict=True):
+    for (name, kind), share in zip(space.distributions.items(), shares, strict=True):
         if hasattr(kind, 'choices'):
             point[name] = kind.choices[round(share * (len(kind.choices) - 1))]
         else:
@@ -133,8 +133,8 @@ EVIDENCE = dataclasses.replace(
 def test_a_chain_that_decides_by_evidence_is_a_point_of_its_space():
     space = SearchSpace(EVIDENCE)
     assert space.chain(space.point(EVIDENCE)) == EVIDENCE
-    assert space.mains_hz == (0.0, 50.0, 60.0)
-    assert set(space.distributions()) == set(space.point(EVIDENCE)) == set(space.starts()[1])
+    assert space.distributions['mains_hz'].choices == (0.0, 50.0, 60.0)
+    assert set(space.distributions) == set(space.point(EVIDENCE)) == set(space.starts()[1])
 
 
 @given(shares=SHARES)

@@ -84,17 +84,6 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
                 )
 
 
-def test_an_array_that_is_overwritten_gets_the_same_statistic():
-    config = ChainConfig(channels=2, stopbands_hz=())
-    volts = np.random.default_rng(0).standard_normal((5000, 2))
-    track = track_of('a', [Samples.evenly(volts, 380.0, np.zeros(5000, bool))], 380.0)
-    one_pass = VoteStatistics(config, ['all', 1])
-    first = one_pass.of(track)
-    kept = first.copy()
-    assert one_pass.of(track, first) is first
-    np.testing.assert_array_equal(first, kept)
-
-
 EVIDENCE = ChainConfig(decision='evidence', noise_floor=1e-3, envelope_window_s=0.02)
 
 

@@ -28,7 +28,7 @@ import pytest
 
 from slip_detector.parameters import DetectorConfig
 from slip_detector.report.tuning_table import FIGURES
-from slip_detector.tuning.sensor import LEAST_S
+from slip_detector.tuning.learning import LEAST_S
 from slip_detector.view import tune_run
 from slip_detector.view.recorded_folder import RecordedFolder
 from slip_detector.view.tune_run import TuneRun
