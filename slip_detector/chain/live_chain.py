@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.result import SlipResult
 from slip_detector.chain.settling import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 
 #: Time for which rows are kept; a new chain starts with them. The slowest response of the paper's
@@ -36,16 +36,16 @@ HISTORY_S = 5.0
 #: Parameters that can change at once, as the state of the chain does not depend on them.
 DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 
-#: If only these parameters and those of the decision change, the new chain takes over the noise
-#: floors, which the rows of :data:`HISTORY_S` would determine less well.
-FLOOR_OUTLASTS = ('disabled_channels', 'envelope_window_s', 'decision_window_s')
+#: Unless these parameters change, the new chain takes over the noise floors, which the rows of
+#: :data:`HISTORY_S` would determine less well.
+FILTER_PARAMETERS = names_that_affect(ChainConfig, 'filters')
 
 #: One chain is built for all changes within this time after the first.
 GATHER_S = 0.1
 
-#: Parameters after whose change the kept rows cannot be used. The last two are the detector's:
-#: another field of a message is another signal.
-INPUT_PARAMETERS = ('sample_rate_hz', 'channels', 'input_type', 'input_field')
+#: Parameters after whose change the kept rows cannot be used; some are the detector's: another
+#: field of a message is another signal.
+INPUT_PARAMETERS = names_that_affect(DetectorConfig, 'input')
 
 
 class Replacement(NamedTuple):
@@ -202,7 +202,7 @@ class LiveChain:
 
     def _differ(self, config: ChainConfig) -> set[str]:
         """Return the parameters of the chain and its input that differ from the running ones."""
-        names = {field.name for field in dataclasses.fields(ChainConfig)} | {*INPUT_PARAMETERS}
+        names = {field.name for field in dataclasses.fields(ChainConfig)} | INPUT_PARAMETERS
         return {
             name
             for name in names
@@ -216,7 +216,7 @@ class LiveChain:
             config = self._ordered
             if config is None:
                 return
-            same_input = not self._differ(config) & set(INPUT_PARAMETERS)
+            same_input = not self._differ(config) & INPUT_PARAMETERS
             settle_on = list(self._history) if same_input else []
             seen, resets = self._rows_seen, self._resets
         chain = SlipChain(config)
@@ -232,7 +232,7 @@ class LiveChain:
 
     def _catch_up(self, chain: SlipChain, seen: int, resets: int) -> None:
         """Give a new chain the rows that have come since it was built."""
-        if self._differ(chain.config) & set(INPUT_PARAMETERS):
+        if self._differ(chain.config) & INPUT_PARAMETERS:
             self._forget()
         elif resets != self._resets:
             chain.reset()
@@ -244,7 +244,7 @@ class LiveChain:
     def _keep_floors(self, chain: SlipChain) -> None:
         """Give a new chain the noise floors of the running one if they are comparable."""
         evidence = chain.config.decision == self.config.decision == 'evidence'
-        if evidence and self._differ(chain.config) <= {*DECISION_PARAMETERS, *FLOOR_OUTLASTS}:
+        if evidence and not self._differ(chain.config) & (FILTER_PARAMETERS | INPUT_PARAMETERS):
             chain.take_floors(self._chain)
 
     def _forget(self) -> None:

@@ -24,7 +24,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_msgs.msg import Bool
 
-from slip_detector.chain.live_chain import HISTORY_S, LiveChain
+from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
 from slip_detector.chain.memory import check_memory
 from slip_detector.chain.result import SlipResult
 from slip_detector.chain.stamps import Arrival, StampGrid
@@ -328,7 +328,7 @@ class Detector(LifecycleNode):
         if differ & {'input_type', 'input_field'}:
             self._stop_input()
             self._start_timer('listen')
-        if differ & {'input_type', 'input_field', 'sample_rate_hz', 'channels', 'channel_names'}:
+        if differ & {*INPUT_PARAMETERS, 'channel_names'}:
             self._forget_input()
         self._stamp_grid.max_gap_s = config.max_gap_s
         if 'heartbeat_hz' in differ:

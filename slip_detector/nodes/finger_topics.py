@@ -31,10 +31,12 @@ from slip_detector.nodes.joint_states import Sample, read_joint_states
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.nodes.polled_topics import PolledTopics
 from slip_detector.nodes.rclpy_internals import ROS_ERROR
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.fields import names_that_affect
 from slip_detector.view.detectors import Finger
 
 #: Parameters on which the subscriptions depend.
-OF_TOPICS = ('channels', 'input_type', 'input_field', 'groups', 'publish_groups')
+OF_TOPICS = names_that_affect(DetectorConfig, 'display')
 
 #: Most changes of a state that wait, in a queue until they are taken, and then for their rows.
 STATES = 1000

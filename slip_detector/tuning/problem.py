@@ -43,20 +43,6 @@ from slip_detector.tuning.tracks import Track, fingerprint
 
 Floats = NDArray[np.float64]
 
-#: The parameters that a search changes in all chains, and those that only one decision has.
-SEARCHED = (
-    'common_mode', 'mains_hz', 'passband_hz', 'passband_degree', 'stopbands_hz', 'exponent',
-    'envelope_window_s', 'decision', 'threshold', 'vote',
-)  # fmt: skip
-OF_DECISIONS = {
-    'mean': ('decision_window_s',),
-    'evidence': (
-        'noise_floor', 'noise_floor_learnt', 'noise_floor_range_db', 'noise_floor_rate_db_s',
-        'evidence_offset_db', 'evidence_cap_db', 'evidence_limit_db_s', 'impact_v',
-        'impact_channels', 'impact_hold_s',
-    ),
-}  # fmt: skip
-
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
 #: :data:`slip_detector.tuning.sweep.STEP` apart: from day to day, contact and sensor change
 #: the amplitude by about a tenth.
@@ -95,7 +81,10 @@ def searched(chain: ChainConfig) -> dict[str, Any]:
     0.04
     """
     parameters = chain.to_parameters()
-    return {name: parameters[name] for name in (*SEARCHED, *OF_DECISIONS[chain.decision])}
+    fields = [
+        f for f in dataclasses.fields(chain) if chain.decision in f.metadata['searched_with']
+    ]
+    return {field.name: parameters[field.name] for field in fields}
 
 
 class CandidateFigures(NamedTuple):
