@@ -51,8 +51,6 @@ from slip_detector.recordings import write_recording
 
 #: Time, in seconds, for the start: the first one compiles, which takes minutes on a busy machine.
 START_TIMEOUT_S = 300.0
-SPIN_S = 0.2
-
 #: Seconds by which the recording outlasts the soak: it must not end, as a restart takes time.
 NOISE_EXTRA_S = 60.0
 
@@ -71,29 +69,27 @@ class Watch(Node):
         self.memory_kib: dict[str, list[tuple[float, int]]] = {name: [] for name in processes}
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
         self.create_timer(1.0, self._note_memory)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
 
     def has_samples(self, fingers: int) -> bool:
         """Return whether the detectors of this many fingers have received samples."""
         last = [reports[-1][1] for reports in self.reports.values()]
         return len(last) == fingers and all(int(values['samples']) > 0 for values in last)
 
-    def spinner(self) -> Callable[[Callable[[], bool], float, str], None]:
-        """Return a function that spins until a condition holds.
+    def spin(self, until: Callable[[], bool], deadline_s: float, awaited: str) -> None:
+        """Spin until a condition holds, at the latest at a time of ``time.monotonic``.
 
-        It takes the condition, the latest time by ``time.monotonic``, and what is awaited; it
-        raises a RuntimeError when a process ends or the time is over.
+        Raises
+        ------
+        RuntimeError
+            When a process ends or the time is over.
         """
-        executor = SingleThreadedExecutor()
-        executor.add_node(self)
-
-        def spin(until: Callable[[], bool], deadline_s: float, awaited: str) -> None:
-            while not until():
-                raise_if_ended(self._processes)
-                if time.monotonic() > deadline_s:
-                    raise RuntimeError(f'waited in vain for {awaited}')
-                executor.spin_once(timeout_sec=SPIN_S)
-
-        return spin
+        while not until():
+            raise_if_ended(self._processes)
+            if time.monotonic() > deadline_s:
+                raise RuntimeError(f'waited in vain for {awaited}')
+            self._executor.spin_once(timeout_sec=0.2)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -110,24 +106,20 @@ class Watch(Node):
 def run_hand(
     seconds: float, fingers: int, sample_rate_hz: float, samples_per_message: int
 ) -> dict[str, Any]:
-    """Run the fingers; see :mod:`benchmarks.soak.measure`.
+    """Run the fingers, warm-up included, for some time; return the figures of the time after it.
 
-    Parameters
-    ----------
-    seconds
-        How long the nodes run, warm-up included.
-    fingers
-        Number of drivers, and of detectors.
-    sample_rate_hz
-        At the rate of the simulated fingertip the drivers simulate it; at any other they play a
-        recording.
-    samples_per_message
-        Parameter of the drivers.
+    At the rate of the simulated fingertip the drivers simulate it; at any other they play a
+    recording of noise that swells and fades, so that decisions change.
 
     Returns
     -------
     dict
-        The keys of ``hand``.
+        ``seconds`` measured after the warm-up, ``fingers``, ``sample_rate_hz``,
+        ``samples_per_message``, ``samples``, ``lost`` (by kind) and ``lost_total``,
+        ``latency_median_ms``, ``latency_p99_ms`` (of the first and of the second half: the median
+        of the 99th percentiles of all seconds) and ``latency_p99_growth``, their ratio,
+        ``memory_growth_percent`` (of the process that grew most), ``memory_mib`` and
+        ``cpu_percent`` by executable, and ``cpu_percent_total``.
 
     Raises
     ------
@@ -135,28 +127,34 @@ def run_hand(
         When a process ends too early or does not report in time.
     """
     namespace = f'/slip_soak_{os.getpid()}'
-    driver = ['-p', 'loop:=true', '-p', 'wait_for_subscribers:=1']
-    driver += ['-p', f'samples_per_message:={samples_per_message}']
-    detector = ['-p', f'sample_rate_hz:={sample_rate_hz}']
+    driver = ['loop:=true', 'wait_for_subscribers:=1']
+    driver += [f'samples_per_message:={samples_per_message}']
+    detector = [f'sample_rate_hz:={sample_rate_hz}']
     if samples_per_message > 1:
-        detector += ['-p', 'input_type:=std_msgs/msg/Float32MultiArray', '-p', 'input_field:=data']
+        detector += ['input_type:=std_msgs/msg/Float32MultiArray', 'input_field:=data']
+    config = DetectorConfig()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         with tempfile.TemporaryDirectory() as folder:
-            if sample_rate_hz != DetectorConfig().sample_rate_hz:
-                path = write_noise(Path(folder), sample_rate_hz, seconds + NOISE_EXTRA_S)
-                driver += ['-p', 'source:=recording', '-p', f'recording:={path}']
+            if sample_rate_hz != config.sample_rate_hz:
+                rows = round((seconds + NOISE_EXTRA_S) * sample_rate_hz)
+                volts = swelling_noise_v(rows, config.channels, period_rows=sample_rate_hz)
+                stamps_ns = np.round(np.arange(rows) * 1e9 / sample_rate_hz).astype(np.int64)
+                path = Path(folder) / 'noise.npz'
+                write_recording(path, [Samples(volts, stamps_ns)], sample_rate_hz, config.names)
+                driver += ['source:=recording', f'recording:={path}']
             else:
-                driver += ['-p', 'source:=scene']
-            commands = hand_commands(namespace, fingers, detector, driver)
+                driver += ['source:=scene']
+            options = (
+                [word for one in node for word in ('-p', one)] for node in (detector, driver)
+            )
+            commands = hand_commands(namespace, fingers, *options)
             with nodes_running(commands) as processes:
-                watch = Watch(namespace, processes)
-                figures = _watched(watch, processes, seconds, fingers)
+                figures = _watched(Watch(namespace, processes), processes, seconds, fingers)
     finally:
         rclpy.try_shutdown()
-    return {
-        'sample_rate_hz': sample_rate_hz, 'samples_per_message': samples_per_message, **figures,
-    }  # fmt: skip
+    rates = {'sample_rate_hz': sample_rate_hz, 'samples_per_message': samples_per_message}
+    return rates | figures
 
 
 def hand_commands(
@@ -180,90 +178,61 @@ def hand_commands(
     return commands
 
 
-def write_noise(folder: Path, sample_rate_hz: float, seconds: float) -> Path:
-    """Write a recording of noise that swells and fades, so that decisions change."""
-    config, rows = DetectorConfig(), round(seconds * sample_rate_hz)
-    volts = swelling_noise_v(rows, config.channels, period_rows=sample_rate_hz)
-    stamps_ns = np.round(np.arange(rows) * 1e9 / sample_rate_hz).astype(np.int64)
-    path = folder / 'noise.npz'
-    write_recording(path, [Samples(volts, stamps_ns)], sample_rate_hz, config.names)
-    return path
-
-
 def _watched(
     watch: Watch, processes: 'dict[str, subprocess.Popen[bytes]]', seconds: float, fingers: int
 ) -> dict[str, Any]:
     """Watch the processes for some time; return the figures of the time after the warm-up."""
-    spin = watch.spinner()
     start_s = time.monotonic() + START_TIMEOUT_S
-    spin(lambda: watch.has_samples(fingers), start_s, 'all detectors to have samples')
+    watch.spin(lambda: watch.has_samples(fingers), start_s, 'all detectors to have samples')
     begin_s = time.monotonic()
     warm_s = begin_s + min(WARM_UP_S, WARM_UP_SHARE * seconds)
     end_s = begin_s + seconds
-    spin(lambda: time.monotonic() > warm_s, end_s, 'the warm-up')
-    used_s = {name: processor_time_s(process.pid) for name, process in processes.items()}
-    spin(lambda: time.monotonic() > end_s, end_s + START_TIMEOUT_S, 'the end')
+    watch.spin(lambda: time.monotonic() > warm_s, end_s, 'the warm-up')
+    used_s = {name: -processor_time_s(process.pid) for name, process in processes.items()}
+    watch.spin(lambda: time.monotonic() > end_s, end_s + START_TIMEOUT_S, 'the end')
     for name, process in processes.items():
-        used_s[name] = processor_time_s(process.pid) - used_s[name]
-    return figures_of_watch(watch, used_s, warm_s, end_s)
+        used_s[name] += processor_time_s(process.pid)
 
-
-def figures_of_watch(
-    watch: Watch, used_s: dict[str, float], warm_s: float, end_s: float
-) -> dict[str, Any]:
-    """Compute the figures of the time after the warm-up."""
-    span_s = end_s - warm_s
-    lost: dict[str, int] = dict.fromkeys(COUNT_KEYS.values(), 0)
-    samples = 0
-    p99_ms: list[tuple[float, float]] = []
-    median_ms: list[float] = []
-    for reports in watch.reports.values():
-        samples += int(reports[-1][1]['samples'])
-        for key in lost:
-            lost[key] += int(reports[-1][1][key])
-        for at_s, values in reports:
-            if at_s > warm_s and values[AGE_KEYS[1]] != '-':
-                median_ms.append(float(values[AGE_KEYS[0]]))
-                p99_ms.append((at_s, float(values[AGE_KEYS[1]])))
+    reports = watch.reports.values()
+    totals = [values[-1][1] for values in reports]
+    lost = {key: sum(int(values[key]) for values in totals) for key in COUNT_KEYS.values()}
+    ages_ms = [
+        (at_s, float(values[AGE_KEYS[0]]), float(values[AGE_KEYS[1]]))
+        for report in reports
+        for at_s, values in report
+        if at_s > warm_s and values[AGE_KEYS[1]] != '-'
+    ]
     middle_s = (warm_s + end_s) / 2
     halves = [
-        [value for at_s, value in p99_ms if (at_s < middle_s) == first] for first in (True, False)
+        [age[2] for age in ages_ms if (age[0] < middle_s) == first] for first in (True, False)
     ]
     if not all(halves):
         raise RuntimeError('the detectors reported no samples after the warm-up')
-    growth = [memory_growth(looks, warm_s, end_s) for looks in watch.memory_kib.values()]
-    roles = {
-        role: 100 * sum(s for name, s in used_s.items() if name.endswith(role)) / span_s
-        for role in ('slip_detector', 'slip_driver')
-    }
+    p99_ms = [float(np.median(half)) for half in halves]
+    growths = [memory_growth(sizes, warm_s, end_s) for sizes in watch.memory_kib.values()]
+    percent = {name: 100 * used / (end_s - warm_s) for name, used in used_s.items()}
     return {
-        'seconds': span_s,
+        'seconds': end_s - warm_s,
         'fingers': len(watch.reports),
-        'samples': samples,
+        'samples': sum(int(values['samples']) for values in totals),
         'lost': lost,
         'lost_total': sum(lost.values()),
-        'latency_median_ms': float(np.median(median_ms)),
-        'latency_p99_ms': [float(np.median(half)) for half in halves],
-        'latency_p99_growth': float(np.median(halves[1]) / np.median(halves[0])),
-        'memory_growth_percent': 100 * max(growth),
-        'memory_mib': {
-            role: max(
-                looks[-1][1] for name, looks in watch.memory_kib.items() if name.endswith(role)
-            )
-            / 1024
-            for role in roles
-        },
-        'cpu_percent': roles,
-        'cpu_percent_total': sum(roles.values()),
+        'latency_median_ms': float(np.median([age[1] for age in ages_ms])),
+        'latency_p99_ms': p99_ms,
+        'latency_p99_growth': p99_ms[1] / p99_ms[0],
+        'memory_growth_percent': 100 * max(growths),
+        'memory_mib': {name: sizes[-1][1] / 1024 for name, sizes in watch.memory_kib.items()},
+        'cpu_percent': percent,
+        'cpu_percent_total': sum(percent.values()),
     }
 
 
-def memory_growth(looks: Sequence[tuple[float, float]], begin_s: float, end_s: float) -> float:
+def memory_growth(sizes: Sequence[tuple[float, float]], begin_s: float, end_s: float) -> float:
     """Return the relative growth of memory from the first tenth of a span of time to the last.
 
     Parameters
     ----------
-    looks
+    sizes
         Times of the readings, and memory at each.
     begin_s, end_s
         Begin and end of the span.
@@ -273,7 +242,7 @@ def memory_growth(looks: Sequence[tuple[float, float]], begin_s: float, end_s: f
     >>> memory_growth([(1.0, 50), (11.0, 100), (12.0, 105), (13.0, 110)], 10.0, 20.0)
     0.1
     """
-    during = [size for at_s, size in looks if begin_s < at_s <= end_s]
+    during = [size for at_s, size in sizes if begin_s < at_s <= end_s]
     tenth = max(1, len(during) // 10)
     return round(float(np.median(during[-tenth:]) / np.median(during[:tenth]) - 1.0), 6)
 

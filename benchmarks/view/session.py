@@ -119,7 +119,7 @@ class Turns:
 
     def __init__(self, watch: Watch, url: str, pids: dict[str, int]) -> None:
         self._watch, self._url, self._pids = watch, url, pids
-        self._spin: Callable[[Callable[[], bool], float, str], None] = watch.spinner()
+        self._spin: Callable[[Callable[[], bool], float, str], None] = watch.spin
         self.turns: list[dict[str, Any]] = []
 
     def start(self) -> None:
