@@ -47,7 +47,7 @@ from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.recordings import write_recording
 from slip_detector.recordings.truth import states_at
 from slip_detector.sources import Source
-from slip_detector.sources.scene import SceneSource
+from slip_detector.sources.played import SceneSource
 
 NAMESPACE = 'slip_demo'
 

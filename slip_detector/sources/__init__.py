@@ -52,22 +52,17 @@ def open_source(
     (5, 16)
     """
     # Each source is imported only where it is used: the simulation and pyserial take time to load.
-    if config.source == 'recording':
-        from slip_detector.sources.recording import RecordingSource
+    if config.source in ('serial', 'udp'):
+        from slip_detector.sources import live
 
-        return RecordingSource(config)
-    if config.source == 'serial':
-        from slip_detector.sources.serial_port import SerialSource
+        source = live.SerialSource if config.source == 'serial' else live.UdpSource
+        return source(config, now_ns)
+    if config.source in ('scene', 'recording'):
+        from slip_detector.sources import played
 
-        return SerialSource(config, now_ns)
-    if config.source == 'udp':
-        from slip_detector.sources.udp import UdpSource
-
-        return UdpSource(config, now_ns)
-    if config.source == 'scene':
-        from slip_detector.sources.scene import SceneSource
-
-        return SceneSource(config, repetition)
+        if config.source == 'recording':
+            return played.RecordingSource(config)
+        return played.SceneSource(config, repetition)
     raise ValueError(
         'parameter source is not given, allowed: scene (a simulation), recording, serial or udp'
     )

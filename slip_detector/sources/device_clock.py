@@ -14,12 +14,14 @@
 
 """Stamps a sensor's samples by the receiver's clock with the time at which they were taken."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.samples import Samples
-from slip_detector.sources.byte_stream import DecodedSamples
+
+Stamps = NDArray[np.int64]
 
 #: Length, by the sender's clock, of the windows whose smallest delay is sought. The smaller delay
 #: of the present window and the one before is used.
@@ -45,7 +47,7 @@ class DeviceClock:
     --------
     >>> clock = DeviceClock()
     >>> clock.stamps_ns([0, 1_000_000], arrival_ns=50_000_000)
-    [49000000, 50000000]
+    array([49000000, 50000000])
     """
 
     def __init__(self) -> None:
@@ -59,19 +61,20 @@ class DeviceClock:
         """Forget the mapping, as the sender's next times are unrelated to the times before."""
         self._mapped = False
 
-    def stamps_ns(self, times_ns: Sequence[int], arrival_ns: int) -> list[int]:
+    def stamps_ns(self, times_ns: ArrayLike, arrival_ns: int) -> Stamps:
         """Stamp consecutive samples that arrived together.
 
         The stamps rise strictly, except where the receiver's clock itself was set back.
 
         Parameters
         ----------
-        times_ns
+        times_ns : array_like of int, shape (n,)
             When the samples were taken, by the sender's clock, in rising order; at least one.
         arrival_ns
             When the last of them arrived, by the receiver's clock.
         """
-        newest_ns = times_ns[-1]
+        times_ns = np.asarray(times_ns, np.int64)
+        newest_ns = int(times_ns[-1])
         delay_ns = arrival_ns - newest_ns
         wanted_ns = self._smallest_delay(newest_ns, delay_ns) - self._offset_ns
         if not self._mapped or abs(wanted_ns) > STEP_NS:
@@ -82,47 +85,46 @@ class DeviceClock:
         slope = max(-SLEW, min(SLEW, wanted_ns / max(newest_ns - start_ns, 1)))
         self._newest_ns = newest_ns
         self._offset_ns += round(slope * (newest_ns - start_ns))
-        stamps_ns = [at + offset_ns + round(slope * (at - start_ns)) for at in times_ns]
-        return self.rising(stamps_ns, arrival_ns)
+        slewed_ns = np.rint(slope * (times_ns - start_ns)).astype(np.int64)
+        return self._rising(times_ns + offset_ns + slewed_ns, arrival_ns)
 
-    def stamp(self, decoded: Iterable[DecodedSamples], channels: int, arrival_ns: int) -> Samples:
+    def stamp(self, decoded: Sequence[Samples], channels: int, arrival_ns: int) -> Samples:
         """Stamp samples by the sender's times, or with their arrival where it sends none.
 
         Parameters
         ----------
         decoded
-            Samples in the order of their arrival; may be empty.
+            Samples in the order of their arrival, with the sender's times as stamps;
+            ``new_stretch`` where its clock was restarted. There may be none.
         channels
             Number of channels.
         arrival_ns
             When the samples arrived, by the receiver's clock.
         """
-        stamps_ns: list[int] = []
-        volts = [np.empty((0, channels))]
+        stamps_ns = [np.empty(0, np.int64)]
         for samples in decoded:
-            if samples.times_ns is None:
-                stamps_ns += self.rising([arrival_ns] * len(samples.volts), arrival_ns)
-            else:
-                if samples.clock_restarted:
-                    self.restart()
-                stamps_ns += self.stamps_ns(samples.times_ns, arrival_ns)
-            volts.append(samples.volts)
-        return Samples(np.concatenate(volts), np.array(stamps_ns, dtype=np.int64))
+            if not len(samples.stamps_ns):
+                arrived = np.full(len(samples.volts), arrival_ns)
+                stamps_ns.append(self._rising(arrived, arrival_ns))
+                continue
+            if samples.new_stretch:
+                self.restart()
+            stamps_ns.append(self.stamps_ns(samples.stamps_ns, arrival_ns))
+        volts = [np.empty((0, channels)), *(samples.volts for samples in decoded)]
+        return Samples(np.concatenate(volts), np.concatenate(stamps_ns))
 
-    def rising(self, stamps_ns: list[int], arrival_ns: int) -> list[int]:
+    def _rising(self, stamps_ns: Stamps, arrival_ns: int) -> Stamps:
         """Move each stamp that is not after the one before to 1 ns after it.
 
         Where the arrival shows that the receiver's clock was set back, the first stamp may be
         lower than the one before.
         """
-        last_ns = self._last_ns if arrival_ns >= self._arrival_ns - STEP_NS else None
-        self._arrival_ns = arrival_ns
-        for i, at_ns in enumerate(stamps_ns):
-            if last_ns is not None and at_ns <= last_ns:
-                stamps_ns[i] = last_ns + 1
-            last_ns = stamps_ns[i]
-        self._last_ns = last_ns
-        return stamps_ns
+        at = np.arange(len(stamps_ns))
+        rising_ns = np.maximum.accumulate(stamps_ns - at) + at
+        if self._last_ns is not None and arrival_ns >= self._arrival_ns - STEP_NS:
+            rising_ns = np.maximum(rising_ns, self._last_ns + 1 + at)
+        self._arrival_ns, self._last_ns = arrival_ns, int(rising_ns[-1])
+        return rising_ns
 
     def _smallest_delay(self, newest_ns: int, delay_ns: int) -> int:
         if newest_ns >= self._window_ends_ns:

@@ -20,14 +20,13 @@ samples; bytes that are not part of a sample are dropped and counted.
 
 import struct
 import zlib
-from collections import Counter
+from collections import Counter, deque
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.sources.byte_stream import ByteSplitter, DecodedSamples
-from slip_detector.sources.cobs import cobs_decode
+from slip_detector.chain.samples import Samples
+from slip_detector.sources.text_lines import ByteSplitter
 
 #: First byte of a packet by the type of its values: version 1 in the upper half; in the lower half
 #: the number of bytes of a value, plus 8 where it is unsigned.
@@ -53,6 +52,9 @@ LONGEST_PACKET_NS = 60_000_000_000
 #: A sender was reset when sequence numbers below the last one have risen for this long by the
 #: sender's clock, by at most this step from packet to packet.
 RESTART_US, RESTART_STEP = 250_000, 4
+
+#: Numbers of packets that are remembered, to tell a packet that came twice from a late one.
+REMEMBERED = 64
 
 _WRAP = 2**32
 _HALF = 2**31
@@ -102,39 +104,33 @@ class PacketDecoder:
         self._splitter = ByteSplitter(b'\0', longest, self.counts)
         self.restart()
 
-    @classmethod
-    def from_config(cls, config: DriverConfig) -> 'PacketDecoder':
-        """Make a decoder for the packets that the driver's parameters describe."""
-        return cls(
-            config.channels, config.packet_values, config.packet_scale_v, config.packet_offset_v
-        )
-
     def restart(self) -> None:
         """Drop the incomplete packet and forget the sequence number after an interruption."""
         self._splitter.restart()
-        self._heard = False
-        self._last = self._last_us = self._time_us = 0
+        self._last: int | None = None  # Number of the last packet.
+        self._last_us = self._time_us = 0
         self._last_ns = 0  # Time of the last sample, by the sender's clock.
-        # Bit k is set when packet number last - k has come.
-        self._seen = 0
+        self._seen: deque[int] = deque(maxlen=REMEMBERED)
         self._old_last, self._old_first_us = 0, -1
 
-    def feed(self, data: bytes) -> list[DecodedSamples]:
+    def feed(self, data: bytes) -> list[Samples]:
         """Take the next bytes of a serial line; return the samples that they complete."""
         received = []
         for piece in self._splitter.feed(data):
-            if not piece:  # Zeros may stand on both sides of a packet.
-                continue
-            packet = cobs_decode(piece)
-            # A piece that is not COBS counts as broken, like an empty packet.
-            samples = self.decode(packet or b'')
-            self.counts['garbage_bytes'] += len(piece) if packet is None else 0
-            if samples is not None:
-                received.append(samples)
+            if piece:  # Zeros may stand on both sides of a packet.
+                packet = cobs_decode(piece)
+                # A piece that is not COBS counts as broken, like an empty packet.
+                samples = self.decode(packet or b'')
+                self.counts['garbage_bytes'] += len(piece) if packet is None else 0
+                received += [] if samples is None else [samples]
         return received
 
-    def decode(self, packet: bytes) -> DecodedSamples | None:
-        """Take the packet of a datagram; return its samples, or None if it is dropped."""
+    def decode(self, packet: bytes) -> Samples | None:
+        """Take the packet of a datagram; return its samples, or None if it is dropped.
+
+        Their stamps are by the sender's clock, with its wraps removed; ``new_stretch`` says that
+        they are unrelated to the stamps before.
+        """
         fault = self.fault(packet)
         if fault:
             self.counts[fault] += 1
@@ -146,7 +142,7 @@ class PacketDecoder:
             return None
         first_ns = 1000 * self._time_us
         last_ns = first_ns + (n - 1) * period_ns
-        times_ns = [first_ns + i * period_ns for i in range(n)]
+        times_ns = first_ns + period_ns * np.arange(n)
         if not clock_restarted and first_ns <= self._last_ns:
             # A sender that stamps with the time of sending causes this after each packet that it
             # sent late. The last sample keeps its time; the others are spread evenly before it.
@@ -155,13 +151,13 @@ class PacketDecoder:
                 self.counts['no_time'] += 1
                 return None
             self.counts['overlap'] += 1
-            times_ns = [self._last_ns + (i + 1) * free_ns // n for i in range(n)]
+            times_ns = self._last_ns + np.arange(1, n + 1) * free_ns // n
         self._last_ns = last_ns
         self.counts['packets'] += 1
         self.counts['samples'] += n
         integers = self._integers(packet[HEADER.size : -CHECKSUM.size])
         volts = self._offset_v + self._scale_v * integers.astype(np.float64)
-        return DecodedSamples(volts.reshape(n, channels), times_ns, clock_restarted)
+        return Samples(volts.reshape(n, channels), times_ns, new_stretch=clock_restarted)
 
     def fault(self, packet: bytes) -> str:
         """Return the reason why a packet is dropped; empty for a good packet."""
@@ -184,29 +180,25 @@ class PacketDecoder:
 
     def _in_order(self, sequence: int, time_us: int) -> bool | None:
         """Return whether the sender's clock restarted before a packet; None: drop the packet."""
-        ahead = (sequence - self._last) % _WRAP
-        if not self._heard:
+        ahead = (sequence - (self._last or 0)) % _WRAP
+        if self._last is None:
             clock_restarted = True
         elif 0 < ahead < _HALF:
             self.counts['lost'] += ahead - 1
-            self._seen = (self._seen << ahead if ahead < 64 else 0) & (2**64 - 1)
             # A clock that stands still or runs backwards was restarted.
             clock_restarted = not 0 < (time_us - self._last_us) % _WRAP < _HALF
             self.counts['restarts'] += clock_restarted
         elif self._restarted(sequence, time_us):
             clock_restarted = True
             self.counts['restarts'] += 1
-            self._seen = 0
+            self._seen.clear()
         else:
-            behind = (_WRAP - ahead) % _WRAP
-            self.counts['duplicate' if behind < 64 and self._seen >> behind & 1 else 'late'] += 1
-            if behind < 64:
-                self._seen |= 1 << behind
+            self.counts['duplicate' if sequence in self._seen else 'late'] += 1
+            self._seen.append(sequence)
             return None
         self._time_us += 0 if clock_restarted else (time_us - self._last_us) % _WRAP
-        self._heard, self._last, self._last_us = True, sequence, time_us
-        self._seen |= 1
-        self._old_first_us = -1
+        self._last, self._last_us, self._old_first_us = sequence, time_us, -1
+        self._seen.append(sequence)
         return clock_restarted
 
     def _restarted(self, sequence: int, time_us: int) -> bool:
@@ -275,3 +267,54 @@ def encode(
         raise ValueError(f'integers has {n} rows, allowed: a packet of {LONGEST_BYTES} bytes')
     packet = HEADER.pack(kind, channels, n, sequence % _WRAP, time_us % _WRAP, period_ns) + data
     return packet + CHECKSUM.pack(zlib.crc32(packet))
+
+
+def cobs_encode(data: bytes) -> bytes:
+    """Stuff bytes so that none of them is zero.
+
+    Each zero is replaced by a code, the distance to the next zero; a code is inserted after each
+    254 bytes without a zero.
+
+    Examples
+    --------
+    >>> cobs_encode(bytes([0x11, 0x22, 0x00, 0x33])).hex(' ')
+    '03 11 22 02 33'
+    """
+    out = bytearray()
+    runs = data.split(b'\0')
+    for number, run in enumerate(runs, 1):
+        whole = len(run) // 254 * 254
+        for at in range(0, whole, 254):
+            out += b'\xff' + run[at : at + 254]
+        if number < len(runs) or whole < len(run) or not run:
+            out += bytes([len(run) - whole + 1]) + run[whole:]
+    return bytes(out)
+
+
+def cobs_decode(stuffed: bytes) -> bytes | None:
+    r"""Undo :func:`cobs_encode`.
+
+    Returns
+    -------
+    bytes or None
+        None where the bytes are not COBS: a code points past the end or is zero.
+
+    Examples
+    --------
+    >>> cobs_decode(bytes([0x03, 0x11, 0x22, 0x02, 0x33])).hex(' ')
+    '11 22 00 33'
+    >>> cobs_decode(b'\x05\x11') is None
+    True
+    """
+    out = bytearray()
+    at, end = 0, len(stuffed)
+    while at < end:
+        code = stuffed[at]
+        following = at + code
+        if following > end or not code:
+            return None
+        out += stuffed[at + 1 : following]
+        at = following
+        if code < 255 and at < end:
+            out.append(0)
+    return bytes(out)

@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Decodes lines of text, which docs/packets.md describes, to samples."""
+"""Splits a stream of bytes, and decodes lines of text, which docs/packets.md describes."""
 
 import re
 from collections import Counter
+from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_detector.sources.byte_stream import ByteSplitter, DecodedSamples
+from slip_detector.chain.samples import Samples
 
 #: Largest number of bytes of a number on a line, with its comma.
 NUMBER_BYTES = 32
@@ -28,6 +28,52 @@ NUMBER_BYTES = 32
 #: A number on a line. Text can match in one way only, so that a long line that does not match
 #: causes no backtracking.
 NUMBER = rb'[ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?[ \t]*'
+
+
+class ByteSplitter:
+    """Splits a stream of bytes at a delimiter.
+
+    Parameters
+    ----------
+    delimiter
+        One byte.
+    longest
+        Largest length of a piece in bytes; longer pieces are dropped.
+    counts
+        Counts what is dropped, as ``overlong`` and ``garbage_bytes``.
+
+    Examples
+    --------
+    >>> from collections import Counter
+    >>> splitter = ByteSplitter(b',', 9, Counter())
+    >>> list(splitter.feed(b'one,tw')), list(splitter.feed(b'o,'))
+    ([b'one'], [b'two'])
+    """
+
+    def __init__(self, delimiter: bytes, longest: int, counts: Counter[str]) -> None:
+        self._delimiter, self._longest, self._counts = delimiter, longest, counts
+        self._incomplete = b''
+        self._too_long = False
+
+    def restart(self) -> None:
+        """Drop the incomplete piece after an interruption of the stream."""
+        self._counts['garbage_bytes'] += len(self._incomplete)
+        self._incomplete, self._too_long = b'', False
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Yield the pieces that the next bytes complete, without their delimiters."""
+        *pieces, incomplete = (self._incomplete + data).split(self._delimiter)
+        self._incomplete = incomplete
+        for piece in pieces:
+            if self._too_long or len(piece) > self._longest:
+                self._counts['overlong'] += 1
+                self._counts['garbage_bytes'] += len(piece)
+                self._too_long = False
+            else:
+                yield piece
+        if len(incomplete) > self._longest:
+            self._counts['garbage_bytes'] += len(incomplete)
+            self._incomplete, self._too_long = b'', True
 
 
 class LineDecoder:
@@ -62,7 +108,7 @@ class LineDecoder:
     def __init__(self, channels: int, rate_hz: float) -> None:
         self.counts: Counter[str] = Counter()
         self._channels = channels
-        self._period_ns = 1e9 / rate_hz if rate_hz else None
+        self._period_ns = 1e9 / rate_hz if rate_hz else 0.0
         self._splitter = ByteSplitter(b'\n', channels * NUMBER_BYTES, self.counts)
         self._numbers = re.compile(NUMBER + rb'(?:,' + NUMBER + rb')*')
         self.restart()
@@ -73,33 +119,32 @@ class LineDecoder:
         self._first = True
         self._lines = 0
 
-    def feed(self, data: bytes) -> list[DecodedSamples]:
-        """Take the next bytes; return the samples of the lines that they complete."""
+    def feed(self, data: bytes) -> list[Samples]:
+        """Take the next bytes; return the samples of the lines that they complete.
+
+        Their stamps are by the sender's clock, from 0 on; there are none if its rate is unknown.
+        """
         received = []
         for piece in self._splitter.feed(data):
             line = piece.removesuffix(b'\r')
+            numbers = line.split(b',')
             if self._first:
-                self._first = False
-                reason = 'partial'
+                self._first, reason = False, 'partial'
             elif not line:
                 continue
             elif not self._numbers.fullmatch(line):
                 reason = 'numbers'
-            elif line.count(b',') != self._channels - 1:
+            elif len(numbers) != self._channels:
                 reason = 'channels'
-            else:
-                volts = np.array([[float(number) for number in line.split(b',')]])
-                if np.isfinite(volts).all():
-                    received.append(self._received(volts))
-                    continue
+            elif not np.isfinite(volts := np.array([numbers], np.float64)).all():
                 reason = 'numbers'
+            else:
+                self.counts['samples'] += 1
+                self._lines += 1
+                times_ns = [round(self._lines * self._period_ns)] if self._period_ns else []
+                stamps_ns = np.array(times_ns, np.int64)
+                received.append(Samples(volts, stamps_ns, new_stretch=self._lines == 1))
+                continue
             self.counts[reason] += 1
             self.counts['garbage_bytes'] += len(piece)
         return received
-
-    def _received(self, volts: NDArray[np.float64]) -> DecodedSamples:
-        self.counts['samples'] += 1
-        self._lines += 1
-        period_ns = self._period_ns
-        times_ns = None if period_ns is None else [round(self._lines * period_ns)]
-        return DecodedSamples(volts, times_ns, self._lines == 1)

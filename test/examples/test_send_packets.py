@@ -24,8 +24,7 @@ import pytest
 
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
-from slip_detector.sources.cobs import cobs_decode
-from slip_detector.sources.packets import PacketDecoder
+from slip_detector.sources.packets import PacketDecoder, cobs_decode
 from support.pages import ROOT
 from support.sensors import free_udp_port
 
@@ -82,7 +81,7 @@ def test_c_sends_what_the_driver_takes(tmp_path):
     decoder = PacketDecoder(16, 'int16', 1.0, 0.0)
     received = decoder.feed(line)
     np.testing.assert_array_equal(np.concatenate([r.volts for r in received]), INTEGERS)
-    times_ns = [r.times_ns[0] for r in received]
+    times_ns = [r.stamps_ns[0] for r in received]
     assert np.diff(times_ns).tolist() == [1_000_000] * (len(INTEGERS) - 1)
     assert +decoder.counts == {'packets': len(INTEGERS), 'samples': len(INTEGERS)}
 

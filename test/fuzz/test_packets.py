@@ -19,9 +19,8 @@ import itertools
 import numpy as np
 from hypothesis import strategies as st
 
-from slip_detector.sources.cobs import cobs_encode
 from slip_detector.sources.device_clock import DeviceClock
-from slip_detector.sources.packets import PacketDecoder, encode
+from slip_detector.sources.packets import PacketDecoder, cobs_encode, encode
 from slip_detector.sources.text_lines import LineDecoder
 from support.fuzzing import fuzz
 from support.mutations import mutated_bytes

@@ -119,7 +119,7 @@ def demo_figures():
     from slip_detector.nodes.demo import _demo_figures
     from slip_detector.parameters.detector import DetectorConfig
     from slip_detector.parameters.driver import DriverConfig
-    from slip_detector.sources.scene import SceneSource
+    from slip_detector.sources.played import SceneSource
 
     config = DetectorConfig.from_yaml(ROOT / 'config' / 'slip_detector.yaml')
     samples = SceneSource(DriverConfig(scene='plate_400um')).read(10**6)

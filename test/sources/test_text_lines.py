@@ -12,19 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Lines of text: the samples that were sent are decoded, and no others."""
+"""Streams of bytes, and lines of text: what was sent is decoded, and nothing else."""
 
-import random
+from collections import Counter
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.sources.text_lines import LineDecoder
-
-#: Half an hour at 115200 baud, ten bits a byte.
-HALF_AN_HOUR_BYTES = 115200 // 10 * 1800
+from slip_detector.sources.text_lines import ByteSplitter, LineDecoder
 
 MIXED_TEXT = st.lists(
     st.sampled_from([b'1', b'.5', b',', b'\n', b'\r\n', b'-', b'e9', b' ', b'nan', b'\0', b'\xff'])
@@ -40,7 +37,7 @@ def test_lines_are_read_as_people_write_them():
     text = b'rest of a line\n1,2,3\r\n -1.5e-3 ,\t+.5, 4.\n\n\r\n0,0,1E2\n'
     received = receiver.feed(text)
     assert rows(received).tolist() == [[1, 2, 3], [-1.5e-3, 0.5, 4], [0, 0, 100]]
-    assert all(r.times_ns is None for r in received)
+    assert not any(len(r.stamps_ns) for r in received)
     assert receiver.counts == {'samples': 3, 'partial': 1, 'garbage_bytes': 14}
 
 
@@ -48,20 +45,12 @@ def test_lines_are_read_as_people_write_them():
     ('line', 'reason'),
     [
         (b'1,2', 'channels'),
-        (b'1,2,3,4', 'channels'),
-        (b'1,2,3,', 'numbers'),
         (b',1,2', 'numbers'),
-        (b'1;2;3', 'numbers'),
         (b'1,2,3 4', 'numbers'),
         (b'1,2,1_0', 'numbers'),
         (b'1,2,nan', 'numbers'),
-        (b'1,2,inf', 'numbers'),
         (b'1,2,1e999', 'numbers'),
-        (b'1,2,0x3', 'numbers'),
         (b'1,2,3\0', 'numbers'),
-        (b'1,2,\xb2', 'numbers'),
-        (b'1,2,3\r1,2,3', 'numbers'),
-        (b'volts 1,2,3', 'numbers'),
         (b'1.0,2.0,3.1.0,2.0,3.0', 'numbers'),
         (b'1,2,' + b'3' * 200, 'overlong'),
     ],
@@ -92,7 +81,7 @@ def test_any_cut_of_the_text_gives_the_same_samples_and_counts(text, cuts):
         received += piecewise.feed(text[at : at + cut])
         at += cut
     np.testing.assert_array_equal(rows(received), rows(wanted))
-    assert [r.times_ns for r in received] == [r.times_ns for r in wanted]
+    assert [r.stamps_ns.tolist() for r in received] == [r.stamps_ns.tolist() for r in wanted]
     assert piecewise.counts == whole.counts
 
 
@@ -102,23 +91,23 @@ def test_lines_at_a_rate_have_times_that_restart_after_an_interruption():
     receiver.restart()
     received += receiver.feed(b'4\n5\n6\n')
     assert rows(received, 1)[:, 0].tolist() == [1, 2, 5, 6]
-    assert [r.clock_restarted for r in received] == [True, False, True, False]
-    assert np.diff([r.times_ns[0] for r in received])[[0, 2]].tolist() == [2_500_000] * 2
+    assert [r.new_stretch for r in received] == [True, False, True, False]
+    assert np.diff([r.stamps_ns[0] for r in received])[[0, 2]].tolist() == [2_500_000] * 2
 
 
-def test_after_an_interruption_of_an_endless_line_one_line_is_dropped():
-    receiver = LineDecoder(1, 0.0)
-    receiver.feed(b'\n' + b'9' * 100)
-    receiver.restart()
-    assert rows(receiver.feed(b'4\n5\n'), 1).tolist() == [[5]]
+#: Longest piece of a stream.
+LONGEST = 5
 
 
-def test_half_an_hour_of_noise_holds_no_line():
-    rng = random.Random(3)
-    receiver = LineDecoder(16, 0.0)
-    received = []
-    size = 1 << 16
-    for _ in range(0, HALF_AN_HOUR_BYTES, size):
-        received += receiver.feed(rng.randbytes(size))
-    assert received == []
-    assert receiver.counts['garbage_bytes'] > 0.99 * HALF_AN_HOUR_BYTES
+@given(st.lists(st.text('ab,', max_size=12).map(str.encode)))
+def test_pieces_and_counts_are_those_of_the_whole_stream_however_it_is_cut(parts):
+    stream = b''.join(parts)
+    *complete, incomplete = stream.split(b',')
+    counts = Counter()
+    splitter = ByteSplitter(b',', LONGEST, counts)
+    pieces = [piece for part in parts for piece in splitter.feed(part)]
+    assert pieces == [piece for piece in complete if len(piece) <= LONGEST]
+    overlong = [piece for piece in complete if len(piece) > LONGEST]
+    assert counts['overlong'] == len(overlong)
+    splitter.restart()
+    assert counts['garbage_bytes'] == sum(map(len, overlong)) + len(incomplete)

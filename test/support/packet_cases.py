@@ -16,8 +16,7 @@
 
 import numpy as np
 
-from slip_detector.sources.cobs import cobs_encode
-from slip_detector.sources.packets import PacketDecoder, encode
+from slip_detector.sources.packets import PacketDecoder, cobs_encode, encode
 
 PERIOD_US = 1000
 

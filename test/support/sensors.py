@@ -25,8 +25,7 @@ import time
 
 import numpy as np
 
-from slip_detector.sources.cobs import cobs_encode
-from slip_detector.sources.packets import encode
+from slip_detector.sources.packets import cobs_encode, encode
 
 #: Volts of one unit unless a test sets it (the driver's default).
 SCALE_V = 1e-3

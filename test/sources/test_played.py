@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recording as a source: every cut of it gives the same samples."""
-
-import re
+"""Recordings and scenes as sources."""
 
 import numpy as np
 import pytest
@@ -24,8 +22,9 @@ from hypothesis import strategies as st
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import npz_recording, write_recording
+from slip_detector.scenes import find_scene, load_scene
 from slip_detector.sources import open_source
-from slip_detector.sources.recording import RecordingSource
+from slip_detector.sources.played import RecordingSource, SceneSource
 
 N_ROWS = 50
 
@@ -74,13 +73,6 @@ def test_a_recording_tells_its_damage_when_it_was_read(tmp_path):
     assert damage().startswith('a.mcap is cut off at byte 4000')
 
 
-def test_a_recording_without_label_plays_without_truth_and_without_platform(tmp_path):
-    np.savez(tmp_path / 'a.npz', volts=np.ones((9, 2)), sample_rate_hz=60.0)
-    samples = RecordingSource(DriverConfig(recording=str(tmp_path / 'a.npz'))).read(5)
-    assert samples.truth is None
-    assert samples.position_m is None
-
-
 def test_a_recording_plays_under_its_own_rate_and_names(tmp_path):
     path = tmp_path / 'a.csv'
     path.write_text('time_s,left,slip,right\n0,1,0,2\n0.5,3,1,4\n')
@@ -92,32 +84,58 @@ def test_a_recording_plays_under_its_own_rate_and_names(tmp_path):
     np.testing.assert_array_equal(samples.truth, [False, True])
 
 
-def test_a_recording_is_opened_with_the_configured_keys(tmp_path):
-    path = tmp_path / 'a.npz'
-    np.savez(path, tactile=[[1.0], [2.0]], fs=60.0)
-    config = DriverConfig(
-        source='recording',
-        recording=str(path),
-        recording_volts_key='tactile',
-        recording_rate_key='fs',
+def test_a_source_gives_what_its_scene_gives_stamped_by_the_scenes_clock():
+    mine = SceneSource(DriverConfig(scene='plate_480um', seed=3)).read(600)
+    wanted = load_scene(find_scene('plate_480um'), np.random.default_rng(3)).read(600)
+    np.testing.assert_array_equal(mine.volts, wanted.volts)
+    np.testing.assert_array_equal(mine.truth, wanted.truth)
+    np.testing.assert_array_equal(mine.position_m, wanted.position_m)
+    np.testing.assert_array_equal(mine.stamps_ns, np.rint(wanted.time_s * 1e9))
+
+
+def test_an_object_is_held_with_the_force_that_was_set():
+    firm, loose = (
+        SceneSource(DriverConfig(scene='grasp')),
+        SceneSource(DriverConfig(scene='grasp')),
     )
-    np.testing.assert_array_equal(open_source(config).read(9).volts, [[1.0], [2.0]])
+    assert firm.has_object
+    firm.hold_force(5.0)
+    loose.hold_force(0.5)
+    moved_m = [source.read(10_000).position_m for source in (firm, loose)]
+    assert np.ptp(moved_m[0]) < np.ptp(moved_m[1])
+    with pytest.raises(ValueError, match='allowed: 0 to 1000 N'):
+        firm.hold_force(-1.0)
 
 
-def test_a_recording_repeats_to_the_bit(tmp_path):
-    path = tmp_path / 'a.npz'
-    np.savez(path, volts=np.random.default_rng(0).normal(size=(9, 2)), sample_rate_hz=60.0)
-    config = DriverConfig(source='recording', recording=str(path))
-    first, again = (open_source(config, repetition).read(9).volts for repetition in (0, 1))
-    assert first.tobytes() == again.tobytes()
+def test_a_scene_is_one_trial_per_seed_and_another_with_each_repetition():
+    def volts(seed, repetition):
+        return (
+            open_source(DriverConfig(source='scene', seed=seed), repetition)
+            .read(50)
+            .volts.tobytes()
+        )
+
+    assert volts(3, 0) == volts(3, 0)
+    assert volts(3, 0) != volts(3, 1)
+    assert volts(3, 0) != volts(4, 0)
 
 
-def test_a_missing_recording_is_named(tmp_path):
-    path = tmp_path / 'no.npz'
-    with pytest.raises(ValueError, match=re.escape(f'{path}: cannot be read')):
-        open_source(DriverConfig(source='recording', recording=str(path)))
+@pytest.mark.parametrize(
+    ('parameters', 'message'),
+    [
+        ({'source': 'recording'}, "parameter recording is '', allowed: a path, as source is"),
+        (
+            {'source': 'scene', 'wait_for_grip': True},
+            'allowed with wait_for_grip: a scene',
+        ),
+        ({}, 'parameter source is not given, allowed: scene'),
+    ],
+)
+def test_a_source_that_cannot_be_played_is_an_error_that_says_why(parameters, message):
+    with pytest.raises(ValueError, match=message):
+        open_source(DriverConfig(**parameters))
 
 
-def test_a_recording_without_a_path_is_an_error_that_says_why():
-    with pytest.raises(ValueError, match="parameter recording is '', allowed: a path, as source"):
-        open_source(DriverConfig(source='recording'))
+def test_a_source_without_an_object_refuses_a_grip_force():
+    with pytest.raises(ValueError, match=r'^scene plate_400um has no object to hold$'):
+        open_source(DriverConfig(source='scene')).hold_force(1.0)

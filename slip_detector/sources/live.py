@@ -1,0 +1,253 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sensors on a serial port, and on the network with a packet in each datagram."""
+
+import ipaddress
+import os
+import socket
+import termios
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import serial
+
+from slip_detector.chain.samples import Samples
+from slip_detector.parameters.detector import default_channel_names
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources.device_clock import DeviceClock
+from slip_detector.sources.packets import LONGEST_BYTES, PacketDecoder
+from slip_detector.sources.source import WAIT_S, Source
+from slip_detector.sources.text_lines import LineDecoder
+
+#: Time until a lost port is tried again.
+RETRY_S = 0.5
+
+#: Errors of pyserial when a port is gone, vanishes while its rate is set, or lacks the rate.
+PORT_ERRORS = (OSError, termios.error, ValueError)
+
+#: Requested size of the receive buffer; the operating system may grant less.
+BUFFER_BYTES = 1 << 20
+
+#: Time without packets from the present sender after which another one is accepted.
+SENDER_SILENT_S = 0.25
+
+
+def packet_decoder(config: DriverConfig) -> PacketDecoder:
+    """Return a decoder of the packets that the driver's parameters describe."""
+    scale_v, offset_v = config.packet_scale_v, config.packet_offset_v
+    return PacketDecoder(config.channels, config.packet_values, scale_v, offset_v)
+
+
+class LiveSource(Source):
+    """A sensor, whose samples are stamped by the receiver's clock."""
+
+    is_live = True
+
+    def __init__(
+        self,
+        name: str,
+        config: DriverConfig,
+        now_ns: Callable[[], int],
+        decoder: PacketDecoder | LineDecoder,
+        rate_hz: float = 0.0,
+    ) -> None:
+        super().__init__(name, default_channel_names(config.channels), rate_hz)
+        self.counts, self._now_ns, self._clock = decoder.counts, now_ns, DeviceClock()
+        self._line: Any = None  # The port or the socket.
+
+    def close(self) -> None:
+        """Close the port or the socket."""
+        if self._line is not None:
+            self._line.close()
+
+    def _stamped(self, decoded: Sequence[Samples], arrival_ns: int) -> Samples:
+        return self._clock.stamp(decoded, len(self.channel_names), arrival_ns)
+
+
+class SerialSource(LiveSource):
+    """Packets or lines of text from a serial port, which may be unplugged and plugged in again.
+
+    Parameters
+    ----------
+    config
+        The driver's parameters.
+    now_ns
+        The clock of the stamps, in nanoseconds.
+
+    Raises
+    ------
+    ValueError
+        When no port is named.
+
+    Examples
+    --------
+    >>> import time
+    >>> config = DriverConfig(source='serial', serial_port='/dev/ttyACM0', channels=3)
+    >>> SerialSource(config, time.time_ns).channel_names
+    ('ch1', 'ch2', 'ch3')
+    """
+
+    def __init__(self, config: DriverConfig, now_ns: Callable[[], int]) -> None:
+        if not config.serial_port:
+            raise ValueError("parameter serial_port is '', allowed: a port, as source is serial")
+        text, rate_hz = config.serial_format == 'text', config.text_rate_hz
+        decoder = LineDecoder(config.channels, rate_hz) if text else packet_decoder(config)
+        super().__init__(config.serial_port, config, now_ns, decoder, rate_hz if text else 0.0)
+        self._config, self._decoder = config, decoder
+        self._retry_at_s = 0.0
+
+    def start(self) -> None:
+        """Open the port; if that fails, reading tries again."""
+        self._open()
+
+    def read(self, n: int) -> Samples:
+        """Return the new samples, after at most ``WAIT_S``; try to open a lost port."""
+        data = b''
+        if self._line is not None:
+            try:
+                data = self._line.read(max(1, self._line.in_waiting))
+            except PORT_ERRORS as error:
+                self._lose(error)
+        elif (wait_s := self._retry_at_s - time.monotonic()) > 0.0:
+            time.sleep(min(wait_s, WAIT_S))
+        else:
+            self._open()
+        return self._stamped(self._decoder.feed(data), self._now_ns())
+
+    def _open(self) -> None:
+        config = self._config
+        try:
+            # Exclusive: each of two readers would get only some of the bytes.
+            self._line = serial.Serial(
+                config.serial_port, config.serial_baud, timeout=WAIT_S, exclusive=True
+            )
+        except PORT_ERRORS as error:
+            self._lose(error)
+        else:
+            self.connected = True
+            self.state = f'listening to {config.serial_port} at {config.serial_baud} baud'
+
+    def _lose(self, error: Exception) -> None:
+        self.close()
+        self._line = None
+        # The last packet is incomplete, and another sensor may be plugged in next.
+        self._decoder.restart()
+        self._retry_at_s = time.monotonic() + RETRY_S
+        self.connected = False
+        number = getattr(error, 'errno', None)
+        reason = os.strerror(number) if number else ' '.join(str(error).split())
+        self.state = f'{self._config.serial_port}: cannot be read ({reason}), trying again'
+
+
+class UdpSource(LiveSource):
+    """Packets from one of the allowed senders at a time.
+
+    ``counts`` also has ``unlisted_sender``, datagrams of senders that are not allowed, and
+    ``other_sender``, datagrams of an allowed sender from another address or port than the present
+    one: samples of two sensors must not be mixed.
+
+    Parameters
+    ----------
+    config
+        The driver's parameters.
+    now_ns
+        The clock of the stamps, in nanoseconds.
+
+    Raises
+    ------
+    ValueError
+        When a parameter is not an address.
+
+    Examples
+    --------
+    >>> import time
+    >>> config = DriverConfig(source='udp', udp_port=5005)
+    >>> UdpSource(config, time.time_ns).name
+    '127.0.0.1 port 5005'
+    """
+
+    def __init__(self, config: DriverConfig, now_ns: Callable[[], int]) -> None:
+        self._senders = frozenset(_address('udp_senders', text) for text in config.udp_senders)
+        if not self._senders:
+            raise ValueError('parameter udp_senders is empty, allowed: at least one address')
+        self._address = _address('udp_bind_address', config.udp_bind_address)
+        self._udp_port, self._decoder = config.udp_port, packet_decoder(config)
+        name = f'{self._address} port {config.udp_port}'
+        super().__init__(name, config, now_ns, self._decoder)
+        self._sender: Any = None
+        self._heard_s = 0.0
+        self._arrival_ns = 0
+
+    def start(self) -> None:
+        """Begin to listen.
+
+        Raises
+        ------
+        ValueError
+            When the address or the port cannot be used.
+        """
+        family = socket.AF_INET if self._address.version == 4 else socket.AF_INET6
+        listener = socket.socket(family, socket.SOCK_DGRAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+        listener.settimeout(WAIT_S)
+        try:
+            listener.bind((str(self._address), self._udp_port))
+        except OSError as error:
+            listener.close()
+            raise ValueError(
+                f'parameter udp_port is {self._udp_port}: cannot be listened on at '
+                f'{self._address} ({os.strerror(error.errno or 0)}), allowed: a free port of this '
+                'machine'
+            ) from None
+        self._line = listener
+        self.connected = True
+        self.state = f'listening on {self.name}'
+
+    def read(self, n: int) -> Samples:
+        """Return the samples of the next datagram, after at most ``WAIT_S``."""
+        decoded = self._decoded()
+        return self._stamped([] if decoded is None else [decoded], self._arrival_ns)
+
+    def _decoded(self) -> Samples | None:
+        try:
+            # One byte more than allowed shows that a datagram is too long.
+            packet, sender = self._line.recvfrom(LONGEST_BYTES + 1)
+        except TimeoutError:
+            return None
+        self._arrival_ns = self._now_ns()
+        if ipaddress.ip_address(sender[0]) not in self._senders:
+            self.counts['unlisted_sender'] += 1
+            return None
+        now_s = time.monotonic()
+        if sender != self._sender and not self._decoder.fault(packet):
+            if self._sender is not None and now_s - self._heard_s < SENDER_SILENT_S:
+                self.counts['other_sender'] += 1
+                return None
+            self._sender = sender
+            self._decoder.restart()
+        decoded = self._decoder.decode(packet)
+        if decoded is not None:
+            self._heard_s = now_s
+        return decoded
+
+
+def _address(name: str, text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
+    try:
+        return ipaddress.ip_address(text)
+    except ValueError:
+        raise ValueError(
+            f'parameter {name} has {text!r}, allowed: addresses as 127.0.0.1 or ::1'
+        ) from None
