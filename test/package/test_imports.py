@@ -24,8 +24,6 @@ import pytest
 
 import slip_detector
 from benchmarks.__main__ import COMMANDS
-from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.parameters.detector import ChainConfig
 from support.pages import ROOT
 
 CORE = tuple(
@@ -81,12 +79,6 @@ def loaded_after(group):
     return dict(zip(GROUPS, loaded_by(*GROUPS.values()), strict=True))[group]
 
 
-def loaded_by_nodes():
-    pytest.importorskip('rclpy', reason='needs rclpy')
-    (loaded,) = loaded_by(NODES)
-    return loaded
-
-
 def test_only_nodes_import_rclpy_and_messages():
     assert len(CORE) >= 10
     assert loaded_after('core') > set(CORE)
@@ -96,20 +88,6 @@ def test_only_nodes_import_rclpy_and_messages():
 def test_no_command_of_the_benchmarks_imports_ros_itself():
     assert loaded_after('benchmarks') > set(GROUPS['benchmarks'])
     assert loaded_after('benchmarks').isdisjoint(ROS)
-
-
-def test_the_nodes_do_without_plotting():
-    assert 'matplotlib' not in loaded_by_nodes()
-
-
-def test_the_nodes_load_pyserial_only_for_a_serial_port():
-    assert 'serial' not in loaded_by_nodes()
-
-
-def test_the_nodes_do_without_reports():
-    of_reports = {f'slip_detector.report.{name}' for name in ('overview', 'page', 'page_data')}
-    assert of_reports < set(CORE)
-    assert of_reports.isdisjoint(loaded_by_nodes())
 
 
 def test_only_the_report_imports_a_plotting_library():
@@ -125,13 +103,15 @@ def test_the_chain_loads_nothing_that_it_does_not_need():
     assert 'scipy.signal' not in loaded_after('chain')
 
 
-def test_the_package_offers_the_chain():
-    assert slip_detector.SlipChain is SlipChain
-    assert slip_detector.ChainConfig is ChainConfig
-
-
 def test_only_bags_need_what_reads_them():
     assert 'slip_detector.recordings.npz_recording' in loaded_after('recordings')
     assert 'slip_detector.recordings.bag_recording' not in loaded_after('recordings')
     assert 'slip_detector.recordings.bag_recording' in loaded_after('core')
     assert loaded_after('core').isdisjoint({'rosbags', 'lz4'})
+
+
+def test_the_nodes_load_neither_plotting_nor_reports_nor_a_serial_port():
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    (loaded,) = loaded_by(NODES)
+    of_reports = {f'slip_detector.report.{name}' for name in ('overview', 'page', 'page_data')}
+    assert loaded.isdisjoint({*of_reports, 'matplotlib', 'serial'})

@@ -26,11 +26,9 @@ import yaml
 
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.files import read_yaml
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.reading import SECTIONS
-from slip_detector.parameters.shared_folder import shared_folder
-from slip_detector.parameters.yaml_files import read_yaml
-from slip_detector.scenes import find_scene
+from slip_detector.parameters.sets import SECTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted((ROOT / 'slip_detector').rglob('*.py'))
@@ -101,24 +99,8 @@ def test_package_xml_and_setup_py_agree():
         assert f"{tag}='{package_xml().findtext(tag)}'" in setup
     assert f"NAME = '{package_xml().findtext('name')}'" in setup
     assert package_xml().find('maintainer').get('email') in setup
-
-
-def test_pytest_is_one_that_the_launch_testing_of_jazzy_does_not_stop():
-    # Its plugin has a hook with an argument that pytest 9 does not know; where a ROS installation
-    # is sourced, it is loaded in each environment.
-    wanted = [
-        requirement
-        for file in ('setup.py', 'Makefile')
-        for requirement in re.findall(r"'(pytest\b[^-'].*?)'", (ROOT / file).read_text())
-    ]
-    assert len(wanted) == 2
-    assert all(requirement.endswith('<9') for requirement in wanted), wanted
-
-
-def test_the_changelog_has_the_version():
-    assert re.search(
-        rf'^{package_xml().findtext("version")} ', (ROOT / 'CHANGELOG.rst').read_text(), re.M
-    )
+    version = package_xml().findtext('version')
+    assert re.search(rf'^{version} ', (ROOT / 'CHANGELOG.rst').read_text(), re.M)
 
 
 def test_the_presets_that_run_beside_one_driver_take_the_same_samples():
@@ -138,12 +120,6 @@ def test_every_shipped_parameter_file_is_taken(path):
     # A section for a name that no node has would be ignored in silence.
     sections = {section.rsplit('/', 1)[-1] for section in read_yaml(path)}
     assert sections <= set(SECTIONS)
-
-
-def test_shipped_scenes_are_found_by_name():
-    for path in (ROOT / 'config' / 'scenes').glob('*.yaml'):
-        assert find_scene(path.stem).resolve() == path.resolve()
-    assert (shared_folder() / 'package.xml').is_file()
 
 
 def declared_arguments(path):
