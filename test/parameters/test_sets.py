@@ -78,30 +78,6 @@ def test_groups_are_given_whole_or_one_by_one(names):
     assert message == 'parameter groups is given beside groups.new, allowed: either'
 
 
-ANY_NAME = st.one_of(
-    st.sampled_from([field.name for kind in SETS for field in dataclasses.fields(kind)]),
-    st.sampled_from(['groups', 'groups.', 'groups.TP', 'groups.new', 'groups.a.b', 'groups..']),
-    st.text(max_size=5),
-)
-#: What a parameter of ROS can be; Python's tools give any list.
-ONE_VALUE = st.one_of(
-    st.booleans(), st.integers(), st.floats(), st.text(max_size=5), st.binary(max_size=2)
-)
-ANY_VALUE = st.one_of(ONE_VALUE, st.none(), st.lists(ONE_VALUE, max_size=5))
-
-
-@pytest.mark.parametrize('kind', SETS)
-@given(st.dictionaries(ANY_NAME, ANY_VALUE, max_size=4))
-def test_any_names_and_values_are_a_set_or_refused_in_one_line(kind, parameters):
-    values = kind().to_parameters() | parameters
-    try:
-        config = kind.from_parameters(values)
-    except ValueError:
-        assert message_of(kind.from_parameters, values)
-    else:
-        assert kind.from_parameters(config.to_parameters()) == config
-
-
 #: By the end of a parameter's name, the longer first.
 UNITS = {
     **{'_rate_db_s': 'dB/s', '_limit_db_s': 'dB s', '_n_s': 'N/s', '_ms': 'ms', '_hz': 'Hz'},
