@@ -12,9 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings through one chain, and the figures of several."""
+"""Recordings are opened, checked, read in pieces with their labels, and evaluated."""
 
 import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.evaluator import (
@@ -25,63 +29,111 @@ from slip_detector.evaluation.evaluator import (
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.recording import RecordingConfig
 
 CHAIN = ChainConfig(channels=2, stopbands_hz=(), gain=1.0, threshold=0.1)
+RATE_HZ = CHAIN.sample_rate_hz
 
 
-LOADER = RecordingLoader(CHAIN)
+def arrays(seed, rows=800):
+    slip = np.arange(rows) % 400 >= 300
+    volts = np.random.default_rng(seed).normal(size=(rows, 2))
+    return volts * np.where(slip, 1.0, 0.05)[:, np.newaxis], slip
 
 
-def arrays(seed):
-    random = np.random.default_rng(seed)
-    slip = np.arange(800) % 400 >= 300
-    volts = random.normal(size=(800, 2)) * np.where(slip, 1.0, 0.05)[:, np.newaxis]
-    return volts, slip
-
-
-def write(path, seed, **changes):
-    volts, slip = arrays(seed)
-    np.savez(path, **{'volts': volts, 'slip': slip, 'sample_rate_hz': 380.0, **changes})
+def write(path, seed=0, rows=800, **changes):
+    volts, slip = arrays(seed, rows)
+    np.savez(path, **{'volts': volts, 'slip': slip, 'sample_rate_hz': RATE_HZ, **changes})
     return path
 
 
-def test_an_evaluation_is_the_replay_of_the_rows_of_the_file(tmp_path):
-    evaluated = evaluate_recording(LOADER, write(tmp_path / 'a.npz', 0))
-    outcome = Replay(CHAIN).run([Samples.evenly(arrays(0)[0], 380.0, arrays(0)[1])], 380.0)
-    assert figures_of_merit([evaluated.outcome]) == figures_of_merit([outcome])
-    assert evaluated.outcome.slips == outcome.slips
-    assert evaluated.observer is None
+def loader(chain=CHAIN, resample=False, **evaluation):
+    recording = RecordingConfig(recording_resample=resample)
+    return RecordingLoader(chain, recording, EvaluationConfig(**evaluation))
 
 
-def test_one_recording_leaves_nothing_behind_for_the_next(tmp_path):
-    paths = [write(tmp_path / f'{seed}.npz', seed) for seed in range(2)]
+def whole(labelled):
+    """Put the pieces of a recording together."""
+    first, *others = labelled.rows
+    return first.then(*others)
 
-    def slips(paths):
-        return [evaluate_recording(LOADER, path).outcome.slips for path in paths]
 
-    assert slips(reversed(paths)) == slips(paths)[::-1]
+def test_the_rows_are_those_of_the_file_with_its_label(tmp_path):
+    opened = loader().open(write(tmp_path / 'a.npz'))
+    assert (opened.sample_rate_hz, opened.channel_names) == (RATE_HZ, ('ch1', 'ch2'))
+    rows = whole(opened)
+    np.testing.assert_array_equal(rows.volts, arrays(0)[0])
+    np.testing.assert_array_equal(rows.truth, arrays(0)[1])
+    assert rows.moving is None
+    assert opened.recording.counts.rows == 800
+
+
+def test_a_recording_without_labels_has_no_slip_where_none_are_required(tmp_path):
+    path = tmp_path / 'a.npz'
+    np.savez(path, volts=np.zeros((9, 2)), sample_rate_hz=RATE_HZ)
+    assert not whole(loader().open(path, require_truth=False)).truth.any()
+    with pytest.raises(ValueError, match=f'^{path}: has no label slip, there are: sample_rate_hz'):
+        loader().open(path)
+
+
+def test_a_recording_of_another_rate_has_the_rows_and_rate_of_the_chain(tmp_path):
+    path = write(tmp_path / 'a.npz', sample_rate_hz=2 * RATE_HZ)
+    opened = loader(resample=True).open(path)
+    assert opened.sample_rate_hz == RATE_HZ
+    assert len(whole(opened).volts) == pytest.approx(400, abs=1)
+    with pytest.raises(ValueError, match=f'^{path}: has 760 Hz where the parameter sample_rate_h'):
+        list(loader().open(path).rows)
+    near = loader().open(write(path, sample_rate_hz=1.01 * RATE_HZ))
+    assert (near.sample_rate_hz, len(whole(near).volts)) == (1.01 * RATE_HZ, 800)
+
+
+def test_other_channels_than_those_of_the_chain_are_refused(tmp_path):
+    path = write(tmp_path / 'a.npz')
+    with pytest.raises(
+        ValueError, match=f'^{path}: has 2 channels, allowed: 3, the parameter cha'
+    ):
+        loader(ChainConfig(channels=3, stopbands_hz=())).open(path)
+
+
+@given(
+    velocities=hnp.arrays(np.float64, (40, 3), elements=st.floats(-1.0, 1.0)),
+    columns=st.lists(st.sampled_from('xyz'), unique=True),
+)
+def test_a_row_is_one_of_motion_where_the_speed_of_the_named_columns_is_above_the_limit(
+    tmp_path_factory, velocities, columns
+):
+    path = tmp_path_factory.mktemp('motion') / 'a.npz'
+    write(path, rows=40, v=velocities, v_names=list('xyz'))
+    opened = loader(motion_key='v', motion_columns=tuple(columns), moving_above=0.5).open(path)
+    which = ['xyz'.index(name) for name in columns] or [0, 1, 2]
+    speed = np.linalg.norm(velocities[:, which], axis=1)
+    np.testing.assert_array_equal(whole(opened).moving, speed > 0.5)
 
 
 class Rows:
-    def __init__(self, labelled):
-        self.sample_rate_hz, self.volts = labelled.sample_rate_hz, []
+    def __init__(self, opened):
+        self.sample_rate_hz, self.volts = opened.sample_rate_hz, []
 
     def add(self, volts, result, truth):
         self.volts.append(volts)
 
 
-def test_an_observer_is_made_of_the_opened_recording_and_shown_its_rows(tmp_path):
-    observer = evaluate_recording(LOADER, write(tmp_path / 'a.npz', 0), Rows).observer
-    assert observer.sample_rate_hz == 380.0
-    np.testing.assert_array_equal(np.concatenate(observer.volts), arrays(0)[0])
+def test_an_evaluation_is_the_replay_of_the_rows_of_the_file_with_an_observer(tmp_path):
+    evaluated = evaluate_recording(loader(), write(tmp_path / 'a.npz'), Rows)
+    volts, slip = arrays(0)
+    outcome = Replay(CHAIN).run([Samples.evenly(volts, RATE_HZ, slip)], RATE_HZ)
+    assert figures_of_merit([evaluated.outcome]) == figures_of_merit([outcome])
+    assert evaluated.outcome.slips == outcome.slips
+    assert evaluated.observer.sample_rate_hz == RATE_HZ
+    np.testing.assert_array_equal(np.concatenate(evaluated.observer.volts), volts)
 
 
-def test_figures_of_several_recordings_count_all_that_was_met_in_them(tmp_path):
+def test_figures_of_several_recordings_count_the_faults_of_all(tmp_path):
     volts, _ = arrays(1)
     volts[5:8, 1] = np.nan
     paths = [write(tmp_path / 'a.npz', 0), write(tmp_path / 'b.npz', 1, volts=volts)]
-    several = [evaluate_recording(LOADER, path) for path in paths]
-    figures = recording_figures(several)
+    figures = recording_figures([evaluate_recording(loader(), path) for path in paths])
     assert (figures['rows'], figures['slips'], figures['bad_samples']) == (1600, 4, 3)
     others = ('gaps', 'bridged_rows', 'long_gaps', 'dropped')
     assert {figures[name] for name in others} == {0}

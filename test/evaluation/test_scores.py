@@ -64,14 +64,6 @@ def test_auc_is_the_share_of_pairs_in_order_and_ties_count_half(rows):
             assert found == pytest.approx(expected, abs=0.5 * near.mean() + 1e-12)
 
 
-def test_auc_of_many_close_scores_is_true_to_its_resolution():
-    rng = np.random.default_rng(0)
-    scores = np.concatenate([rng.lognormal(0.5, 0.3, 2000), rng.lognormal(0.0, 0.3, 3000)])
-    kinds = np.repeat([SLIP, REST], [2000, 3000])
-    exact = area(scores[:2000], scores[2000:])
-    assert counted(scores, kinds).auc() == pytest.approx(exact, abs=1e-4)
-
-
 def test_scores_beyond_all_bounds_are_still_ordered():
     # 0 is below all, and what does not fit into 32 bit is above all.
     assert counted([1e60, 0.0, 1e-30, 1e30], [SLIP, REST, REST, REST]).auc() == 1.0

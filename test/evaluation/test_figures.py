@@ -12,12 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The figures that a robot needs of slips and alarms."""
+"""The figures of slips and alarms, of one recording and of several."""
 
 import dataclasses
 
 import pytest
 
+from slip_detector.chain.samples import Samples
+from slip_detector.chain.settling import settling_rows
 from slip_detector.evaluation.figures import (
     FALSE,
     REPEAT,
@@ -27,7 +29,13 @@ from slip_detector.evaluation.figures import (
     Alarm,
     TrueSlip,
     event_figures,
+    figures_of_merit,
+    first_on_delay_s,
+    mean_and_sd,
+    paper_figures,
 )
+from slip_detector.evaluation.replay import Replay
+from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 SLIP = TrueSlip(
     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, settling=False, lead_s=0.0, window_s=1.1,
@@ -40,7 +48,7 @@ MISSED = dataclasses.replace(
 )
 
 
-def test_figures_by_hand():
+def test_figures_of_events_by_hand():
     late = dataclasses.replace(
         SLIP,
         latency_s=0.24,
@@ -75,7 +83,7 @@ def test_figures_by_hand():
     )  # fmt: skip
 
 
-def test_what_is_not_defined_is_none_not_zero():
+def test_an_undefined_figure_is_none():
     nothing = event_figures([], [], 0.0, 0.0)
     undefined = {name for name, value in nothing.items() if value is None}
     assert undefined == {
@@ -92,3 +100,59 @@ def test_what_is_not_defined_is_none_not_zero():
     assert unknown['missed_at_filter'] is None
     quiet = event_figures([], [Alarm(0.0, 1.0, FALSE, None)], 60.0, 1.0)
     assert (quiet['recall'], quiet['precision']) == (None, 0.0)
+
+
+def test_the_delay_is_from_the_start_of_slip_to_the_first_on_after_it():
+    on = [True, False, False, True, True]
+    time_s = [0.0, 0.5, 1.0, 1.5, 2.0]
+    starts_s = (0.25, 1.5, 0.0, 2.1)  # an ON at the start counts
+    delays_s = [first_on_delay_s(on, time_s, start_s) for start_s in starts_s]
+    assert delays_s == [1.25, 0.0, 0.0, None]
+    assert first_on_delay_s([], [], 0.0) is None
+
+
+def test_the_figures_of_the_paper_by_hand():
+    assert mean_and_sd([]) == mean_and_sd([None]) == (None, None)
+    assert mean_and_sd([None, 0.02]) == (0.02, None)
+    slips = [
+        dataclasses.replace(SLIP, delay_s=delay_s, on_while=on_while)
+        for delay_s, on_while in ((0.03, True), (0.05, False), (None, True), (0.04, True))
+    ]
+    assert paper_figures(slips, on_rows=3, rest_rows=60) == pytest.approx(
+        {
+            'mean_delay_ms': 40.0,
+            'sd_delay_ms': 10.0,  # n - 1
+            'success_percent': 75.0,
+            'false_positive_percent': 5.0,
+        }
+    )
+    assert set(paper_figures([], 0, 0).values()) == {None}
+
+
+def labelled(*slips, others=()):
+    """Return rows with ridges, of which the label calls only some slip."""
+    volts, _ = ridges(*slips, *others)
+    _, truth = ridges(*slips)
+    return Samples.evenly(volts, RATE_HZ, truth)
+
+
+def test_figures_of_several_recordings_are_those_of_all_their_events_and_rows():
+    replay = Replay(CONFIG)
+    slips = (400, 600), (1400, 1600)
+    a, b = replay.run([labelled(*slips)]), replay.run([labelled(*slips, others=[(900, 950)])])
+    pooled = figures_of_merit([a, b, replay.run([])])
+    assert (pooled['slips'], pooled['rows']) == (4, 4000)
+    assert [alarm.kind for alarm in b.alarms] == [TRUE, FALSE, TRUE]
+    assert pooled['precision'] == 0.8
+    settling = 2 * max(settling_rows(CONFIG), 40)
+    assert pooled['settling_rows'] == settling
+    # Of each slip 200 rows and 40 of its tail are no rest.
+    rest_rows = 4000 - 4 * 240 - settling
+    assert pooled['rest_s'] == rest_rows / RATE_HZ
+    assert pooled['false_alarms_per_minute'] == pytest.approx(60.0 * RATE_HZ / rest_rows)
+    assert pooled['recall_by_chance'] == pytest.approx(240 / rest_rows)
+    assert pooled['false_time_percent'] == pytest.approx(100.0 * b.on_rest_rows / rest_rows)
+    # The paper counts each row without slip, also those just after a slip.
+    on_rows = a.on_rows + b.on_rows
+    assert pooled['false_positive_percent'] == pytest.approx(100.0 * on_rows / 3200)
+    assert on_rows > b.on_rest_rows
