@@ -17,8 +17,8 @@
 ``--json`` prints one object. Its keys ``machine`` (see :func:`benchmarks.measurement.machine`) and
 ``quick`` (whether the measurement was short) are common to all subcommands. The others are in the
 docstring of the module that measures: :mod:`benchmarks.chain.speed` and
-:mod:`benchmarks.chain.precision`, and ``measure.py`` in :mod:`benchmarks.scenes`,
-:mod:`benchmarks.extremes`, :mod:`benchmarks.tune`, :mod:`benchmarks.soak` and
+:mod:`benchmarks.chain.precision`, :mod:`benchmarks.tune.command`, and ``measure.py`` in
+:mod:`benchmarks.scenes`, :mod:`benchmarks.extremes`, :mod:`benchmarks.soak` and
 :mod:`benchmarks.view`.
 """
 

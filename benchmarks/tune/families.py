@@ -31,6 +31,7 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.problem import Problem, Verdict, judge, searched
@@ -106,6 +107,13 @@ def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int])
     return tracks
 
 
+def figures_on(tracks: Sequence[Track], chain: ChainConfig) -> dict[str, Any]:
+    """Return the :data:`FIGURES` of a chain on tracks."""
+    replay = Replay(chain, scores=False, stages=False)
+    whole = figures_of_merit([replay.run(track.rows(), track.sample_rate_hz) for track in tracks])
+    return {figure: whole[figure] for figure in FIGURES}
+
+
 def tune_and_judge(
     tracks: Sequence[Track], parameters: TuningParameters, trials: int, seed: int
 ) -> Verdict:
@@ -138,13 +146,10 @@ def measure_families(
     for name, descriptions in families().items():
         verdict = tune_and_judge(play_scenes(descriptions, tuned_on), parameters, trials, seed=0)
         tracks = play_scenes(descriptions, reported_on)
-        both = {}
-        for which, chain in (('given', parameters.chain), ('tuned', verdict.chain)):
-            replay = Replay(chain, parameters.evaluation, scores=False, stages=False)
-            whole = figures_of_merit(
-                [replay.run(track.rows(), track.sample_rate_hz) for track in tracks]
-            )
-            both[which] = {figure: whole[figure] for figure in FIGURES}
+        both = {
+            'given': figures_on(tracks, parameters.chain),
+            'tuned': figures_on(tracks, verdict.chain),
+        }
         result[name] = {
             **both,
             'kept': verdict.kept,

@@ -31,9 +31,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from benchmarks.tune.families import FIGURES, PLATES, play_scenes
-from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.evaluation.replay import Replay
+from benchmarks.tune.families import PLATES, figures_on, play_scenes
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.yaml_files import read_yaml
@@ -103,13 +101,6 @@ def measure_new_sensor(
             which: ChainConfig.from_yaml(folder / f'{which}.yaml') for which in ('quiet', 'tuned')
         }
     judged = play_scenes(plates, JUDGED_ON)
-    figures = {}
-    for which, chain in chains.items():
-        replay = Replay(chain, scores=False, stages=False)
-        whole = figures_of_merit(
-            [replay.run(track.rows(), track.sample_rate_hz) for track in judged]
-        )
-        figures[which] = {figure: whole[figure] for figure in FIGURES}
     return {
         'recording_s': sum(track.duration_s for track in slips) + rest_s + knocks_s,
         'quiet_s': quiet_s,
@@ -117,8 +108,8 @@ def measure_new_sensor(
         'search_s': search_s,
         'total_s': quiet_s + taps_s + search_s,
         'taps_told': told,
-        'given': figures['quiet'],
-        'tuned': figures['tuned'],
+        'given': figures_on(judged, chains['quiet']),
+        'tuned': figures_on(judged, chains['tuned']),
     }
 
 

@@ -92,20 +92,9 @@ class NumpyProblem(Problem):
     def sweep(
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
     ) -> ThresholdSweep:
-        """Return the outcome of the tracks, which have no gaps, at each threshold."""
-        sweeps = [
-            _sweep(part, limits, track, self.evaluation, settling_rows(chain))
-            for part, track in zip(statistic, self.tracks, strict=True)
-        ]
-        return ThresholdSweep(
-            np.concatenate([one.latencies_ms for one in sweeps]),
-            np.concatenate([one.scored for one in sweeps]),
-            np.concatenate([one.leads_s for one in sweeps]),
-            np.concatenate([one.windows_s for one in sweeps]),
-            np.sum([one.false_alarms for one in sweeps], axis=0),
-            sum(one.rest_s for one in sweeps),
-            np.sum([one.on_rest_s for one in sweeps], axis=0),
-        )
+        """Return the outcome of the one track, which has no gaps, at each threshold."""
+        (part,), (track,) = statistic, self.tracks
+        return _sweep(part, limits, track, self.evaluation, settling_rows(chain))
 
     def auc(self, statistic: Sequence[Floats], threshold: float) -> float | None:
         """Return the area under the ROC curve of rows with slip against all others."""

@@ -171,24 +171,3 @@ def test_an_alarm_begins_after_the_decision_was_off_for_long_enough(drawn):
     covered = {row for start, end in alarms for row in range(start, end)}
     assert covered >= {row for start, end in stretches for row in range(start, end) if on[row]}
     assert all(on[end - 1] for _, end in alarms)
-
-
-@given(recorded())
-def test_what_begins_while_the_chain_settles_is_neither_found_nor_missed_nor_false(drawn):
-    stretches, truth, on, settling, config = drawn
-    slips = intervals(truth, stretches)
-    rows = ScoredRows(slips, stretches, settling, config, 100.0)
-    rises = [alarm.start for alarm in rows.alarms(intervals(on, stretches))]
-    alarm_of, slip_of = rows.match(rises)
-    settles = rows.settling(rises)
-    settled_from = [min(start + max(settling, rows.off_rows), end) for start, end in stretches]
-    for k, rise in enumerate(rises):
-        mine = max(s for s, (start, _) in enumerate(stretches) if start <= rise)
-        assert settles[k] == (rise < settled_from[mine])
-        assert slip_of[k] is None or not settles[k]
-    for slip, alarm in enumerate(alarm_of):
-        assert alarm is None or (rows.scored[slip] and not settles[alarm])
-        if alarm is not None:  # and not beyond a gap
-            low, high = rows.lows[slip], rows.highs[slip]
-            assert low <= rises[alarm] < high
-            assert any(start <= low and high <= end for start, end in stretches)

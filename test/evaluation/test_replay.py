@@ -22,7 +22,7 @@ import pytest
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
-from slip_detector.evaluation.figures import ALREADY_ON, SETTLING, STAGES, TRUE, figures_of_merit
+from slip_detector.evaluation.figures import SETTLING, STAGES, TRUE, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from support.replay_cases import CONFIG, RATE_HZ, ridges
@@ -34,19 +34,6 @@ def with_gap(volts, truth):
     after = whole.take(slice(800, None))
     later = after._replace(stamps_ns=after.stamps_ns + 3_000_000_000, new_stretch=True)
     return [whole.take(slice(800)), later]
-
-
-def test_two_slips_with_one_alarm_are_one_detected_and_one_that_found_it_on():
-    volts, truth = ridges((400, 800))
-    truth[600:604] = False
-    outcome = Replay(CONFIG).run([Samples.evenly(volts, RATE_HZ, truth)])
-    first, second = outcome.slips
-    assert [alarm.kind for alarm in outcome.alarms] == [TRUE]
-    assert (first.alarm, first.on_at_start, first.lost_at) == (0, False, None)
-    assert (second.alarm, second.on_at_start, second.lost_at) == (None, True, ALREADY_ON)
-    assert second.on_while
-    assert figures_of_merit([outcome])['recall'] == 0.5
-    assert figures_of_merit([outcome])['missed_already_on'] == 1
 
 
 def test_a_slip_that_goes_on_after_a_gap_is_no_easy_one_that_begins_there():

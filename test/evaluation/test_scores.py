@@ -79,11 +79,6 @@ def test_pooled_counts_are_those_of_all_rows(parts):
     np.testing.assert_array_equal(pooled.counts, whole.counts)
 
 
-def test_what_has_been_taken_is_forgotten():
-    counted([1.0, 2.0], [SLIP, REST])
-    assert counted([], []).classes.size == 0
-
-
 @given(SCORED)
 def test_the_roc_curve_is_the_shares_at_or_above_each_limit(rows):
     score, kind = np.array([s for s, _ in rows]), np.array([k for _, k in rows])

@@ -104,11 +104,6 @@ def test_slips_and_bad_channels_take_no_part_in_the_floors():
     np.testing.assert_allclose(np.delete(found, 1), np.delete(plain, 1), rtol=1e-9)
 
 
-def test_where_nothing_makes_noise_there_is_no_floor():
-    with pytest.raises(ValueError, match='rest: no channel has any noise, allowed: a recording'):
-        learnt_floors(PIEZO, [rest(np.full((3000, 4), 4.3))])
-
-
 @settings(max_examples=15)
 @given(
     mains_hz=st.sampled_from([50.0, 60.0]),
@@ -145,26 +140,10 @@ def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
     assert find_mains(without, rest(volts)).mains_hz == 50.0
 
 
-def test_hum_that_is_taken_off_as_common_mode_is_no_line():
-    chain = dataclasses.replace(PIEZO, common_mode='median')
-    same = hum(50.0, 6000, PIEZO_HZ, {1: 0.5})
-    baselines_v = np.arange(4.0)
-    assert find_mains(chain, rest(baselines_v + noise(6000) + same)).mains_hz == 0.0
-    different = same * [1.0, 2.0, 4.0, 8.0]
-    assert find_mains(chain, rest(baselines_v + noise(6000) + different)).mains_hz == 50.0
-
-
 def test_a_flat_or_too_short_recording_has_no_mains():
     too_short = hum(50.0, 2000, PIEZO_HZ, {1: 0.5}) + noise(2000)
     for volts in (np.full((6000, 4), 4.3), too_short):
         assert find_mains(PIEZO, rest(volts)).mains_hz == 0.0
-
-
-def test_each_of_many_short_recordings_takes_part_in_the_floors():
-    chain = dataclasses.replace(PIEZO, passband_hz=(7.0, 50.0), passband_degree=4)
-    short = [rest(noise(400, seed)) for seed in range(900)]
-    whole = learnt_floors(chain, [rest(noise(60_000))])
-    np.testing.assert_allclose(learnt_floors(chain, short), whole, rtol=0.1)
 
 
 def recorded(volts, name='knocks', slip=False):
@@ -197,23 +176,6 @@ def test_a_step_is_one_that_the_given_number_of_channels_exceed(channels, which,
         expected.append(sizes[which - 1])
         last = np.where(np.isnan(row), last, row)
     assert common_steps_v(chain, recorded(volts)).tolist() == pytest.approx(expected)
-
-
-def test_a_gap_and_a_disabled_channel_make_no_step():
-    volts = np.zeros((20, 4))
-    volts[10:] = 5.0
-    truth = np.zeros(10, bool)
-    pieces = [
-        Samples.evenly(volts[:10], PIEZO_HZ, truth),
-        Samples.evenly(volts[10:], PIEZO_HZ, truth, new_stretch=True),
-    ]
-    assert not common_steps_v(CHAIN, track_of('gap', pieces, RATE_HZ)).any()
-    assert common_steps_v(CHAIN, recorded(volts)).max() == 5.0
-    one = np.zeros((20, 4))
-    one[10:, :2] = 5.0
-    assert common_steps_v(CHAIN, recorded(one)).max() == 5.0
-    disabled = dataclasses.replace(CHAIN, disabled_channels=(1,))
-    assert common_steps_v(disabled, recorded(one)).max() == 0.0
 
 
 def test_each_knock_counts_once_however_long_it_rings():
@@ -251,15 +213,6 @@ def test_knocks_like_slips_are_refused_with_the_numbers():
     still = recorded(np.zeros((100, 4)))
     with pytest.raises(ValueError, match='knocks: has no step of 4 times its noise on 2 channels'):
         impact_step(CHAIN, still, [track(1)])
-
-
-def test_the_last_digit_of_a_converter_is_no_knock():
-    digit_v = 1e-3
-    volts = np.zeros((4000, 4))
-    volts[100::400] = digit_v  # seldom, and back in the next row
-    assert knocks_v(CHAIN, recorded(volts)).size == 0
-    volts[200::800] = 50.0 * digit_v
-    assert knocks_v(CHAIN, recorded(volts)).tolist() == pytest.approx([50.0 * digit_v] * 5)
 
 
 EVIDENCE = dataclasses.replace(
@@ -388,13 +341,6 @@ def test_hum_without_whole_periods_is_reported_and_not_removed(tmp_path):
     parameters, lines = learn(path, other)
     assert 'mains_hz cannot remove it' in lines
     assert 'mains_hz' not in parameters
-
-
-def test_with_the_decision_of_the_paper_only_the_threshold_is_set(tmp_path):
-    path, _ = recording(tmp_path / 'hum.npz', hum=0.5)
-    parameters, lines = learn(path, CHAIN, per_hour=200.0)
-    assert parameters.keys() == {'threshold'}
-    assert 'mains_hz: 60 would remove it' in lines
 
 
 def test_taps_set_a_step_between_knocks_and_slips(tmp_path):

@@ -33,7 +33,6 @@ from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.tuning.problem import CandidateFigures, Problem, judge
 from slip_detector.tuning.sweep import thresholds
 from slip_detector.tuning.tracks import track_of
-from support.guesses import guessed
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 from support.tuning_cases import CHAIN, problem, slips, study_of, track
 
@@ -124,49 +123,6 @@ def test_nothing_is_worse_than_a_chain_no_better_than_chance_or_one_nearly_alway
     assert GOOD.worse_than(mostly_on._replace(false_time_percent=100.0)) == []
 
 
-class Guesses(Problem):
-    """The problem with decisions that do not depend on slip in place of a chain's."""
-
-    def __init__(self, tracks, on):
-        super().__init__(tracks)
-        object.__setattr__(self, 'on', on)
-
-    def statistics(self, chain, votes):
-        return {vote: [self.on] for vote in votes}
-
-
-@settings(max_examples=20)
-@given(
-    st.integers(0, 2**32 - 1),
-    *[st.floats(0.0, math.log(4000.0)).map(math.exp)] * 2,
-)
-def test_no_guess_costs_less_than_never_being_on(seed, mean_on, mean_off):
-    random = np.random.default_rng(seed)
-    slips, n = 100, 100 * 600
-    truth = np.zeros(n, bool)
-    for start in np.arange(slips) * 600 + random.integers(0, 250, slips):
-        truth[start : start + random.integers(50, 300)] = True
-    quiet = track_of('a', [Samples.evenly(np.zeros((n, 1)), RATE_HZ, truth)], RATE_HZ)
-    guess = Guesses([quiet], guessed(random, n, mean_on, mean_off).astype(float))
-    sides = [guess.as_it_is(dataclasses.replace(CHAIN, threshold=at)) for at in (0.5, 2.0)]
-    assert sides[1].figures.false_time_percent == 0.0
-    rest = float(np.count_nonzero(~truth))
-    alarms = sides[0].figures.false_alarms_per_minute * rest / RATE_HZ / 60.0
-    # Of the share of slips that is found, and of that which chance is said to find.
-    deviation = math.hypot(0.5 / math.sqrt(slips), 200.0 / rest * math.sqrt(alarms))
-    assert sides[0].cost_ms > sides[1].cost_ms - 5.0 * deviation * TuneConfig().missed_costs_ms
-
-
-def test_always_on_costs_all_misses_and_all_of_the_time():
-    truth = np.arange(6000) % 1000 >= 800
-    quiet = track_of('a', [Samples.evenly(np.zeros((6000, 1)), RATE_HZ, truth)], RATE_HZ)
-    guess = Guesses([quiet], np.ones(6000))
-    always, never = (guess.as_it_is(dataclasses.replace(CHAIN, threshold=at)) for at in (0.5, 2.0))
-    config = TuneConfig()
-    assert always.cost_ms == never.cost_ms + 100.0 * config.false_time_costs_ms
-    assert never.cost_ms == config.missed_costs_ms + 0.5 * config.auc_costs_ms
-
-
 def test_a_chain_does_not_gain_by_settling_for_longer():
     volts, truth = slips(1)
     late = track_of(
@@ -189,15 +145,6 @@ def test_a_recording_that_ends_before_the_chain_has_settled_has_no_figures():
     assert objective.as_it_is(CHAIN).cost_ms == math.inf
     assert objective.as_it_is(CHAIN).figures[:5] == (None,) * 5
     assert objective.best(CHAIN) == []
-
-
-def test_the_best_threshold_is_found_for_each_vote():
-    objective = Problem([track(1), track(2)])
-    found = objective.best(CHAIN)
-    assert {one.chain.vote for one in found} == {'all', 'mean', 1}
-    assert [one.cost_ms for one in found] == sorted(one.cost_ms for one in found)
-    assert found[0].cost_ms < objective.as_it_is(CHAIN).cost_ms
-    assert found[0].figures.sooner_than_chance == 1.0
 
 
 def test_a_threshold_next_to_no_evidence_is_not_taken():
@@ -267,16 +214,6 @@ def test_another_problem_has_another_name():
     assert len({one.study_name() for one in (asked, *others)}) == 6
 
 
-def test_a_study_has_the_candidates_of_its_trials():
-    asked = problem([track(1)])
-    assert asked.best_of([]) is asked.choice([]) is None
-    trials = study_of(asked, 2).trials
-    for trial in trials:
-        candidates = asked.candidates(trial)
-        assert candidates == asked.best(candidates[0].chain)
-    assert asked.best_of(trials).cost_ms == min(trial.value for trial in trials)
-
-
 @settings(max_examples=6)
 @given(seed=st.integers(0, 1000), held_hz=st.sampled_from([4.0, 18.0, 70.0, 150.0]))
 def test_the_result_is_never_worse_on_the_held_out_recordings(seed, held_hz):
@@ -306,11 +243,3 @@ def test_with_trade_one_figure_may_get_worse():
     worse = found.figures.worse_than(before.figures)
     assert judge(free, tracks, found).kept == ''
     assert bool(judge(asked, tracks, found).kept) == bool(worse)
-
-
-def test_a_given_chain_that_is_nearly_always_on_is_not_kept():
-    tracks = [track(1), track(2)]
-    asked = problem(tracks, dataclasses.replace(CHAIN, threshold=1e-6))
-    assert asked.figures.false_time_percent > 99.0
-    found = Problem(tracks).as_it_is(QUICK)
-    assert judge(asked, [track(3)], found) == (found.chain, '')

@@ -119,15 +119,6 @@ def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(fil
     assert capsys.readouterr().err.count('stopping') == 2
 
 
-def test_the_best_chain_so_far_is_reported_with_the_number_of_trials(files):
-    reported = []
-    result = tune(files, PARAMETERS, 10, progress=lambda *each: reported.append(each))
-    counts, best = zip(*reported, strict=True)
-    assert counts == (0, *range(1, 9), 8, 9, 10, 10)
-    assert best[0] is None
-    assert best[-1] == result.problem.best_of(result.study.trials)
-
-
 @pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
 def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
     where = where.format(tmp_path)
@@ -141,13 +132,6 @@ def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
         }
         assert told == {0.25: (3.0, 'by a'), 0.5: (2.0, 'by b')}
     assert Study(X, 0, where, 'other').follow() == 0
-
-
-def test_a_point_without_a_chain_counts_as_tried_and_has_no_cost():
-    study = Study(X, seed=0)
-    study.tell(study.ask(), None, {})
-    assert study.follow() == 1
-    assert study.trials == []
 
 
 @pytest.mark.parametrize(

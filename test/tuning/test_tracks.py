@@ -17,7 +17,6 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import COMPILED
@@ -83,21 +82,6 @@ def test_a_track_replays_as_the_recording_that_it_is_of(chain, pieces):
     assert figures_of_merit([replay.run(track.rows(), RATE_HZ)]) == figures_of_merit(
         [replay.run(pieces, RATE_HZ)]
     )
-
-
-@given(recordings(), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
-def test_a_part_of_a_track_has_the_rows_and_labels_of_the_whole(pieces, one, other):
-    whole = track_of('a', pieces, RATE_HZ)
-    first, last = (round(share * len(whole.volts)) for share in sorted([one, other]))
-    if first == last:
-        with pytest.raises(ValueError, match=r'^part: has no samples'):
-            whole.part('part', first, last)
-        return
-    part = whole.part('part', first, last)
-    np.testing.assert_array_equal(part.volts, whole.volts[first:last])
-    np.testing.assert_array_equal(part.kinds, whole.kinds[first:last])
-    if whole.samples.moving is not None:
-        np.testing.assert_array_equal(part.samples.moving, whole.samples.moving[first:last])
 
 
 def test_a_fingerprint_differs_with_volts_labels_and_rate_and_not_with_the_name():
