@@ -15,7 +15,11 @@
 """Each fault of docs/faults.md, caused for real, and what a user sees.
 
 In none of them may ``slip_valid`` be true, with ``slip`` ON or OFF, for longer than
-``input_timeout_s`` after the last sample that counted.
+``input_timeout_s`` after the last sample that counted. Faults of a sensor are in
+``test_driver_live.py``, of messages in ``test_detector_input.py``, of two senders in
+``test_senders.py``, of the grasp controller in ``test_grasp_controller.py``, of parameters in
+``test_detector_parameters.py``, of files in ``test/parameters`` and ``test/recordings``, of the
+launch files in ``test/launch``, of the live page in ``test/view``.
 """
 
 import contextlib
