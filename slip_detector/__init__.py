@@ -17,8 +17,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from slip_detector.chain.result import SlipResult
-    from slip_detector.chain.slip_chain import SlipChain
+    from slip_detector.chain.slip_chain import SlipChain, SlipResult
     from slip_detector.parameters.detector import ChainConfig
 
 __all__ = ['ChainConfig', 'SlipChain', 'SlipResult']
@@ -35,7 +34,7 @@ def __getattr__(name: str) -> Any:
 
         return SlipChain
     if name == 'SlipResult':
-        from slip_detector.chain.result import SlipResult
+        from slip_detector.chain.slip_chain import SlipResult
 
         return SlipResult
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

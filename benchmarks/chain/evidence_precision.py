@@ -28,12 +28,9 @@ from numpy.typing import NDArray
 
 from benchmarks.chain import reference
 from benchmarks.chain.errors import BASELINE_V, quantised, worst_error
-from slip_detector.chain.compiled import compiled
-from slip_detector.chain.evidence import LEAST_EXCESS_DB
-from slip_detector.chain.lanes import LANES, load, store
-from slip_detector.chain.logarithms import root_decibels
-from slip_detector.chain.result import SlipResult
-from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.compiled import LANES, compiled, load, store
+from slip_detector.chain.slip_chain import SlipChain, SlipResult
+from slip_detector.chain.stages import LEAST_EXCESS_DB, root_decibels
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
@@ -53,7 +50,7 @@ EVENT_ROW, EVENT_ROWS, AFTER_ROWS = 500, 8500, 760
 @compiled
 def _decibels(squares: Floats, out: Floats) -> None:
     for at in range(0, squares.size, LANES):
-        store(root_decibels(load(squares, at)), out, at)  # type: ignore[no-untyped-call]
+        store(root_decibels(load(squares, (at,))), out, (at,))  # type: ignore[no-untyped-call]
 
 
 def evidence_config(rate_hz: float, **values: Any) -> ChainConfig:

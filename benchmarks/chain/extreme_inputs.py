@@ -32,8 +32,7 @@ from benchmarks.chain.errors import (
 from benchmarks.chain.rivals import RUNNING_SUMS, WITH_RUNNING_SUMS, run
 from benchmarks.timing import least_times_s
 from slip_detector.chain.compiled import COMPILED
-from slip_detector.chain.result import SlipResult
-from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]

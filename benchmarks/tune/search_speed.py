@@ -36,9 +36,8 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from benchmarks.timing import garbage_collection_off
-from slip_detector.chain.filters import design
+from slip_detector.chain.filters import design, settling_rows
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.settling import settling_rows
 from slip_detector.evaluation.matching import ScoredRows
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig

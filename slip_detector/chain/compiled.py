@@ -12,47 +12,44 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compiles functions with Numba where it is installed; elsewhere they run interpreted."""
+"""Functions that Numba compiles where it is installed, and vectors of sixteen values for them.
 
-import contextlib
-import importlib
-import sys
+Without Numba the same functions run interpreted, and a vector is a small NumPy array.
+
+An inner loop over so few values takes longer to enter than to run, and the compiler does not keep
+its values in registers from one row to the next. Therefore compiled functions use vectors
+explicitly. There are three kinds: of float64, of uint64 (words) and of bool. Operators take two
+vectors of the same kind, or a vector and a number:
+
+- float64: ``+ - * /`` and the comparisons, which are false for NaN;
+- words: ``+ & | >> <<`` and ``!=``;
+- bool: ``& |``.
+
+Every operation is rounded as IEEE 754 demands, and a multiplication is never fused with an
+addition: with and without Numba, and on any processor, the bits are the same.
+"""
+
+import inspect
+import operator
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-
-@contextlib.contextmanager
-def _as_if_missing(module: str) -> Iterator[None]:
-    """Within a block, make the import of a module fail, unless it is loaded already."""
-    if module in sys.modules:
-        yield
-        return
-    sys.modules[module] = None  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        del sys.modules[module]
-
-
 try:
-    # Numba loads the package coverage if it is installed, which takes a tenth of a node's start.
-    # Only a measurement of coverage needs it, and has loaded it already.
-    with _as_if_missing('coverage'):
-        from numba import __version__ as numba_version
-        from numba import njit
+    from numba import __version__ as numba_version
+    from numba import njit
 
     COMPILED = True
 except ImportError:  # not every robot has Numba
     numba_version = ''
     COMPILED = False
 
-
-#: Texts that mark a file with compiled functions.
-MARKS = (b'@compiled', b'@intrinsic')
+#: Values in a vector: twice as many as the widest registers hold, so that the processor computes
+#: one half while it waits for the result of the other.
+LANES = 16
 
 
 def _fingerprint() -> str:
@@ -64,7 +61,7 @@ def _fingerprint() -> str:
     number = zlib.crc32(numba_version.encode())
     for path in sorted(Path(__file__).parents[1].rglob('*.py')):
         source = path.read_bytes()
-        if any(mark in source for mark in MARKS):
+        if b'@compiled' in source or b'@intrinsic' in source:
             number = zlib.crc32(source, number)
     return f'{number:08x}'
 
@@ -72,21 +69,50 @@ def _fingerprint() -> str:
 FINGERPRINT = _fingerprint()
 
 
-def load_numba_alone() -> None:
-    """Load what Numba needs for a compiled function, but not SciPy's linear algebra.
+def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
+    """Compile a function with Numba where it is installed, with a cache on disk.
 
-    For its first compiled function Numba tries to load ``scipy.linalg``, which takes a sixth of a
-    node's start and is of no use to the chain. This function makes that fail. Afterwards Numba
-    cannot compile ``numpy.cov`` and ``numpy.corrcoef`` in this process; SciPy itself can still be
-    loaded.
-
-    Examples
-    --------
-    >>> load_numba_alone()
+    Numba uses a cached function as long as its own file is unchanged, even where functions of
+    other files that are compiled into it have changed. Therefore the name in the cache depends on
+    all files with compiled functions and on Numba's version, and no cached function is stale.
     """
-    if COMPILED:
-        with _as_if_missing('scipy.linalg'):
-            importlib.import_module('numba.np.arraymath')
+    if not COMPILED:
+        return function
+    function.__qualname__ += f'_{FINGERPRINT}'
+    # error_model: Python's check of each divisor would take a tenth of a scene's time. _nrt:
+    # without it Numba compiles a function with the setting of its caller.
+    common = {'cache': True, 'error_model': 'numpy', '_nrt': True}
+    dispatcher: Callable[..., Any] = njit(**common | options)(function)
+    return dispatcher
+
+
+def compiled_in_place(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that makes no array and no list, so that a call costs little.
+
+    Numba counts no references in such a function. It refuses to compile one that makes an array;
+    to Python it may return numbers, but no arrays.
+    """
+    return compiled(function, _nrt=False)
+
+
+def compiled_within(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function in place, whose code becomes part of the functions that call it."""
+    return compiled(function, _nrt=False, forceinline=True)
+
+
+def compiled_for(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+    """Return a compiled function for calls from Python with arguments of the types of these.
+
+    An ordinary compiled function looks up the types of its arguments at each call. This one does
+    not check them: with another type it would read and write memory wrongly.
+    """
+    if not COMPILED:
+        return np.errstate(all='ignore')(function)  # Compiled code overflows silently.
+    from numba import typeof
+
+    dispatcher: Any = function
+    entry: Callable[..., Any] = dispatcher.compile(tuple(map(typeof, arguments)))
+    return entry
 
 
 def on_compiling(say: Callable[[str], None]) -> None:
@@ -118,58 +144,192 @@ def on_compiling(say: Callable[[str], None]) -> None:
     event.register('numba:compile', Listener())
 
 
-def as_silent(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that overflows silently when interpreted, as compiled code does."""
-    return function if COMPILED else np.errstate(all='ignore')(function)
+if not COMPILED:
+    select, square_root, absolute, floor = np.where, np.sqrt, np.abs, np.floor
+
+    def _lanes_from(at):
+        return (*at[:-1], slice(at[-1], at[-1] + LANES))
+
+    def load(array, at):
+        """Return the values of an array from the index ``at``, a tuple, on."""
+        return array[_lanes_from(at)].copy()
+
+    def store(values, array, at):
+        """Write a vector to an array from the index ``at`` on."""
+        array[_lanes_from(at)] = values
+
+    store_past_caches = store
+
+    def spread(value):
+        """Return a number in all lanes."""
+        return np.full(LANES, value)
+
+    def words_of(values):
+        """Return the bits of float64 as words."""
+        return values.view(np.uint64)
+
+    def floats_of(words):
+        """Return words, read as the bits of float64."""
+        return words.view(np.float64)
+
+else:
+    from llvmlite import ir
+    from numba.core import cgutils, types
+    from numba.extending import intrinsic, models, overload, register_model
+
+    #: Since llvmlite 0.44 (of Numba 0.61) a pointer has no type of what it points to.
+    NEEDS_TYPE = 'typ' in inspect.signature(ir.IRBuilder.load).parameters
+
+    class Lanes(types.Type):
+        """Numba's type of a vector, with Numba's and LLVM's type of each value."""
+
+        def __init__(self, element, bits):
+            self.element, self.bits = element, bits
+            super().__init__(f'{LANES} {element}')
+
+    @register_model(Lanes)
+    class _LanesModel(models.PrimitiveModel):
+        """Represents a vector as one LLVM value."""
+
+        def __init__(self, manager, kind):
+            super().__init__(manager, kind, ir.VectorType(kind.bits, LANES))
+
+    BOOLS = Lanes(types.boolean, ir.IntType(1))
+    FLOATS = Lanes(types.float64, ir.DoubleType())
+    WORDS = Lanes(types.uint64, ir.IntType(64))
+    KINDS = {kind.element: kind for kind in (BOOLS, FLOATS, WORDS)}
+
+    def _in_all_lanes(builder, value):
+        """Put a number into all lanes; leave a vector as it is."""
+        if isinstance(value.type, ir.VectorType):
+            return value
+        kind, index = ir.VectorType(value.type, LANES), ir.IntType(32)
+        one = builder.insert_element(ir.Constant(kind, ir.Undefined), value, index(0))
+        zeros = ir.Constant(ir.VectorType(index, LANES), [0] * LANES)
+        return builder.shuffle_vector(one, one, zeros)
+
+    def _of_vectors(result, emit):
+        """Return the result type and a code generator for ``intrinsic``.
+
+        ``emit`` gets the builder and the arguments, of which numbers are spread to all lanes.
+        """
+
+        def codegen(context, builder, signature, args):
+            return emit(builder, *(_in_all_lanes(builder, value) for value in args))
+
+        return result, codegen
+
+    def _operator(function, kind, result, name, *before):
+        """Define an operator of two vectors, or of a vector and a number, by LLVM's name of it."""
+
+        @intrinsic
+        def call(typing, a, b):
+            emit = lambda builder, a, b: getattr(builder, name)(*before, a, b)  # noqa: E731
+            return _of_vectors(result(a, b), emit)
+
+        @overload(function, jit_options={'forceinline': True})
+        def _(a, b):
+            if kind in (a, b) and {a, b} <= {kind, kind.element}:
+                return lambda a, b: call(a, b)  # noqa: PLW0108 - Numba compiles it
+            return None
+
+    for _name in ('add', 'sub', 'mul', 'truediv'):
+        _operator(getattr(operator, _name), FLOATS, FLOATS, f'f{_name[-3:]}')
+    for _name, _sign in (('gt', '>'), ('ge', '>='), ('lt', '<'), ('le', '<='), ('eq', '==')):
+        _operator(getattr(operator, _name), FLOATS, BOOLS, 'fcmp_ordered', _sign)
+    for _name, _instruction in (('add', 'add'), ('lshift', 'shl'), ('rshift', 'lshr')):
+        _operator(getattr(operator, _name), WORDS, WORDS, _instruction)
+    for _kind in (BOOLS, WORDS):
+        _operator(operator.and_, _kind, _kind, 'and_')
+        _operator(operator.or_, _kind, _kind, 'or_')
+    _operator(operator.ne, WORDS, BOOLS, 'icmp_unsigned', '!=')
+
+    def _pointer(context, builder, vector, array_type, at_type, array, at):
+        """Return a pointer to the vector at an index of an array."""
+        array = context.make_array(array_type)(context, builder, array)
+        indices = [
+            context.cast(builder, index, kind, types.intp)
+            for index, kind in zip(cgutils.unpack_tuple(builder, at), at_type, strict=True)
+        ]
+        address = cgutils.get_item_pointer(context, builder, array_type, array, indices)
+        return builder.bitcast(address, vector.as_pointer())
+
+    @intrinsic
+    def load(typing, array, at):
+        """Return the values of an array from the index ``at``, a tuple, on."""
+        kind = KINDS[array.dtype]
+        vector = ir.VectorType(kind.bits, LANES)
+
+        def codegen(context, builder, signature, args):
+            pointer = _pointer(context, builder, vector, *signature.args, *args)
+            return builder.load(pointer, align=8, **({'typ': vector} if NEEDS_TYPE else {}))
+
+        return kind(array, at), codegen
+
+    @intrinsic
+    def store(typing, values, array, at):
+        """Write a vector to an array from the index ``at`` on; a bool takes one byte."""
+
+        def codegen(context, builder, signature, args):
+            value, align = args[0], 8
+            if values == BOOLS:
+                value, align = builder.zext(value, ir.VectorType(ir.IntType(8), LANES)), 1
+            pointer = _pointer(context, builder, value.type, *signature.args[1:], *args[1:])
+            builder.store(value, pointer, align=align)
+            return context.get_dummy_value()
+
+        return types.void(values, array, at), codegen
+
+    @intrinsic
+    def store_past_caches(typing, values, array, at):
+        """Write a vector of float64 to where a cache line begins, without fetching it first."""
+
+        def codegen(context, builder, signature, args):
+            vector = args[0].type
+            pointer = _pointer(context, builder, vector, *signature.args[1:], *args[1:])
+            written = builder.store(args[0], pointer, align=64)
+            mark = builder.module.add_metadata([ir.IntType(32)(1)])
+            written.set_metadata('nontemporal', mark)
+            return context.get_dummy_value()
+
+        return types.void(values, array, at), codegen
+
+    @intrinsic
+    def spread(typing, value):
+        """Return a number in all lanes."""
+        return _of_vectors(KINDS[value](value), lambda builder, a: a)
+
+    @intrinsic
+    def select(typing, mask, a, b):
+        """Return ``a`` in the lanes where the mask is set, ``b`` in the others."""
+        kind = a if isinstance(a, Lanes) else b if isinstance(b, Lanes) else KINDS[a]
+        return _of_vectors(kind(mask, a, b), lambda builder, *args: builder.select(*args))
+
+    def _of_floats(name):
+        """Return the LLVM intrinsic of a name for vectors of float64."""
+
+        def emit(builder, a):
+            kind = ir.FunctionType(a.type, [a.type])
+            called = cgutils.get_or_insert_function(
+                builder.module, kind, f'llvm.{name}.v{LANES}f64'
+            )
+            return builder.call(called, [a])
+
+        return intrinsic(lambda typing, values: _of_vectors(FLOATS(values), emit))
+
+    def _bits_as(kind):
+        """Return a function that reads the bits of a vector as another kind."""
+
+        def emit(builder, a):
+            return builder.bitcast(a, ir.VectorType(kind.bits, LANES))
+
+        return intrinsic(lambda typing, values: _of_vectors(kind(values), emit))
+
+    square_root, absolute, floor = map(_of_floats, ('sqrt', 'fabs', 'floor'))
+    words_of, floats_of = map(_bits_as, (WORDS, FLOATS))
 
 
-def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
-    """Compile a function with Numba where it is installed, with a cache on disk.
-
-    The options are Numba's: with ``forceinline=True`` the function's code always becomes part of
-    the functions that call it.
-
-    Numba uses a cached function as long as its own file is unchanged, even where functions of
-    other files that are compiled into it have changed. Therefore the name in the cache depends on
-    all files with compiled functions and on Numba's version, and no cached function is stale.
-    """
-    if not COMPILED:
-        return function
-    function.__qualname__ += f'_{FINGERPRINT}'
-    # error_model: Python's check of each divisor would take a tenth of a scene's time. _nrt:
-    # without it Numba compiles a function with the setting of its caller.
-    common = {'cache': True, 'error_model': 'numpy', '_nrt': True}
-    kept: Callable[..., Any] = njit(**common | options)(function)
-    return kept
-
-
-def compiled_in_place(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
-    """Compile a function that makes no array and no list, so that a call costs little.
-
-    Numba counts no references in such a function. In others it wraps each array of a call from
-    Python in an object that keeps the array alive, and counts references to all array arguments,
-    those within tuples too.
-
-    Numba refuses to compile such a function if it makes an array. To Python it may return numbers,
-    but no arrays.
-    """
-    return compiled(function, _nrt=False, **options)
-
-
-def compiled_for(signature: str, function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a compiled function for calls from Python with arguments of exactly these types.
-
-    An ordinary compiled function looks up the types of its arguments at each call. This one does
-    not check them: with another type it would read and write memory wrongly.
-
-    Parameters
-    ----------
-    signature
-        The types as Numba writes them, such as ``(float64[:, ::1], int64)``.
-    function
-        A result of :func:`compiled` or :func:`compiled_in_place`; compiled or loaded at once.
-    """
-    if not COMPILED:
-        return function
-    kept: Callable[..., Any] = function.compile(signature)  # type: ignore[attr-defined]
-    return kept
+@compiled_in_place
+def is_number(values):
+    """Return which values are not NaN."""
+    return values == values  # noqa: PLR0124

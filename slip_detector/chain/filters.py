@@ -12,19 +12,36 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The chain's filter network as second-order sections: design, response, delay, stability."""
+"""The chain's filter network as second-order sections: design, response, and how long it settles.
 
+The chain assumes that the input was constant before its first row. If it was not, as after a gap
+during a slip, the first results are a response to that error and not to the signal, until the
+chain has settled.
+"""
+
+import contextlib
 import functools
+import hashlib
+import math
+import os
+import sys
+import zlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
-from slip_detector.chain import design_cache
+from slip_detector.chain.stages import floor_steps_db
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.files import whole_file, writable_folder
 
 Array = NDArray[np.float64]
+
+#: Folder in which designs are kept, in the user's cache (XDG base directory specification).
+FOLDER = Path(os.environ.get('XDG_CACHE_HOME') or '~/.cache').expanduser() / 'slip_detector'
 
 #: Largest relative error of the designed gain at an edge; a design with a larger one is refused.
 EDGE_TOLERANCE = 1e-3
@@ -36,6 +53,16 @@ LARGEST_ROUND_OFF = 3e-6
 #: Least distance of a pole from the unit circle: in float64 a closer pole cannot be distinguished
 #: from an unstable one.
 STABILITY_MARGIN = 1e-9
+
+#: Filters have settled when their step response is below this share of its peak.
+SETTLED = 0.01
+
+#: Lower limit of the offset in the time that evidence takes to fall, which bounds that time.
+LEAST_OFFSET_DB = 0.5
+
+#: A floor that is not learnt begins at the first envelope. In noise alone that may be this far
+#: above the level where the floor settles.
+FIRST_FLOOR_DB = 5.0
 
 
 def design(config: ChainConfig) -> Array:
@@ -81,8 +108,25 @@ def design(config: ChainConfig) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _unit_gain_network(*parameters: Any) -> Array:
-    """Return the network with a gain of 1, from a cache in memory or on disk if possible."""
-    return design_cache.load_or_make(parameters, lambda: _designed_network(*parameters))
+    """Return the network with a gain of 1, from the user's cache on disk if that saves time.
+
+    Loading SciPy's signal package takes longer than loading everything else that a chain needs. If
+    it is loaded already, nothing is read or written.
+    """
+    if 'scipy.signal' in sys.modules:
+        return _designed_network(*parameters)
+    source = zlib.crc32(Path(__file__).read_bytes())
+    key = repr((scipy.__version__, np.__version__, source, parameters))
+    path = FOLDER / f'design-{hashlib.sha256(key.encode()).hexdigest()[:32]}.npy'
+    with contextlib.suppress(OSError, ValueError, EOFError):  # missing or damaged
+        sections: Array = np.load(path)
+        if sections.shape[1:] == (6,) and sections.dtype == np.float64:
+            return sections
+    sections = _designed_network(*parameters)
+    # Without the file the next start only takes longer.
+    with contextlib.suppress(ValueError), whole_file(writable_folder(FOLDER) / path.name) as new:
+        np.save(new, sections)
+    return sections
 
 
 def _designed_network(
@@ -205,3 +249,62 @@ def group_delay_s(sections: Array, frequency_hz: Array, rate_hz: float) -> Array
             slope = powers @ (np.arange(3) * coefficients)
             delay += sign * np.real(slope / value)
     return delay / rate_hz
+
+
+def settling_rows(config: ChainConfig) -> int:
+    """Return the number of rows in which filters, windows, evidence and floors settle.
+
+    After these rows the response of the filters to a step at the first row has fallen below
+    :data:`SETTLED` of its peak, and larger values have left the windows. The response begins only
+    after the rows of the mains comb, whose output is 0 before. Evidence has fallen from its limit,
+    and a floor that is not learnt by :data:`FIRST_FLOOR_DB`, unless its rate is 0.
+
+    Raises
+    ------
+    ValueError
+        When a filter of the configuration cannot be run in float64.
+
+    Examples
+    --------
+    >>> settling_rows(ChainConfig())  # 0.43 s: 134 for the filters, 15 for each window
+    164
+    >>> settling_rows(ChainConfig(stopbands_hz=()))
+    94
+    >>> evidence = ChainConfig(decision='evidence', noise_floor=1e-3, noise_floor_learnt=True)
+    >>> settling_rows(evidence)  # 134, 15 for the envelope, 141 for the evidence
+    290
+    """
+    rows = config.mains_rows + _filter_rows(design(config))
+    rows += config.samples(config.envelope_window_s)
+    if config.decision == 'mean':
+        return rows + config.samples(config.decision_window_s)
+    floor_rows = 0
+    _, down_db = floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
+    if down_db and not config.noise_floor_learnt:
+        floor_rows = math.ceil(min(FIRST_FLOOR_DB, config.noise_floor_range_db) / down_db)
+    return rows + max(config.samples(evidence_falls_s(config)), floor_rows)
+
+
+def evidence_falls_s(config: ChainConfig) -> float:
+    """Return the time, in seconds, in which evidence falls from its limit to 0 in noise alone.
+
+    Examples
+    --------
+    >>> config = ChainConfig(decision='evidence', noise_floor=1e-3, evidence_offset_db=2.6)
+    >>> evidence_falls_s(config)
+    0.5
+    """
+    return config.evidence_limit_db_s / max(config.evidence_offset_db, LEAST_OFFSET_DB)
+
+
+def _filter_rows(sections: Array) -> int:
+    from scipy import signal
+
+    rows = 256
+    while True:
+        size = np.abs(signal.sosfilt(sections, np.ones(rows)))
+        last = int(np.flatnonzero(size > SETTLED * size.max())[-1])
+        # The response has settled if it stays small for as long as it took to become small.
+        if last < rows // 2:
+            return last + 1
+        rows *= 2

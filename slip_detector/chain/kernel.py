@@ -15,101 +15,225 @@
 """The kernel: all stages of the chain over rows of volts, from samples to decisions.
 
 It is plain Python that Numba compiles; without Numba the same functions run interpreted, with the
-same bits. The kernel processes channels in tiles of sixteen (:mod:`slip_detector.chain.lanes`) and
-rows in blocks of at most 64, so that the data of a block stay in the first-level cache. All blocks
-of a chunk pass one tile before the next tile, so that the tile's state stays there too. No result
-of a row depends on where a block, a chunk or a call begins, so any cut of the rows gives the same
-bits.
+same bits. The kernel processes channels in tiles of sixteen (:data:`.LANES`) and rows in blocks of
+at most 64, so that the data of a block stay in the first-level cache. All blocks of a chunk pass
+one tile before the next tile, so that the tile's state stays there too. No result of a row depends
+on where a block, a chunk or a call begins, so any cut of the rows gives the same bits.
 """
 
+from collections.abc import Callable, Sequence
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from slip_detector.chain.common_mode import NO_COMMON_MODE, find_common_mode
-from slip_detector.chain.compiled import as_silent, compiled_for, compiled_in_place
-from slip_detector.chain.evidence import (
-    gains_of_evidence,
-    hold_evidence,
-    rows_of_impact,
-    sum_evidence,
+from slip_detector.chain.compiled import (
+    LANES,
+    compiled_for,
+    compiled_in_place,
+    compiled_within,
+    load,
+    spread,
+    store,
 )
-from slip_detector.chain.lanes import LANES, LINE, load, spread, store
-from slip_detector.chain.plan import parts_of
 from slip_detector.chain.stages import (
-    ENVELOPE_HEAD,
-    ENVELOPE_ROW,
+    DELAYS,
     FIRST_ROW,
-    FIXED_SLOTS,
-    LEVEL_HEAD,
-    LEVEL_ROW,
+    LEAST_DB,
     NO_ROW,
     WORD_ROWS,
     check_samples,
-    keep_roots,
+    floor_steps_db,
     load_deviations,
     rectified_power,
     rows_above,
     run_filters,
-    take_off_mains,
+    subtract_mains,
+    sum_evidence,
     window_means,
 )
 from slip_detector.chain.votes import (
-    VOTE_ALL,
+    COMMON_MODE_NUMBERS,
+    DIGITS,
+    NO_COMMON_MODE,
     VOTE_MEAN,
+    decide,
+    find_common_mode,
+    find_statistics,
     gather_levels,
-    raise_to_votes,
-    rows_of_all,
-    rows_of_any,
-    rows_of_count,
+    rows_of_impact,
+    vote_numbers,
 )
+from slip_detector.parameters.detector import ChainConfig
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Words = NDArray[np.uint64]
+
+#: Words of each channel in a chunk of rows. With many channels the state is larger than the caches
+#: and is fetched once per chunk.
+CHUNK_WORDS = 8
 
 #: Signals of more values than this (2 MB) are written past the caches: an ordinary store would
 #: first fetch the cache line that it overwrites.
 CACHED_VALUES = 2**18
 
 #: Bits of the argument ``kept``: which signals are wanted, in the order of their columns.
-KEEP_ENVELOPE, KEEP_LEVEL, KEEP_FLOOR, KEEP_EXCESS = 1, 2, 4, 8
+KEEP_ENVELOPE, KEEP_LEVEL, KEEP_FLOOR, KEEP_EXCESS, PAST_CACHES = 1, 2, 4, 8, 16
 
-#: The types of the arguments of :func:`run`.
-SIGNATURE = (
-    '(float64[:, ::1], boolean[:, ::1], float64[:, ::1], float64[:, :, ::1], float64[::1], int64)'
+#: The parameters as the kernel reads them: numbers, first those that are whole. Without mains,
+#: impacts or evidence ``comb_rows``, ``impact_v`` or ``evidence`` is 0; with evidence
+#: ``level_rows`` is.
+WHOLE = (
+    'common_mode', 'full_wave', 'exponent', 'vote', 'envelope_rows', 'level_rows', 'comb_rows',
+    'evidence', 'impact_channels', 'hold_rows',
+)  # fmt: skip
+REAL = (
+    'flat_rows', 'threshold', 'floor_range_db', 'floor_up_db', 'floor_down_db', 'cap_db',
+    'offset_db', 'limit_db_s', 'period_s', 'impact_v',
+)  # fmt: skip
+SETTINGS = np.dtype(
+    (np.record, [(name, np.int64) for name in WHOLE] + [(name, np.float64) for name in REAL])
 )
 
-#: The vote ``mean`` alone, in the form that :func:`raise_to_votes` takes.
-MEAN_ALONE = np.array([VOTE_MEAN])
+
+class Plan(NamedTuple):
+    """All inputs of the kernel except samples and state, and its working memory.
+
+    There are t tiles of c columns, g groups and v votes whose statistic is wanted. The working
+    memory has w words for each column: one if levels are gathered for votes, else ``CHUNK_WORDS``.
+
+    Attributes
+    ----------
+    settings : ndarray of :data:`SETTINGS`, shape (1,)
+    limits : ndarray, shape (t, 3, 16)
+        Lowest and highest good sample, and least noise floor in dB, of each column.
+    sections : ndarray, shape (s, 6)
+        The filters.
+    active : ndarray of int
+        The tiles with an enabled channel.
+    members, bounds : ndarray of int
+        Columns of the enabled channels of all groups, and where those of each group begin and end.
+    votes : ndarray of int, shape (v,)
+        The votes whose statistic is wanted.
+    block : ndarray, shape (64, 16)
+        Rows of a tile, which the stages replace in place.
+    common_v : ndarray, shape (w, 64)
+        Common mode of each row.
+    on, valid, steps : ndarray of words, shape (w, c)
+        The rows in which each channel is ON, valid, or steps as in an impact.
+    held : ndarray of words, shape (w,)
+        Rows within the hold time of an impact.
+    decisions : ndarray of words, shape (columns of flags,)
+        The flags, as words.
+    digits : ndarray of words
+        Digits for counting channels.
+    by_channel : ndarray, shape (c, 64)
+        For the common mode and for the votes; empty if these do not need it.
+    statistics : ndarray, shape (v or 1, 64)
+        Statistic of each vote.
+    """
+
+    settings: NDArray[np.void]
+    limits: Floats
+    sections: Floats
+    active: Ints
+    members: Ints
+    bounds: Ints
+    votes: Ints
+    block: Floats
+    common_v: Floats
+    on: Words
+    valid: Words
+    steps: Words
+    held: Words
+    decisions: Words
+    digits: Words
+    by_channel: Floats
+    statistics: Floats
 
 
-@compiled_in_place
-def _decide(rows, vote, threshold, on, valid, layout, scratch):
-    """Compute the vote of each group's valid channels (Table 1) and the OR of the groups."""
-    n_groups, slip = layout.bounds.size - 1, NO_ROW
-    for g in range(n_groups):
-        first, end = layout.bounds[g], layout.bounds[g + 1]
-        members = layout.members[first:end]
-        if vote > 0:
-            able = rows_of_count(vote, members, valid, valid, scratch.digits)
-            decision = rows_of_count(vote, members, on, valid, scratch.digits)
-        else:
-            able = rows_of_any(members, valid)
-            if vote == VOTE_ALL:
-                decision = rows_of_all(members, on, valid)
-            else:
-                scratch.mean[:] = 0.0
-                bounds = layout.bounds[g : g + 2]
-                raise_to_votes(scratch.levels, bounds, rows, MEAN_ALONE, scratch.mean)
-                decision, row = NO_ROW, FIRST_ROW
-                for k in range(rows):
-                    decision |= row if scratch.mean[0, k] > threshold else NO_ROW
-                    row = row << FIRST_ROW
-        scratch.decisions[1 + g], scratch.decisions[1 + n_groups + g] = decision, able
-        slip |= decision
-    scratch.decisions[0] = slip
-    first, channels = 1 + 2 * n_groups, layout.flag_seats.size
-    for c in range(channels):
-        seat = layout.flag_seats[c]
-        scratch.decisions[first + c] = on[seat]
-        scratch.decisions[first + channels + c] = valid[seat]
+def tiles_of(config: ChainConfig) -> int:
+    """Return the number of tiles of sixteen columns that a configuration has."""
+    return -(-config.channels // LANES)
+
+
+def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -> Plan:
+    """Return the plan of a chain: its configuration, the filters' sections and wanted votes."""
+    tiles, disabled = tiles_of(config), {channel - 1 for channel in config.disabled_channels}
+    enabled = [channel for channel in range(config.channels) if channel not in disabled]
+    # In an empty range no sample is good. The floors of columns without a channel have no effect.
+    limits = np.tile([[np.inf], [-np.inf], [0.0]], tiles * LANES)
+    limits[:LEAST_DB, enabled] = np.transpose([config.valid_range_v])
+    if config.decision == 'evidence':
+        limits[LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floors)
+    groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
+    wanted = vote_numbers(votes)
+    gathered = config.vote == 'mean' or len(votes) > 0
+    words = 1 if gathered else CHUNK_WORDS
+    by_channel = gathered or config.common_mode != 'none'
+    return Plan(
+        settings=_settings_of(config),
+        limits=np.ascontiguousarray(limits.reshape(3, tiles, LANES).swapaxes(0, 1)),
+        sections=sections,
+        active=np.unique(np.array(enabled, np.int64) // LANES),
+        members=np.array([c for group in groups for c in group], np.int64),
+        bounds=np.cumsum([0] + [len(group) for group in groups], dtype=np.int64),
+        votes=wanted,
+        block=aligned((WORD_ROWS, LANES)),
+        common_v=np.zeros((words, WORD_ROWS)),
+        on=np.zeros((words, tiles * LANES), np.uint64),
+        valid=np.zeros((words, tiles * LANES), np.uint64),
+        steps=np.zeros((words, tiles * LANES), np.uint64),
+        held=np.zeros(words, np.uint64),
+        decisions=np.zeros(1 + 2 * len(groups) + 2 * config.channels, np.uint64),
+        digits=np.zeros(DIGITS, np.uint64),
+        by_channel=np.zeros((tiles * LANES * by_channel, WORD_ROWS)),
+        statistics=np.zeros((max(len(votes), 1), WORD_ROWS)),
+    )
+
+
+def _settings_of(config: ChainConfig) -> NDArray[np.void]:
+    evidence = config.decision == 'evidence'
+    up_db, down_db = floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
+    settings = {
+        'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
+        'threshold': config.threshold,
+        'common_mode': COMMON_MODE_NUMBERS[config.common_mode],
+        'full_wave': config.rectify == 'full',
+        'exponent': config.exponent,
+        'vote': vote_numbers([config.vote])[0],
+        'envelope_rows': config.samples(config.envelope_window_s),
+        'level_rows': 0 if evidence else config.samples(config.decision_window_s),
+        'comb_rows': config.mains_rows,
+        'evidence': evidence,
+        'floor_range_db': config.noise_floor_range_db,
+        'floor_up_db': up_db,
+        'floor_down_db': down_db,
+        'cap_db': config.evidence_cap_db,
+        'offset_db': config.evidence_offset_db,
+        'limit_db_s': config.evidence_limit_db_s,
+        'period_s': 1.0 / config.sample_rate_hz,
+        'impact_v': config.impact_v if evidence else 0.0,
+        'impact_channels': config.impact_channels,
+        'hold_rows': config.samples(config.impact_hold_s),
+    }
+    return np.array([tuple(settings[name] for name in (*WHOLE, *REAL))], SETTINGS)
+
+
+def aligned(shape: tuple[int, ...], new: Callable[[int], Floats] = np.zeros) -> Floats:
+    """Return zeros that begin where a cache line does, where vectors are loaded in half the time.
+
+    Examples
+    --------
+    >>> aligned((3, 16)).ctypes.data % 64
+    0
+    """
+    size = int(np.prod(shape))
+    values = new(size + 8)
+    skip = -(values.ctypes.data // values.itemsize) % 8
+    return values[skip : skip + size].reshape(shape)
 
 
 @compiled_in_place
@@ -125,46 +249,10 @@ def _write_flags(decisions, flags, start, rows):
         return
     for first in range(0, width, LANES):
         i = min(first, width - LANES)
-        words, row = load(decisions, i), spread(FIRST_ROW)
+        words, row = load(decisions, (i,)), spread(FIRST_ROW)
         for k in range(start, start + rows):
             store((words & row) != NO_ROW, flags, (k, i))
             row = row + row
-
-
-@compiled_in_place
-def _write_statistics(rows, layout, threshold, scratch, signals, start):
-    """Write the statistic of each vote (above 1: ON) to the last columns of ``signals``."""
-    scratch.statistics[:] = 0.0
-    raise_to_votes(scratch.levels, layout.bounds, rows, layout.votes, scratch.statistics)
-    column = signals.shape[1] - layout.votes.size
-    for v in range(layout.votes.size):
-        if threshold != 1.0:  # saves the division for the tuner, which sets 1
-            for k in range(0, rows, LANES):
-                store(load(scratch.statistics, (v, k)) / threshold, scratch.statistics, (v, k))
-        for k in range(rows):
-            signals[start + k, column + v] = scratch.statistics[v, k]
-
-
-@compiled_in_place
-def _take_all_channels(volts, chunk, end, settings, ranges, layout, tiles, scratch):
-    """Run the stages that need all channels of a row: check of samples, impacts, common mode."""
-    for start in range(chunk, end, WORD_ROWS):
-        rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
-        if settings.impact_v > 0.0:
-            scratch.held[w] = rows_of_impact(
-                volts, start, rows, settings, ranges, layout, tiles, scratch.steps, scratch.digits
-            )
-        for t in range(layout.bases.size):
-            check_samples(
-                volts, start, rows, layout.bases[t], ranges[t], settings.flat_rows, tiles[t],
-                scratch.valid, (w, t * LANES),
-            )  # fmt: skip
-        if settings.common_mode != NO_COMMON_MODE:
-            find_common_mode(
-                volts, start, rows, int(settings.common_mode), layout.bases, layout.columns,
-                layout.seats, ranges, tiles, scratch.valid[w], scratch.deviations,
-                scratch.common_v[w],
-            )  # fmt: skip
 
 
 @compiled_in_place
@@ -179,78 +267,114 @@ def _column(kept, signal, column, width):
     return column + width * ((before & 1) + ((before >> 1) & 1) + (before >> 2))
 
 
-@compiled_in_place
-def _run_tile(
-    volts, chunk, end, t, settings, checked, tile_range, least_db, sections, layout, tile, scratch,
-    signals, kept, past_caches,
-):  # fmt: skip
+@compiled_within
+def _run_tile(volts, chunk, end, t, settings, checked, tile, plan, signals, kept):
     """Run the rows of a chunk through one tile, up to the ON and valid bits of its channels.
 
     ``checked`` tells whether the samples have been checked already.
     """
-    block, column, width = scratch.block, layout.bases[t], volts.shape[1]
-    comb_rows = int(settings.comb_rows)
-    envelope_rows, level_rows = int(settings.envelope_rows), int(settings.level_rows)
-    comb_tail = FIXED_SLOTS + 2 * sections.shape[0]
-    envelope_tail = comb_tail + comb_rows
-    level_tail = envelope_tail + envelope_rows + 1
+    block, column, width, limits = plan.block, t * LANES, volts.shape[1], plan.limits[t]
+    past_caches = kept & PAST_CACHES != 0
+    comb = DELAYS + 2 * plan.sections.shape[0]
+    envelopes = comb + settings.comb_rows + 1
+    levels = envelopes + settings.envelope_rows + 3
     envelope_column = _column(kept, KEEP_ENVELOPE, column, width)
     level_column = _column(kept, KEEP_LEVEL, column, width)
+    floor_column = _column(kept, KEEP_FLOOR, column, width)
+    excess_column = _column(kept, KEEP_EXCESS, column, width)
     for start in range(chunk, end, WORD_ROWS):
-        rows, at = min(WORD_ROWS, end - start), ((start - chunk) // WORD_ROWS, t * LANES)
+        rows, at = min(WORD_ROWS, end - start), ((start - chunk) // WORD_ROWS, column)
         if not checked:
             check_samples(
-                volts, start, rows, column, tile_range, settings.flat_rows, tile, scratch.valid, at
+                volts, start, rows, column, limits, settings, tile, plan.valid, plan.steps, at
             )
-        load_deviations(
-            volts, start, rows, column, tile_range, scratch.common_v[at[0]], tile, block
-        )
-        if comb_rows > 0:
-            take_off_mains(block, rows, comb_rows, load(scratch.valid, at), tile, comb_tail)
-        run_filters(block, rows, sections, tile)
-        rectified_power(block, rows, settings.full_wave != 0.0, int(settings.exponent))
+        load_deviations(volts, start, rows, column, limits, plan.common_v[at[0]], tile, block)
+        if settings.comb_rows > 0:
+            subtract_mains(block, rows, settings.comb_rows, tile, comb)
+        run_filters(block, rows, plan.sections, tile)
+        rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
         if settings.evidence:
             window_means(
-                block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail,
-                False, signals, start, -1, False,
-            )  # fmt: skip
-            if envelope_column >= 0:
-                keep_roots(block, rows, signals, start, envelope_column)
-            gains_of_evidence(
-                block, rows, settings, load(least_db, (t, 0)),
-                settings.comb_rows + settings.envelope_rows,
-                load(scratch.valid, at), scratch.held[at[0]], tile, signals, start,
-                _column(kept, KEEP_FLOOR, column, width),
-                _column(kept, KEEP_EXCESS, column, width),
-            )  # fmt: skip
+                block,
+                rows,
+                settings.envelope_rows,
+                tile,
+                envelopes,
+                False,
+                signals,
+                start,
+                -1,
+                False,
+            )
             sum_evidence(
-                block, rows, settings.limit_db_s, tile, signals, start, level_column,
-                past_caches and level_column % LINE == 0,
+                block, rows, settings, load(limits, (LEAST_DB, 0)), load(plan.valid, at),
+                plan.held[at[0]], tile, signals, start, envelope_column, level_column,
+                floor_column, excess_column, past_caches,
             )  # fmt: skip
-            hold_evidence(block, rows, tile)
         else:
             window_means(
-                block, rows, envelope_rows, tile, ENVELOPE_ROW, ENVELOPE_HEAD, envelope_tail,
-                True, signals, start, envelope_column, past_caches and envelope_column % LINE == 0,
+                block, rows, settings.envelope_rows, tile, envelopes, True, signals, start,
+                envelope_column, past_caches
             )  # fmt: skip
             window_means(
-                block, rows, level_rows, tile, LEVEL_ROW, LEVEL_HEAD, level_tail,
-                False, signals, start, level_column, past_caches and level_column % LINE == 0,
-            )  # fmt: skip
-        rows_above(block, rows, settings.threshold, scratch.on, at)
-        if scratch.levels.size:
-            gather_levels(block, rows, scratch.valid, at, scratch.levels, layout.places)
+                block,
+                rows,
+                settings.level_rows,
+                tile,
+                levels,
+                False,
+                signals,
+                start,
+                level_column,
+                past_caches,
+            )
+        rows_above(block, rows, settings.threshold, plan.on, at)
+        if settings.vote == VOTE_MEAN or plan.votes.size:
+            gather_levels(block, rows, plan.valid, at, plan.by_channel)
 
 
-@compiled_in_place
-def _write_held(held, signals, column, start, rows):
-    """Write 1 for the rows within the hold time of an impact, 0 for the others."""
-    for k in range(start, start + rows):
-        signals[k, column] = 1.0 if held & FIRST_ROW else 0.0
-        held = held >> FIRST_ROW
+@compiled_within
+def _check_all_channels(volts, start, rows, w, settings, tiles, plan):
+    """Run the stages that need all channels of a row: check of samples, impacts, common mode."""
+    for t in plan.active:
+        check_samples(
+            volts, start, rows, t * LANES, plan.limits[t], settings, tiles[t], plan.valid,
+            plan.steps, (w, t * LANES),
+        )  # fmt: skip
+    if settings.impact_v > 0.0:
+        plan.held[w] = rows_of_impact(
+            rows, settings, plan.members, plan.steps[w], plan.digits, tiles
+        )
+    if settings.common_mode != NO_COMMON_MODE:
+        find_common_mode(
+            volts, start, rows, settings.common_mode, plan.active, plan.members, plan.limits,
+            tiles, plan.valid[w], plan.by_channel, plan.common_v[w],
+        )  # fmt: skip
 
 
-@as_silent
+@compiled_within
+def _decide(start, rows, w, settings, plan, flags, signals, kept):
+    """Write the decisions on some rows, and what the last columns of the signals are."""
+    decide(
+        rows, settings, plan.on[w], plan.valid[w], plan.members, plan.bounds, plan.digits,
+        plan.by_channel, plan.statistics, plan.decisions,
+    )  # fmt: skip
+    _write_flags(plan.decisions, flags, start, rows)
+    column = signals.shape[1] - plan.votes.size
+    if kept & KEEP_EXCESS:
+        held = plan.held[w]
+        for k in range(start, start + rows):
+            signals[k, column - 1] = 1.0 if held & FIRST_ROW else 0.0
+            held = held >> FIRST_ROW
+    if plan.votes.size:
+        find_statistics(
+            plan.by_channel, plan.members, plan.bounds, rows, plan.votes, plan.statistics
+        )
+        for v in range(plan.votes.size):
+            for k in range(rows):
+                signals[start + k, column + v] = plan.statistics[v, k] / settings.threshold
+
+
 @compiled_in_place
 def run(volts, flags, signals, tiles, plan, kept):
     """Run all stages over all rows, from ``volts`` to ``flags`` and ``signals``.
@@ -258,57 +382,42 @@ def run(volts, flags, signals, tiles, plan, kept):
     Parameters
     ----------
     volts
-        Rows of volts, shape (n, columns), at least sixteen columns.
+        Rows of volts, shape (n, columns), whole tiles of columns.
     flags
         Output of decisions, shape (n, 1 + 2 g + 2 c): slip, groups, whether each group can vote,
         channels, valid.
     signals
         Output of envelope, level, floor and excess, as far as they are wanted, each with as many
         columns as ``volts``; with excess, a column that is 1 within the hold time of an impact;
-        then the statistics of v votes, one column each.
+        then the statistics of v votes (above 1: ON), one column each.
     tiles
         The state, shape (t, slots, 16).
     plan
-        See :mod:`slip_detector.chain.plan`.
+        A :class:`Plan`.
     kept
         The bits of the signals that are wanted.
     """
-    settings, ranges, least_db, sections, layout, scratch = parts_of(plan)
-    # The size is compared first, as an empty array has no address.
-    past_caches = (
-        signals.size > CACHED_VALUES
-        and signals.shape[1] % LINE == 0
-        and signals.ctypes.data % (LINE * signals.itemsize) == 0
-    )
-    # Without detection of impacts nothing else writes these words.
-    scratch.held[:] = NO_ROW
+    settings = plan.settings[0]
     checked = settings.common_mode != NO_COMMON_MODE or settings.impact_v > 0.0
-    chunk_rows = scratch.on.shape[0] * WORD_ROWS
-    for chunk in range(0, volts.shape[0], chunk_rows):
-        end = min(chunk + chunk_rows, volts.shape[0])
+    words = plan.held.size
+    for chunk in range(0, volts.shape[0], words * WORD_ROWS):
+        end = min(chunk + words * WORD_ROWS, volts.shape[0])
         if checked:
-            _take_all_channels(volts, chunk, end, settings, ranges, layout, tiles, scratch)
-        for t in range(layout.bases.size):
-            _run_tile(
-                volts, chunk, end, t, settings, checked, ranges[t], least_db, sections, layout,
-                tiles[t], scratch, signals, kept, past_caches,
-            )  # fmt: skip
+            for start in range(chunk, end, WORD_ROWS):
+                rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
+                _check_all_channels(volts, start, rows, w, settings, tiles, plan)
+        for t in plan.active:
+            _run_tile(volts, chunk, end, t, settings, checked, tiles[t], plan, signals, kept)
         for start in range(chunk, end, WORD_ROWS):
             rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
-            on, valid = scratch.on[w], scratch.valid[w]
-            _decide(rows, int(settings.vote), settings.threshold, on, valid, layout, scratch)
-            _write_flags(scratch.decisions, flags, start, rows)
-            if kept & KEEP_EXCESS:
-                column = signals.shape[1] - layout.votes.size - 1
-                _write_held(scratch.held[w], signals, column, start, rows)
-            if layout.votes.size:
-                _write_statistics(rows, layout, settings.threshold, scratch, signals, start)
+            _decide(start, rows, w, settings, plan, flags, signals, kept)
 
 
 @cache
 def kernel():
     """Return :func:`run` for calls from Python; the first call compiles or loads it.
 
-    The arguments must have the types of :data:`SIGNATURE`, which are not checked.
+    The types of its arguments are not checked.
     """
-    return compiled_for(SIGNATURE, run)
+    plan, rows = plan_of(ChainConfig(), np.zeros((1, 6)), ()), np.zeros((0, LANES))
+    return compiled_for(run, rows, rows != 0.0, rows, np.zeros((1, 1, LANES)), plan, 0)

@@ -23,9 +23,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.result import SlipResult
-from slip_detector.chain.settling import evidence_falls_s, settling_rows
-from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.filters import evidence_falls_s, settling_rows
+from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 

@@ -14,40 +14,161 @@
 
 """The slip chain (the paper's Section 2): from rows of volts to ON/OFF slip."""
 
+import contextlib
+import os
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.chain.compiled import COMPILED
+from slip_detector.chain.compiled import COMPILED, LANES
 from slip_detector.chain.filters import design
 from slip_detector.chain.kernel import (
     CACHED_VALUES,
+    KEEP_ENVELOPE,
     KEEP_EXCESS,
     KEEP_FLOOR,
+    KEEP_LEVEL,
+    PAST_CACHES,
+    aligned,
     kernel,
+    plan_of,
+    tiles_of,
 )
-from slip_detector.chain.lanes import LANES
-from slip_detector.chain.memory import check_memory, state_shape
-from slip_detector.chain.plan import plan_of
-from slip_detector.chain.result import SlipResult
 from slip_detector.chain.stages import (
-    AGE,
-    COMB_AGE,
-    COMB_ROW,
     COMMON_V,
+    DELAYS,
     FIRST,
-    FIXED_SLOTS,
     FLOOR,
     HELD,
     LAST,
+    LEAST_DB,
     REPEATS,
 )
-from slip_detector.chain.tiles import aligned, least_floors_db, tile_bases_of
+from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.detector import ChainConfig
 
-BOOL_TYPE = np.dtype(np.bool_)  # a constant, as the look-up takes longer than making an array
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+#: A constant, as the look-up takes longer than making an array.
+BOOL_TYPE = np.dtype(np.bool_)
+
+#: Share of the memory that a chain may take; while parameters change there are two chains.
+SHARE = 0.25
+
+#: Files with the memory limit of a container in Linux, of cgroup versions 2 and 1.
+CONTAINER_LIMITS = '/sys/fs/cgroup/memory.max', '/sys/fs/cgroup/memory/memory.limit_in_bytes'
+
+
+class SlipResult:
+    """Decisions on the rows of one call: ``n`` rows of ``c`` channels in ``g`` groups.
+
+    Attributes
+    ----------
+    flags : ndarray of bool, shape (n, 1 + 2 g + 2 c)
+        All decisions side by side, in the order of the properties below.
+
+    Examples
+    --------
+    >>> chain = SlipChain(ChainConfig(channels=2))
+    >>> result = chain.update(np.full((5, 2), 4.3), envelope=False)
+    >>> result.slip.shape, result.channels.shape, result.level.shape
+    ((5,), (5, 2), (5, 2))
+    """
+
+    __slots__ = ('_kept', '_shape', '_signals', 'flags')
+
+    def __init__(
+        self, flags: Bools, signals: Floats, shape: tuple[int, int, int], kept: int
+    ) -> None:
+        # The shape: numbers of groups, channels and votes.
+        self.flags, self._signals, self._shape, self._kept = flags, signals, shape, kept
+
+    @property
+    def slip(self) -> Bools:
+        """Whether any group is ON; shape (n,)."""
+        return self.flags[:, 0]
+
+    @property
+    def groups(self) -> Bools:
+        """Decision of each group, in the order of the configuration; shape (n, g)."""
+        return self.flags[:, 1 : 1 + self._shape[0]]
+
+    @property
+    def can_vote(self) -> Bools:
+        """Whether the group has as many valid channels as its vote needs; shape (n, g)."""
+        return self.flags[:, 1 + self._shape[0] : 1 + 2 * self._shape[0]]
+
+    @property
+    def channels(self) -> Bools:
+        """Whether the channel is ON; shape (n, c).
+
+        It is ON while its level is above the threshold; with evidence it stays ON until the level
+        falls to half the threshold.
+        """
+        return self.flags[:, 1 + 2 * self._shape[0] :][:, : self._shape[1]]
+
+    @property
+    def valid(self) -> Bools:
+        """Whether the channel is enabled and not flat, and its sample is good; shape (n, c)."""
+        return self.flags[:, 1 + 2 * self._shape[0] + self._shape[1] :]
+
+    @property
+    def envelope(self) -> Floats:
+        """RMS envelope (Eq. 6-8); shape (n, c)."""
+        return self._columns('envelope', KEEP_ENVELOPE)
+
+    @property
+    def level(self) -> Floats:
+        """The number that is compared with the threshold; shape (n, c).
+
+        It is the mean of the envelope, or the evidence in dB s.
+        """
+        return self._columns('level', KEEP_LEVEL)
+
+    @property
+    def floor(self) -> Floats:
+        """Noise floor in dB of the envelope's unit; shape (n, c)."""
+        return self._columns('floor', KEEP_FLOOR)
+
+    @property
+    def excess(self) -> Floats:
+        """Excess of the envelope over the floor, within its limits, in dB; shape (n, c).
+
+        It is 0 before the windows are full, while the channel is not valid, and for
+        ``impact_hold_s`` from an impact on.
+        """
+        return self._columns('excess', KEEP_EXCESS)
+
+    @property
+    def after_impact(self) -> Bools:
+        """Whether excess is held at 0 after an impact; kept if excess is; shape (n,)."""
+        self._columns('excess', KEEP_EXCESS)
+        held: Bools = self._signals[:, -1 - self._shape[2]] != 0.0
+        return held
+
+    @property
+    def vote_statistic(self) -> Floats:
+        """The decision statistic of each vote that was asked for; shape (n, v).
+
+        It is dimensionless, and above 1 exactly where ``slip`` would be ON with that vote. Of the
+        groups' numbers, which :mod:`slip_detector.chain.votes` describes, it is the largest,
+        divided by the threshold; a group that cannot vote has 0. With a threshold of 1 the
+        statistic has the unit of the level and serves any other threshold: it exceeds that
+        threshold exactly where a chain with that threshold has ``slip`` ON.
+        """
+        return self._signals[:, self._signals.shape[1] - self._shape[2] :]
+
+    def _columns(self, name: str, signal: int) -> Floats:
+        """Return the columns of a signal, given by its name and its bit."""
+        if not self._kept & signal:
+            raise ValueError(f'{name} was not kept: call update with {name}=True')
+        width = -(-self._shape[1] // LANES) * LANES
+        first = (self._kept & (signal - 1)).bit_count() * width
+        return self._signals[:, first : first + self._shape[1]]
 
 
 class SlipChain:
@@ -90,11 +211,10 @@ class SlipChain:
         check_memory(config)
         self._votes: tuple[str | int, ...] = ()
         self._plan = plan_of(config, self._sections, self._votes)
-        self._tiles_shape = state_shape(config)
-        self._columns, self._channels = max(config.channels, LANES), config.channels
-        self._groups = len(config.groups)
-        self._width = 1 + 2 * self._groups + 2 * config.channels
-        # The kernel does not write columns that are in no tile, as those of disabled channels.
+        self._channels, self._groups = config.channels, len(config.groups)
+        self._columns = tiles_of(config) * LANES
+        self._width = 1 + 2 * self._groups + 2 * self._channels
+        # The kernel does not write the columns of tiles without an enabled channel.
         self._new_signals = np.zeros if config.disabled_channels else np.empty
         self.reset()
         # Compile the kernel, or load it from the cache, before the first sample comes.
@@ -102,12 +222,15 @@ class SlipChain:
 
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
-        self.state = aligned(np.zeros, self._tiles_shape)
+        self.state = aligned(_state_shape(self.config))
         self.state[:, [LAST, FIRST]] = np.nan
+        comb = DELAYS + 2 * len(self._sections) + 1
+        if self.config.mains_rows:
+            self.state[:, [HELD, *range(comb, comb + self.config.mains_rows)]] = np.nan
         if self._evidence:
             # NaN: a floor that is not learnt begins at the first envelope.
             learnt = self.config.noise_floor_learnt
-            self.state[:, FLOOR] = least_floors_db(self.config) if learnt else np.nan
+            self.state[:, FLOOR] = self._plan.limits[:, LEAST_DB] if learnt else np.nan
 
     def restart(self) -> None:
         """Begin again after a gap: forget all rows, but keep the noise floors.
@@ -144,13 +267,10 @@ class SlipChain:
                 'noise floors are taken over from a chain that has none for these channels, '
                 'allowed: decision: evidence in both, and as many channels'
             )
-        floors = np.full(self._columns, np.nan)
-        for base, tile in zip(tile_bases_of(other.config), other.state, strict=True):
-            floors[base : base + LANES] = tile[FLOOR]
-        floors[[channel - 1 for channel in other.config.disabled_channels]] = np.nan
-        for base, tile in zip(tile_bases_of(self.config), self.state, strict=True):
-            its = floors[base : base + LANES]
-            tile[FLOOR] = np.where(np.isnan(its), tile[FLOOR], its)
+        floors = other.state[:, FLOOR].copy()
+        for channel in other.config.disabled_channels:
+            floors[divmod(channel - 1, LANES)] = np.nan
+        self.state[:, FLOOR] = np.where(np.isnan(floors), self.state[:, FLOOR], floors)
 
     def take_filters(self, other: 'SlipChain') -> None:
         """Take over the state of another chain's filters, with empty windows.
@@ -159,7 +279,7 @@ class SlipChain:
         ----------
         other
             A chain with the same channels, valid range, filters, mains and common mode. Its
-            windows, threshold, decision and vote may differ.
+            windows, threshold, decision and vote may differ; this one decides by the mean.
 
         Raises
         ------
@@ -171,15 +291,12 @@ class SlipChain:
             mine, its = getattr(self.config, name), getattr(other.config, name)
             if mine != its:
                 raise ValueError(f'the other chain has {name} = {its}, allowed: {mine}')
-        if not np.array_equal(self._sections, other._sections):
+        if self._evidence or not np.array_equal(self._sections, other._sections):
             raise ValueError('the other chain has other filters, allowed: the same')
         self.reset()
-        end = FIXED_SLOTS + 2 * len(self._sections) + self.config.mains_rows
-        of_filters = [COMB_ROW, COMB_AGE, *range(FIXED_SLOTS, end)]
-        kept = [LAST, REPEATS, FIRST, HELD, COMMON_V, *of_filters]
+        end = DELAYS + 2 * len(self._sections) + 1 + self.config.mains_rows
+        kept = [LAST, REPEATS, FIRST, HELD, COMMON_V, *range(DELAYS, end)]
         self.state[:, kept] = other.state[:, kept]
-        # The comb is filled, the windows are empty.
-        self.state[:, AGE] = np.minimum(self.state[:, COMB_AGE], self.config.mains_rows)
 
     def update(
         self,
@@ -225,26 +342,90 @@ class SlipChain:
             self._plan = plan_of(self.config, self._sections, votes)
             self._votes = tuple(votes)
         rows = np.ascontiguousarray(volts, np.float64)
-        channels = self._channels
+        channels, columns = self._channels, self._columns
         if rows.ndim != 2 or rows.shape[1] != channels:
             raise ValueError(f'volts has the shape {rows.shape}, allowed: (any, {channels})')
-        if channels < LANES:
-            padded = np.zeros((len(rows), LANES))
+        n, many = len(rows), len(votes)
+        if channels < columns:
+            padded = np.zeros((n, columns))
             padded[:, :channels] = rows
             rows = padded
-        n, many = len(rows), len(votes)
         kept = envelope | level << 1  # KEEP_ENVELOPE and KEEP_LEVEL
-        signal_columns = self._columns * (envelope + level) + many
+        signal_columns = columns * (envelope + level) + many
         if floor or excess:
             if not self._evidence:
                 raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
             kept += KEEP_FLOOR * floor + KEEP_EXCESS * excess
-            signal_columns += self._columns * (floor + excess) + excess
+            signal_columns += columns * (floor + excess) + excess
         flags = np.empty((n, self._width), BOOL_TYPE)
-        shape = (n, signal_columns)
-        if n * shape[1] > CACHED_VALUES:
-            signals = aligned(self._new_signals, shape)
+        shape = n, signal_columns
+        if n * signal_columns > CACHED_VALUES and signal_columns % 8 == 0:
+            signals, kept = aligned(shape, self._new_signals), kept | PAST_CACHES
         else:
             signals = self._new_signals(shape)
         kernel()(rows, flags, signals, self.state, self._plan, kept)
         return SlipResult(flags, signals, (self._groups, channels, many), kept)
+
+
+def _state_shape(config: ChainConfig) -> tuple[int, int, int]:
+    slots = DELAYS + 2 * len(design(config)) + config.mains_rows + 1
+    slots += config.samples(config.envelope_window_s) + 3
+    if config.decision == 'mean':
+        slots += config.samples(config.decision_window_s) + 3
+    return tiles_of(config), slots, LANES
+
+
+def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
+    """Check that a chain, and the rows that are kept for the next chain, fit into memory.
+
+    Parameters
+    ----------
+    config
+        Configuration of the chain.
+    kept_s
+        Time for which rows are kept.
+
+    Raises
+    ------
+    ValueError
+        When they need more than :data:`SHARE` of the memory of the machine, or of the container
+        if it allows less; names the parameters that need it.
+
+    Examples
+    --------
+    >>> check_memory(ChainConfig(), kept_s=5.0)
+    """
+    limits = [os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')]
+    for path in CONTAINER_LIMITS:
+        with contextlib.suppress(OSError, ValueError):  # not in a container, or "max"
+            limits.append(int(Path(path).read_text(encoding='ascii')))
+    kept_rows = config.samples(kept_s) if kept_s else 0
+    needed = 8 * (np.prod(_state_shape(config), dtype=float) + config.channels * kept_rows)
+    allowed = SHARE * min(limits)
+    if needed > allowed:
+        windows = [config.envelope_window_s]
+        if config.decision == 'mean':
+            windows.append(config.decision_window_s)
+        times = ' and '.join(f'{window_s:g} s' for window_s in windows)
+        raise ValueError(
+            f'parameter channels is {config.channels}: with windows of {times} at '
+            f'{config.sample_rate_hz:g} Hz they take {needed / 1e9:.3g} GB of memory, allowed: '
+            f'{allowed / 1e9:.3g} GB'
+        )
+
+
+def compile_chain() -> None:
+    """Run each compiled function of the chain and of the stamps once.
+
+    Without a cache this takes seconds. The compiled functions serve any configuration, and all
+    later processes of the same user.
+
+    Examples
+    --------
+    >>> compile_chain()
+    """
+    SlipChain()
+    grid = StampGrid(period_s=1.0, max_gap_s=1.0)
+    stamps_ns = np.arange(3) * 1_000_000_000
+    grid.arrive_all(stamps_ns[:2])
+    grid.arrive(int(stamps_ns[2]))

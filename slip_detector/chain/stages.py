@@ -12,20 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The stages of the chain on one tile: sixteen channels side by side, some rows at a time.
+"""The stages of the chain on one tile, in the order in which a sample meets them.
 
-Each function takes a tile's state, an array of shape (slots, 16) with one value per lane in each
-slot, and ``block``, shape (rows, 16), whose rows each stage replaces in place. Decisions about
-rows are words, one per lane, with one bit per row; the lowest bit is the first row.
+A tile is sixteen channels side by side. Each function takes a tile's state, an array of shape
+(slots, 16) with one value per lane in each slot, and ``block``, shape (rows, 16), whose rows each
+stage replaces in place. Decisions about rows are words, one per lane, with one bit per row; the
+lowest bit is the first row. The result of a row does not depend on its position in a block.
 
-The result of a row does not depend on its position in a block.
+The last stage is the decision: the windowed mean is compared with the threshold, or *evidence*
+is. The *excess* of a channel is how far its envelope is above its noise floor, in dB. Evidence is
+the integral over time of the excess less an offset: it grows during slip and falls otherwise (a
+CUSUM). docs/method.md has the equations.
 """
 
 import numpy as np
 
-from slip_detector.chain.compiled import compiled_in_place
-from slip_detector.chain.lanes import (
+from slip_detector.chain.compiled import (
     absolute,
+    compiled_in_place,
+    floats_of,
     is_number,
     load,
     select,
@@ -33,6 +38,7 @@ from slip_detector.chain.lanes import (
     square_root,
     store,
     store_past_caches,
+    words_of,
 )
 
 #: Number of rows in a word.
@@ -40,68 +46,60 @@ WORD_ROWS = 64
 
 NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
 
-# The first slots of a tile's state; the slots of the sections, the comb and the windows follow.
-# Five have one number for the whole tile, in lane 0:
-# - ENVELOPE_ROW, LEVEL_ROW: rows so far in the current stretch of a window
-# - COMB_ROW: rows so far in the current period of the comb
-# - COMMON_V, in the first tile only: common mode of the last row
-# - HOLD_ROWS, in the first tile only: remaining rows of the hold time of an impact
-# The slots from COMB_ROW on are for comb and evidence.
-(
-    LAST,
-    REPEATS,
-    FIRST,
-    HELD,
-    ENVELOPE_HEAD,
-    LEVEL_HEAD,
-    ENVELOPE_ROW,
-    LEVEL_ROW,
-    COMMON_V,
-    COMB_ROW,
-    COMB_AGE,
-    AGE,
-    FLOOR,
-    EVIDENCE,
-    HELD_EVIDENCE,
-    HOLD_ROWS,
-    FIXED_SLOTS,
-) = range(17)
+# The first slots of a tile's state. Two of them have one number for all channels, in lane 0 of
+# the first tile: the common mode of the last row, and the remaining rows of the hold time of an
+# impact. Behind them are the delays of the filters, two slots for each section, the comb and the
+# windows. Of comb and windows the first slot has, in lane 0, the position within the period.
+LAST, REPEATS, FIRST, HELD, COMMON_V, HOLD_ROWS = range(6)
+AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, DELAYS = range(6, 11)
 
-# Rows of a tile's range: the lowest and the highest good sample of each channel.
-LOW, HIGH = 0, 1
+# Rows of a tile's limits: the lowest and highest good sample, and the least noise floor in dB.
+LOW, HIGH, LEAST_DB = range(3)
+
+#: Share of the time at rest during which a channel's envelope is below its floor.
+QUANTILE = 0.1
+
+#: Lower limit of the excess: less is a pause between two slips, not noise.
+LEAST_EXCESS_DB = -8.7
 
 
 @compiled_in_place
-def check_samples(volts, start, rows, column, tile_range, flat_rows, tile, words, at):
-    """Write the rows with a good sample that is not flat to ``words`` from ``at`` on.
+def check_samples(volts, start, rows, column, limits, settings, tile, valid, steps, at):
+    """Write the rows with a good sample that is not flat to ``valid`` from ``at`` on.
 
-    ``column`` is the first of the tile's columns in ``volts``. The state keeps each channel's last
-    good sample and how many times it has been repeated.
+    The rows in which a channel steps by more than ``impact_v`` go to ``steps``. A step counts from
+    the last good sample, as the filters get that in place of a bad one. ``column`` is the first of
+    the tile's columns in ``volts``.
     """
-    low, high = load(tile_range, (LOW, 0)), load(tile_range, (HIGH, 0))
+    low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
     last, repeats = load(tile, (LAST, 0)), load(tile, (REPEATS, 0))
-    valid, row = spread(NO_ROW), spread(FIRST_ROW)
+    able, stepped, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
+    flat_rows, impact_v = settings.flat_rows, settings.impact_v
     for k in range(start, start + rows):
         sample = load(volts, (k, column))
         good = (sample >= low) & (sample <= high)  # false for NaN too
+        if impact_v > 0.0:
+            step = absolute(sample - last)
+            stepped = stepped | select(good & (step > impact_v), row, NO_ROW)
         repeats = select(good, select(sample == last, repeats + 1.0, 0.0), repeats)
         last = select(good, sample, last)
-        valid = valid | select(good & (repeats < flat_rows), row, NO_ROW)
+        able = able | select(good & (repeats < flat_rows), row, NO_ROW)
         row = row + row
     store(last, tile, (LAST, 0))
     store(repeats, tile, (REPEATS, 0))
-    store(valid, words, at)
+    store(able, valid, at)
+    store(stepped, steps, at)
 
 
 @compiled_in_place
-def load_deviations(volts, start, rows, column, tile_range, common_v, tile, block):
+def load_deviations(volts, start, rows, column, limits, common_v, tile, block):
     """Write the filters' input to ``block``: deviations from each channel's first good sample.
 
     The network has no gain at 0 Hz. Therefore filtering the deviation from rest gives the same as
     filtering the samples from the steady state of the first one, without the rounding errors of a
     large constant. A bad sample is replaced by the input of the row before.
     """
-    low, high = load(tile_range, (LOW, 0)), load(tile_range, (HIGH, 0))
+    low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
     first, held = load(tile, (FIRST, 0)), load(tile, (HELD, 0))
     for k in range(rows):
         sample = load(volts, (start + k, column))
@@ -114,80 +112,40 @@ def load_deviations(volts, start, rows, column, tile_range, common_v, tile, bloc
 
 
 @compiled_in_place
-def count_up(age, valid, row):
-    """Return the number of rows from each channel's first valid row on; 0 before that row."""
-    return select(((valid & row) != NO_ROW) | (age > 0.0), age + 1.0, age)
-
-
-@compiled_in_place
-def take_off_mains(block, rows, comb_rows, valid, tile, tail):
+def subtract_mains(block, rows, comb_rows, tile, slot):
     """Subtract from each row the row ``comb_rows`` earlier, which is whole mains periods earlier.
 
-    The result is 0 for the first ``comb_rows`` rows from a channel's first valid row on. ``valid``
-    has the valid rows of each channel, as words, and ``tail`` is the first slot of earlier rows.
+    The result is 0 for the first ``comb_rows`` rows from a channel's first good sample on: rows
+    before it are NaN. Earlier rows are kept behind ``slot``.
     """
-    position, age, row = int(tile[COMB_ROW, 0]), load(tile, (COMB_AGE, 0)), spread(FIRST_ROW)
+    position = int(tile[slot, 0])
     for k in range(rows):
-        u, before = load(block, (k, 0)), load(tile, (tail + position, 0))
-        store(u, tile, (tail + position, 0))
-        age = count_up(age, valid, row)
-        store(select(age > float(comb_rows), u - before, 0.0), block, (k, 0))
-        row = row + row
         position += 1
+        u = load(block, (k, 0))
+        difference = u - load(tile, (slot + position, 0))
+        store(u, tile, (slot + position, 0))
+        store(select(is_number(difference), difference, 0.0), block, (k, 0))
         if position == comb_rows:
             position = 0
-    tile[COMB_ROW, 0] = position
-    store(age, tile, (COMB_AGE, 0))
-
-
-@compiled_in_place
-def _coefficients(sections, s):
-    return sections[s, 0], sections[s, 1], sections[s, 2], sections[s, 4], sections[s, 5]
-
-
-@compiled_in_place
-def _delays(tile, s):
-    at = FIXED_SLOTS + 2 * s
-    return load(tile, (at, 0)), load(tile, (at + 1, 0))
-
-
-@compiled_in_place
-def _store_delays(delays, tile, s):
-    at = FIXED_SLOTS + 2 * s
-    store(delays[0], tile, (at, 0))
-    store(delays[1], tile, (at + 1, 0))
-
-
-@compiled_in_place
-def _section(u, coefficients, delays):
-    """Return the output of a second-order section (transposed direct form II), and its delays."""
-    b0, b1, b2, a1, a2 = coefficients
-    y = b0 * u + delays[0]
-    return y, ((b1 * u + delays[1]) - a1 * y, b2 * u - a2 * y)
+    tile[slot, 0] = position
 
 
 @compiled_in_place
 def run_filters(block, rows, sections, tile):
-    """Run rows through the second-order sections, in place.
-
-    Each pass runs two sections, whose coefficients and delays fit into the registers.
-    """
-    n = sections.shape[0]
-    for s in range(0, n - 1, 2):
-        first, second = _coefficients(sections, s), _coefficients(sections, s + 1)
-        of_first, of_second = _delays(tile, s), _delays(tile, s + 1)
+    """Run rows through the second-order sections (transposed direct form II), in place."""
+    for s in range(sections.shape[0]):
+        b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
+        a1, a2 = sections[s, 4], sections[s, 5]
+        slot = DELAYS + 2 * s
+        first, second = load(tile, (slot, 0)), load(tile, (slot + 1, 0))
         for k in range(rows):
-            u, of_first = _section(load(block, (k, 0)), first, of_first)
-            u, of_second = _section(u, second, of_second)
-            store(u, block, (k, 0))
-        _store_delays(of_first, tile, s)
-        _store_delays(of_second, tile, s + 1)
-    if n % 2 == 1:
-        last, of_last = _coefficients(sections, n - 1), _delays(tile, n - 1)
-        for k in range(rows):
-            u, of_last = _section(load(block, (k, 0)), last, of_last)
-            store(u, block, (k, 0))
-        _store_delays(of_last, tile, n - 1)
+            u = load(block, (k, 0))
+            y = b0 * u + first
+            first = (b1 * u + second) - a1 * y
+            second = b2 * u - a2 * y
+            store(y, block, (k, 0))
+        store(first, tile, (slot, 0))
+        store(second, tile, (slot + 1, 0))
 
 
 @compiled_in_place
@@ -197,20 +155,14 @@ def rectified_power(block, rows, full_wave, exponent):
         u = load(block, (k, 0))
         u = absolute(u) if full_wave else select(u > 0.0, u, 0.0)
         power = u
-        if exponent == 3:  # faster for the paper's exponent
-            power = u * u * u
-        else:
-            for _ in range(exponent - 1):
-                power = power * u
+        for _ in range(exponent - 1):
+            power = power * u
         store(power * power, block, (k, 0))
 
 
 @compiled_in_place
 def keep(values, signals, at, past_caches):
-    """Write the values of a tile's row to the result.
-
-    ``past_caches`` requires a place at which a cache line begins, and pays for large results.
-    """
+    """Write the values of a tile's row to the result; past the caches pays for large results."""
     if past_caches:
         store_past_caches(values, signals, at)
     else:
@@ -219,20 +171,21 @@ def keep(values, signals, at, past_caches):
 
 @compiled_in_place
 def window_means(
-    block, rows, window, tile, row_slot, head_slot, tail, take_root, signals, start, column,
-    past_caches,
+    block, rows, window, tile, slot, take_root, signals, start, column, past_caches
 ):  # fmt: skip
     """Replace each value by the mean of the last ``window`` values, zeros before the first row.
 
     Time is cut into stretches of ``window`` rows. A window is the head of the current stretch plus
     the tail of the previous one; the sums of all tails are computed once, when a stretch ends.
-    Terms are added and never subtracted, so a huge value leaves no error behind. ``tail`` is the
-    slot of the first tail. With ``take_root`` the result is the root of the mean.
+    Terms are added and never subtracted, so a huge value leaves no error behind. The state has the
+    position within the stretch at ``slot``, then the head and the tails. With ``take_root`` the
+    result is the root of the mean.
 
     The means are also written to ``column`` of the signals, unless that is negative. Each is
     written at once, so that it reaches memory while the next one is computed.
     """
-    position, head, per = int(tile[row_slot, 0]), load(tile, (head_slot, 0)), 1.0 / window
+    head_slot, tail = slot + 1, slot + 2
+    position, head, per = int(tile[slot, 0]), load(tile, (head_slot, 0)), 1.0 / window
     for k in range(rows):
         u = load(block, (k, 0))
         head = head + u
@@ -248,15 +201,131 @@ def window_means(
             for j in range(tail + window - 1, tail - 1, -1):
                 total = load(tile, (j, 0)) + total
                 store(total, tile, (j, 0))
-    tile[row_slot, 0] = position
+    tile[slot, 0] = position
     store(head, tile, (head_slot, 0))
 
 
+# Layout of a float64: mask and number of the fraction's bits, the bits of 1.0, and the bias of the
+# exponent.
+FRACTION, FRACTION_BITS, ONE = np.uint64(2**52 - 1), np.uint64(52), np.uint64(0x3FF << 52)
+BIAS = 1023.0
+
+# In the sum of 2^52 and a smaller integer, the bits of the fraction are that integer.
+LARGE, LARGE_BITS = 2.0**52, np.uint64(0x433 << 52)
+
+#: Decibels of the square root of 2: :func:`root_decibels` takes squares.
+OCTAVE_DB = 10.0 * float(np.log10(2.0))
+
+#: Coefficients of q in log2(1 + t) = t + t (1 - t) q(t), highest power first: the polynomial of
+#: its degree with the least error for t within [0, 1]. The logarithm is exact at both ends, hence
+#: continuous, and it rises everywhere.
+BETWEEN_OCTAVES = (
+    0.025841442564341566,
+    -0.09595644602069042,
+    0.18194887353480288,
+    -0.2756003104344289,
+    0.44254494337489514,
+)
+
+
 @compiled_in_place
-def keep_roots(block, rows, signals, start, column):
-    """Write the square roots of a tile's values to the signals, from ``column`` on."""
+def exponents(values):
+    """Return the exponents of float64, as float64."""
+    return floats_of((words_of(values) >> FRACTION_BITS) | LARGE_BITS) - (LARGE + BIAS)
+
+
+@compiled_in_place
+def fractions(values):
+    """Return the fractions of float64, from 1 to below 2."""
+    return floats_of((words_of(values) & FRACTION) | ONE)
+
+
+@compiled_in_place
+def powers_of_2(exponent):
+    """Return 2 to the power of integers from -1023 (which gives 0) to 1024 (infinity)."""
+    return floats_of(words_of(exponent + (LARGE + BIAS)) << FRACTION_BITS)
+
+
+@compiled_in_place
+def polynomial(coefficients, x):
+    """Return the value of a polynomial whose highest power comes first."""
+    value = spread(coefficients[0])
+    for coefficient in coefficients[1:]:
+        value = value * x + coefficient
+    return value
+
+
+@compiled_in_place
+def root_decibels(squares):
+    """Return the square roots of non-negative numbers in decibels, with an error up to 7e-6 dB.
+
+    A library's logarithms differ in their last bits from machine to machine; these do not, and
+    take a fraction of the time. Below the least normal number the result falls linearly, at 0 to
+    -3080 dB; it is never infinite or NaN.
+    """
+    t = fractions(squares) - 1.0
+    return (exponents(squares) + (t + t * (1.0 - t) * polynomial(BETWEEN_OCTAVES, t))) * OCTAVE_DB
+
+
+@compiled_in_place
+def sum_evidence(
+    block, rows, settings, least_db, valid, held, tile, signals, start,
+    envelope_column, evidence_column, floor_column, excess_column, past_caches,
+):  # fmt: skip
+    """Replace squares of the envelope by the number that makes a channel ON above the threshold.
+
+    An invalid channel keeps its floor and its evidence. A channel comes ON when its evidence
+    exceeds the threshold, and goes OFF when twice its evidence does not. One number decides this
+    for any threshold: the number of the row before, but at least the evidence and at most twice
+    the evidence.
+
+    ``valid`` and ``held`` are words: the rows in which each channel is valid, and those of an
+    impact's hold time, during which the excess of all channels is 0. A floor that is NaN begins
+    with the envelope. A negative column means that a signal is not wanted.
+    """
+    settle_rows = float(settings.comb_rows + settings.envelope_rows)
+    most_db = least_db + settings.floor_range_db
+    up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
+    age, floor = load(tile, (AGE, 0)), load(tile, (FLOOR, 0))
+    evidence, number = load(tile, (EVIDENCE, 0)), load(tile, (HELD_EVIDENCE, 0))
+    not_held, row = valid & ~held, spread(FIRST_ROW)
     for k in range(rows):
-        store(square_root(load(block, (k, 0))), signals, (start + k, column))
+        square = load(block, (k, 0))
+        level = root_decibels(square)
+        able = (valid & row) != NO_ROW
+        age = select(able | (age > 0.0), age + 1.0, age)
+        counts = able & (age > settle_rows)
+        moved = floor + select(level > floor, up_db, down_db)
+        moved = select(is_number(floor), moved, level)
+        moved = select(moved > least_db, moved, least_db)
+        moved = select(moved < most_db, moved, most_db)
+        floor = select(counts, moved, floor)
+        excess = level - floor
+        excess = select(excess > LEAST_EXCESS_DB, excess, LEAST_EXCESS_DB)
+        excess = select(excess < settings.cap_db, excess, settings.cap_db)
+        excess = select(counts & ((not_held & row) != NO_ROW), excess, 0.0)
+        gain = select(counts, (excess - settings.offset_db) * settings.period_s, 0.0)
+        evidence = evidence + gain
+        evidence = select(evidence > 0.0, evidence, 0.0)
+        evidence = select(evidence < settings.limit_db_s, evidence, settings.limit_db_s)
+        most = evidence + evidence
+        number = select(number < most, number, most)
+        number = select(number > evidence, number, evidence)
+        store(number, block, (k, 0))
+        if envelope_column >= 0:
+            keep(square_root(square), signals, (start + k, envelope_column), past_caches)
+        if evidence_column >= 0:
+            keep(evidence, signals, (start + k, evidence_column), past_caches)
+        if floor_column >= 0:
+            shown = select(is_number(floor), floor, least_db)
+            store(shown, signals, (start + k, floor_column))
+        if excess_column >= 0:
+            store(excess, signals, (start + k, excess_column))
+        row = row + row
+    store(age, tile, (AGE, 0))
+    store(floor, tile, (FLOOR, 0))
+    store(evidence, tile, (EVIDENCE, 0))
+    store(number, tile, (HELD_EVIDENCE, 0))
 
 
 @compiled_in_place
@@ -267,3 +336,18 @@ def rows_above(block, rows, threshold, words, at):
         above = above | select(load(block, (k, 0)) > threshold, row, NO_ROW)
         row = row + row
     store(above, words, at)
+
+
+def floor_steps_db(rate_db_s: float, sample_rate_hz: float) -> tuple[float, float]:
+    """Return by how much one row moves a noise floor up or down, in dB.
+
+    The floor settles where both balance: with a share ``QUANTILE`` of the rows below it.
+
+    Examples
+    --------
+    >>> up_db, down_db = floor_steps_db(rate_db_s=0.5, sample_rate_hz=100.0)
+    >>> round(up_db, 6), round(down_db, 6)
+    (0.005, 0.045)
+    """
+    up_db = rate_db_s / sample_rate_hz
+    return up_db, up_db * (1.0 - QUANTILE) / QUANTILE

@@ -12,20 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The vote of a group: one number, which is compared with the threshold.
+"""What needs all channels of a row: impacts, the common mode and the votes of the groups.
 
-Each vote computes this number from the levels of the valid channels, in the unit of the level:
+The common mode is the mean or median of all valid channels of a row. It is computed from
+deviations from each channel's first good sample: of the samples themselves it would jump whenever
+a channel has no good sample, as baselines differ by far more than the signal. A channel that
+starts late is assumed to have followed the others until then.
+
+The vote of a group is one number, which is compared with the threshold. Each vote computes it from
+the levels of the valid channels, in the unit of the level:
 
 - ``all``: the smallest level: if it is above the threshold, all are;
 - k: the k-th largest level;
 - ``mean``: the geometric mean of the levels.
 
 The group is ON where the number is above the threshold (the paper has ``all``, Table 1). The
-number does not depend on the threshold, which can be chosen afterwards.
-
-If only the decision is wanted, ``all`` and k are computed for 64 rows at once, from words with one
-bit per row for where a channel is ON and where it is valid. The numbers are computed from levels
-of shape (members, rows), with :data:`NO_VOTE` for a channel that is not valid.
+number does not depend on the threshold, which can be chosen afterwards. If only the decision is
+wanted, ``all`` and k are computed for 64 rows at once, from words with one bit per row for where a
+channel is ON and where it is valid.
 """
 
 from collections.abc import Sequence
@@ -33,18 +37,38 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import as_silent, compiled_in_place
-from slip_detector.chain.lanes import (
+from slip_detector.chain.compiled import (
     LANES,
+    compiled,
+    compiled_in_place,
     floor,
-    in_all,
+    is_number,
     load,
     select,
     spread,
     store,
 )
-from slip_detector.chain.logarithms import exponents, fractions, polynomial, powers_of_2
-from slip_detector.chain.stages import FIRST_ROW, NO_ROW
+from slip_detector.chain.stages import (
+    COMMON_V,
+    FIRST,
+    FIRST_ROW,
+    HIGH,
+    HOLD_ROWS,
+    LOW,
+    NO_ROW,
+    WORD_ROWS,
+    exponents,
+    fractions,
+    polynomial,
+    powers_of_2,
+)
+
+#: The values of the parameter ``common_mode`` as numbers.
+NO_COMMON_MODE, MEAN, MEDIAN = range(3)
+COMMON_MODE_NUMBERS = {'none': NO_COMMON_MODE, 'mean': MEAN, 'median': MEDIAN}
+
+#: Largest number of channels whose median is found by exchanges, sixteen rows side by side.
+EXCHANGED_CHANNELS = 32
 
 #: Numbers that stand for the votes that are not a count of channels.
 VOTE_ALL, VOTE_MEAN = 0, -1
@@ -55,20 +79,6 @@ DIGITS = 32
 #: In place of the level of a channel that is not valid; less than any level.
 NO_VOTE = -1.0
 
-#: The least normal float64; smaller ones are scaled by 2^54 before they are split into parts.
-LEAST_NORMAL = 2.0**-1022
-SCALE_BITS = 54.0
-
-#: A product of at most ``FEW`` factors, each below ``LARGE`` and above its inverse, neither over-
-#: nor underflows.
-FEW, LARGE = 16, 2.0**62
-
-#: If two products differ by a smaller share than this, rounding may swap the order of their means.
-NEAR = 1e-12
-
-#: A product of this many factors, each below 2, does not overflow.
-FACTORS = 512
-
 # ln m = 2 (s + s^3/3 + s^5/5 + ...) with s = (m - 1) / (m + 1), and exp z = 1 + z + z^2/2 + ...:
 # coefficients from the last to the first. The truncation error is below 1e-17 for m within
 # [sqrt(1/2), sqrt(2)] and for z within [-0.75, 0.75].
@@ -76,52 +86,6 @@ LOGARITHM = tuple(2.0 / k for k in range(23, 0, -2))
 EXPONENTIAL = tuple(1.0 / float(np.prod(np.arange(1.0, k + 1))) for k in range(18, -1, -1))
 LN_2 = float(np.log(2.0))
 ROOT_2 = float(np.sqrt(2.0))
-
-
-def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
-    """Return votes as numbers for the kernel.
-
-    Parameters
-    ----------
-    votes
-        Each ``all``, ``mean`` or a count of channels.
-
-    Raises
-    ------
-    ValueError
-        When a vote is none of these.
-
-    Examples
-    --------
-    >>> vote_numbers(['all', 'mean', 2])
-    array([ 0, -1,  2])
-    """
-    numbers = []
-    for vote in votes:
-        count = isinstance(vote, (int, np.integer)) and not isinstance(vote, bool) and vote >= 1
-        if not count and vote not in ('all', 'mean'):
-            raise ValueError(f'vote is {vote!r}, allowed: all, mean or a count of 1 or more')
-        numbers.append({'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(vote), vote))
-    return np.array(numbers, dtype=np.int64)
-
-
-@compiled_in_place
-def rows_of_all(members, on, valid):
-    """Return the rows in which all valid members are ON and at least one member is valid."""
-    able, against = NO_ROW, NO_ROW
-    for m in members:
-        able |= valid[m]
-        against |= valid[m] & ~on[m]
-    return able & ~against
-
-
-@compiled_in_place
-def rows_of_any(members, valid):
-    """Return the rows in which any member is valid."""
-    able = NO_ROW
-    for m in members:
-        able |= valid[m]
-    return able
 
 
 @compiled_in_place
@@ -147,204 +111,292 @@ def rows_of_count(count, members, words, valid, digits):
 
 
 @compiled_in_place
-def gather_levels(block, rows, valid, at, levels, places):
-    """Copy the levels of a tile to ``levels``, which has a row for each member of a group.
+def rows_of_impact(rows, settings, members, steps, digits, tiles):
+    """Return the rows within the hold time of an impact, as a word.
 
-    ``at`` is the index of the tile's words in ``valid``: number of the word, seat of lane 0.
-    ``places`` has the row in ``levels`` of each seat, -1 for none.
+    ``steps`` has the rows in which each channel steps. The state keeps the number of rows that
+    remain of the hold time.
     """
-    row = FIRST_ROW
-    words = load(valid, at)
+    impacts = rows_of_count(settings.impact_channels, members, steps, steps, digits)
+    left = min(int(tiles[0, HOLD_ROWS, 0]), settings.hold_rows)
+    if impacts == NO_ROW and left == 0:
+        return NO_ROW
+    held, row = NO_ROW, FIRST_ROW
+    for _ in range(rows):
+        if impacts & row:
+            left = settings.hold_rows
+        if left > 0:
+            held |= row
+            left -= 1
+        row = row << FIRST_ROW
+    tiles[0, HOLD_ROWS, 0] = left
+    return held
+
+
+@compiled_in_place
+def _all_valid(rows, members, tiles, valid):
+    """Return whether all channels have started and are valid in all rows."""
+    whole = ~NO_ROW >> np.uint64(WORD_ROWS - rows)
+    for c in members:
+        if np.isnan(tiles[c // LANES, FIRST, c % LANES]) or valid[c] != whole:
+            return False
+    return True
+
+
+@compiled_in_place
+def _medians(volts, start, rows, members, tiles, deviations, common_v):
+    """Write the medians of rows in which all channels are valid.
+
+    Sorting one row takes an unpredictable branch for each pair; exchanging values in sixteen rows
+    at once takes none.
+    """
+    channels = members.size
+    for i in range(channels):
+        c = members[i]
+        first = tiles[c // LANES, FIRST, c % LANES]
+        for k in range(rows):
+            deviations[i, k] = volts[start + k, c] - first
+    # Each pass moves the largest remaining value to the end; the median needs half of the passes.
+    for k in range(0, rows, LANES):
+        for end in range(channels - 1, channels - channels // 2 - 2, -1):
+            most = load(deviations, (0, k))
+            for i in range(end):
+                u = load(deviations, (i + 1, k))
+                more = u > most
+                store(select(more, most, u), deviations, (i, k))
+                most = select(more, u, most)
+            store(most, deviations, (end, k))
+    low, high = deviations[(channels - 1) // 2], deviations[channels // 2]
+    for k in range(rows):
+        common_v[k] = 0.5 * (low[k] + high[k])
+
+
+@compiled
+def _of_row(kind, values, before_v):
+    """Return the mean or median of a row's values; without values, the one of the row before."""
+    n = values.size
+    if n == 0:
+        return before_v
+    if kind == MEAN:
+        total = 0.0
+        for value in values:
+            total += value
+        return total / n
+    values.sort()
+    return 0.5 * (values[(n - 1) // 2] + values[n // 2])
+
+
+@compiled_in_place
+def find_common_mode(
+    volts, start, rows, kind, active, members, limits, tiles, valid, deviations, common_v
+):
+    """Write the common mode of each row to ``common_v``; keep the first sample of each channel.
+
+    Parameters
+    ----------
+    volts, start, rows
+        The samples, the first row and the number of rows.
+    kind
+        ``MEAN`` or ``MEDIAN``.
+    active, members
+        Indices of the tiles and of the channels that are enabled.
+    limits, tiles
+        Limits of good samples, and the state.
+    valid
+        Words: the rows in which each channel has a good sample that is not flat.
+    deviations
+        Working memory, shape (channels, WORD_ROWS).
+    common_v
+        Output, shape (rows,) or more.
+    """
+    exchange = kind == MEDIAN and members.size <= EXCHANGED_CHANNELS
+    if exchange and _all_valid(rows, members, tiles, valid):
+        _medians(volts, start, rows, members, tiles, deviations, common_v)
+        tiles[0, COMMON_V, 0] = common_v[rows - 1]
+        return
+    row, values = FIRST_ROW, deviations.reshape(-1)
+    for k in range(rows):
+        n = 0
+        for c in range(valid.size):
+            first = tiles[c // LANES, FIRST, c % LANES]
+            if valid[c] & row and not np.isnan(first):
+                values[n] = volts[start + k, c] - first
+                n += 1
+        row = row << FIRST_ROW
+        common_v[k] = _of_row(kind, values[:n], tiles[0, COMMON_V, 0])
+        tiles[0, COMMON_V, 0] = common_v[k]
+        for t in active:
+            sample, first = load(volts, (start + k, t * LANES)), load(tiles, (t, FIRST, 0))
+            good = (sample >= load(limits, (t, LOW, 0))) & (sample <= load(limits, (t, HIGH, 0)))
+            begun = select(is_number(first), first, sample - common_v[k])
+            first = select(good, begun, first)
+            store(first, tiles, (t, FIRST, 0))
+
+
+def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
+    """Return votes as numbers for the kernel: each is ``all``, ``mean`` or a count of channels.
+
+    Examples
+    --------
+    >>> vote_numbers(['all', 'mean', 2])
+    array([ 0, -1,  2])
+    """
+    numbers = []
+    for vote in votes:
+        count = isinstance(vote, (int, np.integer)) and not isinstance(vote, bool) and vote >= 1
+        if not count and vote not in ('all', 'mean'):
+            raise ValueError(f'vote is {vote!r}, allowed: all, mean or a count of 1 or more')
+        numbers.append({'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(vote), vote))
+    return np.array(numbers, dtype=np.int64)
+
+
+@compiled_in_place
+def gather_levels(block, rows, valid, at, levels):
+    """Copy the levels of a tile to ``levels``, shape (columns, rows).
+
+    ``at`` is the index of the tile's words in ``valid``: number of the word, column of lane 0.
+    """
+    row, words = FIRST_ROW, load(valid, at)
     for k in range(rows):
         level = load(block, (k, 0))
         level = select(level > 0.0, level, 0.0)  # also where it is NaN
         store(select((words & row) != NO_ROW, level, NO_VOTE), block, (k, 0))
         row = row << FIRST_ROW
     for lane in range(LANES):
-        place = places[at[1] + lane]
-        if place >= 0:
-            own = levels[place]
-            for k in range(rows):
-                own[k] = block[k, lane]
+        for k in range(rows):
+            levels[at[1] + lane, k] = block[k, lane]
 
 
 @compiled_in_place
-def _raise(number, able, statistics, at):
-    """Raise a statistic of sixteen rows to a number if that is larger and the group can vote."""
-    before = load(statistics, at)
-    store(select(able & (number > before), number, before), statistics, at)
-
-
-@compiled_in_place
-def _extremes(levels, first, end, k):
-    """Return the smallest and the largest valid level of sixteen rows.
-
-    In rows without a valid level they are infinity and ``NO_VOTE``.
-    """
+def _extremes(levels, members, k):
+    """Return the smallest and the largest valid level of sixteen rows, else infinity, NO_VOTE."""
     least, most = spread(np.inf), spread(NO_VOTE)
-    for j in range(first, end):
-        level = load(levels, (j, k))
+    for m in members:
+        level = load(levels, (m, k))
         least = select((level >= 0.0) & (level < least), level, least)
         most = select(level > most, level, most)
     return least, most
 
 
 @compiled_in_place
-def _plain_product(levels, first, end, k):
-    """Return the number of valid levels in each of sixteen rows, and their product."""
-    count, product = spread(0.0), spread(1.0)
-    for j in range(first, end):
-        level = load(levels, (j, k))
-        valid = level >= 0.0
-        count = count + select(valid, spread(1.0), spread(0.0))
-        product = select(valid, product * level, product)
-    return count, product
+def _geometric_mean(levels, members, least, most, k):
+    """Return the geometric mean of a group's valid levels in sixteen rows, NO_VOTE without any.
 
-
-@compiled_in_place
-def _product(levels, first, end, k):
-    """Return the number of valid levels in each of sixteen rows, and their product in two parts.
-
-    Fractions are multiplied and exponents are added, so that nothing over- or underflows. If the
-    plain product does not either, its fraction has the same bits.
+    It uses only operations with a rounding defined by IEEE 754, as the logarithms of two libraries
+    may differ in their last bits. The exponents of the product are split off and added, so that
+    nothing over- or underflows: no configuration has levels beyond 1e-300 and 1e300.
     """
     count, exponent, product = spread(0.0), spread(0.0), spread(1.0)
-    for j in range(first, end):
-        level = load(levels, (j, k))
+    for m in members:
+        level = load(levels, (m, k))
         valid = level >= 0.0
-        small = level < LEAST_NORMAL
-        level = select(small, level * 2.0**SCALE_BITS, level)
-        own = exponents(level) - select(small, spread(SCALE_BITS), spread(0.0))
+        product = select(valid, product * level, product)
+        exponent = exponent + exponents(product)
+        product = fractions(product)
         count = count + select(valid, spread(1.0), spread(0.0))
-        exponent = select(valid, exponent + own, exponent)
-        product = select(valid, product * fractions(level), product)
-        if (j - first) % FACTORS == FACTORS - 1:
-            exponent = exponent + exponents(product)
-            product = fractions(product)
-    return count, exponent + exponents(product), fractions(product)
-
-
-@compiled_in_place
-def _mean_logarithm(count, exponent, product):
-    """Return the mean logarithm of the levels in each of sixteen rows, in two parts.
-
-    The first part is a whole number, to base 2; the second is the rest, to base e. ``exponent``
-    and ``product`` are the parts of the product of ``count`` levels.
-    """
+    count = select(count > 0.0, count, 1.0)
     large = product > ROOT_2
     exponent = select(large, exponent + 1.0, exponent)
     product = select(large, product * 0.5, product)
-    count = select(count > 0.0, count, 1.0)
+    # The mean logarithm is a whole number, to base 2, and the rest, to base e.
     whole = floor(exponent / count + 0.5)
     s = (product - 1.0) / (product + 1.0)
-    logarithm = s * polynomial(LOGARITHM, s * s)
-    return whole, ((exponent - whole * count) * LN_2 + logarithm) / count
-
-
-@compiled_in_place
-def _raise_to_mean(count, exponent, product, least, most, statistics, at):
-    """Raise a statistic to the geometric mean of a group's valid levels of sixteen rows.
-
-    ``least`` and ``most`` are the extremes of these levels, and ``exponent`` and ``product`` the
-    parts of their product.
-
-    It uses only operations with a rounding defined by IEEE 754, as the logarithms of two libraries
-    may differ in their last bits.
-    """
-    whole, rest = _mean_logarithm(count, exponent, product)
-    # The power is applied in two steps, as the smallest means are below 2^-1022.
-    half = floor(whole * 0.5)
-    mean = polynomial(EXPONENTIAL, rest) * powers_of_2(half) * powers_of_2(whole - half)
+    rest = ((exponent - whole * count) * LN_2 + s * polynomial(LOGARITHM, s * s)) / count
+    mean = polynomial(EXPONENTIAL, rest) * powers_of_2(whole)
     # Rounding must not take the mean beyond the levels; the mean of equal levels is that level.
     mean = select(mean < least, least, mean)
     mean = select(mean > most, most, mean)
     mean = select(most < np.inf, mean, most)
-    mean = select(least > 0.0, mean, 0.0)
-    _raise(mean, most >= 0.0, statistics, at)
+    return select(least > 0.0, mean, 0.0)
 
 
 @compiled_in_place
-def _raise_to_means(levels, bounds, k, statistics, v):
-    """Raise a statistic of sixteen rows to the geometric means of groups.
-
-    Among groups with equally many valid channels, the largest product has the largest mean. So one
-    root is computed for several groups, unless rounding could decide between two of them.
-    """
-    waiting = False
-    count = product = least = most = spread(0.0)
-    for g in range(bounds.size - 1):
-        first, end = bounds[g], bounds[g + 1]
-        low, high = _extremes(levels, first, end, k)
-        if end - first > FEW or not in_all((high < LARGE) & (low > 1.0 / LARGE)):
-            own_count, exponent, fraction = _product(levels, first, end, k)
-            _raise_to_mean(own_count, exponent, fraction, low, high, statistics, (v, k))
-            continue
-        own_count, own = _plain_product(levels, first, end, k)
-        apart = (own < product * (1.0 - NEAR)) | (own > product * (1.0 + NEAR))
-        if waiting and in_all((own_count == count) & apart):
-            larger = own > product
-            product = select(larger, own, product)
-            least, most = select(larger, low, least), select(larger, high, most)
-            continue
-        if waiting:
-            _raise_to_mean(
-                count, exponents(product), fractions(product), least, most, statistics, (v, k)
-            )
-        waiting, count, product, least, most = True, own_count, own, low, high
-    if waiting:
-        _raise_to_mean(
-            count, exponents(product), fractions(product), least, most, statistics, (v, k)
-        )
-
-
-@compiled_in_place
-def _sort(levels, first, end, count, k):
+def _sort(levels, members, count, k):
     """Move the ``count`` largest levels of sixteen rows to the front, the largest first."""
-    for i in range(first, first + count):
-        most = load(levels, (end - 1, k))
-        for j in range(end - 2, i - 1, -1):
-            level = load(levels, (j, k))
+    last = members.size - 1
+    for i in range(min(count, members.size)):
+        most = load(levels, (members[last], k))
+        for j in range(last - 1, i - 1, -1):
+            level = load(levels, (members[j], k))
             above = level > most
-            store(select(above, most, level), levels, (j + 1, k))
+            store(select(above, most, level), levels, (members[j + 1], k))
             most = select(above, level, most)
-        store(most, levels, (i, k))
+        store(most, levels, (members[i], k))
 
 
-@as_silent
 @compiled_in_place
-def raise_to_votes(levels, bounds, rows, votes, statistics):
-    """Raise the statistic of each vote to the largest number of the groups, if that is larger.
+def find_statistics(levels, members, bounds, rows, votes, statistics):
+    """Write the statistic of each vote: the largest number of the groups, 0 where none can vote.
 
     Parameters
     ----------
     levels
-        Shape (members of all groups, rows, padded to whole vectors); the order of a group's
-        members is not kept.
-    bounds
-        Index of the first member of each group, and the end of the last one.
+        Shape (columns, rows, padded to whole vectors), with ``NO_VOTE`` for a channel that is not
+        valid; the order of a group's members is not kept.
+    members, bounds
+        Columns of the members of all groups, and where those of each group begin and end.
     rows
         Number of rows.
     votes
         As returned by :func:`vote_numbers`.
     statistics
-        Shape (votes, rows, padded to whole vectors), not below 0; unchanged where no group can
-        vote.
+        Output, shape (votes, rows, padded to whole vectors).
     """
-    most_counted = 0
+    most_counted, mean_wanted = 0, False
     for vote in votes:
-        most_counted = max(most_counted, vote)
+        most_counted, mean_wanted = max(most_counted, vote), mean_wanted or vote == VOTE_MEAN
     for k in range(0, rows, LANES):
         for v in range(votes.size):
-            if votes[v] == VOTE_MEAN:
-                _raise_to_means(levels, bounds, k, statistics, v)
+            store(spread(0.0), statistics, (v, k))
         for g in range(bounds.size - 1):
-            first, end = bounds[g], bounds[g + 1]
-            least, most = _extremes(levels, first, end, k)
+            own = members[bounds[g] : bounds[g + 1]]
+            least, most = _extremes(levels, own, k)
+            mean = _geometric_mean(levels, own, least, most, k) if mean_wanted else most
+            _sort(levels, own, most_counted, k)
             for v in range(votes.size):
-                if votes[v] == VOTE_ALL:
-                    _raise(least, most >= 0.0, statistics, (v, k))
-            _sort(levels, first, end, min(most_counted, end - first), k)
-            for v in range(votes.size):
-                if 0 < votes[v] <= end - first:
-                    number = load(levels, (first + votes[v] - 1, k))
-                    _raise(number, number >= 0.0, statistics, (v, k))
+                if votes[v] > own.size:
+                    continue
+                if votes[v] > 0:
+                    number = load(levels, (own[votes[v] - 1], k))
+                else:
+                    number = least if votes[v] == VOTE_ALL else mean
+                before = load(statistics, (v, k))
+                larger = (most >= 0.0) & (number > before)
+                store(select(larger, number, before), statistics, (v, k))
+
+
+@compiled_in_place
+def decide(rows, settings, on, valid, members, bounds, digits, levels, statistics, decisions):
+    """Write the words of all flags: the votes of the groups (Table 1), their OR, the channels'.
+
+    ``on`` and ``valid`` are the words of the channels; ``levels`` and ``statistics`` are needed
+    for the vote ``mean``.
+    """
+    groups, slip = bounds.size - 1, NO_ROW
+    for g in range(groups):
+        own = members[bounds[g] : bounds[g + 1]]
+        able, against, decision = NO_ROW, NO_ROW, NO_ROW
+        if settings.vote > 0:
+            able = rows_of_count(settings.vote, own, valid, valid, digits)
+            decision = rows_of_count(settings.vote, own, on, valid, digits)
+        else:
+            for m in own:
+                able |= valid[m]
+                against |= valid[m] & ~on[m]
+            decision = able & ~against
+        if settings.vote == VOTE_MEAN:
+            row, decision = FIRST_ROW, NO_ROW
+            for k in range(0, rows, LANES):
+                least, most = _extremes(levels, own, k)
+                mean = _geometric_mean(levels, own, least, most, k)
+                store(mean, statistics, (0, k))
+            for k in range(rows):
+                decision |= row if statistics[0, k] > settings.threshold else NO_ROW
+                row = row << FIRST_ROW
+        decisions[1 + g], decisions[1 + groups + g] = decision, able
+        slip |= decision
+    decisions[0] = slip
+    channels = (decisions.size - 1) // 2 - groups
+    for c in range(channels):
+        decisions[1 + 2 * groups + c] = on[c]
+        decisions[1 + 2 * groups + channels + c] = valid[c]

@@ -152,7 +152,6 @@ def _start(name: str, module: str) -> int:
     try:
         # Modules stay loaded: searching them for garbage would take a third of the start-up time.
         gc.disable()
-        importlib.import_module('slip_detector.chain.compiled').load_numba_alone()
         main = importlib.import_module(module).main
         gc.freeze()
         gc.enable()

@@ -25,10 +25,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.result import SlipResult
+from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.settling import settling_rows
-from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.stamps import missing_rows
 from slip_detector.evaluation.figures import (
     ALREADY_ON,

@@ -25,8 +25,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
-from slip_detector.chain.memory import check_memory
-from slip_detector.chain.result import SlipResult
+from slip_detector.chain.slip_chain import SlipResult, check_memory
 from slip_detector.chain.stamps import Arrival, StampGrid
 from slip_detector.nodes.channel_names import ChannelNames
 from slip_detector.nodes.decorators import exclusive, explained

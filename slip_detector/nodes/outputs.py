@@ -25,7 +25,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
-from slip_detector.chain.result import SlipResult
+from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.nodes.joint_states import JointStateWriter
 from slip_detector.nodes.messages import (
     event_qos,

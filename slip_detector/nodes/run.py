@@ -221,15 +221,12 @@ def _maker(executable: str, on_compiling: Callable[[], None]) -> Callable[[list[
         from slip_detector.nodes.grasp_controller import GraspController
 
         return lambda of_each: [GraspController(arguments) for arguments in of_each]
-    from slip_detector.chain.compiled import load_numba_alone
-
-    load_numba_alone()
     log_compiling(executable, on_compiling)
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import drivers
 
         return drivers
-    from slip_detector.chain.warm_up import compile_chain
+    from slip_detector.chain.slip_chain import compile_chain
     from slip_detector.nodes.detector import Detector
 
     compile_chain()  # Before the first node, as a signal then ends the process at once.

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.chain.result import SlipResult
+from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.evaluation.figures import FALSE, ReplayOutcome
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.parameters.detector import ChainConfig

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from slip_detector.chain.filters import design
-from slip_detector.chain.result import SlipResult
-from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.evaluation.protocol import (
     PAPER_DELAY_MS,
     PAPER_FALSE_POSITIVE_PERCENT,

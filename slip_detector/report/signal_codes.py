@@ -17,8 +17,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.evidence import LEAST_EXCESS_DB, least_floor_db
-from slip_detector.chain.result import SlipResult
+from slip_detector.chain.slip_chain import SlipResult
+from slip_detector.chain.stages import LEAST_EXCESS_DB
 from slip_detector.parameters.detector import ChainConfig
 
 Codes = NDArray[np.uint8]
@@ -88,7 +88,7 @@ def ranges_db(config: ChainConfig) -> dict[str, tuple[float, float]]:
     >>> ranges_db(config)
     {'excess': (-8.7, 12.0), 'floor': (-60.0, 0.0)}
     """
-    floors = [least_floor_db(floor) for floor in config.noise_floor]
+    floors = [20.0 * float(np.log10(floor)) for floor in config.noise_floor]
     return {
         'excess': (LEAST_EXCESS_DB, config.evidence_cap_db),
         'floor': (min(floors), max(floors) + config.noise_floor_range_db),

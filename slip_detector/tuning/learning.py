@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.settling import evidence_falls_s, settling_rows
+from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import REST, SLIP

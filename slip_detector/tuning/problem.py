@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.settling import settling_rows
+from slip_detector.chain.filters import settling_rows
 from slip_detector.evaluation.chance import HALF
 from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters.detector import ChainConfig

@@ -12,9 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compiled functions are kept from run to run, and never run stale."""
+"""Compiled functions are kept from run to run and never run stale; vectors are those of NumPy."""
 
-import importlib.util
 import os
 import re
 import shutil
@@ -24,28 +23,55 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
-from slip_detector.chain import compiled, lanes
+from slip_detector.chain import compiled
+from slip_detector.chain.compiled import (
+    LANES,
+    absolute,
+    floats_of,
+    floor,
+    is_number,
+    load,
+    select,
+    spread,
+    square_root,
+    store,
+    words_of,
+)
 
 PACKAGE = Path(compiled.__file__).parents[1]
-COMPILED_FILES = [
-    path.relative_to(PACKAGE)
-    for path in sorted(PACKAGE.rglob('*.py'))
-    if re.search('^@compiled', path.read_text(encoding='utf-8'), re.MULTILINE)
-]
+
+needs_numba = pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
+
+
+def output_of(script, **environment):
+    """Run a script in a process of its own and return the words that it prints."""
+    paths = os.pathsep.join(sys.path)
+    done = subprocess.run(
+        [sys.executable, '-c', script],
+        env={**os.environ, 'PYTHONPATH': paths, **environment},
+        capture_output=True, text=True, check=False, timeout=240,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+# --- the cache -----------------------------------------------------------------------------
+
 
 OUTER = """
 import numpy as np
-from slip_detector.chain.compiled import compiled, load_numba_alone
-from slip_detector.chain.lanes import LANES, load, store
+from slip_detector.chain.compiled import LANES, compiled, load, store
 from slip_detector.chain.inner import value
 
 @compiled
 def outer(values):
-    store(load(values, 0) + value(), values, 0)
+    store(load(values, (0,)) + value(), values, (0,))
 
 if __name__ == '__main__':
-    load_numba_alone()
     values = np.ones(LANES)
     outer(values)
     print(values.mean(), sum(outer.stats.cache_hits.values()))
@@ -60,90 +86,13 @@ def value():
 """
 
 
-def fingerprint_of(package):
-    """Return the fingerprint of a copy of the package."""
-    path = package / 'chain' / 'compiled.py'
-    spec = importlib.util.spec_from_file_location('copy_of_compiled', path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.FINGERPRINT
-
-
-@pytest.fixture(scope='module')
-def copy(tmp_path_factory):
-    package = tmp_path_factory.mktemp('copy') / 'slip_detector'
-    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns('__pycache__'))
-    return package
-
-
-def test_the_files_of_the_kernel_have_compiled_code():
-    of_chain = {path.stem for path in COMPILED_FILES if path.parts[0] == 'chain'}
-    assert {'common_mode', 'kernel', 'plan', 'stages', 'stamps', 'votes'} <= of_chain
-
-
-@pytest.mark.parametrize('changed', [*COMPILED_FILES, Path('chain/lanes.py')], ids=str)
-def test_each_file_with_compiled_code_changes_the_name_of_the_cache(changed, copy):
-    assert fingerprint_of(copy) == compiled.FINGERPRINT
-    source = (copy / changed).read_bytes()
-    try:
-        (copy / changed).write_bytes(source + b'# changed\n')
-        assert fingerprint_of(copy) != compiled.FINGERPRINT
-    finally:
-        (copy / changed).write_bytes(source)
-
-
-def test_a_file_without_compiled_code_leaves_the_cache_in_use(copy):
-    path = copy / 'chain' / 'filters.py'
-    source = path.read_bytes()
-    path.write_bytes(source + b'# changed\n')
-    assert fingerprint_of(copy) == compiled.FINGERPRINT
-    path.write_bytes(source)
-
-
-@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is kept')
-def test_another_numba_never_finds_what_this_one_has_compiled(copy, monkeypatch):
-    assert fingerprint_of(copy) == compiled.FINGERPRINT
-    monkeypatch.setattr('numba.__version__', '0.0.1')
-    assert fingerprint_of(copy) != compiled.FINGERPRINT
-
-
-ALONE = """
-import sys
-import numpy as np
-from slip_detector.chain.compiled import load_numba_alone
-from slip_detector.chain.stamps import StampGrid
-
-load_numba_alone()
-assert StampGrid(0.01, 0.1).arrive_all(np.array([0, 10_000_000]))
-assert not {'scipy.linalg', 'coverage'} & sys.modules.keys()
-
-import numba
-from scipy.linalg import inv
-
-product = numba.njit(lambda a, b: a @ b)
-a = np.array([[1.0, 2.0], [3.0, 5.0]])
-np.testing.assert_allclose(product(a, inv(a)), np.eye(2), atol=1e-12)
-load_numba_alone()
-assert sys.modules['scipy.linalg'] is not None
-"""
-
-
-@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba there is nothing to load')
-def test_compiled_functions_run_without_coverage_and_scipy_s_linear_algebra_which_loads_later():
-    done = subprocess.run(
-        [sys.executable, '-c', ALONE], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is kept')
+@needs_numba
 def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
     chain = tmp_path / 'slip_detector' / 'chain'
     chain.mkdir(parents=True)
     for folder in (chain.parent, chain):
         (folder / '__init__.py').touch()
-    for module in (compiled, lanes):
-        shutil.copy(module.__file__, chain)
+    path = Path(shutil.copy(compiled.__file__, chain))
     (chain / 'outer.py').write_text(OUTER)
 
     def run(inner):
@@ -156,17 +105,63 @@ def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
     assert run(1.0) == ['2.0', '0']
     assert run(1.0) == ['2.0', '1']  # from the cache
     assert run(2.0) == ['3.0', '0']
-    # The vectors' own file is not compiled by itself, but into all that use it.
-    path = chain / 'lanes.py'
-    path.write_text(path.read_text().replace("(operator.add, 'fadd')", "(operator.add, 'fsub')"))
+    # The vectors are not compiled by themselves, but into all that use them.
+    path.write_text(path.read_text().replace("f'f{_name[-3:]}'", "'fsub'"))
     assert run(2.0) == ['-1.0', '0']
 
 
-TOLD = """
-from slip_detector.chain.compiled import load_numba_alone, on_compiling
+def test_all_files_with_compiled_code_and_numba_s_version_name_the_cache(monkeypatch):
+    files = [
+        path
+        for path in PACKAGE.rglob('*.py')
+        if re.search('^@(compiled|intrinsic)', path.read_text(encoding='utf-8'), re.MULTILINE)
+    ]
+    assert {'kernel', 'stages', 'stamps', 'votes', 'matching'} <= {path.stem for path in files}
+    read, looked_at = Path.read_bytes, []
+
+    def changed(path):
+        looked_at.append(path)
+        return read(path) + b'#' * (path == files[-1])
+
+    monkeypatch.setattr(Path, 'read_bytes', changed)
+    assert compiled._fingerprint() != compiled.FINGERPRINT
+    assert set(files) <= set(looked_at)
+    monkeypatch.setattr(Path, 'read_bytes', read)
+    assert compiled._fingerprint() == compiled.FINGERPRINT
+    monkeypatch.setattr(compiled, 'numba_version', '0.0.1')
+    assert compiled._fingerprint() != compiled.FINGERPRINT
+
+
+ALL_COMPILED = """
+import numpy as np
+from slip_detector.chain.slip_chain import SlipChain, compile_chain
+from slip_detector.chain.stamps import StampGrid
+from slip_detector.parameters.detector import ChainConfig
+from support.compiled_signatures import compiled_signatures
+
+compile_chain()
+before = compiled_signatures()
+assert before
+for changes in ({}, {'channels': 3, 'vote': 'mean', 'common_mode': 'median'}, {'channels': 40}):
+    config = ChainConfig(**changes)
+    SlipChain(config).update(np.zeros((100, config.channels)), votes=['all', 2])
+grid = StampGrid(period_s=0.01, max_gap_s=0.1)
+grid.mend(np.array([0, 10, 40, 1000, 900]) * 1_000_000)
+grid.arrive(1_100_000_000, 10)
+assert grid.arrive_all(np.array([1_110_000_000]))
+assert compiled_signatures() == before
+"""
+
+
+@needs_numba
+def test_nothing_is_left_to_be_compiled_when_samples_come():
+    output_of(ALL_COMPILED)
+
+
+SAID = """
+from slip_detector.chain.compiled import on_compiling
 from slip_detector.chain.stamps import StampGrid
 
-load_numba_alone()
 on_compiling(print)
 grid = StampGrid(1.0, 1.0)
 for stamp_ns in (0, 10**9, 2 * 10**9):
@@ -174,67 +169,88 @@ for stamp_ns in (0, 10**9, 2 * 10**9):
 """
 
 
-@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
-def test_what_is_compiled_is_told_and_what_is_in_the_cache_is_not(tmp_path):
-    def told():
-        return subprocess.run(
-            [sys.executable, '-c', TOLD],
-            env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
-            capture_output=True, text=True, check=True,
-        ).stdout.split()  # fmt: skip
-
-    assert told() == ['slip_detector.chain.stamps']
-    assert told() == []
+@needs_numba
+def test_what_is_compiled_is_said_and_what_is_in_the_cache_is_not(tmp_path):
+    assert set(output_of(SAID, NUMBA_CACHE_DIR=str(tmp_path))) == {'slip_detector.chain.stamps'}
+    assert output_of(SAID, NUMBA_CACHE_DIR=str(tmp_path)) == []
 
 
 COUNTED = """
 import numba
 import numpy as np
 from numba.core.runtime import rtsys
-from slip_detector.chain.compiled import load_numba_alone
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stamps import StampGrid
 
-load_numba_alone()
 chain, grid = SlipChain(), StampGrid(0.01, 0.1)
 for k in range(3):
     before = rtsys.get_allocation_stats()
     chain.update(np.random.default_rng(k).normal(size=(100, 16)), votes=['all', 'mean', 2])
     grid.arrive(k * 10_000_000)
 assert rtsys.get_allocation_stats() == before
-numba.njit(lambda values: values.size)(np.zeros(3))
-assert rtsys.get_allocation_stats().mi_alloc == before.mi_alloc + 1
 """
 
 
-@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
+@needs_numba
 def test_nothing_keeps_the_arrays_of_a_call_of_a_function_that_works_in_place():
-    done = subprocess.run(
-        [sys.executable, '-c', COUNTED],
-        env={**os.environ, 'NUMBA_NRT_STATS': '1'},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    output_of(COUNTED, NUMBA_NRT_STATS='1')
 
 
-@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
-def test_a_function_that_makes_an_array_does_not_work_in_place():
+# --- vectors -------------------------------------------------------------------------------
+
+
+FLOATS = arrays(np.float64, LANES, elements=st.floats(allow_subnormal=True))
+WORDS = arrays(np.uint64, LANES)
+
+
+@compiled.compiled
+def run_on_floats(a, b, out):
+    x, y = load(a, (0,)), load(b, (0,))
+    results = (x + y, x - y, x * y, x / y, y - 2.0, square_root(x), absolute(x), floor(x))
+    for k in range(8):
+        store(results[k], out, (k, 0))
+    masks = (x > y, x >= y, x < y, x <= y, x == y, is_number(x))
+    for k in range(6):
+        store(select(masks[k], x, spread(-1.0)), out, (8 + k, 0))
+    store(select((x > y) | (x < 0.0) & is_number(y), 1.0, x), out, (14, 0))
+
+
+@given(FLOATS, FLOATS)
+def test_vectors_of_floats_are_computed_as_ieee_754_demands(a, b):
+    out = np.empty((15, LANES))
+    with np.errstate(all='ignore'):
+        run_on_floats(a, b, out)
+        wanted = [a + b, a - b, a * b, a / b, b - 2.0, np.sqrt(a), np.abs(a), np.floor(a)]
+        masks = [a > b, a >= b, a < b, a <= b, a == b, ~np.isnan(a)]
+        wanted += [np.where(mask, a, -1.0) for mask in masks]
+        wanted.append(np.where((a > b) | (a < 0) & ~np.isnan(b), 1.0, a))
+    np.testing.assert_array_equal(out, wanted)
+
+
+@compiled.compiled
+def run_on_words(a, b, out):
+    x, y = load(a, (0,)), load(b, (0,))
+    results = (x + y, x & y, x | y, x << np.uint64(3), x >> np.uint64(5), words_of(floats_of(x)))
+    for k in range(6):
+        store(results[k], out, (k, 0))
+    store(select(x != y, x, y), out, (6, 0))
+
+
+@given(WORDS, WORDS)
+def test_vectors_of_words_are_computed_bit_by_bit(a, b):
+    out = np.empty((7, LANES), np.uint64)
+    run_on_words(a, b, out)
+    three, five = np.uint64(3), np.uint64(5)
+    np.testing.assert_array_equal(out, [a + b, a & b, a | b, a << three, a >> five, a, a])
+
+
+@needs_numba
+def test_an_operator_of_vectors_of_different_kinds_is_refused():
     from numba.core.errors import NumbaError
 
-    @compiled.compiled_in_place
-    def sum_of_ones(n):
-        return np.ones(n).sum()
+    @compiled.compiled
+    def mixed(a, b):
+        return load(a, (0,)) + load(b, (0,))
 
-    with pytest.raises(NumbaError, match='Only accept returning of array passed'):
-        sum_of_ones(3)
-
-
-def test_interpreted_functions_overflow_as_silently_as_compiled_ones(monkeypatch):
-    def times_ten(values):
-        return values * 10.0
-
-    largest = np.array([1e308])
-    monkeypatch.setattr(compiled, 'COMPILED', False)
-    with pytest.warns(RuntimeWarning, match='overflow'):
-        assert compiled.compiled(times_ten)(largest) == np.inf
-    assert compiled.as_silent(compiled.compiled(times_ten))(largest) == np.inf
+    with pytest.raises(NumbaError):
+        mixed(np.zeros(LANES), np.zeros(LANES, np.uint64))

@@ -23,8 +23,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain import live_chain, stages
+from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.live_chain import HISTORY_S, LiveChain
-from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 

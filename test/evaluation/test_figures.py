@@ -18,8 +18,8 @@ import dataclasses
 
 import pytest
 
+from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.settling import settling_rows
 from slip_detector.evaluation.figures import (
     FALSE,
     REPEAT,

@@ -19,8 +19,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation.figures import SETTLING, STAGES, TRUE, figures_of_merit
 from slip_detector.evaluation.replay import Replay

@@ -22,8 +22,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.settling import settling_rows
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation import replay as replay_module
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES, figures_of_merit, first_on_delay_s

@@ -20,8 +20,7 @@ import math
 import pytest
 from hypothesis import strategies as st
 
-from slip_detector.chain.memory import check_memory
-from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.slip_chain import SlipChain, check_memory
 from slip_detector.parameters import (
     DetectorConfig,
     DriverConfig,

@@ -99,7 +99,7 @@ def test_the_chain_loads_nothing_that_it_does_not_need():
     loaded = {name.split('.')[0] for name in loaded_after('chain')}
     assert {'slip_detector', 'numpy', 'scipy'} <= loaded
     assert loaded.isdisjoint({*ROS, 'matplotlib', 'optuna', 'rosbags'})
-    # Only what designs a filter for the first time needs it, see chain/design_cache.py.
+    # Only what designs a filter for the first time needs it, see chain/filters.py.
     assert 'scipy.signal' not in loaded_after('chain')
 
 

@@ -14,13 +14,13 @@
 
 """Configurations and recordings that the tests of the chain share."""
 
+import contextlib
 import dataclasses
 
 import numpy as np
 
 from slip_detector.parameters.detector import ChainConfig
 
-VOTES = ('all', 1, 2, 'mean')
 # A small chain that is quick to settle, for the hand-made cases.
 FAST = {
     'sample_rate_hz': 400.0,
@@ -34,8 +34,13 @@ FAST = {
 }
 
 
-def bits(result):
-    return result.flags.tobytes(), result.envelope.tobytes(), result.level.tobytes()
+def bits(*results):
+    """Return the bits of all that consecutive results have, by name."""
+    found = {'flags': np.concatenate([result.flags for result in results]).tobytes()}
+    for name in ('envelope', 'level', 'floor', 'excess', 'after_impact'):
+        with contextlib.suppress(ValueError):  # was not kept
+            found[name] = np.concatenate([getattr(result, name) for result in results]).tobytes()
+    return found
 
 
 def sine(n, hz=50.0, rate=400.0):

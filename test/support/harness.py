@@ -38,7 +38,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
-from slip_detector.chain.warm_up import compile_chain  # noqa: E402
+from slip_detector.chain.slip_chain import compile_chain  # noqa: E402
 from slip_detector.nodes.messages import (  # noqa: E402
     event_qos,
     sensor_qos,

@@ -15,12 +15,11 @@
 """Random configurations and recordings, and the chain on them against the reference."""
 
 import dataclasses
-import inspect
 
 import numpy as np
 from hypothesis import strategies as st
 
-from slip_detector.chain.lanes import LANES
+from slip_detector.chain.compiled import LANES
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from support.reference import reference
@@ -108,8 +107,7 @@ def recordings(draw, config):
 
 
 def reference_of(config, volts):
-    names = list(inspect.signature(reference).parameters)[1:]
-    return reference(volts, **{name: getattr(config, name) for name in names})
+    return reference(volts, config)
 
 
 def round_off(config, volts, envelope):
@@ -187,9 +185,11 @@ def with_evidence(draw, config, volts):
     )
 
 
-def bits_in_pieces(chain, pieces):
-    results = [chain.update(piece) for piece in pieces]
-    return tuple(
-        np.concatenate([getattr(result, name) for result in results]).tobytes()
-        for name in ('flags', 'envelope', 'level')
-    )
+@st.composite
+def cases(draw):
+    """Draw a chain of either decision, rows of volts, and what else is kept of its results."""
+    config = draw(configs(threshold=0.05))
+    volts = draw(recordings(config))
+    if draw(st.booleans(), label='evidence'):
+        return draw(with_evidence(config, volts)), volts, {'floor': True, 'excess': True}
+    return config, volts, {}

@@ -15,10 +15,9 @@
 """The decision by evidence of the reference, a row at a time.
 
 Part of :mod:`support.reference`, written as plainly. Each function is one equation, so that each
-can be held against what the chain gives for it.
+can be held against what the chain gives for it. Arrays have the shape (n, c), but for rows of an
+impact, (n,).
 """
-
-from __future__ import annotations
 
 from types import SimpleNamespace
 
@@ -29,21 +28,8 @@ QUANTILE = 0.1
 LEAST_EXCESS_DB = -8.7
 
 
-def mains_rows(mains_hz: float, sample_rate_hz: float) -> int:
-    """Return the fewest rows that hold whole periods of the mains, to a thousandth of one.
-
-    Parameters
-    ----------
-    mains_hz : float
-        0: no mains, no rows.
-    sample_rate_hz : float
-        Rows per second.
-
-    Raises
-    ------
-    ValueError
-        If there are none within 0.25 s.
-    """
+def mains_rows(mains_hz, sample_rate_hz):
+    """Return the fewest rows that hold whole periods of the mains, to a thousandth of one."""
     if mains_hz == 0:
         return 0
     for rows in range(1, int(0.25 * sample_rate_hz) + 1):
@@ -53,23 +39,8 @@ def mains_rows(mains_hz: float, sample_rate_hz: float) -> int:
     raise ValueError(f'no whole periods of {mains_hz} Hz')
 
 
-def take_off_mains(x: np.ndarray, ok: np.ndarray, rows: int) -> np.ndarray:
-    """Subtract from each row the one `rows` before; 0 in the first rows of a channel.
-
-    Parameters
-    ----------
-    x : numpy.ndarray
-        Input of the filters, shape (n, c).
-    ok : numpy.ndarray
-        Which samples are credible, shape (n, c).
-    rows : int
-        0: nothing is taken off.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n, c).
-    """
+def take_off_mains(x, ok, rows):
+    """Subtract from each row the one `rows` before; 0 in the first rows of a channel."""
     if rows == 0:
         return x
     y = np.where(np.isnan(x), x, 0.0)
@@ -79,28 +50,10 @@ def take_off_mains(x: np.ndarray, ok: np.ndarray, rows: int) -> np.ndarray:
     return y
 
 
-def after_impact(
-    volts: np.ndarray,
-    ok: np.ndarray,
-    enabled: np.ndarray,
-    impact_v: float,
-    impact_channels: int,
-    hold_rows: int,
-) -> np.ndarray:
-    """Return the rows that an impact is held for, shape (n,).
+def after_impact(volts, ok, enabled, impact_v, impact_channels, hold_rows):
+    """Return the rows that an impact is held for, its own included.
 
-    Parameters
-    ----------
-    volts, ok : numpy.ndarray
-        Samples, and which of them are credible, shape (n, c).
-    enabled : numpy.ndarray
-        Which channels take part, shape (c,).
-    impact_v : float
-        A larger step between samples belongs to an impact; 0: no impacts.
-    impact_channels : int
-        Number of channels that must step at once.
-    hold_rows : int
-        Number of rows for which an impact is held, its own included.
+    In an impact this many enabled channels step by more than ``impact_v`` between their samples.
     """
     n_rows, n_channels = volts.shape
     held = np.zeros(n_rows, dtype=bool)
@@ -116,8 +69,8 @@ def after_impact(
     return held
 
 
-def rows_that_count(ok: np.ndarray, valid: np.ndarray, settle_rows: int) -> np.ndarray:
-    """Return where a channel's envelope is meaningful, shape (n, c).
+def rows_that_count(ok, valid, settle_rows):
+    """Return where a channel's envelope is meaningful.
 
     There the channel is valid, and its first good sample is at least ``settle_rows`` back.
     """
@@ -128,99 +81,58 @@ def rows_that_count(ok: np.ndarray, valid: np.ndarray, settle_rows: int) -> np.n
     return counts
 
 
-def decibels(envelope: np.ndarray) -> np.ndarray:
+def decibels(envelope):
     """Return 20 log10 of an envelope; minus infinity for 0."""
     with np.errstate(divide='ignore'):
         return 20 * np.log10(envelope)
 
 
-def moved_floor(
-    floor_db: np.ndarray, level_db: np.ndarray, rate_db_s: float, sample_rate_hz: float
-) -> np.ndarray:
+def moved_floor(floor_db, level_db, config):
     """Move floors by one row towards the quantile of the level."""
-    per_row = rate_db_s / (QUANTILE * sample_rate_hz)
+    per_row = config.noise_floor_rate_db_s / (QUANTILE * config.sample_rate_hz)
     return np.where(
         level_db > floor_db, floor_db + per_row * QUANTILE, floor_db - per_row * (1 - QUANTILE)
     )
 
 
-def floors_of(
-    level_db: np.ndarray,
-    counts: np.ndarray,
-    least: np.ndarray,
-    learnt: bool,
-    range_db: float,
-    rate_db_s: float,
-    sample_rate_hz: float,
-) -> np.ndarray:
-    """Follow the noise floor of each channel.
+def floors_of(level_db, counts, config):
+    """Follow the noise floor of each channel, in dB; the least before the first row that counts.
 
-    Parameters
-    ----------
-    level_db, counts : numpy.ndarray
-        Envelope in dB and whether it counts, shape (n, c).
-    least : numpy.ndarray
-        Least floors in the envelope's unit, shape (c,).
-    learnt : bool
-        Whether floors begin with the least; else with the first level.
-    range_db : float
-        How far they may rise.
-    rate_db_s : float
-        How fast they rise.
-    sample_rate_hz : float
-        Rows per second.
-
-    Returns
-    -------
-    numpy.ndarray
-        Floors in dB, shape (n, c); the least before the first row that counts.
+    A learnt floor begins with the least, any other with the first level.
     """
     floors = np.zeros(level_db.shape)
-    least_db = 20 * np.log10(least)
-    floor_db = least_db
-    begun = np.full(least.shape, learnt)
+    least = np.broadcast_to(np.asarray(config.noise_floor, dtype=float), level_db.shape[1:])
+    floor_db = least_db = 20 * np.log10(least)
+    begun = np.full(least.shape, config.noise_floor_learnt)
     for row in range(level_db.shape[0]):
-        moved = moved_floor(floor_db, level_db[row], rate_db_s, sample_rate_hz)
-        moved = np.where(begun, moved, level_db[row])
-        moved = np.clip(moved, least_db, least_db + range_db)
+        moved = np.where(begun, moved_floor(floor_db, level_db[row], config), level_db[row])
+        moved = np.clip(moved, least_db, least_db + config.noise_floor_range_db)
         floor_db = np.where(counts[row], moved, floor_db)
         begun = begun | counts[row]
         floors[row] = floor_db
     return floors
 
 
-def excess_of(
-    level_db: np.ndarray,
-    floors_db: np.ndarray,
-    counts: np.ndarray,
-    held: np.ndarray,
-    cap_db: float,
-) -> np.ndarray:
-    """Return how far levels count above their floors, in dB, shape (n, c)."""
+def excess_of(level_db, floors_db, counts, held, cap_db):
+    """Return how far levels count above their floors, in dB."""
     excess = np.clip(level_db - floors_db, LEAST_EXCESS_DB, cap_db)
     excess[~counts] = 0.0
     excess[held] = 0.0
     return excess
 
 
-def evidence_of(
-    excess_db: np.ndarray,
-    counts: np.ndarray,
-    offset_db: float,
-    limit_db_s: float,
-    sample_rate_hz: float,
-) -> np.ndarray:
-    """Sum the excess beyond an offset, from 0 to a limit; shape (n, c), in dB s."""
+def evidence_of(excess_db, counts, config):
+    """Sum the excess beyond an offset, from 0 to a limit, in dB s."""
     evidence = np.zeros(excess_db.shape)
     g = np.zeros(excess_db.shape[1])
     for row in range(excess_db.shape[0]):
-        summed = np.clip(g + (excess_db[row] - offset_db) / sample_rate_hz, 0.0, limit_db_s)
-        g = np.where(counts[row], summed, g)
+        gain = (excess_db[row] - config.evidence_offset_db) / config.sample_rate_hz
+        g = np.where(counts[row], np.clip(g + gain, 0.0, config.evidence_limit_db_s), g)
         evidence[row] = g
     return evidence
 
 
-def channels_on(evidence: np.ndarray, threshold: float) -> np.ndarray:
+def channels_on(evidence, threshold):
     """Return where channels are ON: from above the threshold on until not above half of it."""
     on = np.zeros(evidence.shape, dtype=bool)
     before = np.zeros(evidence.shape[1], dtype=bool)
@@ -231,8 +143,8 @@ def channels_on(evidence: np.ndarray, threshold: float) -> np.ndarray:
     return on
 
 
-def largest_threshold(evidence: np.ndarray) -> np.ndarray:
-    """Return below which threshold a channel is ON, shape (n, c).
+def largest_threshold(evidence):
+    """Return below which threshold a channel is ON.
 
     It is ON where the evidence was above the threshold in some row, and has been above half of it
     ever since.
@@ -245,32 +157,8 @@ def largest_threshold(evidence: np.ndarray) -> np.ndarray:
     return largest
 
 
-def decide_by_evidence(
-    volts: np.ndarray,
-    ok: np.ndarray,
-    valid: np.ndarray,
-    enabled: np.ndarray,
-    envelope: np.ndarray,
-    settle_rows: int,
-    hold_rows: int,
-    config: SimpleNamespace,
-) -> SimpleNamespace:
+def decide_by_evidence(volts, ok, valid, enabled, envelope, settle_rows, hold_rows, config):
     """Decide on each channel by the evidence for slip.
-
-    Parameters
-    ----------
-    volts, ok, valid : numpy.ndarray
-        Samples, which are credible, which may vote; shape (n, c).
-    enabled : numpy.ndarray
-        Which channels take part, shape (c,).
-    envelope : numpy.ndarray
-        Shape (n, c).
-    settle_rows : int
-        Rows of a channel before its envelope is meaningful.
-    hold_rows : int
-        How many rows an impact is held for.
-    config : types.SimpleNamespace
-        The options of :func:`support.reference.reference`.
 
     Returns
     -------
@@ -281,16 +169,9 @@ def decide_by_evidence(
     blanked = after_impact(volts, ok, enabled, config.impact_v, config.impact_channels, hold_rows)
     counts = rows_that_count(ok, valid, settle_rows)
     level_db = decibels(envelope)
-    least = np.broadcast_to(np.asarray(config.noise_floor, dtype=float), volts.shape[1:])
-    rate_hz = config.sample_rate_hz
-    floors = floors_of(
-        level_db, counts, least, config.noise_floor_learnt, config.noise_floor_range_db,
-        config.noise_floor_rate_db_s, rate_hz,
-    )  # fmt: skip
+    floors = floors_of(level_db, counts, config)
     excess = excess_of(level_db, floors, counts, blanked, config.evidence_cap_db)
-    evidence = evidence_of(
-        excess, counts, config.evidence_offset_db, config.evidence_limit_db_s, rate_hz
-    )
+    evidence = evidence_of(excess, counts, config)
     return SimpleNamespace(
         level=evidence,
         floor=floors,

@@ -17,45 +17,16 @@
 Part of :mod:`support.reference`, written as plainly.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-
 import numpy as np
 from scipy import signal
 
 
-def filter_input(
-    volts: np.ndarray, ok: np.ndarray, valid: np.ndarray, common_mode: str
-) -> np.ndarray:
-    """Form what goes into the filters.
+def filter_input(volts, ok, valid, common_mode):
+    """Form what goes into the filters; NaN before a channel's first good sample.
 
-    Parameters
-    ----------
-    volts : numpy.ndarray
-        Samples, shape (n, c).
-    ok : numpy.ndarray
-        Which samples are credible, shape (n, c).
-    valid : numpy.ndarray
-        Which samples take part in the common mode, shape (n, c).
-    common_mode : {'none', 'mean', 'median'}
-        What is taken off every channel's deviation.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n, c); NaN before a channel's first good sample, where nothing is filtered.
-
-    Raises
-    ------
-    ValueError
-        If `common_mode` is none of the three.
+    ``ok`` are the samples that are credible, ``valid`` those that take part in the common mode.
     """
-    averages = {'none': None, 'mean': np.mean, 'median': np.median}
-    if common_mode not in averages:
-        raise ValueError(f'common_mode must be one of {list(averages)}: {common_mode!r}')
-    average = averages[common_mode]
-
+    average = {'none': None, 'mean': np.mean, 'median': np.median}[common_mode]
     n_rows, n_channels = volts.shape
     x = np.full(volts.shape, np.nan)
     origin = np.full(n_channels, np.nan)
@@ -86,77 +57,27 @@ def filter_input(
     return x
 
 
-def filter_sections(
-    sample_rate_hz: float,
-    passband_hz: tuple[float, float],
-    passband_degree: int,
-    stopbands_hz: Sequence[tuple[float, float]],
-    stopband_degree: int,
-    stopband_ripple_db: float,
-    stopband_attenuation_db: float,
-) -> np.ndarray:
-    """Design the filters as one cascade of second-order sections.
-
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Rows per second.
-    passband_hz : tuple of float
-        Edges of the band-pass; an upper edge of 0 makes it a high-pass.
-    passband_degree : int
-        Degree of the finished pass-band filter.
-    stopbands_hz : sequence of tuple of float
-        Edges of each band-stop.
-    stopband_degree : int
-        Degree of each finished band-stop.
-    stopband_ripple_db, stopband_attenuation_db : float
-        Pass-band ripple and stop-band attenuation of each band-stop.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (sections, 6).
-    """
-    low, high = passband_hz
+def filter_sections(config):
+    """Design the filters as one cascade of second-order sections, shape (sections, 6)."""
+    low, high = config.passband_hz
     # A band filter has twice the degree of the prototype SciPy asks for; a high-pass hasn't.
+    design = {'output': 'sos', 'fs': config.sample_rate_hz}
     if high == 0:
-        passband = signal.butter(passband_degree, low, 'highpass', output='sos', fs=sample_rate_hz)
+        passband = signal.butter(config.passband_degree, low, 'highpass', **design)
     else:
-        passband = signal.butter(
-            passband_degree // 2, [low, high], 'bandpass', output='sos', fs=sample_rate_hz
-        )
+        passband = signal.butter(config.passband_degree // 2, [low, high], 'bandpass', **design)
+    degree, ripple_db = config.stopband_degree // 2, config.stopband_ripple_db
     stopbands = [
         signal.ellip(
-            stopband_degree // 2,
-            stopband_ripple_db,
-            stopband_attenuation_db,
-            list(edges),
-            'bandstop',
-            output='sos',
-            fs=sample_rate_hz,
+            degree, ripple_db, config.stopband_attenuation_db, list(edges), 'bandstop', **design
         )
-        for edges in stopbands_hz
+        for edges in config.stopbands_hz
     ]
     return np.concatenate([passband, *stopbands])
 
 
-def run_filter(x: np.ndarray, ok: np.ndarray, sections: np.ndarray) -> np.ndarray:
-    """Filter every channel from its first good sample on.
-
-    Parameters
-    ----------
-    x : numpy.ndarray
-        Input of the filters, shape (n, c).
-    ok : numpy.ndarray
-        Which samples are credible, shape (n, c).
-    sections : numpy.ndarray
-        Second-order sections, shape (s, 6).
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n, c); 0 before a channel's first good sample.
-    """
+def run_filter(x, ok, sections):
+    """Filter every channel from its first good sample on; 0 before it."""
     # State of a cascade that has seen a constant 1 for ever. Scaled by the first input, it
     # spares the channel the burst that its resting voltage would cause as a step.
     at_rest = signal.sosfilt_zi(sections)
