@@ -417,40 +417,32 @@ def claims(result: Mapping[str, Any]) -> dict[str, float | None]:
     result
         ``plates``, ``all``, ``windows`` and ``bands`` as :func:`evaluate_protocol` returns them.
     """
-    plates, whole = result['plates'], result['all']
-    means = [plates[plate]['mean_delay_ms'] for plate in SCENES]
-    windows, bands = result['windows'], result['bands']
-    longest = windows[f'{WINDOWS_S[-1] * 1e3:.0f}']['all']['false_positive_percent']
-    values: dict[str, float | None] = {
-        'detected_percent': whole['success_percent'],
-        'least_rise_ms': _defined(min, map(_less, means[1:], means[:-1])),
-        'worst_false_positive_percent': _defined(
-            max, (plates[plate]['false_positive_percent'] for plate in SCENES)
-        ),
+
+    def means_of(part: Mapping[str, Any]) -> Floats:
+        means = [part['plates'][plate]['mean_delay_ms'] for plate in SCENES]
+        return np.array(means, np.float64)  # None becomes NaN
+
+    def false_percent(part: Mapping[str, Any]) -> float:
+        return float(np.float64(part['all']['false_positive_percent']))
+
+    means, windows, bands = means_of(result), result['windows'], result['bands']
+    of_plates = [result['plates'][plate]['false_positive_percent'] for plate in SCENES]
+    longest = false_percent(windows[f'{WINDOWS_S[-1] * 1e3:.0f}'])
+    values = {
+        'detected_percent': result['all']['success_percent'],
+        'least_rise_ms': np.diff(means).min(),
+        'worst_false_positive_percent': np.array(of_plates, np.float64).max(),
+        **{f'mean_delay_ms.{plate}': mean for plate, mean in zip(SCENES, means, strict=True)},
     }
-    for plate, mean in zip(SCENES, means, strict=True):
-        values[f'mean_delay_ms.{plate}'] = mean
     for name, part in windows.items():
-        more = _less(part['all']['false_positive_percent'], longest)
+        more = false_percent(part) - longest
         values[f'windows.{name}.false_positive_percent_more'] = more
     for name, part in bands.items():
-        shorter = [part['plates'][plate]['mean_delay_ms'] for plate in SCENES]
-        values[f'bands.{name}.least_shortening_ms'] = _defined(min, map(_less, means, shorter))
-    return values
-
-
-def _less(a: float | None, b: float | None) -> float | None:
-    return None if a is None or b is None else a - b
-
-
-def _defined(pick: Callable[[list[float]], float], values: Iterable[float | None]) -> float | None:
-    """Return the smallest or largest value; None where one of them is not defined."""
-    known: list[float] = []
-    for value in values:
-        if value is None:
-            return None
-        known.append(value)
-    return pick(known)
+        values[f'bands.{name}.least_shortening_ms'] = (means - means_of(part)).min()
+    return {
+        name: None if value is None or np.isnan(value) else float(value)
+        for name, value in values.items()
+    }
 
 
 def run_protocol(

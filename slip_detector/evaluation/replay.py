@@ -229,6 +229,7 @@ class _Run:
         self._enabled = [c for c in range(config.channels) if c not in disabled]
         self._block_rows = max(BLOCK_VALUES // config.channels, 1)
         self._tail_rows = round(replay.config.tail_s * rate_hz)
+        self._late_rows = round(replay.config.late_after_s * rate_hz)
         self._row = 0  # Number of the next row; rows that are missing in gaps count.
         self._rows = self._slip_rows = self._on_rows = 0
         self._moving_rows: int | None = None
@@ -346,28 +347,28 @@ class _Run:
 
     def outcome(self) -> ReplayOutcome:
         self._end_stretch()
-        labels, on, rate_hz = self._labels.closed(), self._on.closed(), self._rate_hz
-        settling = settling_rows(self._chain.config)
-        scored = ScoredRows(labels, self._stretches, settling, self._replay.config, rate_hz)
+        on, rate_hz = self._on.closed(), self._rate_hz
+        labels, config = self._labels.closed(), self._replay.config
+        scored = ScoredRows(
+            labels, self._stretches, settling_rows(self._chain.config), config, rate_hz
+        )
         alarms = scored.alarms(on)
         rises = [alarm.start for alarm in alarms]
         alarm_of, slip_of = scored.match(rises)
-        of_slips = zip(
-            self._slips, labels, alarm_of, scored.scored.tolist(), scored.leads_s.tolist(),
-            scored.windows_s.tolist(), strict=True,
-        )  # fmt: skip
         slips = [
-            self._true_slip(slip, label.end, None if k is None else rises[k], k, *how)
-            for slip, label, k, *how in of_slips
+            self._true_slip(
+                s, labels[s].end, scored, alarm, None if alarm is None else rises[alarm]
+            )
+            for s, alarm in enumerate(alarm_of)
         ]
         kinds = []
-        for a, (settles, s) in enumerate(zip(scored.settling(rises), slip_of, strict=True)):
-            if settles or (s is not None and slips[s].settling):
+        for a, (settles, of) in enumerate(zip(scored.settling(rises), slip_of, strict=True)):
+            if settles or (of is not None and slips[of].settling):
                 kinds.append(SETTLING)
-            elif s is None:
+            elif of is None:
                 kinds.append(FALSE)
             else:
-                kinds.append(TRUE if alarm_of[s] == a else REPEAT)
+                kinds.append(TRUE if alarm_of[of] == a else REPEAT)
         return ReplayOutcome(
             rows=self._rows,
             slip_rows=self._slip_rows,
@@ -379,43 +380,35 @@ class _Run:
             sample_rate_hz=rate_hz,
             slips=tuple(slips),
             alarms=tuple(
-                Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, slip)
-                for alarm, kind, slip in zip(alarms, kinds, slip_of, strict=True)
+                Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, of)
+                for alarm, kind, of in zip(alarms, kinds, slip_of, strict=True)
             ),
             scores=self._tally.take() if self._tally else None,
         )
 
     def _true_slip(
-        self,
-        slip: _Slip,
-        end: int,
-        rise: int | None,
-        alarm: int | None,
-        scored: bool,
-        lead_s: float,
-        window_s: float,
+        self, number: int, end: int, rows: ScoredRows, alarm: int | None, rise: int | None
     ) -> TrueSlip:
-        rate_hz = self._rate_hz
+        """Return a slip with its alarm, which rises at the row ``rise``."""
+        slip, rate_hz = self._slips[number], self._rate_hz
         latency = None if rise is None else rise - slip.start
-        late_after = round(self._replay.config.late_after_s * rate_hz)
+        missed = rise is None and bool(rows.scored[number])
         delays_s = tuple(
             None if row < 0 else (row - slip.start) / rate_hz for row in slip.first_on.tolist()
         )
         # The watched rise may belong to an alarm that began before the slip.
-        watched = slip.stages
-        own = watched if watched and sum(watched.values()) == latency else None
-        lost_at = ALREADY_ON if watched else slip.lost_at
+        stages = slip.stages if slip.stages and sum(slip.stages.values()) == latency else None
         return TrueSlip(
             start_s=slip.start / rate_hz,
             end_s=end / rate_hz,
             alarm=alarm,
             latency_s=None if latency is None else latency / rate_hz,
-            settling=not scored,
-            lead_s=lead_s,
-            window_s=window_s,
-            late=latency is not None and latency > late_after,
-            stages_s=None if own is None else {name: n / rate_hz for name, n in own.items()},
-            lost_at=lost_at if latency is None and scored else None,
+            settling=not rows.scored[number],
+            lead_s=float(rows.leads_s[number]),
+            window_s=float(rows.windows_s[number]),
+            late=latency is not None and latency > self._late_rows,
+            stages_s=None if stages is None else {k: n / rate_hz for k, n in stages.items()},
+            lost_at=(ALREADY_ON if slip.stages else slip.lost_at) if missed else None,
             on_at_start=slip.on_at_start,
             on_while=slip.on_while,
             channel_delays_s=delays_s,

@@ -178,9 +178,9 @@ def learn_from_quiet(
         learnt['noise_floor_range_db'] = LEARNT_RANGE_DB
         lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')
     if per_hour is not None:
-        found = quiet_threshold(track, dataclasses.replace(chain, **learnt), per_hour)
-        learnt['threshold'] = found.chain.threshold
-        lines.append(f'On {track.name}, without slip: {found}')
+        given = dataclasses.replace(chain, **learnt)
+        learnt['threshold'], line = quiet_threshold(track, given, per_hour)
+        lines.append(f'On {track.name}, without slip: {line}')
     parameters = dataclasses.replace(chain, **learnt).to_parameters()
     return LearntParameters({name: parameters[name] for name in learnt}, lines)
 
@@ -211,9 +211,9 @@ def learn_from_taps(
         )
     knocks, lines = _only(path, loader)
     tracks, more_lines = load_tracks(slips, loader)
-    found = impact_step(chain, knocks, tracks)
+    impact_v, line = impact_step(chain, knocks, tracks)
     return LearntParameters(
-        {'impact_v': found.impact_v}, [*lines, *more_lines, f'{knocks.name}: {found}']
+        {'impact_v': impact_v}, [*lines, *more_lines, f'{knocks.name}: {line}']
     )
 
 
@@ -225,41 +225,10 @@ def _only(path: str, loader: RecordingLoader) -> tuple[Track, list[str]]:
     return tracks[0], notes
 
 
-class QuietThreshold(NamedTuple):
-    """A threshold with the rate of its false alarms.
-
-    Attributes
-    ----------
-    chain : ChainConfig
-        The given chain with this threshold.
-    hours : float
-        Length of the recording.
-    alarms : int
-        Number of alarms in the recording at this threshold.
-    per_hour : tuple of float
-        Bounds of the rate of false alarms, at ``CONFIDENCE``.
-
-    Examples
-    --------
-    >>> print(QuietThreshold(ChainConfig(threshold=0.4), hours=2.0, alarms=3, per_hour=(0.4, 3.9)))
-    threshold 0.4, 3 false alarms in 2 h: 0.4 to 3.9 an hour at 95% confidence
-    """
-
-    chain: ChainConfig
-    hours: float
-    alarms: int
-    per_hour: tuple[float, float]
-
-    def __str__(self) -> str:
-        low, high = self.per_hour
-        return (
-            f'threshold {self.chain.threshold:g}, {self.alarms} false alarms in {self.hours:.3g} '
-            f'h: {low:.3g} to {high:.3g} an hour at {CONFIDENCE:.0%} confidence'
-        )
-
-
-def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> QuietThreshold:
+def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[float, str]:
     """Return the lowest threshold from which on the rate of false alarms is low enough.
+
+    With it comes a line with the rate and its bounds, at :data:`CONFIDENCE`.
 
     The upper bound of the rate is at most the allowed rate. Where evidence is 0 throughout, any
     threshold serves, and the given one is returned.
@@ -286,8 +255,8 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> QuietT
     >>> noise = 0.01 * np.random.default_rng(0).standard_normal((380 * 60, 16))
     >>> rows = Samples.evenly(noise, 380.0, np.zeros(380 * 60, bool))
     >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
-    >>> quiet_threshold(track, ChainConfig(), per_hour=600.0).per_hour[1] <= 600.0
-    True
+    >>> quiet_threshold(track, ChainConfig(), per_hour=600.0)[1]
+    'threshold 0.62, 4 false alarms in 0.0167 h: 82 to 549 an hour at 95% confidence'
     """
     if track.slips:
         start_s = track.slips[0].start / track.sample_rate_hz
@@ -333,9 +302,12 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> QuietT
         )
     events = int(loud[first])
     low = special.gammaincinv(events, 1.0 - CONFIDENCE) if events else 0.0
-    bounds = [float(bound / hours * cluster[first]) for bound in (low, upper[first])]
-    found = dataclasses.replace(chain, threshold=float(f'{limits[first]:.6g}'))
-    return QuietThreshold(found, hours, int(alarms[first]), (bounds[0], bounds[1]))
+    bounds = [bound / hours * cluster[first] for bound in (low, upper[first])]
+    threshold = float(f'{limits[first]:.6g}')
+    return threshold, (
+        f'threshold {threshold:g}, {alarms[first]} false alarms in {hours:.3g} h: '
+        f'{bounds[0]:.3g} to {bounds[1]:.3g} an hour at {CONFIDENCE:.0%} confidence'
+    )
 
 
 def _peaks(statistic: Floats, track: Track, chain: ChainConfig) -> Floats:
@@ -542,12 +514,11 @@ def _not_flat(volts: Floats) -> Floats:
 def _longest_stretch(track: Track) -> Floats:
     """Return the rows of the longest stretch; the median replaces values that are not numbers."""
     begin, end, _ = max(track.stretches, key=lambda one: one.end - one.begin)
-    volts: Floats = track.volts[begin:end].copy()
-    for column in volts.T:
-        bad = ~np.isfinite(column)
-        if bad.any():
-            column[bad] = 0.0 if bad.all() else np.median(column[~bad])
-    return volts
+    volts = track.volts[begin:end]
+    good = np.isfinite(volts)
+    columns = zip(volts.T, good.T, strict=True)
+    medians = [np.median(column[ok]) if ok.any() else 0.0 for column, ok in columns]
+    return np.where(good, volts, medians)
 
 
 def common_steps_v(chain: ChainConfig, track: Track) -> Floats:
@@ -650,38 +621,8 @@ def knocks_v(chain: ChainConfig, track: Track) -> Floats:
     return np.array([steps[knock].max() for knock in np.split(loud, breaks)])
 
 
-class ImpactStep(NamedTuple):
-    """A value of ``impact_v``, with the steps between which it lies.
-
-    Attributes
-    ----------
-    impact_v : float
-    slip_v : float
-        The largest step of all slips.
-    knock_v : float
-        The step that :data:`KNOCK_SHARE` of the knocks exceed.
-    knocks : int
-
-    Examples
-    --------
-    >>> print(ImpactStep(0.02, slip_v=0.005, knock_v=0.08, knocks=40))
-    impact_v 0.02 V: no slip has a step above 0.005 V, 90 % of 40 knocks one above 0.08 V
-    """
-
-    impact_v: float
-    slip_v: float
-    knock_v: float
-    knocks: int
-
-    def __str__(self) -> str:
-        return (
-            f'impact_v {self.impact_v:g} V: no slip has a step above {self.slip_v:.4g} V, '
-            f'{KNOCK_SHARE * 100:.0f} % of {self.knocks} knocks one above {self.knock_v:.4g} V'
-        )
-
-
-def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> ImpactStep:
-    """Return an ``impact_v`` between the steps of slips and those of knocks.
+def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> tuple[float, str]:
+    """Return an ``impact_v`` between the steps of slips and those of knocks, and a line about it.
 
     It is the geometric mean of the largest step of the slips and the step that :data:`KNOCK_SHARE`
     of the knocks exceed.
@@ -708,9 +649,9 @@ def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> I
     >>> slips = track_of('slips', [Samples.evenly(noise, 380.0, np.ones(2000, bool))], 380.0)
     >>> noise[300::500] += 1.0
     >>> knocks = track_of('knocks', [Samples.evenly(noise, 380.0, np.zeros(2000, bool))], 380.0)
-    >>> found = impact_step(ChainConfig(channels=2), knocks, [slips])
-    >>> found.knocks, found.slip_v < found.impact_v < found.knock_v
-    (4, True)
+    >>> impact_v, line = impact_step(ChainConfig(channels=2), knocks, [slips])
+    >>> 0.05 < impact_v < 1.0, '90 % of 4 knocks one above' in line
+    (True, True)
     """
     steps_v, slip_steps_v = knocks_v(chain, knocks), largest_slip_steps_v(chain, tracks)
     slip_v = float(slip_steps_v[min(chain.impact_channels, slip_steps_v.size) - 1])
@@ -730,4 +671,7 @@ def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> I
             f'{slip_v:.4g} V, allowed: {LEAST_RATIO:g} times as much'
         )
     impact_v = float(f'{math.sqrt(slip_v * knock_v):.4g}')
-    return ImpactStep(impact_v, slip_v, knock_v, steps_v.size)
+    return impact_v, (
+        f'impact_v {impact_v:g} V: no slip has a step above {slip_v:.4g} V, '
+        f'{KNOCK_SHARE * 100:.0f} % of {steps_v.size} knocks one above {knock_v:.4g} V'
+    )

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.filters import settling_rows
-from slip_detector.evaluation.chance import HALF
+from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than_chance
 from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -335,27 +335,33 @@ class Problem:
 
         It is infinite where no slip or no rest is scored, which says nothing about the chain.
         """
-        config, given = self.config, self.figures
+        config, given, scored = self.config, self.figures, sweep.scored
         late_ms = self._late_ms(sweep)
-        if not sweep.scored.any() or not sweep.rest_s:
+        if not scored.any() or not sweep.rest_s:
             return np.full(late_ms.shape[1], np.inf)
         missed_costs, false_costs = config.missed_costs_ms, config.false_alarm_costs_ms
+        leads_s, windows_s = sweep.leads_s[scored], sweep.windows_s[scored]
+        rates_hz = sweep.false_alarms / sweep.rest_s
+        per_minute = 60.0 * sweep.false_alarms / sweep.rest_s
+        percent = 100.0 * (sweep.on_rest_s / sweep.rest_s)
         costs = (
             late_ms.mean(axis=0)
-            + sweep.saved_by_chance_ms(missed_costs)
-            + false_costs * sweep.false_alarms_per_minute
-            + config.false_time_costs_ms * sweep.false_time_percent
+            + 1e3 * saved_by_chance_s(leads_s, windows_s, rates_hz, missed_costs / 1e3)
+            + false_costs * per_minute
+            + config.false_time_costs_ms * percent
         )
         if given is not None and given.better_than_chance:
-            sooner = sweep.sooner_than_chance
+            latencies_s = sweep.latencies_ms[scored] / 1e3
+            sooner = sooner_than_chance(latencies_s, leads_s, windows_s, rates_hz)
             median = np.where(sooner >= HALF, np.median(late_ms, axis=0), missed_costs)
+            # Per minute of rest that is OFF; 0 where none is.
+            off = np.maximum(1.0 - percent / 100.0, 0.0)
+            per_minute_off = np.divide(per_minute, off, out=np.zeros(off.size), where=off > 0.0)
             worse = (
                 _more(median, given.latency_median_all_ms)
                 + missed_costs * np.maximum((given.sooner_than_chance or 0.0) - sooner, 0.0)
-                + false_costs
-                * _more(sweep.false_alarms_per_minute_off, given.false_alarms_per_minute_off)
-                + config.false_time_costs_ms
-                * _more(sweep.false_time_percent, given.false_time_percent)
+                + false_costs * _more(per_minute_off, given.false_alarms_per_minute_off)
+                + config.false_time_costs_ms * _more(percent, given.false_time_percent)
             )
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)

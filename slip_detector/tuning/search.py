@@ -169,7 +169,7 @@ def tune(
     """
     if importlib.util.find_spec('optuna') is None:
         raise ValueError(NEEDS_OPTUNA)
-    training, held, notes = files.load_and_check()
+    training, held, notes = files.load()
     with _first_interrupt_noted() as stop:
         problem = Problem(training, parameters.chain, None, parameters.evaluation, parameters.tune)
         if not parameters.tune.trade:

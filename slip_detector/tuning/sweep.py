@@ -29,11 +29,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.chance import (
-    saved_by_chance_s,
-    slip_figures,
-    sooner_than_chance,
-)
+from slip_detector.evaluation.chance import slip_figures
 from slip_detector.evaluation.matching import (
     NONE,
     ScoredRows,
@@ -301,15 +297,6 @@ class ThresholdSweep(NamedTuple):
         Time of the rest.
     on_rest_s : ndarray, shape (T,)
         Time of the rest that is ON.
-
-    Examples
-    --------
-    >>> latencies_ms, one = np.array([[40.0, np.nan]]), np.array([1.0])
-    >>> sweep = ThresholdSweep(
-    ...     latencies_ms, one > 0, 0 * one, one, np.array([2, 0]), 60.0, np.array([3.0, 0.0])
-    ... )
-    >>> sweep.false_alarms_per_minute, sweep.false_time_percent
-    (array([2., 0.]), array([5., 0.]))
     """
 
     latencies_ms: Floats
@@ -319,42 +306,6 @@ class ThresholdSweep(NamedTuple):
     false_alarms: Ints
     rest_s: float
     on_rest_s: Floats
-
-    @property
-    def false_alarms_per_minute(self) -> Floats:
-        """False alarms per minute of rest; shape (T,)."""
-        return np.asarray(60.0 * self.false_alarms / self.rest_s)
-
-    @property
-    def false_time_percent(self) -> Floats:
-        """The share of the rest that is ON; shape (T,)."""
-        return np.asarray(100.0 * (self.on_rest_s / self.rest_s))
-
-    @property
-    def false_alarms_per_minute_off(self) -> Floats:
-        """False alarms per minute of rest that is OFF; shape (T,), 0 where none is."""
-        off = np.maximum(1.0 - self.false_time_percent / 100.0, 0.0)
-        rates = self.false_alarms_per_minute
-        return np.divide(rates, off, out=np.zeros_like(rates), where=off > 0.0)
-
-    @property
-    def sooner_than_chance(self) -> Floats:
-        """See :func:`.sooner_than_chance`; shape (T,)."""
-        return sooner_than_chance(
-            self.latencies_ms[self.scored] / 1e3,
-            self.leads_s[self.scored],
-            self.windows_s[self.scored],
-            self.false_alarms / self.rest_s,
-        )
-
-    def saved_by_chance_ms(self, most_ms: float) -> Floats:
-        """See :func:`.saved_by_chance_s`; shape (T,)."""
-        return 1e3 * saved_by_chance_s(
-            self.leads_s[self.scored],
-            self.windows_s[self.scored],
-            self.false_alarms / self.rest_s,
-            most_ms / 1e3,
-        )
 
     def figures(self, at: int) -> dict[str, float | None]:
         """Return the figures at one threshold, see :func:`.slip_figures`."""

@@ -370,28 +370,17 @@ class TrainingFiles(NamedTuple):
         Returns
         -------
         training, held : list of Track
-            ``held`` is empty where recordings are held out by name.
+            The recordings to tune on and those that are held out; both have slips.
         notes : list of str
             See :func:`load_tracks`.
 
         Raises
         ------
         ValueError
-            When a recording cannot be read or there are too few slips; names the recordings.
+            When a recording cannot be read, there are too few slips or a held-out recording is
+            also tuned on; names the recordings.
         """
-        tracks, notes = load_tracks(self.paths, self.loader, left_out=self.left_out)
-        training, held = (tracks, []) if self.left_out else held_out(tracks, self.share)
-        return training, held, notes
-
-    def load_and_check(self) -> tuple[list[Track], list[Track], list[str]]:
-        """Read the files and those that are held out by name.
-
-        Raises
-        ------
-        ValueError
-            As :meth:`load`; also when a held-out recording is tuned on under another name.
-        """
-        training, held, notes = self.load()
+        training, notes = load_tracks(self.paths, self.loader, left_out=self.left_out)
         if self.left_out:
             held, more_notes = load_tracks(self.left_out, self.loader)
             notes += more_notes
@@ -400,6 +389,8 @@ class TrainingFiles(NamedTuple):
                     names = ', '.join(track.name for track in part)
                     none = f'{names}: has no slip' if names else 'no recording is left'
                     raise ValueError(f'{none}, allowed: some with slips {what}')
+        else:
+            training, held = held_out(training, self.share)
         tuned_on = {fingerprint([track]): track.name for track in training}
         for track in held:
             same = tuned_on.get(fingerprint([track]))

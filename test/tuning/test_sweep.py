@@ -65,10 +65,6 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
             assert sweep.figures(k).items() <= whole.items()
             scored = [not slip.settling for one in outcomes for slip in one.slips]
             assert sweep.scored.tolist() == scored
-            if any(scored) and sweep.rest_s:
-                assert sweep.sooner_than_chance[k] == pytest.approx(
-                    whole['sooner_than_chance'], abs=1e-12
-                )
 
 
 EVIDENCE = ChainConfig(decision='evidence', noise_floor=1e-3, envelope_window_s=0.02)
