@@ -64,7 +64,7 @@ def shared_options(command: str, description: str, picture: str = '') -> argpars
     )
     if picture:
         options.add_argument(
-            '--plot', metavar='FILE', nargs='?', const=picture,
+            '--plot', metavar='FILE', nargs='?', const=Path(picture), type=Path,
             help='draw the error against run time (default FILE: %(const)s)',
         )  # fmt: skip
     return options

@@ -25,7 +25,7 @@ from benchmarks.chain.speed_table import chain_speed_table
 from benchmarks.measurement import Measurement, heading, machine, shared_options
 from benchmarks.pictures import draw_chain_precision
 from benchmarks.processes import figures_of_process
-from slip_detector.report.pictures import writable_picture
+from slip_detector.parameters.files import check_writable
 
 #: Longest time, in seconds, for a measurement of a minute or two, and for compiling.
 SPEED_TIMEOUT_S = 1200.0
@@ -63,7 +63,9 @@ def run(words: argparse.Namespace) -> Measurement:
     if words.plot and words.part == 'speed':
         raise ValueError('--plot draws the precision, allowed: --part all or precision')
     # A picture that cannot be written is reported before the measurement, not after it.
-    picture = writable_picture(words.plot) if words.plot else None
+    picture = words.plot
+    if picture:
+        check_writable(picture)
     figures = {'machine': machine(), 'quick': words.quick}
     tables = [heading(figures)]
     if words.part != 'precision':

@@ -18,7 +18,7 @@ import textwrap
 from typing import Any
 
 from benchmarks.verdicts import verdict_in_words
-from slip_detector.report.text_table import number_text, text_table
+from slip_detector.report.tables import number_text, text_table
 
 #: Widest line.
 COLUMNS = 99

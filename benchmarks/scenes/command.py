@@ -20,7 +20,7 @@ from benchmarks.measurement import Measurement, heading, machine, shared_options
 from benchmarks.pictures import draw_scenes_precision
 from benchmarks.scenes.measure import measure_scenes
 from benchmarks.scenes.table import scenes_table
-from slip_detector.report.pictures import writable_picture
+from slip_detector.parameters.files import check_writable
 
 
 def options() -> argparse.ArgumentParser:
@@ -45,7 +45,9 @@ def options() -> argparse.ArgumentParser:
 def run(words: argparse.Namespace) -> Measurement:
     """Measure the scenes."""
     # A picture that cannot be written is reported before the measurement, not after it.
-    picture = writable_picture(words.plot) if words.plot else None
+    picture = words.plot
+    if picture:
+        check_writable(picture)
     figures = {'machine': machine(), 'quick': words.quick}
     figures |= measure_scenes(words.quick, words.scene)
     if picture:

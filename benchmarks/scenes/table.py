@@ -19,7 +19,7 @@ from typing import Any
 
 from benchmarks.scenes.measure import PLATE
 from benchmarks.verdicts import verdict_in_words
-from slip_detector.report.text_table import number_text, text_table
+from slip_detector.report.tables import number_text, text_table
 
 #: Widest line.
 COLUMNS = 99

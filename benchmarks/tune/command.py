@@ -56,7 +56,7 @@ from benchmarks.tune.report_size import measure_report
 from benchmarks.tune.search_speed import measure_search
 from benchmarks.verdicts import values_of, verdict_in_words, verdicts
 from slip_detector.evaluation.figures import Bound
-from slip_detector.report.text_table import number_text, text_table
+from slip_detector.report.tables import number_text, text_table
 
 #: Each wanted figure, by ``part.figure``: what it is, and its bound.
 WANTED = {

@@ -28,7 +28,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import page as report
 from slip_detector.report.overview import Overview, events_of
-from slip_detector.report.page_data import Variant
+from slip_detector.report.page_sections import Variant
 from slip_detector.scenes import find_scene, load_scene
 
 #: The hour consists of these scenes, which are repeated.
@@ -78,7 +78,7 @@ def _variants(duration_s: float) -> list[Variant]:
         outcome = Replay(config, scores=False).run(
             _pieces(parts, round(duration_s * config.sample_rate_hz), random), observer=overview
         )
-        overview.events = events_of(outcome)
+        overview.finish(events_of(outcome))
         variants.append(Variant(name, config, [overview], {'hour': figures_of_merit([outcome])}))
     return variants
 

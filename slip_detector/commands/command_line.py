@@ -19,7 +19,6 @@ end in a traceback in this second either: therefore this module imports nothing 
 """
 
 import argparse
-import gc
 import importlib
 import os
 import re
@@ -150,12 +149,7 @@ def compile_all() -> int:
 
 def _start(name: str, module: str) -> int:
     try:
-        # Modules stay loaded: searching them for garbage would take a third of the start-up time.
-        gc.disable()
-        main = importlib.import_module(module).main
-        gc.freeze()
-        gc.enable()
-        return int(main())
+        return int(importlib.import_module(module).main())
     except KeyboardInterrupt:
         return _interrupted(name)
 

@@ -12,7 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command ``slip_evaluate``: how soon the chain finds slips, and how often it alarms falsely.
+"""The command ``slip_evaluate``.
+
+Run the slip chain over labelled recordings and print how well it does: areas under the ROC curve;
+delays, success rate and false positives as in the paper; slips and alarms matched one to one, with
+the latencies and their parts by stage. Or, with --protocol paper, simulate the trials of the paper
+and print delays, success rate and false positives beside those that it reports, and for each
+wanted figure its bound and whether it is met. The exit code is 0 whatever the figures are.
 
 It uses no ROS: the chain runs over each recording from the first row, as in the detector node.
 
@@ -31,7 +37,7 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
 ``not_evaluated``
     After Ctrl-C: the recordings that were not evaluated.
 ``written``
-    With ``--plot`` or ``--report``: the files.
+    With ``--report``: the files.
 
 ``slip_evaluate --protocol paper`` takes no recordings: it simulates the paper's three plates, ten
 trials on each, and prints the paper's Table 2 beside ours (``evaluation/protocol.py``).
@@ -47,19 +53,14 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.commands.command_line import INTERRUPTED, Parser, run, whole_number
-from slip_detector.commands.progress import progress_bar
-from slip_detector.commands.recording_options import (
-    add_recording_options,
-    paths_read,
-    with_recording_options,
-)
-from slip_detector.commands.worker_options import (
-    add_worker_options,
-    config_for_workers,
+from slip_detector.commands.workers import (
+    Workers,
+    add_options,
     paths_for_workers,
-    workers_of,
+    paths_read,
+    progress_bar,
+    recording_config,
 )
-from slip_detector.commands.workers import Workers
 from slip_detector.evaluation.evaluator import (
     EvaluatedRecording,
     RecordingLoader,
@@ -71,12 +72,13 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_apart, check_writable, writable_folder
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import ENDINGS, recording_sets
-from slip_detector.report.evaluation_tables import evaluation_tables
+from slip_detector.report.tables import evaluation_tables
 
 NAME = 'slip_evaluate'
 
-#: Options that apply to recordings only.
+#: Options that apply to recordings only, and to the protocol only.
 OF_RECORDINGS = ('topic', 'field', 'labels', 'resample', 'report', 'jobs', 'cluster')
+OF_PROTOCOL = ('plot', 'trials', 'seed')
 
 #: A larger number of simulated trials is taken for a typing error.
 MOST_TRIALS = 1000
@@ -86,7 +88,7 @@ def evaluate(
     arguments: Sequence[str],
     loader: RecordingLoader,
     workers: Workers,
-    with_overviews: bool = False,
+    for_report: bool = False,
 ) -> tuple[dict[str, dict[str, EvaluatedRecording]], list[Path]]:
     """Evaluate sets of recordings, in parallel where there are several workers.
 
@@ -98,7 +100,7 @@ def evaluate(
         Opens the recordings; it has the parameters of the chain and of the evaluation.
     workers
         The processes that evaluate.
-    with_overviews
+    for_report
         Whether overviews for a report are gathered.
 
     Returns
@@ -129,27 +131,25 @@ def evaluate(
     """
     sets = recording_sets(arguments)
     files = [file for several in sets.values() for file in several]
-    watch = None
-    if with_overviews:
-        from slip_detector.report.evaluation_report import overview_factory
+    function = partial(evaluate_recording, loader)
+    if for_report:
+        from slip_detector.report.page import evaluate_for_report
 
-        watch = overview_factory(loader.chain_config, len(files))
-    call = partial(evaluate_recording, loader, watch=watch)
+        function = partial(evaluate_for_report, loader, len(files))
     found: dict[Path, EvaluatedRecording] = {}
     with progress_bar(len(files), 'recording') as bar:
         try:
-            for place, one in workers.results(call, files):
+            for place, one in workers.results(function, files):
                 found[files[place]] = one
                 bar.update()
         except KeyboardInterrupt:
             if not found:
                 raise
-    by_set = {
-        name: {file.name: found[file] for file in several if file in found}
-        for name, several in sets.items()
-    }
-    left = [file for file in files if file not in found]
-    return {name: several for name, several in by_set.items() if several}, left
+    evaluated = {}
+    for name, several in sets.items():
+        if of_set := {file.name: found[file] for file in several if file in found}:
+            evaluated[name] = of_set
+    return evaluated, [file for file in files if file not in found]
 
 
 def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:
@@ -188,66 +188,42 @@ def _alone(one: EvaluatedRecording) -> dict[str, Any]:
 
 
 def _parser() -> Parser:
-    parser = Parser(
-        prog=NAME,
-        description='Run the slip chain over labelled recordings and print how well it does: '
-        'areas under the ROC curve; delays, success rate and false positives as in the paper; '
-        'slips and alarms matched one to one, with the latencies and their parts by stage. '
-        'Or, with --protocol paper, simulate the trials of the paper and print delays, success '
-        'rate and false positives beside those that it reports, and for each wanted figure its '
-        'bound and whether it is met. The exit code is 0 whatever the figures are.',
-    )
+    parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument(
-        'recordings',
-        nargs='*',
-        metavar='RECORDING',
+        'recordings', nargs='*', metavar='RECORDING',
         help=f'a recording ({", ".join(ENDINGS)} or the folder of a bag) or a folder of them',
-    )
+    )  # fmt: skip
     parser.add_argument(
-        '--config',
-        metavar='FILE',
+        '--config', metavar='FILE',
         help='a ROS parameter file with the sections slip_detector, slip_driver (where in a '
         f'recording the samples and labels are) and {NAME} (what counts as detected, and the rows '
         'of motion); default: the default parameters',
-    )
+    )  # fmt: skip
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.add_argument(
-        '--plot',
-        nargs='?',
-        const=Path('out'),
-        type=Path,
-        metavar='FOLDER',
-        help='write pictures to a folder (default: out): timelines of the recordings, latencies '
-        'and ROC curve; with --protocol the counterparts of the figures 2, 4, 5, 6 and 7 of the '
-        'paper',
-    )
-    parser.add_argument(
-        '--report',
-        type=Path,
-        metavar='FILE.html',
-        help='write the same as an HTML page with timelines that can be zoomed',
-    )
-    add_worker_options(parser, 'evaluate recordings in parallel')
-    add_recording_options(parser)
+        '--report', type=Path, metavar='FILE.html',
+        help='write an HTML page with timelines that can be zoomed, latencies and ROC curve',
+    )  # fmt: skip
+    add_options(parser, 'evaluate recordings in parallel')
     protocol = parser.add_argument_group('with --protocol')
     protocol.add_argument(
-        '--protocol',
-        choices=('paper',),
+        '--protocol', choices=('paper',),
         help='simulate the protocol of the paper instead of reading recordings: plates of 400, 440'
         ' and 480 um, and the same trials with other windows and bands of the chain',
-    )
+    )  # fmt: skip
     protocol.add_argument(
-        '--trials',
-        type=whole_number(1, MOST_TRIALS),
-        metavar='N',
+        '--plot', nargs='?', const=Path('out'), type=Path, metavar='FOLDER',
+        help='draw the counterparts of the figures 2, 4, 5, 6 and 7 of the paper to a folder '
+        '(default: out)',
+    )  # fmt: skip
+    protocol.add_argument(
+        '--trials', type=whole_number(1, MOST_TRIALS), metavar='N',
         help='trials on each plate (default: 10)',
-    )
+    )  # fmt: skip
     protocol.add_argument(
-        '--seed',
-        type=whole_number(0, 2**31 - 1),
-        metavar='FIRST',
+        '--seed', type=whole_number(0, 2**31 - 1), metavar='FIRST',
         help='seed of the first trial; the next trials have the next seeds (default: 0)',
-    )
+    )  # fmt: skip
     return parser
 
 
@@ -255,12 +231,9 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read and check the arguments."""
     parser = _parser()
     options = parser.parse_args(argv)
-    of_protocol = ('trials', 'seed')
-    for name in OF_RECORDINGS if options.protocol else of_protocol:
+    what, where = ('recordings', 'without') if options.protocol else ('simulated trials', 'with')
+    for name in OF_RECORDINGS if options.protocol else OF_PROTOCOL:
         if getattr(options, name) is not None:
-            what, where = (
-                ('recordings', 'without') if options.protocol else ('simulated trials', 'with')
-            )
             parser.error(f'--{name} is for {what}, allowed: {where} --protocol')
     if options.protocol and options.recordings:
         parser.error('--protocol simulates its trials, allowed: no RECORDING with it')
@@ -271,32 +244,25 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
     """Return the figures of the recordings, and the function that prints them as tables."""
-    file = options.config
+    file, page = options.config, options.report
     config = ChainConfig.from_yaml(file) if file else ChainConfig()
-    recording_config = RecordingConfig.from_yaml(file) if file else RecordingConfig()
-    evaluation_config = EvaluationConfig.from_yaml(file) if file else EvaluationConfig()
-    recording_config = config_for_workers(
-        options, with_recording_options(recording_config, options)
-    )
-    loader = RecordingLoader(config, recording_config, evaluation_config)
-    page = options.report
+    reading = RecordingConfig.from_yaml(file) if file else RecordingConfig()
+    evaluation = EvaluationConfig.from_yaml(file) if file else EvaluationConfig()
+    loader = RecordingLoader(config, recording_config(reading, options), evaluation)
     if page:  # an error is reported before an hour of recordings is read
         check_apart({'--report': page}, [*paths_read(options), *([file] if file else [])])
         check_writable(page)
-    if options.plot:
-        writable_folder(options.plot)
-    shown = page or options.plot
     paths = paths_for_workers(options, options.recordings)
-    with workers_of(options) as workers:
-        sets, left = evaluate(paths, loader, workers, bool(shown))
+    with Workers(options.jobs, options.cluster) as workers:
+        sets, left = evaluate(paths, loader, workers, page is not None)
     report = as_report(sets)
     if left:
         report['not_evaluated'] = [str(path) for path in left]
-    if shown:
-        from slip_detector.report.evaluation_report import write_evaluation_report
+    if page:
+        from slip_detector.report.page import write_evaluation_report
 
-        written = write_evaluation_report(sets, config, page, options.plot)
-        report['written'] = [str(path) for path in written]
+        write_evaluation_report(page, sets)
+        report['written'] = [str(page)]
     return report, evaluation_tables
 
 
@@ -304,18 +270,12 @@ def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[
     """Return the figures of the paper's protocol, and the function that prints them as tables."""
     # The simulation is loaded only where it is needed.
     from slip_detector.evaluation import protocol
-    from slip_detector.report.protocol_table import protocol_table
+    from slip_detector.report.protocol import draw_protocol, protocol_table
 
     config = ChainConfig.from_yaml(options.config) if options.config else ChainConfig()
-    trials = protocol.TRIALS if options.trials is None else options.trials
-    draw = None
-    if options.plot:
-        from slip_detector.report.protocol_pictures import draw_protocol
-
-        folder = writable_folder(options.plot)
-        draw = partial(draw_protocol, folder)
-    report = protocol.run_protocol(config, trials, options.seed or 0, draw)
-    return report, protocol_table
+    trials = options.trials or protocol.TRIALS
+    draw = partial(draw_protocol, writable_folder(options.plot)) if options.plot else None
+    return protocol.run_protocol(config, trials, options.seed or 0, draw), protocol_table
 
 
 def main(argv: Sequence[str] | None = None) -> int:

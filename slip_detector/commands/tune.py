@@ -12,34 +12,37 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command ``slip_tune``: it tunes the chain on labelled recordings, some of them held out.
+"""The command ``slip_tune``.
 
-It uses no ROS. :mod:`slip_detector.tuning.search` searches and stores the trials. The result is
-judged on recordings that the search has not seen.
+Search the bands, stop-bands, exponent, windows, decision, threshold, votes and common mode that
+catch slips of labelled recordings soonest without false alarms. Some recordings are held out: on
+these the result is never worse than the given parameters. Ctrl-C ends the search with the result
+so far, and the same command continues it.
+
+It uses no ROS. :mod:`slip_detector.tuning.search` searches and stores the trials.
 """
 
+import argparse
 import datetime
 import math
 import shlex
 import sys
-from argparse import Namespace
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
-from slip_detector.commands.command_line import run
-from slip_detector.commands.progress import progress_bar
-from slip_detector.commands.recording_options import paths_read, with_recording_options
-from slip_detector.commands.tune_options import NAME, arguments_of
-from slip_detector.commands.worker_options import (
-    config_for_workers,
+from slip_detector.commands.command_line import Parser, run, whole_number
+from slip_detector.commands.workers import (
+    Workers,
+    add_options,
     paths_for_workers,
-    workers_of,
+    paths_read,
+    progress_bar,
+    recording_config,
 )
-from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.parameters.files import check_apart, check_writable, writable_folder
+from slip_detector.parameters.files import check_apart, check_writable
 from slip_detector.parameters.writing import with_parameters, write_file
-from slip_detector.report.text_table import number_text
+from slip_detector.report.tables import comparison_table, number_text
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import (
@@ -50,44 +53,123 @@ from slip_detector.tuning.search import (
 )
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
+NAME = 'slip_tune'
+
+TRIALS = 200
+
+#: Options that only a search has.
+OF_SEARCH = ('held_out', 'report', 'storage', 'jobs', 'cluster')
+
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
 
 
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
+    parser.add_argument(
+        'recordings', nargs='*', metavar='RECORDING', help='a recording or a folder of them'
+    )
+    parser.add_argument(
+        '--out', type=Path, required=True, metavar='FILE', help='the parameter file to write'
+    )
+    parser.add_argument('--report', type=Path, metavar='FILE', help='an HTML report to write')
+    parser.add_argument(
+        '--config', metavar='FILE',
+        help='a ROS parameter file to start from: what is not searched keeps its value there; the '
+        f'section {NAME} has the weights (default: the default parameters)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--trials', type=whole_number(1), default=TRIALS, metavar='N',
+        help='number of trials of the study, including earlier runs (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--storage', metavar='URL',
+        help='where the study is kept and shared: the path of a journal (.journal), '
+        'sqlite:///FILE, postgresql://USER@HOST/NAME (default: a journal beside --out)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--seed', type=int, default=0, metavar='N',
+        help='seed of the search (default: %(default)s)',
+    )  # fmt: skip
+    held = parser.add_mutually_exclusive_group()
+    held.add_argument(
+        '--hold-out', type=_number_below(1.0), default=1 / 3, metavar='SHARE',
+        help='share of the recordings, or of the time of a single one, to hold out (default: 1/3)',
+    )  # fmt: skip
+    held.add_argument(
+        '--held-out', action='append', default=[], metavar='RECORDING',
+        help='hold out these recordings, or folders of them, and tune on all other RECORDINGs; '
+        'repeatable',
+    )  # fmt: skip
+    add_options(parser, 'search')
+    quiet = parser.add_argument_group('learn from a recording, without a search')
+    quiet.add_argument(
+        '--quiet', metavar='RECORDING',
+        help='a recording without slip, in which mains hum is sought and, where evidence decides, '
+        'the noise floors are learnt',
+    )  # fmt: skip
+    quiet.add_argument(
+        '--false-alarms-per-hour', type=_number_below(math.inf), metavar='R',
+        help='set the threshold too: the allowed rate, above 0',
+    )  # fmt: skip
+    quiet.add_argument(
+        '--taps', metavar='RECORDING',
+        help='a recording of knocks: impact_v is set between its steps and those of the slips of '
+        'the RECORDINGs',
+    )  # fmt: skip
+    return parser
+
+
+def _number_below(limit: float) -> Callable[[str], float]:
+    """Return a function that reads an argument that is a number above 0 and below a limit."""
+    allowed = 'a number above 0' if limit == math.inf else f'a number between 0 and {limit:g}'
+
+    def read(text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if not 0.0 < number < limit:
+            raise argparse.ArgumentTypeError(f'is {text!r}, allowed: {allowed}')
+        return number
+
+    return read
+
+
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Read and check the arguments; end the process with the exit code 2 where they are wrong."""
+    parser = _parser()
+    options = parser.parse_args(argv)
+    if options.quiet is None and options.false_alarms_per_hour is not None:
+        parser.error('--false-alarms-per-hour goes with --quiet')
+    if options.quiet is None and not options.recordings:
+        parser.error('the following arguments are required: RECORDING (or --quiet)')
+    of_others: tuple[str, ...] = ()
+    if options.quiet is not None:
+        what, of_others = '--quiet', ('recordings', 'taps', *OF_SEARCH)
+    elif options.taps is not None:
+        what, of_others = '--taps', OF_SEARCH
+    for name in of_others:
+        if getattr(options, name):
+            word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'
+            parser.error(f'{what} searches nothing, allowed: no {word} with it')
+    return options
+
+
 class _Progress:
-    """Shows the progress of a search and the best chain so far, as a bar or as lines.
+    """Shows the progress of a search and the best chain so far, as a bar or as lines."""
 
-    Parameters
-    ----------
-    total
-        Number of trials that the study is to reach.
-    """
-
-    def __init__(self, total: int) -> None:
-        self._total, self._count, self._told = total, 0, 0
-        self._lowest_ms = math.inf
-        self._shown = 'none detects slip so far'
-        self._bar: Any = None
+    def __init__(self, bar: Any) -> None:
+        self._bar, self._printed = bar, 0
 
     def __call__(self, count: int, best: Candidate | None) -> None:
         """Show the number of trials so far."""
-        if self._bar is None:
-            self._bar = progress_bar(self._total, 'trial', count)
-            self._count = self._told = count
-        if best is not None and best.cost_ms < self._lowest_ms:
-            self._lowest_ms = best.cost_ms
-            self._shown = f'best: {in_short(best)}'
-            self._bar.set_postfix_str(self._shown, refresh=False)
-        self._bar.update(count - self._count)
-        self._count = count
-        if self._bar.disable and count - self._told >= max(self._total // LINES, 1):
-            self._told = count
-            sys.stderr.write(f'{count} of {self._total} trials, {self._shown}\n')
-
-    def close(self) -> None:
-        """Close the bar where it stands."""
-        if self._bar is not None:
-            self._bar.close()
+        found = 'none detects slip so far' if best is None else f'best: {in_short(best)}'
+        self._bar.set_postfix_str(found, refresh=False)
+        self._bar.update(count - self._bar.n)
+        if self._bar.disable and (count - self._printed) * LINES >= self._bar.total:
+            self._printed = count
+            sys.stderr.write(f'{count} of {self._bar.total} trials, {found}\n')
 
 
 def in_short(found: Candidate) -> str:
@@ -111,7 +193,7 @@ def in_short(found: Candidate) -> str:
     )
 
 
-def _listed(tracks: Sequence[Track]) -> str:
+def _names_of(tracks: Sequence[Track]) -> str:
     """Return the names of tracks, with the number of all slips and the length of all."""
     n = sum(len(track.slips) for track in tracks)
     minutes = sum(track.duration_s for track in tracks) / 60.0
@@ -119,24 +201,19 @@ def _listed(tracks: Sequence[Track]) -> str:
     return f'{names} ({n} slip{"" if n == 1 else "s"} in {minutes:.3g} min)'
 
 
-def _parameters(options: Namespace) -> TuningParameters:
+def _parameters(options: argparse.Namespace) -> TuningParameters:
     parameters = tuning_parameters_of(options.config)
-    recording = config_for_workers(options, with_recording_options(parameters.recording, options))
-    return parameters._replace(recording=recording)
+    return parameters._replace(recording=recording_config(parameters.recording, options))
 
 
 def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
     """Return the comments at the top of the file: date, command, and the given lines."""
     now = datetime.datetime.now(datetime.timezone.utc)
-    words = sys.argv[1:] if argv is None else argv
-    return [
-        f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:',
-        f'  {NAME} {shlex.join(words)}',
-        *lines,
-    ]
+    command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
+    return [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}', *lines]
 
 
-def _learn(options: Namespace, argv: Sequence[str] | None) -> list[str]:
+def _learn(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str]:
     """Set parameters from recordings without a search; return the lines to print."""
     parameters = _parameters(options)
     check_apart({'--out': options.out}, paths_read(options))
@@ -151,7 +228,7 @@ def _learn(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     return [*learnt.lines, f'Written: {options.out}']
 
 
-def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
+def _search(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str]:
     """Search and write the result; return the lines to print."""
     parameters = _parameters(options)
     written = {'--out': options.out, '--report': options.report}
@@ -161,61 +238,55 @@ def _search(options: Namespace, argv: Sequence[str] | None) -> list[str]:
     for path in written.values():
         if path is not None:
             check_writable(path)
-    if options.plot is not None:
-        writable_folder(options.plot)
     files = TrainingFiles(
         paths_for_workers(options, options.recordings),
         parameters.loader,
         paths_for_workers(options, options.held_out),
         options.hold_out,
     )
-    with workers_of(options) as workers, closing(_Progress(options.trials)) as progress:
+    with (
+        Workers(options.jobs, options.cluster) as workers,
+        progress_bar(options.trials, 'trial') as bar,
+    ):
+        calls, progress = None if workers.here else workers.results, _Progress(bar)
+        settings = {'seed': options.seed, 'storage': where}
         result = tune(
-            files,
-            parameters,
-            options.trials,
-            seed=options.seed,
-            storage=where,
-            progress=progress,
-            calls=None if workers.here else workers.results,
+            files, parameters, options.trials, progress=progress, calls=calls, **settings
         )
     return _finish(options, argv, result)
 
 
-def _finish(options: Namespace, argv: Sequence[str] | None, result: TuningResult) -> list[str]:
+def _finish(
+    options: argparse.Namespace, argv: Sequence[str] | None, result: TuningResult
+) -> list[str]:
     """Write the files; return the lines to print."""
-    from slip_detector.report.tuning_report import replay_tracks, write_tuning_report
-    from slip_detector.report.tuning_table import comparison_table
+    from slip_detector.report.page import replay_variant, write_tuning_report
 
     problem, held, study, verdict, notes = result
-    tracks = [*held, *problem.tracks]
-    shown = options.report is not None or options.plot is not None
-    given = replay_tracks(problem.given, tracks, problem.evaluation, shown)
-    tuned = replay_tracks(verdict.chain, tracks, problem.evaluation, shown)
-    n = len(held)
-    parts = {'held out': slice(0, n), 'tuned on': slice(n, None)}
-    both = {
-        what: [figures_of_merit(one.outcomes[part]) for one in (given, tuned)]
-        for what, part in parts.items()
-    }
+    given, tuned = (
+        replay_variant(name, chain, problem.evaluation, held, problem.tracks)
+        for name, chain in (('given', problem.given), ('tuned', verdict.chain))
+    )
     lines = [
         *notes,
         f'{study.follow()} trials ({options.trials} asked for), seed {options.seed}',
-        f'Tuned on: {_listed(problem.tracks)}',
-        f'Held out, and not tuned on: {_listed(held)}',
+        f'Tuned on: {_names_of(problem.tracks)}',
+        f'Held out, and not tuned on: {_names_of(held)}',
     ]
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')
-    for what, figures in both.items():
-        lines += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
+    table = []
+    for what in ('held out', 'tuned on'):
+        figures = (one.figures[f'all {what}'] for one in (given, tuned))
+        table += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
     changes = {} if verdict.kept else searched(verdict.chain)
-    write_file(options.out, with_parameters(options.config, changes), _comments(argv, lines))
+    comments = _comments(argv, [*lines, *table])
+    write_file(options.out, with_parameters(options.config, changes), comments)
     written = [options.out]
-    if shown:
-        written += write_tuning_report(
-            options.report, options.plot, lines, given, tuned, held, both, study
-        )
-    return [*lines, f'Written: {", ".join(map(str, written))}']
+    if options.report is not None:
+        write_tuning_report(options.report, given, tuned, study, lines)
+        written.append(options.report)
+    return [*lines, *table, f'Written: {", ".join(map(str, written))}']
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -231,7 +302,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit code, see :func:`slip_detector.commands.command_line.run`.
     """
-    options = arguments_of(argv)
+    options = _arguments(argv)
     work = _search if options.quiet is None and options.taps is None else _learn
     return run(NAME, lambda: '\n'.join(work(options, argv)))
 

@@ -12,13 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Calls one function with many arguments: in this process, in several or on a Dask cluster."""
+"""What the commands share that read recordings: their options, the bar, and several processes."""
 
-import gc
+import argparse
+import dataclasses
 import logging
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
@@ -29,41 +31,143 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     as_completed,
 )
-from types import TracebackType
+from pathlib import Path
 from typing import Any, TypeVar
 
-#: The calls are given up when worker processes have died this number of times in a row without a
-#: result. Dask has a limit of its own for each call, ``allowed-failures``, which is 3 as well.
-MOST_DEATHS = 3
+from tqdm import tqdm
+
+from slip_detector.commands.command_line import whole_number
+from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.recordings import recording_sets
 
 #: Longest time in which a scheduler may answer.
 CONNECT_TIMEOUT_S = 10.0
 
-#: Loggers on which Dask puts a traceback when a call is cancelled or the connection closes while
-#: something is on its way.
-LOGS_OF_LEAVING = ('tornado.application', 'distributed.batched', 'distributed.client')
+#: Logs of Dask, which put a traceback there for a call that is cancelled or a connection that
+#: closes. This process says what went wrong itself.
+LOGS = ('distributed', 'distributed.client', 'tornado.application')
 
 NEEDS_DISTRIBUTED = (
     "--cluster needs distributed, which is not installed: pip install 'slip_detector[cluster]'"
 )
 
+#: The parameters of :class:`RecordingConfig` that are options, without ``recording_``.
+READING = ('topic', 'field', 'labels', 'resample')
+
 Argument = TypeVar('Argument')
 Result = TypeVar('Result')
 
 
+def add_options(parser: argparse.ArgumentParser, work: str) -> None:
+    """Add the options on processes, which do some work, and on what is read of recordings.
+
+    Examples
+    --------
+    >>> parser = argparse.ArgumentParser()
+    >>> add_options(parser, 'search')
+    >>> parser.parse_args(['--jobs', '4', '--topic', '/left/voltages']).jobs
+    4
+    """
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        '--jobs', type=whole_number(1), metavar='N', help=f'processes that {work} (default: 1)'
+    )
+    where.add_argument(
+        '--cluster', metavar='ADDRESS',
+        help=f'scheduler of a Dask cluster whose workers {work}, such as tcp://HOST:8786; they '
+        'must see the recordings under the same paths',
+    )  # fmt: skip
+    group = parser.add_argument_group('what to read of a recording')
+    for field in dataclasses.fields(RecordingConfig):
+        name = field.name.removeprefix('recording_')
+        if name in READING:
+            action = 'store_true' if field.default is False else 'store'
+            meaning = field.metadata['meaning'].replace('%', '%%')
+            group.add_argument(f'--{name}', action=action, default=None, help=meaning)
+
+
+def recording_config(config: RecordingConfig, options: argparse.Namespace) -> RecordingConfig:
+    """Return the configuration with the values of the options, and paths that workers can open.
+
+    Raises
+    ------
+    ValueError
+        When a value is not allowed.
+
+    Examples
+    --------
+    >>> options = argparse.Namespace(topic='/a', field=None, labels=None, resample=None)
+    >>> options.cluster = None
+    >>> recording_config(RecordingConfig(), options).recording_topic
+    '/a'
+    """
+    given = {f'recording_{name}': getattr(options, name) for name in READING}
+    changes = {name: value for name, value in given.items() if value is not None}
+    config = dataclasses.replace(config, **changes)
+    if not config.recording_labels:
+        return config
+    (labels,) = paths_for_workers(options, [config.recording_labels])
+    return dataclasses.replace(config, recording_labels=labels)
+
+
+def paths_for_workers(options: argparse.Namespace, paths: Sequence[str]) -> list[str]:
+    """Return paths for the workers: absolute for a cluster, whose workers run in other folders.
+
+    Examples
+    --------
+    >>> paths_for_workers(argparse.Namespace(cluster=None), ['trial.npz'])
+    ['trial.npz']
+    """
+    return [os.path.abspath(path) for path in paths] if options.cluster else list(paths)
+
+
+def paths_read(options: argparse.Namespace) -> list[Path]:
+    """Return the recordings, and the file of labels, that a command reads.
+
+    Raises
+    ------
+    ValueError
+        For a folder without recordings.
+
+    Examples
+    --------
+    >>> options = argparse.Namespace(recordings=['a.npz'], quiet='rest.npz', labels=None)
+    >>> [path.name for path in paths_read(options)]
+    ['a.npz', 'rest.npz']
+    """
+    given = [getattr(options, name, None) or [] for name in ('recordings', 'held_out')]
+    given += [[path] for name in ('quiet', 'taps') if (path := getattr(options, name, None))]
+    sets = [files for paths in given for files in recording_sets(paths).values()]
+    labels = [Path(options.labels)] if options.labels else []
+    return [*(file for files in sets for file in files), *labels]
+
+
+def progress_bar(total: int, unit: str, done: int = 0) -> 'tqdm[Any]':
+    """Return a progress bar on stderr; it is disabled where stderr is not a terminal.
+
+    Examples
+    --------
+    >>> with progress_bar(total=200, unit='trial', done=50) as bar:
+    ...     bar.n
+    50
+    """
+    shown: Any = {'dynamic_ncols': True, 'mininterval': 0.0, 'file': sys.stderr}
+    return tqdm(total=total, initial=done, unit=unit, disable=not sys.stderr.isatty(), **shown)
+
+
 class Workers:
-    """Calls a function with many arguments.
+    """Calls a function with many arguments: here, in several processes or on a Dask cluster.
 
     It is a context manager: processes or connection are opened when the context is entered and
-    closed when it is left; calls that still run then are given up. Another worker repeats the
-    calls of a worker that dies.
+    closed when it is left; calls that still run then are given up.
 
     Parameters
     ----------
     jobs
         Number of processes on this machine; with one, the calls are made in this process.
     cluster
-        Address of the scheduler of a Dask cluster, which is used instead of such processes.
+        Address of the scheduler of a Dask cluster, which is used instead of such processes. There
+        another worker repeats the calls of one that dies.
 
     Raises
     ------
@@ -77,11 +181,9 @@ class Workers:
     {0: 3, 1: 4}
     """
 
-    def __init__(self, jobs: int = 1, cluster: str | None = None) -> None:
-        self._jobs, self._cluster = jobs, cluster
+    def __init__(self, jobs: int | None = None, cluster: str | None = None) -> None:
+        self._jobs, self._cluster = jobs or 1, cluster
         self._executor: Executor | None = None
-        self._given_up: tuple[type[BaseException], ...] = ()
-        self._children_before = multiprocessing.active_children()
 
     @property
     def here(self) -> bool:
@@ -90,35 +192,27 @@ class Workers:
 
     def __enter__(self) -> 'Workers':
         if self._cluster is not None:
-            self._connect(self._cluster)
-        elif self._jobs > 1:
-            self._executor = _processes(self._jobs)
+            self._client = _client_of(self._cluster)
+            self._executor = self._client.get_executor(pure=False)
+        elif not self.here:
+            spawn = multiprocessing.get_context('spawn')
+            self._executor = ProcessPoolExecutor(self._jobs, spawn, _end_with_parent)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if self._executor is None:
-            return
-        if self._cluster is not None:
+    def __exit__(self, *error: object) -> None:
+        if isinstance(self._executor, ProcessPoolExecutor):
+            results: Any = self._executor._result_queue  # type: ignore[attr-defined]
+            processes = list((self._executor._processes or {}).values())
+            self._executor.shutdown(wait=False, cancel_futures=True)
+            # A process that is ended while it writes its result leaves a part of it in the pipe;
+            # the executor waits for the rest until nobody has the pipe open for writing.
+            results._writer.close()
+            for process in processes:
+                process.kill()
+                process.join()
+        elif self._executor is not None:
             self._executor.shutdown(wait=False)
             self._client.close()
-            return
-        results: Any = self._executor._result_queue  # type: ignore[attr-defined]
-        self._executor.shutdown(wait=False, cancel_futures=True)
-        # A process that is terminated while it writes its result leaves a part of it in the pipe.
-        # The executor's thread, which the interpreter joins at exit, waits for the rest until no
-        # process has the pipe open for writing: therefore this process closes its end.
-        results._writer.close()
-        children = multiprocessing.active_children()
-        own = [child for child in children if child not in self._children_before]
-        for process in own:
-            process.terminate()
-        for process in own:
-            process.join()
 
     def results(
         self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
@@ -136,94 +230,53 @@ class Workers:
         Raises
         ------
         ValueError
-            When the function raises one, processes keep dying or the cluster is lost.
+            When the function raises one, a process dies or the cluster is lost.
         """
         if self._executor is None:
-            for place, argument in enumerate(arguments):
-                yield place, function(argument)
+            yield from enumerate(map(function, arguments))
             return
-        left, deaths = dict(enumerate(arguments)), 0
-        while left:
-            calls = self._submit(function, left)
+        try:
+            calls = self._submit(function, arguments)
             for call in as_completed(calls):
-                try:
-                    result = call.result()
-                except BrokenExecutor:  # a process has died, and these calls with it
-                    continue
-                except CancelledError:
-                    raise ValueError(f'cluster {self._cluster}: was lost') from None
-                except self._given_up as error:
-                    raise ValueError(f'cluster {self._cluster}: {error}') from None
-                deaths = 0
-                del left[calls[call]]
-                yield calls[call], result
-            if left:
-                deaths += 1
-                if deaths == MOST_DEATHS:
-                    raise ValueError(
-                        f'worker processes died {deaths} times before any had a result, allowed: '
-                        f'fewer --jobs than {self._jobs} where memory is short'
-                    )
-                self._executor = _processes(self._jobs)
+                yield calls[call], call.result()
+        except BrokenExecutor:
+            raise ValueError(
+                f'a worker process died, allowed: fewer --jobs than {self._jobs} where memory is '
+                'short'
+            ) from None
+        except CancelledError:
+            raise ValueError(f'cluster {self._cluster}: was lost') from None
+        except Exception as error:
+            # Dask's own: the call killed its workers, or a worker lacks this package.
+            if self._cluster is None or isinstance(error, ValueError):
+                raise
+            raise ValueError(f'cluster {self._cluster}: {error}') from None
 
     def _submit(
-        self, function: Callable[[Argument], Result], left: dict[int, Argument]
+        self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
     ) -> dict['Future[Result]', int]:
         assert self._executor is not None
-        calls = {}
         # Ctrl-C goes to all processes of a terminal, but only this one is to react. A signal that
         # is blocked while the others start stays blocked in them; here it is only delayed.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            for place, argument in left.items():
-                calls[self._executor.submit(_call, function, argument)] = place
-        except BrokenExecutor:  # the remaining arguments are left for the next processes
-            pass
+            return {self._executor.submit(function, one): k for k, one in enumerate(arguments)}
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        return calls
-
-    def _connect(self, address: str) -> None:
-        try:
-            from distributed import Client
-            from distributed.scheduler import KilledWorker
-        except ImportError:
-            raise ValueError(NEEDS_DISTRIBUTED) from None
-        try:
-            self._client: Any = Client(address, timeout=CONNECT_TIMEOUT_S)
-        except (OSError, ValueError) as error:
-            raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
-        # After Ctrl-C both are expected, and a lost cluster is reported as an error.
-        for name in LOGS_OF_LEAVING:
-            logging.getLogger(name).addFilter(_is_unexpected)
-        self._executor = self._client.get_executor(pure=False)
-        # The call killed its workers, or a worker lacks this package.
-        self._given_up = (KilledWorker, ImportError)
 
 
-def _is_unexpected(record: logging.LogRecord) -> bool:
-    import asyncio  # Dask has loaded it; where there is no Dask, starting is faster without it
-
-    expected = (CancelledError, asyncio.CancelledError, OSError)
-    return not (record.exc_info and isinstance(record.exc_info[1], expected))
-
-
-def _processes(jobs: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), initializer=_begin)
-
-
-def _begin() -> None:
-    # Garbage collection while the first call loads its modules would take a third of the
-    # start-up time.
-    gc.disable()
-    _end_with_parent()
-
-
-def _call(function: Callable[[Argument], Result], argument: Argument) -> Result:
+def _client_of(address: str) -> Any:
+    """Return a client of a Dask cluster."""
     try:
-        return function(argument)
-    finally:
-        gc.enable()
+        from distributed import Client
+    except ImportError:
+        raise ValueError(NEEDS_DISTRIBUTED) from None
+    for name in LOGS:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        return Client(address, timeout=CONNECT_TIMEOUT_S)
+    except (OSError, ValueError) as error:
+        raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
 
 
 def _end_with_parent() -> None:

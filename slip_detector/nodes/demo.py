@@ -310,7 +310,7 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
 
 def _draw(recorder: SlipRecorder, config: DetectorConfig, path: Path) -> None:
     """Draw what was received, in the form of Figs. 5 and 6 of the paper."""
-    from slip_detector.report.trial_pictures import draw_trial
+    from slip_detector.report.pictures import draw_trial
 
     times_s = np.array(recorder.stamps_s)
     span_s = _motion_span_s(recorder)

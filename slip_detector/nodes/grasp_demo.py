@@ -73,7 +73,6 @@ from slip_detector.parameters.files import whole_file, writable_folder
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.parameters.reading import check_sections
 from slip_detector.parameters.shared_folder import shared_folder
-from slip_detector.report.grasp_table import grasp_table
 
 #: Index of the object that is drawn, if there are as many; with the default seeds it slips twice.
 SHOWN = 2
@@ -212,7 +211,7 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     }
     with whole_file(arguments.out / 'grasp.json') as new:
         new.write_text(json.dumps(result, indent=2) + '\n')
-    from slip_detector.report.grasp_picture import draw_grasp
+    from slip_detector.report.grasp import draw_grasp, grasp_table
 
     drawn = min(SHOWN, len(seeds) - 1)
     shown = heard.get(seeds[drawn])

@@ -12,12 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The overview of one recording for a report, gathered piece by piece in bounded memory.
+"""The overview of one recording for a report: bins of its rows, and the rows about its events.
 
-Rows are gathered in bins. For each bin and channel the overview keeps the lowest and the highest
-volts and the highest level. In a short recording a bin is one row. When there are more bins than
-fit, neighbouring bins are merged in pairs. Near the starts of slips and alarms the rows themselves
-are kept too, up to a limit.
+For each bin and channel it has the lowest and the highest volts and the highest code of each
+signal. In a short recording a bin is one row. About the starts of slips and alarms it has the
+rows themselves, as far as there is room.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,13 +26,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.slip_chain import SlipResult
+from slip_detector.chain.stages import LEAST_EXCESS_DB
 from slip_detector.evaluation.figures import FALSE, ReplayOutcome
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.signal_codes import Codes, signal_codes, signals_of
 
-RowNumbers = NDArray[np.int64]
 Volts = NDArray[np.float32]
+Codes = NDArray[np.uint8]
 
 #: Kinds of events, the most important first.
 EVENT_KINDS = ('false alarm', 'missed', 'late', 'detected')
@@ -41,15 +40,15 @@ EVENT_KINDS = ('false alarm', 'missed', 'late', 'detected')
 #: Times before and after the start of a slip or an alarm within which single rows are kept.
 BEFORE_S, AFTER_S = 0.15, 0.3
 
-#: Largest number of cells (bins times channels) that the overviews of a report share.
+#: Most cells of the overviews of all recordings in a report: bins, or single rows, times channels.
 MOST_CELLS = 2**20
 
-#: Each overview has at least this many cells, however many recordings share a report.
-LEAST_CELLS = 2**15
+#: Steps of a level's code for a factor of two, and the code of a level that equals the threshold:
+#: above it the channel is ON.
+CODES_PER_OCTAVE, THRESHOLD_CODE = 16, 128
 
-#: Largest number of single rows that are kept, as a multiple of the largest number of bins. A
-#: report may show fewer: which rows matter most is known only after the last one.
-ROWS_PER_BIN = 4
+#: A narrower range of decibels is widened to this, as it may be 0.
+LEAST_RANGE_DB = 1e-3
 
 #: A sample with a larger magnitude is not drawn, as float32 ends at 3.4e38.
 MOST_VOLTS = 1e30
@@ -87,37 +86,11 @@ class Event(NamedTuple):
 
 
 class Snippet(NamedTuple):
-    """Consecutive rows, each with its own volts and levels.
-
-    Attributes
-    ----------
-    start : int
-        The number of the first row.
-    volts : ndarray of float32, shape (n, c)
-        NaN where a sample is not a number.
-    codes : ndarray of uint8, shape (n, s c)
-        The s signals, as :func:`signal_codes` writes them.
-
-    Examples
-    --------
-    >>> Snippet(380, np.ones((10, 2)), np.zeros((10, 2), np.uint8)).start
-    380
-    """
+    """Consecutive rows from row ``start`` on: volts, shape (n, c), and codes, shape (n, s c)."""
 
     start: int
     volts: Volts
     codes: Codes
-
-
-def cells_of_each(recordings: int) -> int:
-    """Return the largest number of cells of each overview where recordings share a report.
-
-    Examples
-    --------
-    >>> cells_of_each(1) == MOST_CELLS, cells_of_each(1000) == LEAST_CELLS
-    (True, True)
-    """
-    return max(MOST_CELLS // recordings, LEAST_CELLS)
 
 
 def events_of(outcome: ReplayOutcome) -> list[Event]:
@@ -132,24 +105,72 @@ def events_of(outcome: ReplayOutcome) -> list[Event]:
     >>> [(event.kind, event.start_s, event.note) for event in events_of(outcome)]
     [('missed', 0.5, 'lost at: filter')]
     """
-    shown = []
+    events = [
+        Event('false alarm', alarm.start_s, alarm.end_s)
+        for alarm in outcome.alarms
+        if alarm.kind == FALSE
+    ]
     for slip in outcome.slips:
         if slip.settling:
             continue
         kind = 'missed' if slip.latency_s is None else 'late' if slip.late else 'detected'
         note = f'lost at: {slip.lost_at}'.replace('_', ' ') if slip.lost_at else ''
         parts = slip.stages_s or {}
-        shown.append(Event(kind, slip.start_s, slip.end_s, slip.latency_s, parts, note))
-    for alarm in outcome.alarms:
-        if alarm.kind == FALSE:
-            shown.append(Event('false alarm', alarm.start_s, alarm.end_s))
-    return sorted(shown, key=lambda event: event.start_s)
+        events.append(Event(kind, slip.start_s, slip.end_s, slip.latency_s, parts, note))
+    return sorted(events, key=lambda event: event.start_s)
+
+
+def signal_ranges(config: ChainConfig) -> dict[str, tuple[float, float]]:
+    """Return the signals that are drawn besides volts, and the values of their codes 1 and 255.
+
+    The level is in octaves above the threshold; with evidence there are two more, in decibels.
+
+    Examples
+    --------
+    >>> signal_ranges(ChainConfig(decision='evidence', noise_floor=1e-3, evidence_cap_db=12.0))
+    {'level': (-7.9375, 7.9375), 'excess': (-8.7, 12.0), 'floor': (-60.0, 0.0)}
+    """
+    octaves = (255 - THRESHOLD_CODE) / CODES_PER_OCTAVE
+    ranges = {'level': (-octaves, octaves)}
+    if config.decision == 'evidence':
+        floors = [20.0 * float(np.log10(floor)) for floor in config.noise_floor]
+        ranges['excess'] = (LEAST_EXCESS_DB, config.evidence_cap_db)
+        ranges['floor'] = (min(floors), max(floors) + config.noise_floor_range_db)
+    return ranges
+
+
+def signal_codes(result: SlipResult, config: ChainConfig) -> Codes:
+    """Return the signals side by side, a byte for each sample, shape (n, s c).
+
+    A code is 0 where the channel is not valid, else from 1 to 255 over the range of the signal in
+    :func:`signal_ranges`. That of a level is above :data:`THRESHOLD_CODE` exactly where the
+    channel is ON.
+
+    Examples
+    --------
+    >>> from slip_detector import SlipChain
+    >>> result = SlipChain().update(np.full((1, 16), 4.3))
+    >>> int(signal_codes(result, ChainConfig())[0, 0])  # at rest: the lowest code of a level
+    1
+    """
+    with np.errstate(divide='ignore'):  # The logarithm of 0 is -inf, the lowest code.
+        octaves = np.log2(result.level / config.threshold)
+    most = 255 - THRESHOLD_CODE
+    steps = np.clip(np.ceil(CODES_PER_OCTAVE * octaves), -most, most)
+    # A quotient may round to 1 where the level is just above the threshold.
+    steps = np.where(result.channels, np.maximum(steps, 1), np.minimum(steps, 0))
+    codes = [steps + THRESHOLD_CODE]
+    for name, (low, high) in list(signal_ranges(config).items())[1:]:
+        share = (getattr(result, name) - low) / max(high - low, LEAST_RANGE_DB)
+        codes.append(1.0 + np.rint(254.0 * np.clip(share, 0.0, 1.0)))
+    return np.hstack([np.where(result.valid, code, 0).astype(np.uint8) for code in codes])
 
 
 class Overview:
     """The overview of one recording and of one chain's decisions on it.
 
-    It is an observer of a replay, which passes rows to :meth:`add` and gaps to :meth:`gap`.
+    It is an observer of a replay, which passes rows to :meth:`add` and gaps to :meth:`gap`. It
+    keeps all rows, some 100 MB for an hour of 16 channels at 380 Hz, until :meth:`finish`.
 
     Parameters
     ----------
@@ -159,8 +180,8 @@ class Overview:
         The parameters of the chain.
     channel_names
         Names of the recording's channels; those of the configuration if not given.
-    most_cells
-        Largest number of bins times the number of channels.
+    share
+        Its share of the cells of the report; see :data:`MOST_CELLS`.
     sample_rate_hz
         Rate of the recording, which turns rows into seconds; the chain's rate if not given.
 
@@ -168,52 +189,51 @@ class Overview:
     ----------
     rows : int
         Number of rows so far, including those that are missing in gaps.
+    truth, slip, after_impact : OnIntervals
+        When the label is slip, the global decision ON, an impact held; ``truth`` is None for a
+        recording without labels.
+    groups : dict
+        The same of each group, by its name.
     bin_rows : int
-        Number of rows in a bin, a power of two.
+        After :meth:`finish` number of rows in a bin, a power of two.
+    low, high : ndarray of float32, shape (bins, c)
+        After :meth:`finish` the extreme volts; NaN where the bin has no sample that is a number.
+    codes : ndarray of uint8, shape (bins, s c)
+        After :meth:`finish` the highest code of each of s signals; see :func:`signal_codes`.
     events : sequence of Event
-        Slips and false alarms; empty until the caller sets them.
+    snippets : list of Snippet
 
     Examples
     --------
-    >>> from slip_detector.chain.slip_chain import SlipChain
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.evaluation.replay import Replay
     >>> volts = np.full((400, 16), 4.3)
     >>> volts[200:] += np.sin(2 * np.pi * 20.0 * np.arange(200) / 380.0)[:, np.newaxis]
-    >>> overview = Overview('trial', ChainConfig(), most_cells=16 * 128)
-    >>> overview.add(volts, SlipChain(ChainConfig()).update(volts), truth=np.arange(400) >= 200)
-    >>> overview.rows, overview.bin_rows
-    (400, 4)
-    >>> overview.truth, overview.slip
-    (array([[200, 400]]), array([[202, 400]]))
+    >>> rows = Samples.evenly(volts, 380.0, np.arange(400) >= 200)
+    >>> overview = Overview('trial', ChainConfig())
+    >>> overview.finish(events_of(Replay(ChainConfig()).run([rows], observer=overview)))
+    >>> overview.rows, overview.bin_rows, overview.slip.edges
+    (400, 1, [202, 400])
     """
 
     def __init__(
         self,
         name: str,
         config: ChainConfig,
-        channel_names: Sequence[str] = (),
-        most_cells: int = MOST_CELLS,
+        channel_names: tuple[str, ...] = (),
+        share: float = 1.0,
         sample_rate_hz: float | None = None,
     ) -> None:
-        self.name, self.config = name, config
+        self.name, self.config, self.share = name, config, share
         self.channel_names = tuple(channel_names) or config.names
         self.sample_rate_hz = sample_rate_hz or config.sample_rate_hz
-        self.rows, self.bin_rows = 0, 1
+        self.rows = 0
+        self.truth: OnIntervals | None = None
+        self.slip, self.after_impact = OnIntervals(), OnIntervals()
+        self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
-        channels = config.channels
-        # A power of two, so that the bins can be merged in pairs.
-        self._most_bins = 1 << max(most_cells // channels, 2).bit_length() - 1
-        self._low = np.full((self._most_bins, channels), np.nan, np.float32)
-        self._high = self._low.copy()
-        signals = len(signals_of(config))
-        self._codes = np.zeros((self._most_bins, signals * channels), np.uint8)
-        self._truth: OnIntervals | None = None
-        self._slip, self._groups = OnIntervals(), [OnIntervals() for _ in config.groups]
-        self._after_impact = OnIntervals()
-        self._rows_left = ROWS_PER_BIN * self._most_bins
-        self._before, self._after = config.samples(BEFORE_S), config.samples(AFTER_S)
-        self._kept: list[tuple[RowNumbers, Volts, Codes]] = []
-        self._tail = self._no_rows()
-        self._starts: RowNumbers = np.empty(0, np.int64)
+        self.snippets: list[Snippet] = []
+        self._pieces: list[Snippet] = []
 
     def add(self, volts: ArrayLike, result: SlipResult, truth: ArrayLike | None) -> None:
         """Take the next rows.
@@ -232,161 +252,90 @@ class Overview:
         if not len(values):
             return
         samples = np.where(np.abs(values) < MOST_VOLTS, values, np.nan).astype(np.float32)
-        codes = signal_codes(result, self.config)
-        if self.config.decision == 'evidence':
-            self._after_impact.add(result.after_impact, self.rows)
-        starts = self._slip.add(result.slip, self.rows)
-        for group, on in zip(self._groups, result.groups.T, strict=True):
+        self._pieces.append(Snippet(self.rows, samples, signal_codes(result, self.config)))
+        self.slip.add(result.slip, self.rows)
+        for group, on in zip(self.groups.values(), result.groups.T, strict=True):
             group.add(on, self.rows)
+        if self.config.decision == 'evidence':
+            self.after_impact.add(result.after_impact, self.rows)
         if truth is not None:
-            self._truth = self._truth or OnIntervals()
-            starts += self._truth.add(np.asarray(truth, dtype=bool), self.rows)
-        self._fill_bins(samples, codes)
+            self.truth = self.truth or OnIntervals()
+            self.truth.add(np.asarray(truth, dtype=bool), self.rows)
         self.rows += len(values)
-        self._keep(samples, codes, sorted(starts))
 
     def gap(self, seconds: float) -> None:
         """Count the rows that are missing in a gap of the recording."""
-        self._keep_wanted(self._wanted(self.rows), self.rows)
-        self._tail, self._starts = self._no_rows(), self._starts[:0]
-        for intervals in (
-            self._slip,
-            *self._groups,
-            self._after_impact,
-            *([self._truth] if self._truth else []),
-        ):
-            intervals.close(self.rows)
+        self._close_intervals()
         self.rows += round(seconds * self.sample_rate_hz)
-        self._coarsen_to(self.rows)
 
-    def bins(self, bin_rows: int) -> tuple[Volts, Volts, Codes]:
-        """Return the lowest and highest volts and the highest code of each signal in each bin.
-
-        Parameters
-        ----------
-        bin_rows
-            Number of rows in a bin: a power of two, at least the attribute ``bin_rows``.
-
-        Returns
-        -------
-        low, high : ndarray of float32, shape (bins, c)
-            NaN where the bin has no sample that is a number.
-        codes : ndarray of uint8, shape (bins, s c)
-            The codes of each of s signals; see :func:`signal_codes`.
-        """
-        n = -(-self.rows // self.bin_rows)
-        low, high, codes = self._low[:n], self._high[:n], self._codes[:n]
-        starts = np.arange(0, n, bin_rows // self.bin_rows)
-        if not n or len(starts) == n:
-            return low, high, codes
-        return (
-            np.fmin.reduceat(low, starts),
-            np.fmax.reduceat(high, starts),
-            np.maximum.reduceat(codes, starts),
-        )
-
-    @property
-    def duration_s(self) -> float:
-        """Time from the first row to the end of the last."""
-        return self.rows / self.sample_rate_hz
-
-    @property
-    def slip(self) -> RowNumbers:
-        """Intervals in which the global decision is ON, shape (m, 2).
-
-        An interval is its first row and the first row after it.
-        """
-        return self._pairs(self._slip)
-
-    @property
-    def groups(self) -> dict[str, RowNumbers]:
-        """Intervals in which each group is ON, by its name: arrays of shape (m, 2)."""
-        pairs = [self._pairs(group) for group in self._groups]
-        return dict(zip(self.config.groups, pairs, strict=True))
-
-    @property
-    def after_impact(self) -> RowNumbers:
-        """Intervals in which an impact is held, shape (m, 2); none without evidence."""
-        return self._pairs(self._after_impact)
-
-    @property
-    def truth(self) -> RowNumbers | None:
-        """Intervals of true slip, shape (m, 2); None for a recording without labels."""
-        return None if self._truth is None else self._pairs(self._truth)
-
-    @property
-    def snippets(self) -> list[Snippet]:
-        """The single rows that were kept, in order."""
-        kept = [*self._kept, self._pick(self._wanted(self.rows)[: self._rows_left])]
-        rows, volts, codes = (np.concatenate(parts) for parts in zip(*kept, strict=True))
-        cuts = np.flatnonzero(np.diff(rows) > 1) + 1
-        pieces = (np.split(array, cuts) for array in (rows, volts, codes))
-        return [Snippet(int(at[0]), v, c) for at, v, c in zip(*pieces, strict=True) if len(at)]
-
-    def _pairs(self, intervals: OnIntervals) -> RowNumbers:
-        """Return intervals as an array, shape (m, 2); an open one ends at the last row."""
-        edges = [*intervals.edges, self.rows] if intervals.on else intervals.edges
-        return np.array(edges, np.int64).reshape(-1, 2)
-
-    def _coarsen_to(self, rows: int) -> None:
-        """Merge neighbouring bins until this number of rows fits."""
-        half = self._most_bins // 2
-        while rows > self._most_bins * self.bin_rows:
-            self.bin_rows *= 2
-            self._low[:half] = np.fmin(self._low[::2], self._low[1::2])
-            self._high[:half] = np.fmax(self._high[::2], self._high[1::2])
-            self._codes[:half] = np.maximum(self._codes[::2], self._codes[1::2])
-            self._low[half:] = self._high[half:] = np.nan
-            self._codes[half:] = 0
-
-    def _fill_bins(self, volts: Volts, codes: Codes) -> None:
-        """Enter the next rows into their bins; ``self.rows`` does not count them yet."""
-        self._coarsen_to(self.rows + len(volts))
-        first, ahead = divmod(self.rows, self.bin_rows)
-        starts = np.maximum(np.arange(-ahead, len(volts), self.bin_rows), 0)
-        bins = slice(first, first + len(starts))
-        for into, function, values in (
-            (self._low, np.fmin, volts),
-            (self._high, np.fmax, volts),
-            (self._codes, np.maximum, codes),
-        ):
-            into[bins] = function(into[bins], function.reduceat(values, starts))
-
-    def _keep(self, volts: Volts, codes: Codes, starts: list[int]) -> None:
-        """Keep the rows that are near a start.
-
-        The last rows stay in the tail, as a start that follows soon may be near them.
-        """
-        self._tail = (
-            np.concatenate([self._tail[0], volts]),
-            np.concatenate([self._tail[1], codes]),
-        )
-        self._starts = np.append(self._starts, np.array(starts, np.int64))
-        decided = max(self.rows - self._before, self.rows - len(self._tail[0]))
-        self._keep_wanted(self._wanted(decided), decided)
-
-    def _no_rows(self) -> tuple[Volts, Codes]:
+    def finish(self, events: Sequence[Event]) -> None:
+        """Merge the rows to bins, and keep only those about the events; see :func:`events_of`."""
+        self._close_intervals()
+        self.events = events
         channels = self.config.channels
-        return np.empty((0, channels), np.float32), self._codes[:0]
+        bins = max(round(self.share * MOST_CELLS) // channels, 64)
+        self.bin_rows = 1
+        while self.rows > bins * self.bin_rows:
+            self.bin_rows *= 2
+        n, signals = -(-self.rows // self.bin_rows), len(signal_ranges(self.config))
+        self.low = np.full((n, channels), np.nan, np.float32)
+        self.high, self.codes = self.low.copy(), np.zeros((n, signals * channels), np.uint8)
+        for start, volts, codes in self._pieces:
+            first, ahead = divmod(start, self.bin_rows)
+            starts = np.maximum(np.arange(-ahead, len(volts), self.bin_rows), 0)
+            bins_of_piece = slice(first, first + len(starts))
+            for merged, extreme, values in (
+                (self.low, np.fmin, volts),
+                (self.high, np.fmax, volts),
+                (self.codes, np.maximum, codes),
+            ):
+                extremes = extreme.reduceat(values, starts)
+                merged[bins_of_piece] = extreme(merged[bins_of_piece], extremes)
+        if self.bin_rows > 1:
+            self.snippets = [self._snippet(*span) for span in self._spans_about_events()]
+        self._pieces = []
 
-    def _wanted(self, stop: int) -> RowNumbers:
-        """Return the places, in the tail, of rows before row ``stop`` that are near a start."""
-        first = self.rows - len(self._tail[0])
-        rows = np.arange(first, stop)
-        from_here = np.searchsorted(self._starts, rows + self._before, 'right')
-        to_here = np.searchsorted(self._starts, rows - self._after, 'left')
-        return np.flatnonzero(from_here > to_here)
+    def _close_intervals(self) -> None:
+        truth = [self.truth] if self.truth else []
+        for intervals in (self.slip, self.after_impact, *self.groups.values(), *truth):
+            intervals.close(self.rows)
 
-    def _pick(self, wanted: RowNumbers) -> tuple[RowNumbers, Volts, Codes]:
-        volts, codes = self._tail
-        return wanted + self.rows - len(volts), volts[wanted], codes[wanted]
+    def _spans_about_events(self) -> list[list[int]]:
+        """Return the first row and the end of each span of rows to keep, in order.
 
-    def _keep_wanted(self, wanted: RowNumbers, decided: int) -> None:
-        """Keep rows of the tail, and cut off the tail before row ``decided``."""
-        fit = wanted[: self._rows_left]
-        self._rows_left -= len(fit)
-        if len(fit):
-            self._kept.append(self._pick(fit))
-        ahead = decided - (self.rows - len(self._tail[0]))
-        self._tail = (self._tail[0][ahead:].copy(), self._tail[1][ahead:].copy())
-        self._starts = self._starts[self._starts + self._after >= decided]
+        Where there is too little room for all events, it is given to the more important ones, and
+        among equals to those that lie where chance has it.
+        """
+        random = np.random.default_rng(0).random(len(self.events))
+        order = [
+            (EVENT_KINDS.index(event.kind), chance, event)
+            for event, chance in zip(self.events, random, strict=True)
+        ]
+        room = self.share * MOST_CELLS / self.config.channels
+        before, after = self.config.samples(BEFORE_S), self.config.samples(AFTER_S)
+        spans = []
+        for _, _, event in sorted(order, key=lambda one: one[:2]):
+            for start_s in {event.start_s, event.start_s + (event.latency_s or 0.0)}:
+                row = round(start_s * self.sample_rate_hz)
+                spans.append([max(row - before, 0), min(row + after, self.rows)])
+                room -= spans[-1][1] - spans[-1][0]
+            if room < 0:
+                break
+        merged: list[list[int]] = []
+        for start, stop in sorted(spans):
+            if merged and start <= merged[-1][1]:
+                merged[-1][1] = max(merged[-1][1], stop)
+            else:
+                merged.append([start, stop])
+        return merged
+
+    def _snippet(self, start: int, stop: int) -> Snippet:
+        """Return the rows from ``start`` up to ``stop``; those in gaps have no sample."""
+        volts = np.full((stop - start, self.low.shape[1]), np.nan, np.float32)
+        codes = np.zeros((stop - start, self.codes.shape[1]), np.uint8)
+        for first, its_volts, its_codes in self._pieces:
+            a, b = max(start, first), min(stop, first + len(its_volts))
+            if a < b:
+                volts[a - start : b - start] = its_volts[a - first : b - first]
+                codes[a - start : b - start] = its_codes[a - first : b - first]
+        return Snippet(start, volts, codes)

@@ -12,37 +12,60 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A report as one HTML file that needs no network, and the same figures as pictures.
+"""A report as one HTML file that needs no network.
 
-The scripts in ``templates`` draw the timeline with uPlot from the data that
-:mod:`slip_detector.report.page_data` writes. The sections below it, of
-:mod:`slip_detector.report.page_sections`, can be read where scripts are off.
+The scripts in ``templates`` draw its timeline with uPlot. For each recording they read a header,
+which is JSON, and one string of bytes, compressed and in base64: of the bins the lowest volts, the
+highest volts and, for each variant, the codes of its signals and the volts and codes of its
+snippets. All are written channel after channel. Volts are 16-bit codes over the range of the
+channel, all low bytes and then all high ones, as slow signals compress better in this order.
 """
 
+import base64
 import json
-from collections.abc import Iterable, Sequence
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
 from string import Template
+from typing import Any
 
-from slip_detector.parameters.files import whole_file, writable_folder
-from slip_detector.report.overview import Overview
-from slip_detector.report.page_data import (
-    SearchTrial,
-    Variant,
-    bin_rows,
-    choose_snippets,
-    pack_recording,
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.evaluation.evaluator import (
+    EvaluatedRecording,
+    LabelledRecording,
+    RecordingLoader,
+    evaluate_recording,
+    recording_figures,
 )
-from slip_detector.report.page_sections import figures_text, sections
+from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
+from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.files import whole_file
+from slip_detector.report.overview import (
+    EVENT_KINDS,
+    Codes,
+    Event,
+    Overview,
+    Volts,
+    events_of,
+    signal_ranges,
+)
+from slip_detector.report.page_sections import SearchTrial, Variant, sections
+from slip_detector.tuning.problem import searched
+from slip_detector.tuning.tracks import Track
 
 #: Scripts of a page; each comes after those that it needs.
-SCRIPTS = (
-    'uplot/uPlot.iife.min.js', 'drawing.js', 'timeline.js', 'report_data.js', 'report_lanes.js',
-    'report.js',
-)  # fmt: skip
+SCRIPTS = ('uplot/uPlot.iife.min.js', 'drawing.js', 'timeline.js', 'report_lanes.js', 'report.js')
 STYLES = ('uplot/uPlot.min.css', 'drawing.css', 'report.css')
+
+#: Code of a bin without samples, and the highest code of a channel's range. Finer steps would make
+#: the file larger and would not be seen: a channel has some 40 pixels in the timeline.
+NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
 
 
 def write_page(
@@ -51,6 +74,7 @@ def write_page(
     variants: Sequence[Variant],
     trials: Sequence[SearchTrial] = (),
     notes: Iterable[str] = (),
+    outcomes: Sequence[ReplayOutcome] = (),
 ) -> None:
     """Write a report as an HTML file.
 
@@ -63,114 +87,47 @@ def write_page(
     title
         Heading of the page.
     variants
-        One configuration, or two to compare: first the given one, then the tuned one.
+        One configuration, or two to compare: first the given one, then the tuned one. Both show
+        the same recordings, at least one.
     trials
         Trials of a search; without trials the report has no trade-off front.
     notes
         Lines below the title.
+    outcomes
+        The outcomes whose latencies and ROC curve are drawn.
 
     Raises
     ------
     ValueError
-        When the file cannot be written, or the variants do not show the same recordings.
+        When the file cannot be written.
 
     Examples
     --------
     >>> import tempfile
     >>> from slip_detector import ChainConfig, SlipChain
-    >>> config, volts = ChainConfig(), [[4.3] * 16] * 380
-    >>> overview = Overview('rest.npz', config)
-    >>> overview.add(volts, SlipChain(config).update(volts), truth=None)
-    >>> given = Variant('given', config, [overview], {'rest.npz': {'alarms': 0}})
+    >>> overview, volts = Overview('rest.npz', ChainConfig()), np.full((380, 16), 4.3)
+    >>> overview.add(volts, SlipChain().update(volts), truth=None)
+    >>> overview.finish(events=[])
+    >>> given = Variant('given', ChainConfig(), [overview], {'rest.npz': {'alarms': 0}})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_page(Path(folder) / 'report.html', 'A second of rest', [given])
     ...     '<title>A second of rest</title>' in (Path(folder) / 'report.html').read_text('utf-8')
     True
     """
+    items = ''.join(f'<li>{escape(line)}</li>' for line in notes)
     page = Template(_read('report.html')).substitute(
         title=escape(title),
-        notes=_list(notes),
+        notes=f'<ul>{items}</ul>' if items else '',
         css='\n'.join(map(_read, STYLES)),
         licence=_read('uplot/LICENSE.txt'),
         js='\n'.join(map(_read, SCRIPTS)),
         data=_data(variants),
-        sections='\n'.join(sections(variants, trials)),
+        sections=sections(variants, trials, outcomes),
     )
     # HTML has no NUL; a browser would drop it in one place and replace it in another.
     page = page.replace('\0', '\N{REPLACEMENT CHARACTER}')
     with whole_file(path) as new:
         new.write_text(page, encoding='utf-8', errors='backslashreplace')
-
-
-def write_pictures(
-    folder: str | Path, variants: Sequence[Variant], trials: Sequence[SearchTrial] = ()
-) -> list[Path]:
-    """Write the pictures of a report as PNG files, and its table as text.
-
-    Parameters
-    ----------
-    folder
-        Where the files are written; it is made if it does not exist.
-    variants, trials
-        As :func:`write_page` takes them.
-
-    Returns
-    -------
-    list of Path
-        The files: ``timeline_<recording>.png`` for each recording, ``filters.png``,
-        ``front.png`` where there are trials, and ``figures.txt``.
-
-    Raises
-    ------
-    ValueError
-        When a file cannot be written, or the variants do not show the same recordings.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from slip_detector import ChainConfig
-    >>> config = ChainConfig()
-    >>> given = Variant('given', config, [Overview('rest.npz', config)], {})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     [path.name for path in write_pictures(folder, [given])]
-    ['timeline_rest.npz.png', 'filters.png', 'figures.txt']
-    """
-    from slip_detector.report import page_pictures
-
-    recordings = _recordings(variants)
-    names = [variant.name for variant in variants]
-    folder, paths = writable_folder(Path(folder)), []
-    for r, overviews in enumerate(recordings):
-        number = f'{r + 1}_' if len(recordings) > 1 else ''
-        paths.append(folder / f'timeline_{number}{_file_name(overviews[0].name)}.png')
-        page_pictures.png(page_pictures.timeline_figure(names, overviews), paths[-1])
-    paths.append(folder / 'filters.png')
-    page_pictures.png(page_pictures.filters_figure(variants), paths[-1])
-    if trials:
-        paths.append(folder / 'front.png')
-        page_pictures.png(page_pictures.front_figure(trials), paths[-1])
-    paths.append(folder / 'figures.txt')
-    with whole_file(paths[-1]) as new:
-        new.write_text(figures_text(variants), encoding='utf-8', errors='backslashreplace')
-    return paths
-
-
-def _file_name(text: str) -> str:
-    return ''.join(c if c.isalnum() or c in '._-' else '_' for c in text)[:80]
-
-
-def _recordings(variants: Sequence[Variant]) -> list[list[Overview]]:
-    """Return the overviews of each recording, one for each variant."""
-    first = variants[0].overviews
-    for variant in variants:
-        same = len(variant.overviews) == len(first) and all(
-            (a.name, a.rows, a.config.channels) == (b.name, b.rows, b.config.channels)
-            for a, b in zip(variant.overviews, first, strict=True)
-        )
-        if not first or not same:
-            shown = ', '.join(overview.name for overview in variant.overviews) or 'no recording'
-            raise ValueError(f'{variant.name}: shows {shown}, allowed: the same for all variants')
-    return [list(overviews) for overviews in zip(*(v.overviews for v in variants), strict=True)]
 
 
 def _read(name: str) -> str:
@@ -179,12 +136,8 @@ def _read(name: str) -> str:
 
 def _data(variants: Sequence[Variant]) -> str:
     """Return what the scripts read: a header as JSON, and the data of each recording."""
-    recordings = _recordings(variants)
-    chosen = choose_snippets(recordings)
-    packed = [
-        pack_recording(*parts)
-        for parts in zip(recordings, bin_rows(recordings), chosen, strict=True)
-    ]
+    recordings = zip(*(variant.overviews for variant in variants), strict=True)
+    packed = [pack_recording(overviews) for overviews in recordings]
     header = {
         'variants': [variant.name for variant in variants],
         'recordings': [header for header, _ in packed],
@@ -192,13 +145,200 @@ def _data(variants: Sequence[Variant]) -> str:
     # Only '<' can end a script element; JSON may write it as an escape.
     text = json.dumps(header, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
     blocks = [f'<script type="application/json" id="header">{text}</script>']
-    blocks += [
-        f'<script type="text/plain" id="data-{r}">{data}</script>'
-        for r, (_, data) in enumerate(packed)
-    ]
+    for r, (_, data) in enumerate(packed):
+        blocks.append(f'<script type="text/plain" id="data-{r}">{data}</script>')
     return '\n'.join(blocks)
 
 
-def _list(lines: Iterable[str]) -> str:
-    items = ''.join(f'<li>{escape(line)}</li>' for line in lines)
-    return f'<ul>{items}</ul>' if items else ''
+def pack_recording(variants: Sequence[Overview]) -> tuple[dict[str, Any], str]:
+    """Return the header and the data of one recording, given its overview for each variant."""
+    first = variants[0]
+    lowest = np.fmin.reduce(first.low, initial=np.inf).astype(np.float64)
+    highest = np.fmax.reduce(first.high, initial=-np.inf).astype(np.float64)
+    none = lowest > highest  # a channel that has no sample
+    lowest[none] = highest[none] = 0.0
+    # A flat channel has one code only, with any step.
+    step = np.where(highest > lowest, (highest - lowest) / MOST_CODE, 1.0)
+
+    def packed(volts: Volts) -> bytes:
+        codes = np.rint((volts - lowest) / step)
+        return _bytes(np.where(np.isnan(codes), NO_SAMPLE, codes).astype('<u2'))
+
+    # In bins of one row both are the same.
+    data = [packed(extreme) for extreme in (first.low, first.high)[: min(first.bin_rows, 2)]]
+    for overview in variants:
+        data.append(_bytes(overview.codes))
+        for snippet in overview.snippets:
+            data += [packed(snippet.volts), _bytes(snippet.codes)]
+    header = {
+        'name': first.name,
+        'rate_hz': first.sample_rate_hz,
+        'rows': first.rows,
+        'bin_rows': first.bin_rows,
+        'bins': len(first.low),
+        'channels': first.channel_names,
+        'lowest_v': lowest.tolist(),
+        'step_v': step.tolist(),
+        'truth': first.truth.edges if first.truth else None,
+        'variants': [_variant(overview) for overview in variants],
+    }
+    return header, base64.b64encode(zlib.compress(b''.join(data))).decode()
+
+
+def _bytes(values: Codes | NDArray[np.uint16]) -> bytes:
+    """Return columns one after another: all low bytes, then all high ones."""
+    by_channel = np.ascontiguousarray(values.T)
+    return bytes(by_channel.view(np.uint8).reshape(-1, values.itemsize).T.tobytes())
+
+
+def _variant(overview: Overview) -> dict[str, Any]:
+    groups = overview.config.groups.items()
+    return {
+        'slip': overview.slip.edges,
+        'after_impact': overview.after_impact.edges,
+        'signals': signal_ranges(overview.config),
+        'offset_db': overview.config.evidence_offset_db,
+        'groups': [
+            {'name': name, 'members': members, 'on': overview.groups[name].edges}
+            for name, members in groups
+        ],
+        'snippets': [[snippet.start, len(snippet.codes)] for snippet in overview.snippets],
+        'events': [_event(event) for event in overview.events],
+    }
+
+
+def _event(event: Event) -> list[Any]:
+    # Microseconds are finer than any sample.
+    times = [None if t is None else round(t, 6) for t in event[1:4]]
+    parts = {name: round(t, 6) for name, t in event.parts.items()}
+    return [EVENT_KINDS.index(event.kind), *times, parts, event.note]
+
+
+def evaluate_for_report(
+    loader: RecordingLoader, recordings: int, path: Path
+) -> EvaluatedRecording:
+    """Evaluate one of several recordings with its overview as the observer."""
+
+    def watch(opened: LabelledRecording) -> Overview:
+        name, rate_hz = path.name, opened.sample_rate_hz
+        return Overview(name, loader.chain_config, opened.channel_names, 1 / recordings, rate_hz)
+
+    evaluated = evaluate_recording(loader, path, watch)
+    assert isinstance(evaluated.observer, Overview)
+    evaluated.observer.finish(events_of(evaluated.outcome))
+    return evaluated
+
+
+def write_evaluation_report(
+    path: Path, sets: Mapping[str, Mapping[str, EvaluatedRecording]]
+) -> None:
+    """Write the page of an evaluation.
+
+    Parameters
+    ----------
+    path
+        The HTML file to write.
+    sets
+        The recordings by the names of set and file, from :func:`evaluate_for_report`.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be written; names it.
+    """
+    overviews, figures, notes = [], {}, []
+    every = [one for files in sets.values() for one in files.values()]
+    for name, files in sets.items():
+        for file, one in files.items():
+            assert isinstance(one.observer, Overview)
+            title = f'{name}/{file}' if len(sets) > 1 else file
+            one.observer.name = title
+            overviews.append(one.observer)
+            figures[title] = recording_figures([one])
+            faults = filter(None, (one.counts.damage, one.counts.warnings))
+            notes += [f'{title}: {line}' for line in faults]
+    figures['all recordings'] = recording_figures(every)
+    given = Variant('given', overviews[0].config, overviews, figures)
+    outcomes = [one.outcome for one in every]
+    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], (), notes, outcomes)
+
+
+def replay_variant(
+    name: str,
+    chain: ChainConfig,
+    evaluation: EvaluationConfig,
+    held_out: Sequence[Track],
+    tuned_on: Sequence[Track],
+) -> Variant:
+    """Replay the recordings of a search through one chain, to be compared with another.
+
+    Parameters
+    ----------
+    name
+        ``given`` or ``tuned``.
+    chain
+        The parameters of the chain.
+    evaluation
+        What counts as detected.
+    held_out, tuned_on
+        The recordings.
+
+    Returns
+    -------
+    Variant
+        With the figures of ``all held out``, ``all tuned on`` and each recording.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> rows = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.zeros(380, bool))
+    >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
+    >>> list(replay_variant('given', ChainConfig(), EvaluationConfig(), [track], [track]).figures)
+    ['all held out', 'all tuned on', 'rest (held out)', 'rest (tuned on)']
+    """
+    replay, share = Replay(chain, evaluation), 1 / (len(held_out) + len(tuned_on))
+    overviews, of_all, of_each = [], {}, {}
+    for what, tracks in (('held out', held_out), ('tuned on', tuned_on)):
+        outcomes = []
+        for track in tracks:
+            overview = Overview(track.name, chain, (), share, track.sample_rate_hz)
+            outcome = replay.run(track.rows(), track.sample_rate_hz, overview)
+            overview.finish(events_of(outcome))
+            overviews.append(overview)
+            outcomes.append(outcome)
+            of_each[f'{track.name} ({what})'] = figures_of_merit([outcome])
+        of_all[f'all {what}'] = figures_of_merit(outcomes)
+    return Variant(name, chain, overviews, {**of_all, **of_each})
+
+
+def write_tuning_report(
+    path: Path, given: Variant, tuned: Variant, study: Any, notes: Iterable[str]
+) -> None:
+    """Write the page of a search.
+
+    Parameters
+    ----------
+    path
+        The HTML file to write.
+    given, tuned
+        From :func:`replay_variant`.
+    study
+        The study of the search, of whose trials the best chains are drawn.
+    notes
+        Lines below the title.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be written; names it.
+    """
+    trials = [
+        SearchTrial(trial.number, found['figures'], found['parameters'])
+        for trial in study.trials
+        for found in trial.user_attrs['found'][:1]
+    ]
+    for variant in [given] if tuned.config == given.config else [given, tuned]:
+        figures, parameters = variant.figures['all tuned on'], searched(variant.config)
+        trials.append(SearchTrial(None, figures, parameters, variant.name))
+    write_page(path, 'Tuning of the slip detector', [given, tuned], trials, notes)

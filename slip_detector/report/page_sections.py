@@ -15,91 +15,154 @@
 """The sections of a report below its timeline: figures, trade-off, filters and parameters."""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
-from slip_detector.report.evaluation_tables import figure_text
-from slip_detector.report.page_data import SearchTrial, Variant, trade_off_front
-from slip_detector.report.text_table import text_table
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from slip_detector.chain.filters import design, group_delay_s, response
+from slip_detector.evaluation.figures import ReplayOutcome
+from slip_detector.evaluation.scores import MOTION, ScoreCounts
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report.overview import Overview
+from slip_detector.report.pictures import COLORS, svg
+from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
 
 UNDEFINED = '\N{EN DASH}'
 
-#: The figures in the first table, in this order; a second table has all figures.
-MAIN_FIGURES = (
-    'slips', 'missed', 'late', 'recall', 'sooner_than_chance', 'precision', 'false_alarms',
-    'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms', 'latency_median_ms',
-    'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
+#: The figures in which trials of a search are compared; of the last one more is better.
+COSTS = (
+    'latency_median_ms', 'false_alarms_per_minute', 'false_time_percent', 'sooner_than_chance',
 )  # fmt: skip
-
-UNITS = {'ms': 'ms', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
-
-#: Of a longer list of numbers, such as one for each channel, only the range is shown.
-MOST_NUMBERS = 8
 
 #: Largest number of trials of the front that are listed.
 MOST_LISTED = 60
 
 
-def sections(variants: Sequence[Variant], trials: Sequence[SearchTrial]) -> list[str]:
+class Variant(NamedTuple):
+    """One configuration of the chain, with its overviews and figures of all recordings.
+
+    Attributes
+    ----------
+    name : str
+        For example ``given`` or ``tuned``.
+    config : ChainConfig
+    overviews : sequence of Overview
+        One for each recording, in the same order for all variants.
+    figures : mapping
+        Figures of each recording, and of all together, by its name. Each figure is a number or a
+        text by its own name, or None where it is not defined.
+
+    Examples
+    --------
+    >>> given = Variant('given', ChainConfig(), [], {'all recordings': {'recall': 0.95}})
+    >>> given.figures['all recordings']['recall']
+    0.95
+    """
+
+    name: str
+    config: ChainConfig
+    overviews: Sequence[Overview]
+    figures: Mapping[str, Mapping[str, float | str | None]]
+
+
+class SearchTrial(NamedTuple):
+    """One configuration that a search tried.
+
+    Attributes
+    ----------
+    number : int or None
+        Number of the trial; None for a configuration that is shown beside the trials.
+    figures : mapping
+        The figures in :data:`COSTS`; None where one is not defined.
+    parameters : mapping
+        The parameters that were tried, by name.
+    mark : str
+        A word that marks the point, for example ``given`` or ``tuned``; empty for most trials.
+
+    Examples
+    --------
+    >>> SearchTrial(3, dict(zip(COSTS, (40.0, 2.0, 0.1, 0.75)))).costs
+    (40.0, 2.0, 0.1, 0.25)
+    """
+
+    number: int | None
+    figures: Mapping[str, Any]
+    parameters: Mapping[str, Any] = {}
+    mark: str = ''
+
+    @property
+    def costs(self) -> tuple[float, ...] | None:
+        """The figures, the last as 1 less it; smaller is better. None where one is not defined."""
+        *costs, sooner = (self.figures[name] for name in COSTS)
+        return None if None in (*costs, sooner) else (*costs, 1.0 - sooner)
+
+
+def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
+    """Return the trials of the Pareto front, the one with the shortest latency first.
+
+    A trial is on the front when no other one is as good in all costs and better in one. Trials
+    with a cost that is not defined are left out.
+
+    Examples
+    --------
+    >>> rows = [(50.0, 4.0, 0.1, 1.0), (30.0, 9.0, 0.1, 1.0), (60.0, 9.0, 0.1, 0.95)]
+    >>> trials = [SearchTrial(k, dict(zip(COSTS, row))) for k, row in enumerate(rows)]
+    >>> [trial.number for trial in trade_off_front(trials)]
+    [1, 0]
+    """
+    known = [(trial.costs, trial) for trial in trials if trial.costs is not None]
+    costs = np.array([own for own, _ in known]).reshape(-1, len(COSTS))
+    best = [
+        (own, trial)
+        for own, trial in known
+        if not np.any(np.all(costs <= own, axis=1) & np.any(costs < own, axis=1))
+    ]
+    return [trial for _, trial in sorted(best, key=lambda pair: pair[0])]
+
+
+def sections(
+    variants: Sequence[Variant],
+    trials: Sequence[SearchTrial] = (),
+    outcomes: Sequence[ReplayOutcome] = (),
+) -> str:
     """Return the sections of a page below the timeline, as HTML.
 
     Parameters
     ----------
-    variants, trials
+    variants, trials, outcomes
         As :func:`slip_detector.report.page.write_page` takes them.
 
     Examples
     --------
-    >>> from slip_detector import ChainConfig
-    >>> from slip_detector.report.overview import Overview
     >>> config = ChainConfig()
     >>> given = Variant('given', config, [Overview('rest.npz', config)], {})
-    >>> [html.splitlines()[1] for html in sections([given], trials=[])]
+    >>> [line for line in sections([given]).splitlines() if line.startswith('<h2>')]
     ['<h2>Figures</h2>', '<h2>Filter</h2>', '<h2>Parameters</h2>']
     """
-    from slip_detector.report import page_pictures
-
-    parts = [_section('Figures', _figures(variants))]
+    parts = {'Figures': _figures(variants)}
+    if outcomes:
+        parts['Latency'] = _image(latency_figure(outcomes), 'Latencies and ROC curve')
     if trials:
-        parts.append(_section('Trade-off', _front(trials)))
-    filters = _image(
-        page_pictures.svg(page_pictures.filters_figure(variants)),
-        'Response and group delay of the filters over the frequency',
+        parts['Trade-off'] = _front(trials)
+    meaning = 'Response and group delay of the filters over the frequency'
+    parts['Filter'] = _image(filters_figure(variants), meaning)
+    parts['Parameters'] = _parameters(variants)
+    return '\n'.join(
+        f'<section>\n<h2>{title}</h2>\n{content}\n</section>' for title, content in parts.items()
     )
-    parts.append(_section('Filter', filters))
-    parts.append(_section('Parameters', _parameters(variants)))
-    return parts
 
 
-def figures_text(variants: Sequence[Variant]) -> str:
-    """Return all figures as a text: a block for each recording, a line for each figure.
-
-    Examples
-    --------
-    >>> from slip_detector import ChainConfig
-    >>> figures = {'trial.npz': {'slips': 3, 'latency_median_ms': 41.25}}
-    >>> print(figures_text([Variant('given', ChainConfig(), [], figures)]).splitlines()[2])
-    latency median [ms]   41.2
-    """
-    names = _figure_names(variants)
-    rows = []
-    for title in _row_titles(variants):
-        figures = [variant.figures.get(title, {}) for variant in variants]
-        rows.append([title, *(variant.name for variant in variants)])
-        rows += [
-            [_heading(name), *(_cell(name, one.get(name)) for one in figures)] for name in names
-        ]
-        rows.append([''] * len(rows[0]))
-    return '\n'.join([text_table(rows, indent=0), f'{UNDEFINED}: not defined', ''])
-
-
-def _section(title: str, content: str) -> str:
-    return f'<section>\n<h2>{title}</h2>\n{content}\n</section>'
+# ---- tables
 
 
 def _figures(variants: Sequence[Variant]) -> str:
-    names = _figure_names(variants)
+    of_rows = [row for variant in variants for row in variant.figures.values()]
+    names = list(dict.fromkeys(name for row in of_rows for name in row))
     main = [name for name in MAIN_FIGURES if name in names] or names
     content = _figure_table(variants, main)
     if len(main) < len(names):
@@ -111,25 +174,20 @@ def _figures(variants: Sequence[Variant]) -> str:
 
 def _figure_table(variants: Sequence[Variant], names: Sequence[str]) -> str:
     several = len(variants) > 1
-    heads = ['recording', *([''] if several else []), *map(_heading, names)]
     bodies = []
-    for row in _row_titles(variants):
-        lines = [
-            [
-                row if v == 0 else '',
-                *([variant.name] if several else []),
-                *(_cell(name, variant.figures.get(row, {}).get(name)) for name in names),
-            ]
-            for v, variant in enumerate(variants)
-        ]
-        kind = ' class="whole"' if row.startswith('all ') else ''
-        bodies.append(f'<tbody{kind}>{"".join(map(_row, lines))}</tbody>')
-    return _table(heads, ''.join(bodies), 'figures')
+    for title in dict.fromkeys(title for variant in variants for title in variant.figures):
+        lines = []
+        for v, variant in enumerate(variants):
+            figures = variant.figures.get(title, {})
+            heads = [title if v == 0 else '', *([variant.name] if several else [])]
+            lines.append(_row([*heads, *(_cell(name, figures.get(name)) for name in names)]))
+        kind = ' class="whole"' if title.startswith('all ') else ''
+        bodies.append(f'<tbody{kind}>{"".join(lines)}</tbody>')
+    heads = ['recording', *([''] if several else []), *map(heading, names)]
+    return _table(heads, bodies, 'figures')
 
 
 def _front(trials: Sequence[SearchTrial]) -> str:
-    from slip_detector.report import page_pictures
-
     searched = [trial for trial in trials if trial.number is not None]
     best = trade_off_front(searched)
     text = (
@@ -143,108 +201,59 @@ def _front(trials: Sequence[SearchTrial]) -> str:
             f' {undefined} are not drawn, as one of these figures is not defined: there is no '
             'latency where no more slips were found than chance finds.'
         )
-    image = _image(
-        page_pictures.svg(page_pictures.front_figure(trials)),
-        'Latency, false alarms and sooner than chance of all trials',
-    )
-    rows = [
-        [
-            _trial_name(trial),
-            _cell('latency_ms', None if trial.latency_s is None else 1e3 * trial.latency_s),
-            _cell('false_alarms_per_minute', trial.false_alarms_per_minute),
-            _cell('false_time_percent', trial.false_time_percent),
-            _cell('sooner_than_chance', trial.sooner_than_chance),
-            ', '.join(f'{name} {_value(value)}' for name, value in trial.parameters.items()),
-        ]
-        for trial in [*(trial for trial in trials if trial.number is None), *best[:MOST_LISTED]]
-    ]
-    heads = [
-        'trial', 'latency [ms]', 'false alarms per minute', 'false time [%]',
-        'sooner than chance', 'parameters',
-    ]  # fmt: skip
+    image = _image(front_figure(trials), 'Latency, false alarms and sooner than chance')
+    rows = []
+    for trial in [*(trial for trial in trials if trial.number is None), *best[:MOST_LISTED]]:
+        name = trial.mark if trial.number is None else f'{trial.number} {trial.mark}'.strip()
+        parameters = (f'{name} {_value(value)}' for name, value in trial.parameters.items())
+        figures = (_cell(name, trial.figures[name]) for name in COSTS)
+        rows.append(_row([name, *figures, ', '.join(parameters)]))
+    table = _table(['trial', *map(heading, COSTS), 'parameters'], rows, 'front')
     listed = '' if len(best) <= MOST_LISTED else f' (the first {MOST_LISTED})'
-    table = _table(heads, ''.join(map(_row, rows)), 'front')
     return (
         f'<p>{text}</p>{image}'
         f'<details><summary>The trials on the front{listed}</summary>{table}</details>'
     )
 
 
-def _trial_name(trial: SearchTrial) -> str:
-    if trial.number is None:
-        return trial.mark
-    return f'{trial.number} ({trial.mark})' if trial.mark else f'{trial.number}'
-
-
 def _parameters(variants: Sequence[Variant]) -> str:
-    columns = [variant.config.to_parameters() for variant in variants]
-    rows = []
+    columns = [_each_number(variant.config) for variant in variants]
+    rows, differing = [], []
     for name in dict.fromkeys(name for column in columns for name in column):
         values = [column.get(name, UNDEFINED) for column in columns]
-        cells = [_value(value) for value in values]
-        differs = 'differs' if any(value != values[0] for value in values) else ''
-        rows.append((_row([name, *cells], differs), differs))
+        differs = any(value != values[0] for value in values)
+        rows.append(_row([name, *map(_value, values)], 'differs' if differs else ''))
+        if differs:
+            differing.append(rows[-1])
     heads = ['parameter', *(variant.name for variant in variants)]
-    whole = _table(heads, ''.join(row for row, _ in rows), 'parameters')
+    whole = _table(heads, rows, 'parameters')
     if len(variants) == 1:
-        return whole + _floors(variants)
-    differing = [row for row, differs in rows if differs]
-    shown = _table(heads, ''.join(differing), 'parameters') if differing else '<p>All equal.</p>'
-    return f'{shown}<details><summary>All parameters</summary>{whole}</details>{_floors(variants)}'
+        return whole
+    shown = _table(heads, differing, 'parameters') if differing else '<p>All equal.</p>'
+    return f'{shown}<details><summary>All parameters</summary>{whole}</details>'
 
 
-def _floors(variants: Sequence[Variant]) -> str:
-    """Return a table of noise floors that differ from channel to channel; empty without any."""
-    columns = [
-        variant.config.noise_floor if variant.config.decision == 'evidence' else ()
-        for variant in variants
-    ]
-    if max(map(len, columns)) <= 1:
-        return ''
-    names = variants[0].overviews[0].channel_names
-    # A single floor holds for all channels.
-    cells = [floors * len(names) if len(floors) == 1 else floors for floors in columns]
-    rows = [
-        [name, *(_value(floors[c]) if floors else UNDEFINED for floors in cells)]
-        for c, name in enumerate(names)
-    ]
-    heads = ['channel', *(variant.name for variant in variants)]
-    table = _table(heads, ''.join(map(_row, rows)), 'parameters')
-    return f'<details><summary>noise_floor of each channel</summary>{table}</details>'
+def _each_number(config: ChainConfig) -> dict[str, Any]:
+    """Return the parameters of a chain; one that has a number for each channel has as many."""
+    parameters: dict[str, Any] = {}
+    for name, value in config.to_parameters().items():
+        if isinstance(value, list) and len(value) == config.channels > 1:
+            channels = zip(config.names, value, strict=True)
+            parameters |= {f'{name} {channel}': one for channel, one in channels}
+        else:
+            parameters[name] = value
+    return parameters
 
 
-def _table(heads: Sequence[str], rows: str, name: str) -> str:
+def _table(heads: Sequence[str], rows: Sequence[str], name: str) -> str:
     head = ''.join(f'<th scope="col">{escape(text)}</th>' for text in heads)
-    return (
-        f'<div class="scroll"><table class="{name}"><thead><tr>{head}</tr></thead>{rows}</table>'
-        '</div>'
-    )
+    table = f'<table class="{name}"><thead><tr>{head}</tr></thead>{"".join(rows)}</table>'
+    return f'<div class="scroll">{table}</div>'
 
 
 def _row(cells: Sequence[str], name: str = '') -> str:
     kind = f' class="{name}"' if name else ''
     return f'<tr{kind}>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>'
-
-
-def _image(svg: str, meaning: str) -> str:
-    data = base64.b64encode(svg.encode()).decode()
-    return f'<img alt="{meaning}" src="data:image/svg+xml;base64,{data}">'
-
-
-def _row_titles(variants: Sequence[Variant]) -> list[str]:
-    return list(dict.fromkeys(row for variant in variants for row in variant.figures))
-
-
-def _figure_names(variants: Sequence[Variant]) -> list[str]:
-    rows = [row for variant in variants for row in variant.figures.values()]
-    return list(dict.fromkeys(name for row in rows for name in row))
-
-
-def _heading(name: str) -> str:
-    """Return the name of a figure as a heading, with the unit, its last word, in brackets."""
-    words = name.split('_')
-    unit = f' [{UNITS[words.pop()]}]' if words[-1] in UNITS and len(words) > 1 else ''
-    return ' '.join('AUC' if word == 'auc' else word for word in words) + unit
 
 
 def _cell(name: str, value: float | str | None) -> str:
@@ -255,7 +264,148 @@ def _cell(name: str, value: float | str | None) -> str:
 
 def _value(value: Any) -> str:
     if isinstance(value, (list, tuple)):
-        if len(value) > MOST_NUMBERS and all(isinstance(one, float) for one in value):
-            return f'{len(value)} numbers, {_value(min(value))} to {_value(max(value))}'
         return ' '.join(map(_value, value)) or 'none'
     return f'{value:.6g}' if isinstance(value, float) else str(value)
+
+
+# ---- pictures
+
+
+def _image(figure: Figure, meaning: str) -> str:
+    data = base64.b64encode(svg(figure).encode()).decode()
+    return f'<img alt="{meaning}" src="data:image/svg+xml;base64,{data}">'
+
+
+def _panels(columns: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure with axes side by side, with a grid."""
+    figure = Figure(figsize=(width, height), layout='constrained')
+    axes = list(figure.subplots(1, columns, squeeze=False)[0])
+    for axis in axes:
+        axis.grid(color='0.9', linewidth=0.5)
+        axis.set_axisbelow(True)
+    return figure, axes
+
+
+def filters_figure(variants: Sequence[Variant]) -> Figure:
+    """Draw gain and group delay of the filters of each variant over the frequency.
+
+    Examples
+    --------
+    >>> figure = filters_figure([Variant('given', ChainConfig(), [], {})])
+    >>> [axis.get_ylabel() for axis in figure.axes]
+    ['gain [dB]', 'group delay [ms]']
+    """
+    figure, (gain_axis, delay_axis) = _panels(2, 10, 3.6)
+    longest_ms = 0.0
+    for variant, color, style in zip(variants, COLORS, ('-', '--'), strict=False):
+        config = variant.config
+        rate, sections = config.sample_rate_hz, design(config)
+        low, high = config.passband_hz
+        frequency = np.geomspace(min(low, 0.01 * rate) / 3, 0.499 * rate, 1000)
+        # The response of all filters together, without the constant gain.
+        gain = np.abs(response(sections, frequency, rate)) / config.gain
+        delay_ms = 1e3 * group_delay_s(sections, frequency, rate)
+        line: Any = {'color': color, 'linestyle': style, 'label': _plain(variant.name)}
+        gain_axis.plot(frequency, 20 * np.log10(np.maximum(gain, 1e-6)), **line)
+        delay_axis.plot(frequency, delay_ms, **line)
+        top = high or frequency[-1]
+        within = (frequency >= low) & (frequency <= top)
+        longest_ms = max(longest_ms, float(delay_ms[within].max()))
+        for axis in (gain_axis, delay_axis):
+            axis.axvspan(low, top, color=color, alpha=0.08, linewidth=0)
+            axis.set(xscale='log', xlabel='frequency [Hz]')
+    gain_axis.set(ylabel='gain [dB]', title='Response (shaded: passband)', ylim=(-80, 5))
+    # The scale is set by the passband: outside of it the delay has no meaning and may be extreme.
+    limits_ms = (min(0.0, -0.05 * longest_ms), 1.3 * longest_ms)
+    delay_axis.set(ylabel='group delay [ms]', title='Delay', ylim=limits_ms)
+    if len(variants) > 1:
+        gain_axis.legend(loc='lower center')
+    return figure
+
+
+def front_figure(trials: Sequence[SearchTrial]) -> Figure:
+    """Draw the trials of a search: latency against false alarms, sooner than chance as colour.
+
+    Examples
+    --------
+    >>> figure = front_figure([SearchTrial(0, dict(zip(COSTS, (40.0, 2.0, 0.1, 1.0))))])
+    >>> figure.axes[0].get_xlabel()
+    'median latency [ms]'
+    """
+    figure, (axis,) = _panels(1, 8, 4.6)
+    known = [trial for trial in trials if trial.costs is not None]
+
+    def points(some: Sequence[SearchTrial]) -> Any:
+        return np.array([[trial.figures[name] for name in COSTS] for trial in some]).reshape(-1, 4)
+
+    latency_ms, alarms, _, sooner = points([trial for trial in known if not trial.mark]).T
+    drawn = axis.scatter(
+        latency_ms, alarms, c=sooner, cmap='viridis', vmin=0.0, vmax=1.0, s=22, zorder=2,
+        label='trial',
+    )  # fmt: skip
+    figure.colorbar(drawn, label='sooner than chance')
+    latency_ms, alarms, *_ = points(trade_off_front(trials)).T
+    circle: Any = {'markersize': 9, 'markerfacecolor': 'none', 'markeredgecolor': 'k', 'zorder': 3}
+    axis.plot(latency_ms, alarms, 'o', label='on the front', **circle)
+    marked = [trial for trial in known if trial.mark]
+    for trial, color in zip(marked, COLORS[1:], strict=False):
+        x_ms, y, _, its_sooner = points([trial])[0]
+        words = f'{x_ms:.0f} ms, {y:.2g} a minute, sooner than chance {its_sooner:.2f}'
+        star: Any = {'color': color, 'markersize': 17, 'markeredgecolor': 'k', 'zorder': 4}
+        axis.plot(x_ms, y, '*', label=f'{_plain(trial.mark)}: {words}', **star)
+    # Logarithmic, but linear near 0, so that the axis can show 0 false alarms too.
+    axis.set_yscale('symlog', linthresh=1.0)
+    axis.set_ylim(bottom=-0.1)
+    axis.set(xlabel='median latency [ms]', ylabel='false alarms per minute')
+    axis.legend(fontsize=9)
+    return figure
+
+
+def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
+    """Draw the latencies of all detected slips and the ROC curve.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.evaluation.replay import Replay
+    >>> rows = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
+    >>> figure = latency_figure([Replay(ChainConfig()).run([rows])])
+    >>> figure.axes[0].get_title()
+    '0 detected, 1 missed'
+    """
+    figure, (latencies, roc) = _panels(2, 10, 4.2)
+    slips = [slip for one in outcomes for slip in one.slips if not slip.settling]
+    known_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
+    if known_ms:
+        latencies.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color='C0')
+        latencies.yaxis.set_major_locator(MaxNLocator(integer=True))  # slips are whole numbers
+        for name, percent, style in (('median', 50, '-'), ('p90', 90, ':')):
+            at_ms = np.percentile(known_ms, percent)
+            label = f'{name} {at_ms:.0f} ms'
+            latencies.axvline(at_ms, color='k', linewidth=1, linestyle=style, label=label)
+        latencies.legend(loc='upper right')
+    latencies.set(xlabel='latency of the global signal [ms]', ylabel='slips')
+    latencies.set_title(f'{len(known_ms)} detected, {len(slips) - len(known_ms)} missed')
+    scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
+    against: dict[str, tuple[tuple[int, ...], ...]] = {'all other rows': ()}
+    if any(one.moving_rows is not None for one in outcomes):
+        against['rows of motion'] = ((MOTION,),)
+    for name, kinds in against.items():
+        area = scores.auc(*kinds)
+        if area is not None:
+            false_share, true_share, limit = scores.roc(*kinds)
+            label = f'{name}: {area:.3f}'
+            (line,) = roc.plot([0.0, *false_share], [0.0, *true_share], label=label)
+            at = max(int(np.searchsorted(-limit, -1.0, 'right')) - 1, 0)
+            roc.plot(false_share[at], true_share[at], 'o', color=line.get_color())
+    roc.plot([0.0, 1.0], [0.0, 1.0], color='0.7', linewidth=0.8, linestyle=':')
+    roc.set(xlabel='share of the rows without slip', ylabel='share of the rows with slip')
+    roc.set_title('ROC of the decision statistic (dot: threshold)')
+    if len(roc.lines) > 1:
+        roc.legend(title='area, slip against', loc='lower right', frameon=False)
+    return figure
+
+
+def _plain(text: str) -> str:
+    """Escape what matplotlib would read as a formula."""
+    return text.replace('$', r'\$')

@@ -34,7 +34,7 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import writable_folder
 from slip_detector.parameters.writing import write_file
-from slip_detector.report.tuning_table import FIGURES, comparison_text
+from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
 from slip_detector.tuning.learning import LEAST_S
 from slip_detector.view.recorded_folder import RecordedFolder
 
@@ -372,12 +372,12 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Compar
 
     Examples
     --------
-    >>> figures = [{**dict.fromkeys(FIGURES), 'recall': recall} for recall in (0.8, 0.95)]
+    >>> figures = [{**dict.fromkeys(MAIN_FIGURES), 'recall': recall} for recall in (0.8, 0.95)]
     >>> [tuple(row) for row in compared(*figures) if row.title == 'recall']
     [('recall', '0.800', '0.950', 'better')]
     """
     rows = []
-    for name, (title, _) in FIGURES.items():
+    for name in MAIN_FIGURES:
         was, now = before[name], after[name]
         if name == 'auc_moving' and was is None and now is None:
             continue
@@ -386,9 +386,8 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Compar
         # A negative latency, ON before the slip, is neither better nor worse.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
             change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
-        rows.append(
-            Comparison(title, comparison_text(name, was), comparison_text(name, now), change)
-        )
+        texts = figure_text(name, was), figure_text(name, now)
+        rows.append(Comparison(heading(name), *texts, change))
     return rows
 
 

@@ -14,10 +14,8 @@
 
 """``slip_evaluate`` and ``slip_tune`` on a Dask cluster: workers die, and Ctrl-C is pressed."""
 
-import asyncio
 import contextlib
 import json
-import logging
 import os
 import signal
 import subprocess
@@ -27,8 +25,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_detector.commands import evaluate, tune, workers
-from slip_detector.commands.workers import Workers
+from slip_detector.commands import evaluate, tune
 from support.evaluation_cases import write
 from support.interrupts import (
     DEADLINE_S,
@@ -41,47 +38,6 @@ from support.tuning_cases import journal, trials_of
 distributed = pytest.importorskip('distributed', reason='needs distributed')
 
 ROOT = Path(__file__).parents[2]
-
-#: A script: what is sent to the scheduler finds its connection closed.
-CLOSED_WHILE_SENDING = """
-import sys
-import threading
-from slip_detector.commands.workers import Workers
-with Workers(cluster=sys.argv[1]) as workers:
-    client, ended = workers._client, threading.Event()
-    async def send_and_close():
-        stream = client.scheduler_comm
-        stream.send({'op': 'heartbeat-client'})
-        stream.comm.abort()
-        await stream.stopped.wait()
-        ended.set()
-    client.loop.add_callback(send_and_close)
-    assert ended.wait(60)
-    print('closed')
-"""
-
-#: A script: the connection is lost, and the scheduler does not answer when it is asked again.
-CLOSED_WHILE_CONNECTING = """
-import os
-import signal
-import sys
-import threading
-from slip_detector.commands.workers import Workers
-with Workers(cluster=sys.argv[1]) as workers:
-    client, connecting = workers._client, threading.Event()
-    def ask():
-        if client.status == 'connecting':
-            connecting.set()
-        else:
-            client.loop.add_callback(ask)
-    def lose():
-        client.scheduler_comm.comm.abort()
-        ask()
-    os.kill(int(sys.argv[2]), signal.SIGSTOP)
-    client.loop.add_callback(lose)
-    assert connecting.wait(60)
-print('closed')
-"""
 
 
 class Cluster:
@@ -186,39 +142,3 @@ def test_an_interrupt_leaves_what_a_cluster_found_and_the_cluster_as_it_was(clus
     assert worker.poll() is None
     with distributed.Client(cluster.address) as client:
         wait_for(lambda: not any(client.processing().values()))
-
-
-@pytest.mark.parametrize('name', workers.LOGS_OF_LEAVING)
-def test_a_result_that_was_on_the_way_to_who_leaves_is_no_error_on_the_log(cluster, caplog, name):
-    log = logging.getLogger(name)
-    log.addHandler(caplog.handler)  # those of Dask do not reach the root
-    with Workers(cluster=cluster.address):
-        cancelled = distributed.client.FutureCancelledError('a call', None)
-        closed = distributed.comm.CommClosedError()
-        for error in (cancelled, asyncio.CancelledError(), closed, ValueError()):
-            log.error('in a callback', exc_info=error)
-    log.removeHandler(caplog.handler)
-    logged = {id(record): record.exc_info[0] for record in caplog.records if record.name == name}
-    assert list(logged.values()) == [ValueError]
-
-
-def check_that_no_error_is_logged(script, *words):
-    said = subprocess.run(
-        [sys.executable, '-c', script, *map(str, words)],
-        capture_output=True, text=True, timeout=DEADLINE_S, check=True,
-        env={**os.environ, 'PYTHONPATH': str(ROOT)},
-    )  # fmt: skip
-    assert said.stdout == 'closed\n'
-    assert said.stderr == ''
-
-
-def test_a_connection_that_closes_while_a_message_is_sent_puts_no_error_on_the_log(cluster):
-    check_that_no_error_is_logged(CLOSED_WHILE_SENDING, cluster.address)
-
-
-def test_who_leaves_while_the_connection_is_made_again_gets_no_error_on_the_log(cluster):
-    scheduler = cluster.processes[0]
-    try:
-        check_that_no_error_is_logged(CLOSED_WHILE_CONNECTING, cluster.address, scheduler.pid)
-    finally:
-        scheduler.send_signal(signal.SIGCONT)

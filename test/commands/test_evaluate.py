@@ -12,11 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``slip_evaluate``: its figures, tables, files and what it refuses."""
+"""``slip_evaluate`` on recordings: figures, tables and report, what it refuses, how it ends."""
 
 import dataclasses
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +33,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from support.evaluation_cases import (
+    SLIP_EVALUATE,
     complaint,
     config_file,
     expected_scores,
@@ -38,40 +42,43 @@ from support.evaluation_cases import (
     write,
 )
 from support.full_disk import full_disk
+from support.interrupts import ROOT, check_interrupted_evaluation
 
 
-def test_json_has_the_figures_of_each_recording_and_of_all_rows_together(capsys, tmp_path):
-    paths = [write(tmp_path / 'set' / f'{name}.npz', seed) for seed, name in enumerate('ab')]
-    report = report_of(capsys, tmp_path / 'set')
-    assert list(report) == ['set']
-    assert list(report['set']['recordings']) == ['a.npz', 'b.npz']
+def test_json_has_the_figures_of_each_recording_of_each_set_and_of_all(capsys, tmp_path):
+    paths = [write(tmp_path / f'{folder}' / 'a.npz', seed) for seed, folder in enumerate('xy')]
+    assert main([*map(str, paths), '--json']) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert list(report['sets']) == ['x', 'y']
     scores = [expected_scores(path) for path in paths]
-    for path, (score, slip) in zip(paths, scores, strict=True):
-        area = roc_auc(score, slip)
-        assert 0.5 < area < 1.0
-        wanted = {
-            'auc_all': area,
-            'auc_moving': None,
-            'rows': 600,
-            'slip_rows': 150,
-            'moving_rows': None,
-            'slips': 1,
-        }
-        figures = report['set']['recordings'][path.name]
-        assert {name: figures[name] for name in wanted} == wanted
+    for whole, (score, slip) in zip(report['sets'].values(), scores, strict=True):
+        figures = whole['recordings']['a.npz']
+        assert figures['auc_all'] == whole['auc_all'] == roc_auc(score, slip)
+        assert (figures['rows'], figures['slip_rows'], figures['slips']) == (600, 150, 1)
+        assert (figures['auc_moving'], figures['moving_rows']) == (None, None)
     pooled = roc_auc(*(np.concatenate(parts) for parts in zip(*scores, strict=True)))
-    assert report['set']['auc_all'] == pooled
-    assert (report['set']['rows'], report['set']['slip_rows']) == (1200, 300)
+    assert report['all']['auc_all'] == pooled
+    assert (report['all']['rows'], report['all']['slips']) == (1200, 2)
 
 
-def test_each_recording_starts_with_a_chain_that_remembers_nothing(capsys, tmp_path):
-    a, b = (write(tmp_path / f'{name}.npz', seed) for seed, name in enumerate('ab'))
-    after_a = report_of(capsys, a, b)[tmp_path.name]['recordings']['b.npz']
-    alone = report_of(capsys, b)[tmp_path.name]['recordings']['b.npz']
-    assert after_a == alone
+def test_figures_and_events_are_those_of_the_replay(capsys, tmp_path):
+    path = write(tmp_path / 'a.npz')
+    config = config_file(tmp_path / 'c.yaml', {'threshold': 2.0}, early_s=0.4, late_after_s=0.05)
+    with np.load(path) as file:
+        outcome = Replay(
+            ChainConfig(threshold=2.0), EvaluationConfig(early_s=0.4, late_after_s=0.05)
+        ).run([Samples.evenly(file['volts'], 380.0, file['slip'])])
+    found = report_of(capsys, path, '--config', config)[tmp_path.name]['recordings']['a.npz']
+    assert figures_of_merit([outcome]).items() <= found.items()
+    assert found['matched'] == 1
+    assert found['slip_events'] == [
+        {**dataclasses.asdict(slip), 'channel_delays_s': list(slip.channel_delays_s)}
+        for slip in outcome.slips
+    ]
+    assert found['alarm_events'] == [dataclasses.asdict(alarm) for alarm in outcome.alarms]
 
 
-def test_the_table_has_a_line_for_each_recording_and_the_whole_last(capsys, tmp_path):
+def test_tables_have_a_line_for_each_recording_and_the_whole_last(capsys, tmp_path):
     write(tmp_path / 'set' / 'a.npz')
     write(tmp_path / 'set' / 'b.npz', slip=np.zeros(600))
     figures = report_of(capsys, tmp_path / 'set')['set']
@@ -83,154 +90,127 @@ def test_the_table_has_a_line_for_each_recording_and_the_whole_last(capsys, tmp_
     of_a = f'{figures["recordings"]["a.npz"]["auc_all"]:.3f}'
     assert lines[1].split() == ['a.npz', '600', '150', '-', '164', of_a, '-']
     assert lines[2].split() == ['b.npz', '600', '0', '-', '164', '-', '-']
-    whole = f'{figures["auc_all"]:.3f}'
-    assert re.split(r'\s{2,}', lines[3]) == ['all rows', '1200', '150', '-', '328', whole, '-']
-    assert lines[-2] == 'set: no bad samples, no gaps, no rows dropped'
-    assert lines[-1].startswith('-: not defined')
-    assert len({len(line) for line in lines[:4]}) == 1
-
-
-def test_figures_are_those_of_the_replay(capsys, tmp_path):
-    path = write(tmp_path / 'a.npz')
-    config = config_file(tmp_path / 'c.yaml', {'threshold': 2.0}, early_s=0.4, late_after_s=0.05)
-    with np.load(path) as file:
-        outcome = Replay(
-            ChainConfig(threshold=2.0), EvaluationConfig(early_s=0.4, late_after_s=0.05)
-        ).run([Samples.evenly(file['volts'], 380.0, file['slip'])])
-    found = report_of(capsys, path, '--config', config)[tmp_path.name]['recordings']['a.npz']
-    assert figures_of_merit([outcome]).items() <= found.items()
-    # The ridges begin 150 rows before they are called slip.
-    assert figures_of_merit([outcome])['matched'] == 1
-    assert -0.4 < outcome.slips[0].latency_s < -0.2
-    assert found['slip_events'] == [
-        {**dataclasses.asdict(slip), 'channel_delays_s': list(slip.channel_delays_s)}
-        for slip in outcome.slips
-    ]
-    assert found['alarm_events'] == [dataclasses.asdict(alarm) for alarm in outcome.alarms]
-
-
-def test_several_sets_have_their_figures_and_those_of_all(capsys, tmp_path):
-    a, b = write(tmp_path / 'x' / 'a.npz'), write(tmp_path / 'y' / 'b.npz', seed=1)
-    assert main([str(a), str(b), '--json']) == 0
-    report = json.loads(capsys.readouterr().out)
-    assert list(report['sets']) == ['x', 'y']
-    assert (report['all']['rows'], report['all']['slips']) == (1200, 2)
-    assert main([str(a), str(b)]) == 0
+    assert re.split(r'\s{2,}', lines[3])[:3] == ['all rows', '1200', '150']
+    write(tmp_path / 'other' / 'a.npz')
+    assert main([str(tmp_path / 'set'), str(tmp_path / 'other')]) == 0
     text = capsys.readouterr().out
-    assert re.search(r'^all sets +rows .*\nx +600 .*\ny +600 .*\nall rows +1200 ', text, re.M)
-
-
-def test_a_report_and_pictures_are_written_and_named(capsys, tmp_path):
-    for folder in 'xy':
-        write(tmp_path / folder / 'a.npz', seed=ord(folder))
-    page, folder = tmp_path / 'page.html', tmp_path / 'pictures'
-    arguments = [str(tmp_path / 'x'), str(tmp_path / 'y'), '--report', str(page)]
-    assert main([*arguments, '--plot', str(folder), '--json']) == 0
-    written = [Path(path) for path in json.loads(capsys.readouterr().out)['written']]
-    assert written[0] == page
-    assert set(written[1:]) == set(folder.iterdir())
-    assert folder / 'evaluation.png' in written
-    assert all(path.stat().st_size for path in written)
-    text = page.read_text(encoding='utf-8')
-    assert 'x/a.npz' in text
-    assert 'y/a.npz' in text
-    assert main([*arguments]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == f'Written: {page}'
-
-
-def test_a_place_that_cannot_be_written_to_is_named(capsys, tmp_path):
-    path = write(tmp_path / 'a.npz')
-    page = tmp_path / 'no' / 'page.html'
-    assert complaint(capsys, path, '--report', page) == (
-        f'{page}: cannot be written (No such file or directory)'
+    assert re.search(
+        r'^all sets +rows .*\nset +1200 .*\nother +600 .*\nall rows +1800', text, re.M
     )
-    assert complaint(capsys, path, '--plot', path) == f'{path}: cannot be made (File exists)'
 
 
-def test_a_full_disk_leaves_the_report_and_the_pictures_as_they_were(capsys, tmp_path):
-    path, page = write(tmp_path / 'in' / 'a.npz'), tmp_path / 'page.html'
-    folder = tmp_path / 'pictures'
-    folder.mkdir()
-    names = ('evaluation.png', 'filters.png', 'timeline_a.npz.png', 'figures.txt')
-    before = dict.fromkeys([page, *(folder / name for name in names)], b'of yesterday')
-    for file, content in before.items():
-        file.write_bytes(content)
+def test_any_number_of_jobs_gives_the_same_figures_and_report(capsys, tmp_path):
+    paths = [write(tmp_path / f'{name}.npz', seed) for seed, name in enumerate('abc')]
+    outputs, page = [], tmp_path / 'page.html'
+    for jobs in ('1', '2'):
+        words = [*map(str, paths), '--jobs', jobs, '--json', '--report', str(page)]
+        assert main(words) == 0
+        shown = capsys.readouterr()
+        assert shown.err == ''
+        assert json.loads(shown.out)['written'] == [str(page)]
+        outputs.append((shown.out, page.read_bytes()))
+    assert outputs[1] == outputs[0]
+    bad = tmp_path / 'no.npz'
+    assert complaint(capsys, paths[0], bad, '--jobs', 2) == complaint(capsys, paths[0], bad)
+
+
+def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(capsys, tmp_path):
+    path = write(tmp_path / 'in' / 'a.npz')
+    before, page = path.read_bytes(), tmp_path / 'page.html'
+    for place, said in (
+        (tmp_path / 'no' / 'page.html', 'cannot be written (No such file or directory)'),
+        (tmp_path, 'cannot be written (is a folder)'),
+    ):
+        line = complaint(capsys, tmp_path / 'not there.npz', '--report', place)
+        assert line == f'{place}: {said}'
+    for given in (path, path.parent):
+        line = complaint(capsys, given, '--report', path)
+        assert line == f'--report {path}: is read too, allowed: a file of its own'
+    page.write_bytes(b'of yesterday')
     with full_disk(left_bytes=20_000):
-        line = complaint(capsys, path, '--report', page, '--plot', folder)
-        assert line == f'{page}: cannot be written (File too large)'
-        picture, _, why = complaint(capsys, path, '--plot', folder).partition(': ')
-    assert why == 'cannot be written (File too large)'
-    assert Path(picture) in before
-    assert Path(picture).suffix == '.png'
-    assert {file: file.read_bytes() for file in [page, *folder.iterdir()]} == before
-    assert set(tmp_path.iterdir()) == {path.parent, page, folder}
+        line = complaint(capsys, path, '--report', page)
+    assert line == f'{page}: cannot be written (File too large)'
+    assert (page.read_bytes(), path.read_bytes()) == (b'of yesterday', before)
+    assert set(tmp_path.iterdir()) == {path.parent, page}
 
 
-def test_a_report_is_not_written_over_a_recording(capsys, tmp_path):
-    path = write(tmp_path / 'a.npz')
-    before = path.read_bytes()
-    for given in (path, tmp_path):
-        assert complaint(capsys, given, '--report', path) == (
-            f'--report {path}: is read too, allowed: a file of its own'
-        )
-    assert path.read_bytes() == before
+def test_the_current_folder_has_its_name_too(capsys, tmp_path, monkeypatch):
+    write(tmp_path / 'here' / 'a.npz')
+    monkeypatch.chdir(tmp_path / 'here')
+    assert list(report_of(capsys, '.')) == list(report_of(capsys, 'a.npz')) == ['here']
 
 
-def test_a_report_that_cannot_be_written_is_said_before_anything_is_read(capsys, tmp_path):
-    line = complaint(capsys, tmp_path / 'not there.npz', '--report', tmp_path)
-    assert line == f'{tmp_path}: cannot be written (is a folder)'
+def test_wrong_arguments_and_recordings_are_refused_in_one_line(capsys, tmp_path):
+    assert complaint(capsys, code=2).startswith('the following arguments are required: RECORDING')
+    assert complaint(capsys, '--what', code=2).startswith('unrecognized arguments: --what')
+    path = write(tmp_path / 'in' / 'a.npz')
+    words = [path, '--jobs', 2, '--cluster', 'tcp://127.0.0.1:8786']
+    said = 'argument --cluster: not allowed with argument --jobs'
+    assert complaint(capsys, *words, code=2).startswith(said)
+    (tmp_path / 'empty').mkdir()
+    assert complaint(capsys, tmp_path / 'empty') == (
+        f'{tmp_path / "empty"}: has no recordings, allowed: .npz, .csv, .mcap, .db3 or bags'
+    )
+    assert complaint(capsys, path, path.parent) == f'{path}: is given twice, allowed: each once'
+    unlabelled = write(tmp_path / 'in' / 'b.npz', slip=None)
+    assert complaint(capsys, path.parent).startswith(f'{unlabelled}: has no label')
+    config = config_file(tmp_path / 'c.yaml', {'vote': 9})
+    said = f'{config}: parameter vote is 9, allowed: at most 4'
+    assert complaint(capsys, path, '--config', config).startswith(said)
+    said = f'{tmp_path / "no.yaml"}: cannot be read (No such file or directory)'
+    assert complaint(capsys, path, '--config', tmp_path / 'no.yaml') == said
 
 
-def test_an_interrupt_is_one_line(capsys, tmp_path, monkeypatch):
-    def interrupted(*_, **__):
+def test_an_interrupt_is_one_line_and_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):
+    paths = [write(tmp_path / f'{name}.npz') for name in 'ab']
+
+    def one_done(self, function, arguments):
+        yield 0, function(arguments[0])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(evaluation, 'evaluate', interrupted)
-    assert main([str(write(tmp_path / 'a.npz'))]) == 130
+    monkeypatch.setattr('slip_detector.commands.workers.Workers.results', one_done)
+    assert main([*map(str, paths)]) == 130
+    assert capsys.readouterr().out.splitlines()[-1] == f'Stopped early, not evaluated: {paths[1]}'
+
+    def none_done(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluation, 'evaluate', none_done)
+    assert main([str(paths[0])]) == 130
     assert capsys.readouterr() == ('', 'slip_evaluate: ended before it was done\n')
 
 
-def test_the_folder_one_stands_in_has_its_name_too(capsys, tmp_path, monkeypatch):
-    write(tmp_path / 'here' / 'a.npz')
-    monkeypatch.chdir(tmp_path / 'here')
-    assert list(report_of(capsys, '.')) == ['here']
-    assert list(report_of(capsys, 'a.npz')) == ['here']
+@pytest.mark.parametrize('jobs', ['1', '2'])
+def test_a_terminal_shows_how_many_are_done_and_an_interrupt_leaves_these(tmp_path, jobs):
+    check_interrupted_evaluation(tmp_path, '--jobs', jobs)
 
 
-def test_no_recording_an_empty_folder_and_a_doubled_one_are_refused(capsys, tmp_path):
-    assert complaint(capsys, code=2).startswith('the following arguments are required: RECORDING')
-    assert complaint(capsys, '--what', code=2).startswith('unrecognized arguments: --what')
-    (tmp_path / 'notes.txt').touch()
-    assert complaint(capsys, tmp_path) == (
-        f'{tmp_path}: has no recordings, allowed: .npz, .csv, .mcap, .db3 or bags'
-    )
+def run(*arguments, **more):
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    # Without buffers there is nothing left over that could fail once more at the end.
+    environment.pop('PYTHONUNBUFFERED', None)
+    command = [sys.executable, '-c', SLIP_EVALUATE, *map(str, arguments)]
+    more = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE, **more}
+    return subprocess.run(command, text=True, check=False, timeout=120, env=environment, **more)
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='no /dev/full')
+def test_as_a_process_it_prints_and_ends_with_its_exit_code(tmp_path):
     path = write(tmp_path / 'a.npz')
-    assert complaint(capsys, path, tmp_path) == f'{path}: is given twice, allowed: each once'
-
-
-@pytest.mark.parametrize(
-    ('sections', 'said'),
-    [
-        ({'detector': {'vote': 9}}, 'parameter vote is 9, allowed: at most 4'),
-        ({'driver': {'recording_key': 'a'}}, 'unknown parameter recording_key'),
-        ({'moving_above': -1.0}, 'parameter moving_above is -1 m/s, allowed: 0 to 1e+06 m/s'),
-        ({'motion_columns': ['v_x']}, "parameter motion_key is '', allowed: the name of an array"),
-        (
-            {'motion_key': 'v', 'motion_columns': [1]},
-            'parameter motion_columns has 1, allowed: a list of names',
-        ),
-        ({'motion_key': 'v', 'motion_columns': 'v_x'}, "motion_columns is 'v_x', allowed: a list"),
-        ({'moving': 1}, 'unknown parameter moving'),
-    ],
-)
-def test_a_wrong_configuration_is_named(capsys, tmp_path, sections, said):
-    config = config_file(tmp_path / 'c.yaml', **sections)
-    line = complaint(capsys, write(tmp_path / 'a.npz'), '--config', config)
-    assert line.startswith(f'{config}: ')
-    assert said in line
-
-
-def test_a_missing_configuration_is_named(capsys, tmp_path):
-    config = tmp_path / 'no.yaml'
-    line = complaint(capsys, write(tmp_path / 'a.npz'), '--config', config)
-    assert line == f'{config}: cannot be read (No such file or directory)'
+    good = run(path)
+    assert (good.returncode, good.stderr) == (0, '')
+    assert good.stdout.splitlines()[2].startswith('all rows')
+    missing = tmp_path / 'no.npz'
+    bad = run(missing)
+    said = f'slip_evaluate: {missing}: cannot be read (No such file or directory)\n'
+    assert (bad.returncode, bad.stdout, bad.stderr) == (1, '', said)
+    # A reader that leaves early is no error; a full disk is one.
+    reader, writer = os.pipe()
+    os.close(reader)
+    early = run(path, stdout=writer)
+    os.close(writer)
+    assert (early.returncode, early.stderr) == (0, '')
+    with open('/dev/full', 'w', encoding='utf-8') as full:
+        ended = run(path, stdout=full)
+    said = 'slip_evaluate: the output cannot be written (No space left on device)\n'
+    assert (ended.returncode, ended.stderr) == (1, said)

@@ -25,7 +25,7 @@ from slip_detector.commands.evaluate import main
 from slip_detector.evaluation import protocol
 from slip_detector.evaluation.protocol import SCENES, WANTED, evaluate_plates, simulate_trials
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.protocol_table import MEANINGS
+from slip_detector.report.protocol import MEANINGS
 
 KEYS = {
     'mean_delay_ms',

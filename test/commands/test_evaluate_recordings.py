@@ -51,15 +51,6 @@ def test_motion_is_the_norm_over_the_named_columns_above_the_limit(capsys, tmp_p
     assert report_of(capsys, path, '--config', every)[tmp_path.name]['moving_rows'] == 600
 
 
-def test_rows_of_slip_count_also_where_the_robot_stands(capsys, tmp_path):
-    moving = np.arange(600) < 450  # All but the rows with slip.
-    path = write(tmp_path / 'a.npz', speed=1.0 * moving)
-    config = config_file(tmp_path / 'c.yaml', motion_key='speed')
-    figures = report_of(capsys, path, '--config', config)[tmp_path.name]
-    assert figures['moving_rows'] == 450
-    assert figures['auc_moving'] == figures['auc_all']
-
-
 def test_bad_samples_and_gaps_are_counted(capsys, tmp_path):
     rng = np.random.default_rng(0)
     volts = 4.3 + 0.01 * rng.normal(size=(600, 16))
@@ -126,29 +117,6 @@ def test_a_bag_without_labels_or_topic_says_what_is_missing(capsys, tmp_path):
     assert (figures['slips'], figures['slip_rows']) == (1, 190)
 
 
-def test_csv_and_npz_of_the_same_rows_score_the_same(capsys, tmp_path):
-    path = write(tmp_path / 'a.npz')
-    with np.load(path) as file:
-        table = np.column_stack([np.arange(600) / RATE_HZ, file['volts'], file['slip']])
-    head = ','.join(['time_s', *(f'ch{i + 1}' for i in range(16)), 'slip'])
-    np.savetxt(tmp_path / 'a.csv', table, '%.17g', ',', header=head, comments='')
-    recordings = report_of(capsys, tmp_path)[tmp_path.name]['recordings']
-    assert list(recordings) == ['a.csv', 'a.npz']
-    a, b = recordings['a.csv'], recordings['a.npz']
-    # The rate of a csv file is that of its times, to their last digits.
-    events = {'slip_events', 'alarm_events', 'lost'}
-    assert a == {
-        name: a[name] if name in events or value is None else pytest.approx(value)
-        for name, value in b.items()
-    }
-    assert len(a['slip_events']) == len(b['slip_events']) == 1
-
-
-@pytest.mark.parametrize('rate_hz', [RATE_HZ * 0.981, RATE_HZ * 1.019])
-def test_a_rate_within_two_percent_is_taken(capsys, tmp_path, rate_hz):
-    assert report_of(capsys, write(tmp_path / 'a.npz', rate_hz=rate_hz))
-
-
 @pytest.mark.parametrize('rate_hz', [RATE_HZ * 0.979, RATE_HZ * 1.021])
 def test_another_rate_is_refused_naming_both(capsys, tmp_path, rate_hz):
     path = write(tmp_path / 'a.npz', rate_hz=rate_hz)
@@ -175,81 +143,3 @@ def test_a_recording_that_does_not_suit_is_named(capsys, tmp_path):
     missing = tmp_path / 'missing.npz'
     assert complaint(capsys, missing) == f'{missing}: cannot be read (No such file or directory)'
     assert 'is .wav, allowed: .npz, .csv' in complaint(capsys, tmp_path / 'a.wav')
-
-
-def test_one_bad_recording_in_a_folder_is_no_reason_to_leave_it_out(capsys, tmp_path):
-    write(tmp_path / 'set' / 'a.npz')
-    unlabelled = write(tmp_path / 'set' / 'b.npz', slip=None)
-    assert complaint(capsys, tmp_path / 'set').startswith(f'{unlabelled}: has no label')
-
-
-def test_a_csv_with_other_names_than_configured_is_refused(capsys, tmp_path):
-    path = tmp_path / 'a.csv'
-    path.write_text('time_s,right,left,slip\n0,1,1,0\n0.1,2,2,1\n')
-    detector = {
-        'sample_rate_hz': 10.0,
-        'channels': 2,
-        'channel_names': ['left', 'right'],
-        'passband_hz': [1.0, 4.0],
-        'stopbands_hz': [],
-        'envelope_window_s': 0.1,
-        'decision_window_s': 0.1,
-    }
-    config = config_file(tmp_path / 'c.yaml', detector)
-    assert complaint(capsys, path, '--config', config) == (
-        f'{path}: has the channels right, left, allowed: left, right, the parameter channel_names'
-    )
-    config = config_file(tmp_path / 'c.yaml', {**detector, 'channel_names': ['right', 'left']})
-    assert report_of(capsys, path, '--config', config)
-
-
-@pytest.mark.parametrize(
-    ('arrays', 'evaluate', 'said'),
-    [
-        ({}, {'motion_key': 'v'}, ': has no array v, there are: sample_rate_hz, slip, volts'),
-        (
-            {'v': np.zeros(599)},
-            {'motion_key': 'v'},
-            ': v has 599 rows, allowed: as many as the recording has',
-        ),
-        (
-            {'v': np.zeros(601)},
-            {'motion_key': 'v'},
-            ': v has 601 rows, allowed: as many as the recording has',
-        ),
-        (
-            {'v': np.zeros((600, 2, 2))},
-            {'motion_key': 'v'},
-            ': v has the shape (600, 2, 2) and type float64, allowed: numbers of shape',
-        ),
-        (
-            {'v': np.array(['a'] * 600)},
-            {'motion_key': 'v'},
-            ': v has the shape (600,) and type <U1, allowed: numbers of shape',
-        ),
-        (
-            {'v': np.where(np.arange(600) == 41, np.nan, 1.0)},
-            {'motion_key': 'v'},
-            ': v is not finite in row 42, allowed: finite numbers',
-        ),
-        (
-            {'v': np.zeros((600, 2))},
-            {'motion_key': 'v', 'motion_columns': ['v_x']},
-            ': v_names is not there, allowed: a name for each of 2 columns',
-        ),
-        (
-            {'v': np.zeros((600, 2)), 'v_names': ['v_x']},
-            {'motion_key': 'v', 'motion_columns': ['v_x']},
-            ': v_names has the shape (1,), allowed: a name for each of 2 columns',
-        ),
-        (
-            {'v': np.zeros((600, 2)), 'v_names': ['v_x', 'v_y']},
-            {'motion_key': 'v', 'motion_columns': ['v_z']},
-            ': v_names has v_z 0 times, allowed: once; there are: v_x, v_y',
-        ),
-    ],
-)
-def test_velocities_that_are_not_as_configured_are_named(capsys, tmp_path, arrays, evaluate, said):
-    path = write(tmp_path / 'a.npz', **arrays)
-    config = config_file(tmp_path / 'c.yaml', **evaluate)
-    assert complaint(capsys, path, '--config', config).startswith(f'{path}{said}')

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``slip_tune``: the files that it writes, studies that go on, and what is held out."""
+"""``slip_tune``: the files that it writes, studies that go on, what it refuses, how it ends."""
 
 import os
-import shutil
+import signal
 import sys
 from pathlib import Path
 
@@ -24,9 +24,11 @@ import optuna
 import pytest
 import yaml
 
+from slip_detector.commands.tune import main
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.tuning.problem import searched
 from support.full_disk import full_disk
+from support.interrupts import DEADLINE_S, check_interrupted_search, start_tune, wait_for
 from support.tuning_cases import CHAIN, PARAMETERS, journal, run, slips, trials_of, write
 
 
@@ -50,24 +52,13 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
         assert after[section] == before[section]
     assert config.heartbeat_hz == 20.0
     assert config.threshold != 0.05
-    assert (folder / 'report.html').read_text().startswith('<!DOCTYPE html>')
-
-
-@pytest.mark.nodes
-def test_the_node_starts_with_the_file(case):
-    pytest.importorskip('rclpy', reason='needs rclpy')
-    from support.harness import Bench, Detected
-
-    folder, words = case
-    out = folder / 'out.yaml'
-    run(*words, '--out', out, '--trials', 3)
-    bench = Bench()
-    try:
-        detected = Detected(bench, '--params-file', out)
-        detected.settle([4.3] * 4, 1_000_000_000, round(1e9 / 380.0))
-        assert len(detected.envelope[-1].position) == 4
-    finally:
-        bench.close()
+    page = (folder / 'report.html').read_text()
+    trials = trials_of(journal(f'{out}.study.journal'))
+    found = [trial for trial in trials if trial.value is not None]
+    assert (len(trials), f'{len(found)} trials. ' in page) == (12, True)
+    section = page[page.index('<h2>Trade-off') : page.index('<h2>Filter')]
+    assert '<tr><td>given</td>' in section
+    assert '<tr><td>tuned</td>' in section
 
 
 def test_the_same_command_goes_on_and_another_question_has_a_study_of_its_own(case, capsys):
@@ -95,18 +86,6 @@ def test_what_is_held_out_by_name_is_not_tuned_on(case, capsys):
     shown = capsys.readouterr().out
     assert 'Tuned on: a.npz, c.npz (8 slips in 0.4 min)' in shown
     assert 'Held out, and not tuned on: link.npz (4 slips in 0.2 min)' in shown
-
-
-def test_a_copy_of_what_is_tuned_on_is_not_held_out(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    Path('given.yaml').write_text(PARAMETERS)
-    write('a.npz', 1)
-    shutil.copy('a.npz', 'b.npz')
-    run('a.npz', 'b.npz', '--config', 'given.yaml', '--out', 'o.yaml', code=1)
-    assert capsys.readouterr().err == (
-        'slip_tune: b.npz: is held out and holds the same as a.npz, which is tuned on, allowed: '
-        'each recording once\n'
-    )
 
 
 def test_a_file_takes_the_place_of_an_old_one_and_leaves_nothing_beside_it(case, monkeypatch):
@@ -166,25 +145,6 @@ def test_what_is_written_is_written_once_and_not_over_what_is_read(case, capsys)
     assert not out.exists()
 
 
-def test_the_report_marks_the_given_and_the_tuned_in_the_trade_off(case):
-    folder, words = case
-    page = folder / 'page.html'
-    pictures = folder / 'out'
-    run(*words, '--out', folder / 'out.yaml', '--report', page, '--plot', pictures, '--trials', 12)
-    assert {path.name for path in pictures.iterdir()} == {
-        'timeline_1_c.npz.png', 'timeline_2_a.npz.png', 'timeline_3_b.npz.png', 'filters.png',
-        'front.png', 'figures.txt',
-    }  # fmt: skip
-    text = page.read_text()
-    trials = trials_of(journal(f'{folder / "out.yaml"}.study.journal'))
-    assert len(trials) == 12
-    found = [trial for trial in trials if trial.value is not None]
-    assert f'{len(found)} trials. ' in text
-    section = text[text.index('<h2>Trade-off') : text.index('<h2>Filter')]
-    assert '<tr><td>given</td>' in section
-    assert '<tr><td>tuned</td>' in section
-
-
 def test_adversarial_recordings_leave_the_given_parameters(tmp_path, capsys):
     """Tuned on slips of 150 Hz, judged on slips of 18 Hz between bursts of 150 Hz."""
     (tmp_path / 'given.yaml').write_text(PARAMETERS)
@@ -213,11 +173,105 @@ def test_without_optuna_it_says_what_to_install(case, monkeypatch, capsys):
     )
 
 
-def test_a_bad_sample_and_a_gap_are_counted(tmp_path, capsys):
-    (tmp_path / 'given.yaml').write_text(PARAMETERS)
-    volts, truth = slips(1, duration_s=12.0)
-    volts[100, 2] = np.nan
-    np.savez(tmp_path / 'a.npz', volts=volts, label=truth, sample_rate_hz=380.0)
-    words = ['--config', tmp_path / 'given.yaml', '--out', tmp_path / 'o.yaml', '--trials', 2]
-    run(tmp_path / 'a.npz', *words)
-    assert 'a.npz: 1 values that are not numbers' in capsys.readouterr().out
+#: What is refused: the arguments, a part of the line, and the exit code.
+REFUSED = [
+    (['--out', 'o.yaml'], 'are required: RECORDING', 2),
+    (['a.npz', '--plot', 'out', '--out', 'o.yaml'], 'unrecognized arguments: --plot', 2),
+    (['nix.npz', '--out', 'o.yaml'], 'nix.npz: ', 1),
+    (['still.npz', '--out', 'o.yaml'], 'still.npz: has no slip', 1),
+    (['a.npz', '--out', '/dev/null'], '/dev/null: cannot be written (is no file)', 1),
+    (['a.npz', '--out', 'o.yaml', '--report', 'nix/r.html'], 'nix/r.html: cannot be written', 1),
+    (['a.npz', '--out', 'o.yaml', '--storage', 'study.txt'], 'storage study.txt: is not known', 1),
+    (['--quiet', 'still.npz', '--out', 'o.yaml'], 'parameter decision is mean, allowed: evid', 1),
+    (['a.npz', '--false-alarms-per-hour', '1', '--out', 'o.yaml'], 'goes with --quiet', 2),
+    (
+        ['--quiet', 'still.npz', '--taps', 'still.npz', '--out', 'o.yaml'],
+        '--quiet searches nothing, allowed: no --taps with it', 2,
+    ),
+    (['--taps', 'still.npz', '--out', 'o.yaml'], 'are required', 2),
+    (
+        ['a.npz', '--taps', 'still.npz', '--report', 'r.html', '--out', 'o.yaml'],
+        '--taps searches nothing, allowed: no --report with it', 2,
+    ),
+    (['a.npz', '--taps', 'still.npz', '--out', 'o.yaml'], 'parameter decision is mean', 1),
+    (['a.npz', '--quiet', 'still.npz', '--out', 'o.yaml'], 'no RECORDING with it', 2),
+    (
+        ['--quiet', 'still.npz', '--false-alarms-per-hour', '0', '--out', 'o.yaml'],
+        'allowed: a number above 0', 2,
+    ),
+    (['a.npz', '--hold-out', '1', '--out', 'o.yaml'], 'between 0 and 1', 2),
+    (['a.npz', '--trials', '0', '--out', 'o.yaml'], 'whole number from 1', 2),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(('words', 'line', 'code'), REFUSED)
+def test_wrong_arguments_are_refused_in_one_line(words, line, code, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path('given.yaml').write_text(PARAMETERS)
+    write('a.npz', 1)
+    write('still.npz', 1, slips=False)
+    try:
+        status = main([*words, '--config', 'given.yaml'])
+    except SystemExit as left:
+        status = left.code
+    assert status == code
+    error = capsys.readouterr().err
+    assert error.startswith('slip_tune: ')
+    assert line in error
+    assert error.count('\n') == 1
+    assert not Path('o.yaml').exists()
+
+
+def test_two_processes_share_a_study(case):
+    folder, words = case
+    where = folder / 'study.journal'
+    storage = journal(where)
+    workers = [
+        start_tune(*words, '--out', folder / f'{k}.yaml', '--storage', where,
+                   '--trials', 100_000, '--seed', k)
+        for k in range(2)
+    ]  # fmt: skip
+    wait_for(lambda: both_have_tried(storage, 3), *workers)
+    for worker in workers:
+        worker.send_signal(signal.SIGINT)
+    for k, worker in enumerate(workers):
+        _, err = worker.communicate(timeout=DEADLINE_S)
+        assert worker.returncode == 0, err
+        assert 'Traceback' not in err
+        assert DetectorConfig.from_yaml(folder / f'{k}.yaml').channels == 4
+    trials = trials_of(storage)
+    starts = [trial.params for trial in trials if trial.params == trials[0].params]
+    assert 1 <= len(starts) <= 2  # both may have begun at once
+    assert all(trial.state.is_finished() for trial in trials)
+
+
+def both_have_tried(storage, many):
+    if not optuna.get_all_study_names(storage):
+        return False
+    names = [trial.user_attrs['worker'] for trial in trials_of(storage)]
+    return len({name for name in names if names.count(name) >= many}) == 2
+
+
+def test_any_number_of_jobs_finds_the_same_to_the_bit(case):
+    folder, words = case
+    found = {}
+    for jobs in (1, 2):
+        out = folder / f'{jobs}.yaml'
+        run(*words, '--out', out, '--trials', 20, '--jobs', jobs)
+        found[jobs] = [
+            (trial.params, trial.values, trial.user_attrs['found'])
+            for trial in trials_of(journal(f'{out}.study.journal'))
+        ]
+    assert len(found[1]) == 20
+    assert found[2] == found[1]
+    assert DetectorConfig.from_yaml(folder / '2.yaml') == DetectorConfig.from_yaml(
+        folder / '1.yaml'
+    )
+
+
+@pytest.mark.parametrize('jobs', [1, 2])
+def test_an_interrupt_keeps_what_was_found_and_the_same_command_goes_on(case, jobs):
+    words, store = check_interrupted_search(case, '--jobs', jobs)
+    before = len(trials_of(journal(store)))
+    run(*words, '--trials', before + 2)
+    assert len(trials_of(journal(store))) == before + 2

@@ -12,8 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Calls side by side: in this process, in others, and what becomes of one that dies."""
+"""Calls in this process, in several, and the options that recordings are read with."""
 
+import argparse
+import dataclasses
+import io
 import os
 import signal
 import subprocess
@@ -21,8 +24,16 @@ import sys
 
 import pytest
 
-from slip_detector.commands.workers import MOST_DEATHS, Workers
-from support.worker_calls import die, die_once, garbage_left, process_of, refuse
+from slip_detector.commands.workers import (
+    Workers,
+    add_options,
+    paths_for_workers,
+    paths_read,
+    progress_bar,
+    recording_config,
+)
+from slip_detector.parameters.recording import RecordingConfig
+from support.worker_calls import die, process_of, refuse
 
 
 def test_one_job_is_this_process_in_the_order_of_the_arguments():
@@ -45,57 +56,38 @@ def test_several_jobs_are_processes_that_end_with_the_context():
             os.kill(pid, 0)
 
 
-def test_what_a_process_that_dies_had_not_finished_is_called_again(tmp_path):
-    with Workers(jobs=2) as workers:
-        results = dict(workers.results(die_once, [str(tmp_path)] * 6))
-    assert (tmp_path / 'died').exists()
-    assert sorted(results) == list(range(6))
+@pytest.mark.parametrize(
+    ('call', 'said'),
+    [(refuse, r'^7 is refused$'), (die, r'^a worker process died, allowed: fewer')],
+)
+def test_a_call_that_fails_or_dies_is_one_line(call, said):
+    with Workers(jobs=2) as workers, pytest.raises(ValueError, match=said):
+        list(workers.results(call, [7]))
 
 
-def test_processes_that_keep_dying_are_an_error():
-    with (
-        Workers(jobs=2) as workers,
-        pytest.raises(ValueError, match=f'^worker processes died {MOST_DEATHS} times before any'),
-    ):
-        list(workers.results(die, [1]))
-
-
-def test_garbage_of_the_first_call_of_a_process_is_collected():
-    with Workers(jobs=2) as workers:
-        left = [count for _, count in workers.results(garbage_left, range(6))]
-    assert left == [0] * 6
-
-
-def test_what_a_call_refuses_is_said_here():
-    with Workers(jobs=2) as workers, pytest.raises(ValueError, match=r'^7 is refused$'):
-        list(workers.results(refuse, [7]))
+def run(code):
+    return subprocess.run(
+        [sys.executable, '-c', f'from slip_detector.commands.workers import Workers\n{code}'],
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
+        stdout=subprocess.PIPE, text=True, timeout=60, check=False,
+    )  # fmt: skip
 
 
 def test_a_process_ends_with_the_one_that_started_it():
-    code = (
+    # It does not return before the last process that has the pipe has ended.
+    done = run(
         'import os, signal\n'
-        'from slip_detector.commands.workers import Workers\n'
         'from support.worker_calls import process_of\n'
         'with Workers(jobs=2) as workers:\n'
         '    print(next(workers.results(process_of, [1])), flush=True)\n'
         '    os.kill(os.getpid(), signal.SIGKILL)\n'
     )
-    # It does not return before the last process that has the pipe has ended.
-    done = subprocess.run(
-        [sys.executable, '-c', code],
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
-        stdout=subprocess.PIPE,
-        text=True,
-        timeout=60,
-        check=False,
-    )
     assert done.returncode == -signal.SIGKILL
     assert done.stdout.startswith('(0, (1, ')
 
 
-def test_who_leaves_while_a_result_is_being_written_can_end():
-    code = (
-        'from slip_detector.commands.workers import Workers\n'
+def test_a_result_that_is_being_written_does_not_hold_up_the_end():
+    done = run(
         'from support.worker_calls import zeros\n'
         'with Workers(jobs=2) as workers:\n'
         '    for _ in workers.results(zeros, [1, 300_000_000]):\n'
@@ -104,12 +96,7 @@ def test_who_leaves_while_a_result_is_being_written_can_end():
         '            pass\n'
         '        break\n'
     )
-    subprocess.run(
-        [sys.executable, '-c', code],
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
-        timeout=60,
-        check=True,
-    )
+    assert done.returncode == 0
 
 
 def test_a_cluster_that_is_not_there_is_named():
@@ -128,3 +115,52 @@ def test_without_distributed_it_says_what_to_install(monkeypatch):
         Workers(cluster='tcp://127.0.0.1:8786'),
     ):
         pass
+
+
+def options_of(*words):
+    parser = argparse.ArgumentParser()
+    add_options(parser, 'work')
+    return parser.parse_args(words)
+
+
+def test_options_replace_parameters_of_recordings():
+    config = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
+    assert recording_config(config, options_of()) == config
+    words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
+    assert recording_config(config, options_of(*words)) == dataclasses.replace(
+        config,
+        recording_topic='/biotac',
+        recording_field='pac',
+        recording_labels='l.yaml',
+        recording_resample=True,
+    )
+
+
+def test_a_cluster_gets_whole_paths_and_processes_the_given_ones(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    config = RecordingConfig(recording_labels='labels')
+    here, there = options_of('--jobs', '2'), options_of('--cluster', 'tcp://127.0.0.1:8786')
+    assert paths_for_workers(here, ['a.npz']) == ['a.npz']
+    assert recording_config(config, here) == config
+    assert paths_for_workers(there, ['a.npz', '/b']) == [str(tmp_path / 'a.npz'), '/b']
+    assert recording_config(config, there).recording_labels == str(tmp_path / 'labels')
+
+
+def test_each_recording_of_the_folders_and_the_labels_are_read(tmp_path):
+    for name in ('a.npz', 'b.csv', 'c.txt'):
+        (tmp_path / name).touch()
+    options = argparse.Namespace(
+        recordings=[str(tmp_path)], held_out=['h.mcap'], quiet=None, taps='t.npz', labels='l.yaml'
+    )
+    names = [path.name for path in paths_read(options)]
+    assert names == ['a.npz', 'b.csv', 'h.mcap', 't.npz', 'l.yaml']
+
+
+def test_a_terminal_alone_shows_the_bar(monkeypatch):
+    for is_terminal in (True, False):
+        stream = io.StringIO()
+        stream.isatty = lambda shown=is_terminal: shown
+        monkeypatch.setattr(sys, 'stderr', stream)
+        with progress_bar(total=3, unit='recording', done=1) as bar:
+            bar.update()
+        assert ('2/3' in stream.getvalue()) == is_terminal

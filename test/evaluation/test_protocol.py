@@ -36,7 +36,7 @@ from slip_detector.evaluation.protocol import (
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.yaml_files import read_yaml
-from slip_detector.report.protocol_table import MEANINGS
+from slip_detector.report.protocol import MEANINGS
 from slip_detector.scenes import find_scene
 
 RATE_HZ = 100.0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a report shows of a recording, gathered piece by piece."""
+"""What a report has of a recording: bins, rows about events, intervals, and events."""
 
 import dataclasses
 import itertools
@@ -27,185 +27,164 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.figures import Alarm
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.overview import Overview, events_of
-from slip_detector.report.signal_codes import level_codes
+from slip_detector.report import overview as module
+from slip_detector.report.overview import (
+    EVENT_KINDS,
+    THRESHOLD_CODE,
+    Event,
+    Overview,
+    events_of,
+    signal_codes,
+    signal_ranges,
+)
 from support import report_scenes as scenes
 
 CONFIG = scenes.THREE_CHANNELS
+SAMPLES = 1000
 
 
-def rows_of(n=1000, seed=0):
-    """Return volts with two bursts that all channels feel, and their truth."""
+def recorded(rows=SAMPLES, seed=0):
+    """Return volts with two bursts that all channels feel, their truth and the chain's result."""
     rng = np.random.default_rng(seed)
-    truth = np.zeros(n, bool)
-    truth[n // 4 : n // 3] = truth[n // 2 : n // 2 + n // 6] = True
-    time_s = np.arange(n) / CONFIG.sample_rate_hz
-    burst = 0.02 * np.sin(2 * np.pi * 20.0 * time_s)[:, None]
-    volts = 4.0 + np.arange(3) + 1e-4 * rng.standard_normal((n, 3)) + truth[:, None] * burst
-    return volts, truth
+    truth = np.zeros(rows, bool)
+    truth[rows // 4 : rows // 3] = truth[rows // 2 : rows // 2 + rows // 6] = True
+    burst = 0.02 * np.sin(2 * np.pi * 20.0 * np.arange(rows) / CONFIG.sample_rate_hz)
+    volts = 4.0 + np.arange(3) + 1e-4 * rng.standard_normal((rows, 3))
+    volts += (truth * burst)[:, None]
+    volts[100:130, 1] = np.nan
+    volts[7, 2] = np.inf
+    return volts, truth, SlipChain(CONFIG).update(volts)
 
 
-def overview_of(volts, truth, cuts=(), config=CONFIG, **settings):
-    overview, chain = Overview('a.npz', config, **settings), SlipChain(config)
-    edges = [0, *sorted(cuts), len(volts)]
-    for a, b in itertools.pairwise(edges):
-        result = chain.update(volts[a:b], envelope=False)
-        overview.add(volts[a:b], result, None if truth is None else truth[a:b])
+def overview_of(volts, truth, cuts=(), events=()):
+    overview, chain = Overview('a.npz', CONFIG), SlipChain(CONFIG)
+    for a, b in itertools.pairwise([0, *sorted(cuts), len(volts)]):
+        overview.add(volts[a:b], chain.update(volts[a:b]), truth[a:b])
+    overview.finish(events)
     return overview
 
 
-def same(one, other):
-    assert (one.rows, one.bin_rows) == (other.rows, other.bin_rows)
-    for mine, its in zip(one.bins(one.bin_rows), other.bins(one.bin_rows), strict=True):
-        np.testing.assert_array_equal(mine, its)
-    np.testing.assert_array_equal(one.slip, other.slip)
-    np.testing.assert_array_equal(one.truth, other.truth)
-    for name, rows in one.groups.items():
-        np.testing.assert_array_equal(rows, other.groups[name])
-    assert [snippet.start for snippet in one.snippets] == [s.start for s in other.snippets]
-    for mine, its in zip(one.snippets, other.snippets, strict=True):
-        np.testing.assert_array_equal(mine.volts, its.volts)
-        np.testing.assert_array_equal(mine.codes, its.codes)
-
-
-@given(st.lists(st.integers(0, 1000), max_size=8), st.sampled_from([12, 300, 3 * 2**11]))
-def test_any_cut_of_the_rows_gives_the_same_overview(cuts, most_cells):
-    volts, truth = rows_of()
-    whole = overview_of(volts, truth, most_cells=most_cells)
-    same(overview_of(volts, truth, cuts, most_cells=most_cells), whole)
-
-
-@pytest.mark.parametrize('most_cells', [3 * 2, 3 * 64, 3 * 2048])
-def test_bins_hold_the_extremes_of_their_rows(most_cells):
-    volts, truth = rows_of()
-    volts[100:150, 1] = np.nan
-    volts[7, 2] = np.inf
-    overview = overview_of(volts, truth, most_cells=most_cells)
-    low, high, codes = overview.bins(overview.bin_rows)
-    assert len(low) <= most_cells // 3
-    assert len(low) == -(-len(volts) // overview.bin_rows)
+@given(st.lists(st.integers(0, SAMPLES), max_size=8), st.sampled_from([1, 192, 192 * 4, 10**6]))
+def test_bins_hold_the_extremes_and_intervals_the_decisions_however_rows_are_cut(cuts, cells):
+    volts, truth, result = recorded()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, 'MOST_CELLS', cells)
+        overview = overview_of(volts, truth, cuts)
+    bins = max(cells // 3, 64)
+    assert len(overview.low) <= bins < 2 * len(overview.low) or overview.bin_rows == 1
     exact = np.where(np.isfinite(volts), volts, np.nan).astype(np.float32)
-    all_codes = level_codes(SlipChain(CONFIG).update(volts), CONFIG.threshold)
-    for b in range(len(low)):
+    codes = signal_codes(result, CONFIG)
+    for b, (low, high, highest) in enumerate(
+        zip(overview.low, overview.high, overview.codes, strict=True)
+    ):
         rows = slice(b * overview.bin_rows, (b + 1) * overview.bin_rows)
-        np.testing.assert_array_equal(low[b], np.fmin.reduce(exact[rows]))
-        np.testing.assert_array_equal(high[b], np.fmax.reduce(exact[rows]))
-        np.testing.assert_array_equal(codes[b], all_codes[rows].max(axis=0))
+        np.testing.assert_array_equal(low, np.fmin.reduce(exact[rows]))
+        np.testing.assert_array_equal(high, np.fmax.reduce(exact[rows]))
+        np.testing.assert_array_equal(highest, codes[rows].max(axis=0))
+    drawn = [overview.slip, overview.truth, *overview.groups.values()]
+    for intervals, on in zip(drawn, [result.slip, truth, *result.groups.T], strict=True):
+        again = np.zeros(len(on), bool)
+        for start, stop in intervals.closed():
+            again[start:stop] = True
+        np.testing.assert_array_equal(again, on)
 
 
-def test_longer_bins_can_be_asked_for():
-    volts, truth = rows_of()
-    overview = overview_of(volts, truth)
-    assert overview.bin_rows == 1
-    low, high, _ = overview.bins(256)
-    np.testing.assert_array_equal(low[3], volts[768:].astype(np.float32).min(axis=0))
-    np.testing.assert_array_equal(high[1], volts[256:512].astype(np.float32).max(axis=0))
-
-
-def test_intervals_are_those_of_the_decisions():
-    volts, truth = rows_of()
-    overview = overview_of(volts, truth, range(0, 1000, 37))
-    result = SlipChain(CONFIG).update(volts)
-    assert len(overview.slip) >= 2
-    for rows, on in [
-        (overview.slip, result.slip),
-        (overview.truth, truth),
-        *zip(overview.groups.values(), result.groups.T, strict=True),
-    ]:
-        drawn = np.zeros(len(on), bool)
-        for start, stop in rows:
-            drawn[start:stop] = True
-        np.testing.assert_array_equal(drawn, on)
-
-
-def test_rows_about_the_starts_of_slips_and_alarms_are_kept_as_they_were():
-    volts, truth = rows_of(4000)
-    overview = overview_of(volts, truth, range(0, 4000, 333), most_cells=3 * 256)
+def test_rows_about_events_are_kept_as_they_were(monkeypatch):
+    monkeypatch.setattr(module, 'MOST_CELLS', 3 * 256)
+    volts, truth, result = recorded(4000)
+    events = [Event('false alarm', 5.0, 5.1), Event('late', 10.0, 12.0, latency_s=1.2)]
+    overview = overview_of(volts, truth, [333, 1010, 2345], events)
     assert overview.bin_rows == 16
-    starts = [*overview.truth[:, 0], *overview.slip[:, 0]]
-    for start in starts:
-        (found,) = [s for s in overview.snippets if s.start <= start < s.start + len(s.volts)]
-        assert found.start <= start - 29
-        assert found.start + len(found.volts) >= start + 59
-    for snippet in overview.snippets:
-        exact = volts[snippet.start : snippet.start + len(snippet.volts)]
-        np.testing.assert_array_equal(snippet.volts, exact.astype(np.float32))
+    spans = [(s.start, s.start + len(s.volts)) for s in overview.snippets]
+    # From 0.15 s before until 0.3 s after the start of a slip, and of its alarm.
+    assert spans == [(970, 1060), (1970, 2060), (2210, 2300)]
+    codes = signal_codes(result, CONFIG)
+    for snippet, (a, b) in zip(overview.snippets, spans, strict=True):
+        np.testing.assert_array_equal(snippet.volts, volts[a:b].astype(np.float32))
+        np.testing.assert_array_equal(snippet.codes, codes[a:b])
 
 
-def test_memory_does_not_grow_with_the_length():
-    volts, truth = rows_of()
-    overview, chain = Overview('a.npz', CONFIG, most_cells=3 * 256), SlipChain(CONFIG)
-    for _ in range(40):
-        overview.add(volts, chain.update(volts), truth)
-    assert overview.rows == 40_000
-    assert len(overview.bins(overview.bin_rows)[0]) <= 256
-    assert sum(len(snippet.volts) for snippet in overview.snippets) <= 4 * 256
+def test_where_room_is_short_it_is_given_to_the_more_important_events(monkeypatch):
+    volts, truth, _ = recorded(4000)
+    events = [Event(kind, 2.0 + 4.0 * k, 3.0) for k, kind in enumerate(EVENT_KINDS[::-1])]
+    for rooms, shown in ((1, 1), (3, 3), (20, 4)):
+        monkeypatch.setattr(module, 'MOST_CELLS', 3 * 90 * rooms - 1)
+        starts = {s.start for s in overview_of(volts, truth, (), events).snippets}
+        assert starts == {370 + 800 * k for k in range(4 - shown, 4)}
 
 
-def test_a_gap_is_time_without_samples():
-    volts, truth = rows_of()
-    chain = SlipChain(CONFIG)
+def test_a_gap_is_time_without_samples_and_one_of_years_costs_no_memory(monkeypatch):
+    volts, truth, result = recorded()
+    for seconds, rows in ((2.0, 2400), (1.7e9, 2000 + 340_000_000_000)):
+        overview = Overview('a.npz', CONFIG)
+        overview.add(volts, result, np.ones(1000, bool))
+        overview.gap(seconds)
+        overview.add(volts, result, truth)
+        monkeypatch.setattr(module, 'MOST_CELLS', 3 * 2400)
+        overview.finish([Event('false alarm', 5.0, 5.1)])
+        assert overview.rows == rows
+        assert len(overview.low) <= 2400
+        assert overview.truth.closed()[0] == (0, 1000)
+        if seconds == 2.0:
+            assert np.isnan(overview.low[1000:1400]).all()
+            assert not overview.codes[1000:1400].any()
+        else:
+            assert np.isnan(overview.snippets[0].volts[30:]).all()
+
+
+def test_without_labels_there_is_no_truth_and_without_rows_no_bin():
     overview = Overview('a.npz', CONFIG)
-    overview.add(volts, chain.update(volts), np.ones(1000, bool))
-    overview.gap(2.0)
-    overview.add(volts, chain.update(volts), truth)
-    assert overview.rows == 2400
-    assert overview.duration_s == 12.0
-    low, _, codes = overview.bins(1)
-    assert np.isnan(low[1000:1400]).all()
-    assert not codes[1000:1400].any()
-    np.testing.assert_array_equal(low[1400:], volts.astype(np.float32))
-    np.testing.assert_array_equal(overview.truth, [[0, 1000], [1650, 1733], [1900, 2066]])
+    overview.add(np.empty((0, 3)), SlipChain(CONFIG).update(np.empty((0, 3))), None)
+    overview.finish([])
+    assert (overview.truth, len(overview.low), overview.snippets) == (None, 0, [])
 
 
-def test_a_gap_of_years_costs_no_memory():
-    volts, truth = rows_of()
-    chain = SlipChain(CONFIG)
-    overview = Overview('a.npz', CONFIG, most_cells=3 * 256)
-    overview.add(volts, chain.update(volts), truth)
-    overview.gap(1.7e9)
-    overview.add(volts, chain.update(volts), truth)
-    low, high, _ = overview.bins(overview.bin_rows)
-    assert len(low) <= 256
-    assert np.nanmax(high[-1]) == volts.astype(np.float32).max()
+def test_codes_of_levels_are_above_the_threshold_where_and_only_where_the_channel_is_on():
+    _, _, result = recorded()
+    codes = signal_codes(result, CONFIG)
+    assert result.channels.any()
+    np.testing.assert_array_equal(codes > THRESHOLD_CODE, result.channels & result.valid)
+    np.testing.assert_array_equal(codes == 0, ~result.valid)
+    between = (codes > 1) & (codes < 255)
+    octaves = np.log2(result.level[between] / CONFIG.threshold)
+    drawn = (codes[between].astype(float) - THRESHOLD_CODE) / 16
+    assert np.abs(drawn - octaves).max() <= 1 / 16
 
 
-def test_without_labels_there_is_no_truth():
-    volts, _ = rows_of()
-    overview = overview_of(volts, None)
-    assert overview.truth is None
-    assert len(overview.snippets) >= 1  # about the alarms
+@pytest.mark.parametrize('range_db', [0.0, 15.0])
+def test_with_evidence_excess_and_floor_are_beside_the_level(range_db):
+    config = dataclasses.replace(scenes.EVIDENCE, noise_floor_range_db=range_db)
+    volts, truth = scenes.tapped()
+    volts[100:120, 3] = np.nan
+    result = SlipChain(config).update(volts, floor=True, excess=True)
+    _, *both = np.split(signal_codes(result, config), 3, axis=1)
+    for codes, name in zip(both, ('excess', 'floor'), strict=True):
+        np.testing.assert_array_equal(codes == 0, ~result.valid)
+        low, high = signal_ranges(config)[name]
+        decibels = low + (codes - 1.0) / 254 * (high - low)
+        away = np.abs(decibels - getattr(result, name))[result.valid]
+        assert away.max() <= 0.51 * (high - low) / 254 + 1e-9
+    overview = scenes.overview('a', config, volts, truth)
+    turns = np.flatnonzero(np.diff(np.concatenate([[0], result.after_impact, [0]])))
+    assert overview.after_impact.edges == turns.tolist() != []
 
 
-def test_no_rows_are_no_error():
-    overview = overview_of(np.empty((0, 3)), np.empty(0, bool))
-    assert overview.rows == 0
-    assert overview.snippets == []
-    assert len(overview.bins(1)[0]) == 0
-
-
-def test_what_a_report_shows_is_what_became_of_slips_and_alarms():
-    volts = np.zeros((1, 16))
-    settling = Replay(ChainConfig()).run([Samples.evenly(volts, 380.0, np.ones(1, bool))]).slips[0]
-    assert settling.settling
+def test_events_are_the_scored_slips_and_the_false_alarms():
+    rows = Samples.evenly(np.zeros((1, 16)), 380.0, np.ones(1, bool))
+    settling = Replay(ChainConfig()).run([rows]).slips[0]
     slip = dataclasses.replace(settling, settling=False, lost_at='filter')
-    slips = [
+    slips = (
         slip,
         dataclasses.replace(slip, alarm=0, latency_s=0.2, late=True, start_s=2.0, lost_at=None),
         dataclasses.replace(slip, alarm=1, latency_s=0.02, start_s=4.0, lost_at=None),
-        dataclasses.replace(settling, start_s=6.0),  # neither found nor missed
-    ]
-    alarms = [
-        Alarm(2.2, 2.3, 'true', 1), Alarm(4.02, 4.3, 'true', 2), Alarm(4.5, 4.6, 'repeat', 2),
-        Alarm(1.0, 1.1, 'false', None), Alarm(6.0, 6.1, 'settling', 3),
-        Alarm(8.0, 8.1, 'settling', None),
-    ]  # fmt: skip
-    outcome = dataclasses.replace(
-        Replay(ChainConfig()).run([]), slips=tuple(slips), alarms=tuple(alarms)
+        settling,
     )
-    shown = events_of(outcome)
-    assert [(event.kind, event.start_s, event.latency_s) for event in shown] == [
-        ('missed', 0.0, None), ('false alarm', 1.0, None), ('late', 2.0, 0.2),
-        ('detected', 4.0, 0.02),
+    alarms = (
+        Alarm(2.2, 2.3, 'true', 1), Alarm(4.5, 4.6, 'repeat', 2), Alarm(1.0, 1.1, 'false', None),
+        Alarm(8.0, 8.1, 'settling', None),
+    )  # fmt: skip
+    outcome = dataclasses.replace(Replay(ChainConfig()).run([]), slips=slips, alarms=alarms)
+    assert [(one.kind, one.start_s, one.latency_s, one.note) for one in events_of(outcome)] == [
+        ('missed', 0.0, None, 'lost at: filter'), ('false alarm', 1.0, None, ''),
+        ('late', 2.0, 0.2, ''), ('detected', 4.0, 0.02, ''),
     ]  # fmt: skip
-    assert [event.note for event in shown] == ['lost at: filter', '', '', '']

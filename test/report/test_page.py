@@ -12,50 +12,72 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reports: what is in the file. How it behaves in a browser is in test_page_in_browser.py."""
+"""What is in the file of a report; how it behaves in a browser is in test_page_in_browser.py."""
 
+import base64
+import dataclasses
 import re
+import zlib
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.evaluation.evaluator import RecordingLoader
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report import page as report
-from slip_detector.report.page_data import SearchTrial, Variant
-from slip_detector.report.page_sections import UNDEFINED
+from slip_detector.report.page_sections import (
+    UNDEFINED,
+    SearchTrial,
+    Variant,
+    filters_figure,
+    front_figure,
+    latency_figure,
+    sections,
+    trade_off_front,
+)
 from support import report_scenes as scenes
+from support import tuning_cases
 from support.html_page import HtmlPage
+
+
+@pytest.fixture(scope='module')
+def variants():
+    """The two variants of a report of two recordings."""
+    return scenes.variants()
 
 
 def read(path):
     return HtmlPage(path.read_text(encoding='utf-8'))
 
 
-@pytest.fixture(scope='module')
-def path_of_page(tmp_path_factory, variants):
-    path = tmp_path_factory.mktemp('report') / 'report.html'
-    report.write_page(path, 'A title', variants, scenes.trials(), ['A note.'])
-    return path
+def text_of(html):
+    """Return what is read, with a stroke between two cells."""
+    return '|'.join(text for text in HtmlPage(html).texts if text.strip())
 
 
-@pytest.fixture(scope='module')
-def page(path_of_page):
-    return read(path_of_page)
-
-
-def test_nothing_is_fetched_from_anywhere(page):
+def test_a_page_fetches_nothing_and_is_the_same_bytes_again(tmp_path, variants):
+    pages = [tmp_path / name for name in ('one.html', 'other.html')]
+    for path in pages:
+        report.write_page(path, 'A title', variants, scenes.trials(), ['A note.'])
+    assert pages[0].read_bytes() == pages[1].read_bytes()
+    page = read(pages[0])
     for tag, attributes in page.tags:
         assert tag not in ('link', 'iframe', 'object', 'embed')
         assert not (tag == 'script' and 'src' in attributes)
-        if tag == 'img':
-            assert attributes['src'].startswith('data:')
-            assert attributes['alt']
+        assert tag != 'img' or (attributes['src'].startswith('data:') and attributes['alt'])
     (policy,) = [a['content'] for t, a in page.tags if t == 'meta' and 'http-equiv' in a]
     assert policy.startswith("default-src 'none';")
     # A comment may say where the library is from.
     code = re.sub(r'/\*.*?\*/', '', page.scripts['code'], flags=re.DOTALL)
     assert not re.search(r'https?://', code)
+    events = page.header['recordings'][1]['variants'][0]['events']
+    assert events[0] == [0, 2.0, 2.2, None, {}, '']
+    assert events[3] == [2, 15.0, 16.0, 0.4, {'filter': 0.012, 'vote': 0.388}, '']
 
 
 HARD = [
@@ -78,12 +100,12 @@ def test_any_text_is_shown_as_it_is(tmp_path_factory, texts):
         f'{text.encode("utf-8", "replace").decode()}{k}{hard}'
         for k, (text, hard) in enumerate(texts)
     ]
-    volts, truth = scenes.volts_and_truth(40)
     # The first is the name of the recording and the title too.
-    seen = scenes.overview(names[0], scenes.GIVEN, volts, truth)
+    seen = scenes.overview(names[0], scenes.GIVEN, *scenes.volts_and_truth(40))
     variants = [Variant(name, scenes.GIVEN, [seen], {name: {name: name}}) for name in names]
     trials = [
-        SearchTrial(k, 0.1, 1.0, 0.0, 1.0, {name: name}, name) for k, name in enumerate(names)
+        scenes.trial(k, 0.1, 1.0, 0.0, 1.0, mark=name, **{name: name})
+        for k, name in enumerate(names)
     ]
     path = tmp_path_factory.mktemp('text') / 'report.html'
     report.write_page(path, names[0], variants, trials, names)
@@ -97,61 +119,167 @@ def test_any_text_is_shown_as_it_is(tmp_path_factory, texts):
     assert not [tag for tag, attributes in shown.tags if 'onerror' in attributes]
 
 
-def test_events_are_in_the_header(page):
-    events = page.header['recordings'][1]['variants'][0]['events']
-    assert events[0] == [0, 2.0, 2.2, None, {}, '']
-    assert events[2] == [1, 9.0, 10.0, None, {}, 'lost at: vote']
-    assert events[3] == [2, 15.0, 16.0, 0.4, {'filter': 0.012, 'vote': 0.388}, '']
+@pytest.mark.parametrize('most_cells', [2**20, 16 * 256])
+def test_the_data_are_the_overviews(monkeypatch, most_cells):
+    monkeypatch.setattr('slip_detector.report.overview.MOST_CELLS', most_cells)
+    volts, truth = scenes.tapped()
+    volts[:, 3] = volts[100:200, 5] = np.nan
+    overviews = [
+        scenes.overview('a', config, volts, truth, scenes.EVENTS['given'])
+        for config in (scenes.GIVEN, scenes.EVIDENCE)
+    ]
+    header, data = report.pack_recording(overviews)
+    bytes_ = np.frombuffer(zlib.decompress(base64.b64decode(data)), np.uint8)
+    lowest, step = np.array(header['lowest_v']), np.array(header['step_v'])
+
+    def following(rows, columns=16):
+        nonlocal bytes_
+        codes, bytes_ = np.split(bytes_, [rows * columns])
+        return codes.reshape(columns, rows).T
+
+    def check_volts(expected):
+        low, high = following(len(expected)), following(len(expected))
+        codes = low + 256 * high.astype(int)
+        found = np.where(codes == report.NO_SAMPLE, np.nan, lowest + step * codes)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=0.51 * step.max())
+
+    first, bins = overviews[0], header['bins']
+    assert (bins, header['bin_rows'], header['truth']) == (
+        len(first.low), first.bin_rows, first.truth.edges,
+    )  # fmt: skip
+    check_volts(first.low)
+    if first.bin_rows > 1:
+        check_volts(first.high)
+        assert first.snippets
+    for overview, variant in zip(overviews, header['variants'], strict=True):
+        columns = 16 * len(variant['signals'])
+        np.testing.assert_array_equal(following(bins, columns), overview.codes)
+        assert variant['slip'] == overview.slip.edges
+        assert [group['on'] for group in variant['groups']] == [
+            on.edges for on in overview.groups.values()
+        ]
+        assert variant['snippets'] == [[s.start, len(s.volts)] for s in overview.snippets]
+        for snippet in overview.snippets:
+            check_volts(snippet.volts)
+            np.testing.assert_array_equal(following(len(snippet.volts), columns), snippet.codes)
+    assert not len(bytes_)
 
 
-def test_the_same_report_is_the_same_bytes(path_of_page, tmp_path, variants):
-    again = tmp_path / 'again.html'
-    report.write_page(again, 'A title', variants, scenes.trials(), ['A note.'])
-    assert again.read_bytes() == path_of_page.read_bytes()
+def test_the_report_of_an_evaluation_names_sets_and_has_events_latencies_and_roc(tmp_path):
+    loader = RecordingLoader(scenes.GIVEN)
+    sets = {}
+    for k, name in enumerate('xy'):
+        path = tmp_path / name / 'a.npz'
+        path.parent.mkdir()
+        volts, truth = scenes.volts_and_truth(seed=k)
+        np.savez(path, volts=volts, slip=truth, sample_rate_hz=380.0)
+        sets[name] = {'a.npz': report.evaluate_for_report(loader, 2, path)}
+    report.write_evaluation_report(tmp_path / 'page.html', sets)
+    page = read(tmp_path / 'page.html')
+    recordings = page.header['recordings']
+    assert [recording['name'] for recording in recordings] == ['x/a.npz', 'y/a.npz']
+    for recording in recordings:
+        slips = [event for event in recording['variants'][0]['events'] if event[0] > 0]
+        assert len(slips) == len(scenes.SLIPS_S)
+    outcomes = [files['a.npz'].outcome for files in sets.values()]
+    latencies, roc = latency_figure(outcomes).axes
+    found = sum(slip.latency_s is not None for one in outcomes for slip in one.slips)
+    assert latencies.get_title() == f'{found} detected, {6 - found} missed'
+    assert sum(bar.get_height() for bar in latencies.patches) == found
+    assert len(roc.lines) == 3  # curve, threshold and chance
+    assert {'Latency', 'all recordings', 'x/a.npz'} <= set(page.texts)
 
 
-def test_pictures_hold_the_same_figures(tmp_path, variants):
-    paths = report.write_pictures(tmp_path / 'out', variants, scenes.trials())
-    assert [path.name for path in paths] == [
-        'timeline_1_a.npz.png', 'timeline_2_b.npz.png', 'filters.png', 'front.png', 'figures.txt',
-    ]  # fmt: skip
-    for path in paths[:-1]:
-        assert path.read_bytes().startswith(b'\x89PNG')
-    text = paths[-1].read_text(encoding='utf-8')
-    assert re.search(rf'latency median \[ms\] +34.6 +{UNDEFINED}\n', text)
-    given = variants[0]._replace(overviews=variants[0].overviews[:1])
-    assert [path.name for path in report.write_pictures(tmp_path / 'one', [given])] == [
-        'timeline_a.npz.png', 'filters.png', 'figures.txt',
-    ]  # fmt: skip
+def test_the_report_of_a_search_has_both_chains_on_all_recordings_and_its_trials(tmp_path):
+    held, tuned_on = (tuning_cases.track(seed, duration_s=6.0) for seed in (0, 1))
+    given = report.replay_variant(
+        'given', tuning_cases.CHAIN, EvaluationConfig(), [held], [tuned_on]
+    )
+    for overview in given.overviews:
+        slips = [event for event in overview.events if event.kind != 'false alarm']
+        assert len(slips) == 2
+    figures = given.figures['all tuned on']
+    assert figures == given.figures['seed 1 (tuned on)'] != given.figures['all held out']
+    assert set(figures) == set(figures_of_merit([]))
+    study = SimpleNamespace(
+        trials=[
+            SimpleNamespace(number=k, user_attrs={'found': found})
+            for k, found in enumerate([[{'parameters': {'gain': 2.0}, 'figures': figures}], []])
+        ]
+    )
+    path = tmp_path / 'page.html'
+    tuned = given._replace(name='tuned')
+    report.write_tuning_report(path, given, tuned, study, ['A note.'])
+    text = text_of(path.read_text(encoding='utf-8'))
+    for words in ('|seed 0 (held out)|', '|all tuned on|', '|1 trials. ', '|A note.|', '|given|'):
+        assert words in text
+    assert '|Parameters|All equal.|' in text
 
 
-@pytest.mark.parametrize('channels', [1, 96])
-def test_few_and_many_channels_without_labels(tmp_path, channels):
-    config = ChainConfig(channels=channels, disabled_channels=(2,) if channels > 1 else ())
-    volts, _ = scenes.volts_and_truth(500, channels)
-    variant = Variant('given', config, [scenes.overview('a', config, volts, None)], {})
-    report.write_page(tmp_path / 'report.html', 'A title', [variant])
-    (recording,) = read(tmp_path / 'report.html').header['recordings']
-    assert recording['truth'] is None
-    assert len(recording['channels']) == channels
-    assert len(report.write_pictures(tmp_path, [variant])) == 3
+def test_figures_and_differing_parameters_are_in_tables(variants):
+    text = text_of(sections(variants, scenes.trials()))
+    assert 'latency median [ms]' in text
+    assert '|a.npz|given|3|1|34.6|' in text
+    assert f'|tuned|3|0|{UNDEFINED}|' in text
+    assert '|5 trials. 3 of them are on the front' in text
+    assert ' 1 are not drawn' in text
+    assert '|passband_hz|7 50|10 60|' in text
+    assert text.index('|vote|all|mean|') < text.index('All parameters') < text.index('|channels|')
+    assert 'Trade-off' not in text_of(sections(variants))
+    floors = [1e-4 * (k + 1) for k in range(16)]
+    swapped = [floors[0], floors[2], floors[1], *floors[3:]]
+    pair = [
+        variants[0]._replace(config=dataclasses.replace(scenes.EVIDENCE, noise_floor=tuple(each)))
+        for each in (floors, swapped)
+    ]
+    table = '|noise_floor ch2|0.0002|0.0003|noise_floor ch3|0.0003|0.0002|All parameters|'
+    assert table in text_of(sections(pair))
 
 
-def test_variants_must_show_the_same_recordings(tmp_path, variants):
-    other = variants[1]._replace(overviews=variants[1].overviews[:1])
-    with pytest.raises(
-        ValueError, match=r'tuned: shows a.npz, allowed: the same for all variants'
-    ):
-        report.write_page(tmp_path / 'report.html', 'A title', [variants[0], other])
-    nothing = variants[0]._replace(overviews=[])
-    with pytest.raises(ValueError, match='given: shows no recording'):
-        report.write_page(tmp_path / 'report.html', 'A title', [nothing])
+def test_few_and_many_channels_without_labels_are_shown(tmp_path):
+    for channels in (1, 96):
+        config = ChainConfig(channels=channels, disabled_channels=(2,) if channels > 1 else ())
+        volts, _ = scenes.volts_and_truth(500, channels)
+        variant = Variant('given', config, [scenes.overview('a', config, volts, None)], {})
+        report.write_page(tmp_path / 'report.html', 'A title', [variant])
+        (recording,) = read(tmp_path / 'report.html').header['recordings']
+        assert (recording['truth'], len(recording['channels'])) == (None, channels)
 
 
-@pytest.mark.usefixtures('undrawn')
-def test_what_cannot_be_written_is_one_line(tmp_path, variants):
-    with pytest.raises(ValueError, match=r'no/report.html: cannot be written \(No such file'):
-        report.write_page(tmp_path / 'no' / 'report.html', 'A title', variants[:1])
-    (tmp_path / 'file').write_text('')
-    with pytest.raises(ValueError, match=r'file/out: cannot be made \(Not a directory'):
-        report.write_pictures(tmp_path / 'file' / 'out', variants[:1])
+def test_the_response_is_flat_in_the_passband_and_falls_beside_it():
+    gain, delay = filters_figure([Variant('given', scenes.GIVEN, [], {})]).axes
+    frequency_hz, gain_db = gain.lines[0].get_data()
+    low_hz, high_hz = scenes.GIVEN.passband_hz
+    inside = (frequency_hz > 1.5 * low_hz) & (frequency_hz < high_hz / 1.5)
+    assert gain_db[inside].min() > -3.0
+    assert gain_db[frequency_hz < low_hz / 3].max() < -20.0
+    assert np.all(delay.lines[0].get_ydata()[inside] > 0.0)
+
+
+def test_given_and_tuned_are_named_in_the_trade_off_with_their_figures():
+    legend = front_figure(scenes.trials()).axes[0].get_legend()
+    assert [text.get_text() for text in legend.texts] == [
+        'trial',
+        'on the front',
+        'given: 50 ms, 4 a minute, sooner than chance 0.80',
+        'tuned: 20 ms, 1 a minute, sooner than chance 0.90',
+    ]
+
+
+COST = st.one_of(st.none(), st.integers(0, 3).map(float))
+
+
+@given(st.lists(st.tuples(*[COST] * 4), max_size=12))
+def test_the_front_has_the_trials_that_no_other_beats(table):
+    trials = [
+        scenes.trial(i, *row, None if lack is None else 1.0 - lack)
+        for i, (*row, lack) in enumerate(table)
+    ]
+    known = [row for row in table if None not in row]
+
+    def beaten(row):
+        return any(all(map(float.__le__, other, row)) and other != row for other in known)
+
+    wanted = {k for k, row in enumerate(table) if row in known and not beaten(row)}
+    assert {trial.number for trial in trade_off_front(trials)} == wanted
+    assert all(isinstance(trial, SearchTrial) for trial in trials)

@@ -12,30 +12,98 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files of pictures."""
+"""Pictures of trials, of the paper's protocol and of the grasp."""
 
+import numpy as np
 import pytest
-from matplotlib import pyplot as plt
 
-from slip_detector.report.pictures import COLORS, save_picture, writable_picture
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.protocol import SCENES, simulate_trials
+from slip_detector.grasp.comparison import grasp_figures
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report import pictures
+from slip_detector.report.grasp import draw_grasp
+from slip_detector.report.pictures import draw_stages, draw_trial, save_picture
+from slip_detector.report.protocol import stage_signals
+from support import grasp_trials
+
+TIME_S = np.arange(400) / 100.0
+ON = (TIME_S >= 1.0) & (TIME_S < 2.0)
 
 
-def test_the_colours_differ():
-    assert len(set(COLORS)) == len(COLORS)
+@pytest.fixture
+def figures(monkeypatch):
+    """Return the figures that are drawn, in place of files."""
+    drawn = []
+    monkeypatch.setattr(pictures, 'save_picture', lambda figure, path: drawn.append(figure))
+    return drawn
 
 
 def test_a_picture_is_of_the_kind_that_its_ending_names_and_is_closed(tmp_path):
     for ending, begin in (('png', b'\x89PNG'), ('svg', b'<?xml'), ('pdf', b'%PDF')):
-        figure, _ = plt.subplots()
+        figure, _ = pictures.plt.subplots()
         save_picture(figure, tmp_path / f'a.{ending}')
         assert (tmp_path / f'a.{ending}').read_bytes().startswith(begin)
-        assert not plt.fignum_exists(figure.number)
+        assert not pictures.plt.fignum_exists(figure.number)
 
 
-def test_where_no_picture_can_be_written_is_said_before_it_is_drawn(tmp_path):
-    assert writable_picture(tmp_path / 'new' / 'a.png') == tmp_path / 'new' / 'a.png'
-    assert (tmp_path / 'new').is_dir()
-    with pytest.raises(ValueError, match=r'has the ending \.txt, allowed: .*\.png'):
-        writable_picture(tmp_path / 'a.txt')
-    with pytest.raises(ValueError, match='cannot be written, allowed: a file in a folder'):
-        writable_picture(tmp_path / 'new')
+@pytest.mark.parametrize('motion_s', [(1.0, 2.0), None])
+def test_each_group_shows_its_channels_and_its_decision(figures, tmp_path, motion_s):
+    config = ChainConfig(channels=3, groups={'a': (1, 2), 'b': (3,)})
+    volts = np.column_stack([np.sin(TIME_S), np.cos(TIME_S), TIME_S])
+    groups = {'a': ON, 'b': ~ON}
+    draw_trial(tmp_path / 'a.png', TIME_S, volts, config, groups, ON, motion_s, 'A title')
+    (figure,) = figures
+    raw_a, decided_a, raw_b, decided_b, slip = figure.axes
+    marks = 1 if motion_s else 0
+    assert [len(axis.lines) for axis in (raw_a, raw_b)] == [2 + marks, 1 + marks]
+    np.testing.assert_array_equal(raw_b.lines[0].get_ydata(), volts[:, 2])
+    labels = [axis.get_ylabel() for axis in (decided_a, decided_b, slip)]
+    assert labels == ['a', 'b', 'slip']
+
+
+def test_each_stage_is_shown_whole_and_about_the_start_of_the_motion(figures, tmp_path):
+    stages = {'raw [V]': TIME_S, 'level [V]': 2 * TIME_S}
+    draw_stages(tmp_path / 'a.png', TIME_S, stages, ON, 0.5, (1.0, 2.0), 'A title')
+    whole, enlarged = figures[0].axes[0], figures[0].axes[1]
+    np.testing.assert_array_equal(whole.lines[0].get_ydata(), TIME_S)
+    around_ms = enlarged.lines[0].get_xdata()
+    assert (around_ms.min(), around_ms.max()) == (pytest.approx(-40.0), pytest.approx(160.0))
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {},
+        {'exponent': 2, 'rectify': 'half', 'common_mode': 'median'},
+        {'decision': 'evidence', 'noise_floor': 1e-3, 'exponent': 1, 'mains_hz': 50.0},
+    ],
+)
+def test_the_stages_that_are_drawn_are_those_of_the_chain(changes):
+    config = ChainConfig(**changes)
+    (trial,) = simulate_trials(SCENES['400'], [0])
+    raw, _, power, envelope, *decided = stage_signals(trial, config, 5).values()
+    evidence = config.decision == 'evidence'
+    result = SlipChain(config).update(trial.volts, floor=evidence, excess=evidence)
+    np.testing.assert_array_equal(raw, trial.volts[:, 4])
+    wanted = [result.floor, result.excess, result.level] if evidence else [result.level]
+    for drawn, values in zip(decided, wanted, strict=True):
+        np.testing.assert_array_equal(drawn, values[:, 4])
+    window = np.full(15, 1 / 15)  # 40 ms
+    rms = np.sqrt(np.convolve(power**2, window)[: len(power)])
+    np.testing.assert_allclose(rms, envelope, rtol=1e-6, atol=1e-9 * envelope.max())
+
+
+@pytest.mark.parametrize('live', [True, False])
+def test_the_grasp_is_drawn_with_and_without_a_trial_of_the_nodes(tmp_path, live):
+    trials = grasp_trials.by_condition()
+    rows = np.column_stack([np.linspace(0.0, 8.0, 50), np.linspace(0.0, 1e-3, 50)])
+    draw_grasp(
+        tmp_path / 'grasp.png',
+        {name: mine[0] for name, mine in trials.items()},
+        {name: grasp_figures(mine, 10.0) for name, mine in trials.items()},
+        10.0,
+        {'position': rows, 'command': rows} if live else {},
+        5.0,
+    )
+    assert (tmp_path / 'grasp.png').read_bytes().startswith(b'\x89PNG')

@@ -19,7 +19,7 @@ import numpy as np
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Event, Overview
-from slip_detector.report.page_data import SearchTrial, Variant
+from slip_detector.report.page_sections import COSTS, SearchTrial, Variant
 
 GIVEN = ChainConfig()
 TUNED = ChainConfig(passband_hz=(10.0, 60.0), stopbands_hz=(), threshold=1.0, vote='mean')
@@ -83,12 +83,12 @@ def tapped(seed=0):
 
 def overview(name, config, volts, truth, events=(), **settings):
     made, chain = Overview(name, config, **settings), SlipChain(config)
+    evidence = config.decision == 'evidence'
     for a in range(0, len(volts), 1000):
         piece = volts[a : a + 1000]
-        evidence = config.decision == 'evidence'
         result = chain.update(piece, floor=evidence, excess=evidence)
         made.add(piece, result, None if truth is None else truth[a : a + 1000])
-    made.events = events
+    made.finish(events)
     return made
 
 
@@ -116,14 +116,16 @@ def variants(names=('a.npz', 'b.npz'), **settings):
     ]
 
 
+def trial(number, *costs, mark='', **parameters):
+    return SearchTrial(number, dict(zip(COSTS, costs, strict=True)), parameters, mark)
+
+
 def trials():
     """Return trials of a search, of which three are on the front and one is not defined."""
     return [
-        SearchTrial(
-            0, 0.050, 4.0, 0.4, 0.8, {'threshold': 0.5, 'passband_hz': (7.0, 50.0)}, 'given'
-        ),
-        SearchTrial(1, 0.030, 9.0, 0.9, 1.0, {'threshold': 0.2}),
-        SearchTrial(2, 0.020, 1.0, 0.1, 0.9, {'threshold': 1.0}, 'tuned'),
-        SearchTrial(3, 0.080, 0.0, 0.0, 0.7, {'threshold': 3.0}),
-        SearchTrial(4, None, 0.0, 0.0, 0.0, {'threshold': 9.0}),
+        trial(0, 50.0, 4.0, 0.4, 0.8, mark='given', threshold=0.5, passband_hz=(7.0, 50.0)),
+        trial(1, 30.0, 9.0, 0.9, 1.0, threshold=0.2),
+        trial(2, 20.0, 1.0, 0.1, 0.9, mark='tuned', threshold=1.0),
+        trial(3, 80.0, 0.0, 0.0, 0.7, threshold=3.0),
+        trial(4, None, 0.0, 0.0, 0.0, threshold=9.0),
     ]

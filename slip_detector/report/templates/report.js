@@ -22,9 +22,10 @@ const timeline = new Timeline(root, {
   onClick: chooseNear,
 });
 
+// Choose the most important event within reach of a click in the lane of events.
 function chooseNear(at, lane, reach) {
   if (lane?.name !== 'events') return;
-  const near = eventsOf(view.recording).map((event, i) => [event[0], Math.abs(event[1] - at), i])
+  const near = eventsOf(view.recording).map(([kind, start], i) => [kind, Math.abs(start - at), i])
     .filter(([, away]) => away < reach).sort((a, b) => a[0] - b[0] || a[1] - b[1]);
   if (near.length) go(view.variant, view.recording, near[0][2]);
 }
@@ -34,57 +35,45 @@ const onStrip = (event) => {
   const box = minimap.getBoundingClientRect();
   return duration() * (event.clientX - box.left - NAMES_WIDTH) / (box.width - NAMES_WIDTH - RIGHT_MARGIN);
 };
+const isDrag = (event) => Math.abs(event.clientX - strip.x) > 3;
 minimap.addEventListener('pointerdown', (event) => {
   minimap.setPointerCapture(event.pointerId);
   strip = {at: onStrip(event), x: event.clientX};
 });
 minimap.addEventListener('pointermove', (event) => {
-  if (strip && Math.abs(event.clientX - strip.x) > 3) {
-    const to = onStrip(event);
-    look(Math.min(strip.at, to), Math.max(strip.at, to));
-  }
+  if (strip && isDrag(event)) look(...[strip.at, onStrip(event)].sort((a, b) => a - b));
 });
 minimap.addEventListener('pointerup', (event) => {
-  if (strip && Math.abs(event.clientX - strip.x) <= 3) {
-    pan(strip.at - (view.from + view.to) / 2);
-  }
+  if (strip && !isDrag(event)) pan(strip.at - (view.from + view.to) / 2);
   strip = null;
 });
 
-function onKey(event) {
+document.addEventListener('keydown', (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select, input')) return;
-  const keys = {n: () => step(1), p: () => step(-1)};
-  if (event.target === root) {
-    const tenth = (view.to - view.from) / 10;
-    Object.assign(keys, {
-      '+': () => zoom(0.5), '=': () => zoom(0.5), '-': () => zoom(2), Home: whole,
-      ArrowLeft: () => pan(-tenth), ArrowRight: () => pan(tenth),
-      PageUp: () => pan(-9 * tenth), PageDown: () => pan(9 * tenth),
-    });
-  }
-  if (!keys[event.key]) return;
+  const tenth = (view.to - view.from) / 10, keys = {n: () => step(1), p: () => step(-1)};
+  const inTimeline = {
+    '+': () => zoom(0.5), '=': () => zoom(0.5), '-': () => zoom(2), Home: whole,
+    ArrowLeft: () => pan(-tenth), ArrowRight: () => pan(tenth),
+    PageUp: () => pan(-9 * tenth), PageDown: () => pan(9 * tenth),
+  };
+  const act = keys[event.key] ?? (event.target === root && inTimeline[event.key]);
+  if (!act) return;
   event.preventDefault();
-  keys[event.key]();
-}
-document.addEventListener('keydown', onKey);
+  act();
+});
 
 function readOut(seconds, lane) {
   const {rate_hz: rate, lowest_v: lowest, step_v: step} = now(), words = [clock(seconds)];
   if (lane) words.push(lane.name);
-  if (lane?.curve) {
-    const {starts, found} = drawn;
-    let k = starts.findLastIndex((row) => row <= seconds * rate);
-    const piece = found.find(({first, stop}) => k < stop - first || (k -= stop - first) < 0);
-    if (k >= 0 && piece) {
-      const c = lane.channel, at = c * piece.n + piece.first + k;
-      const [low, high] = [piece.low[at], piece.high[at]].map((code) => lowest[c] + step[c] * code);
-      words.push(piece.low[at] === NO_SAMPLE ? 'no sample'
-        : high > low ? `${volts(low)} to ${volts(high)}` : volts(low),
-      `level / threshold ${ratio(piece.signals.level[at])}`);
-      for (const name of ['excess', 'floor']) {
-        const code = piece.signals[name]?.[at];
-        if (code) words.push(`${name} ${decibels(name, code).toFixed(1)} dB`);
-      }
+  const {starts, found} = drawn, c = lane?.channel;
+  let k = starts.findLastIndex((row) => row <= seconds * rate);
+  const piece = found.find(({first, stop}) => k < stop - first || (k -= stop - first) < 0);
+  if (lane?.curve && k >= 0 && piece) {
+    const at = c * piece.n + piece.first + k;
+    const [low, high] = [piece.low[at], piece.high[at]].map((code) => lowest[c] + step[c] * code);
+    words.push(piece.low[at] === NO_SAMPLE ? 'no sample' : high > low ? `${volts(low)} to ${volts(high)}` : volts(low));
+    for (const [signal, codes] of Object.entries(piece.signals)) {
+      if (codes[at] || signal === 'level') words.push(wordsOf(signal, codes[at]));
     }
   }
   element('readout').textContent = words.join(' \u00b7 ');
@@ -92,74 +81,56 @@ function readOut(seconds, lane) {
 
 // ---- events
 
-function list() {
-  const rows = [];
-  header.recordings.forEach((_, r) => eventsOf(r).forEach((event, i) => {
-    if (shown.has(event[0])) rows.push([r, i, event]);
-  }));
-  return rows;
+// The events of the kinds that are ticked, each with the numbers of its recording and of itself.
+function ticked() {
+  return header.recordings.flatMap((_, r) => (
+    eventsOf(r).map((event, i) => [r, i, event]).filter(([, , event]) => shown.has(event[0]))));
 }
 
-function fillKinds() {
-  const counts = KINDS.map(() => 0);
-  header.recordings.forEach((_, r) => eventsOf(r).forEach((event) => counts[event[0]]++));
+function fillList() {
+  const all = header.recordings.flatMap((_, r) => eventsOf(r)), rows = ticked();
   element('kinds').replaceChildren(...KINDS.map(([name, mark], kind) => {
     const label = make('label'), box = make('input');
-    box.type = 'checkbox';
-    box.checked = shown.has(kind);
+    Object.assign(box, {type: 'checkbox', checked: shown.has(kind)});
     box.addEventListener('change', () => {
       shown[box.checked ? 'add' : 'delete'](kind);
       listed = LISTED;
       fillList();
+      element('kinds').children[kind].firstChild.focus();
     });
-    const text = make('span', ` ${mark} ${name} (${counts[kind]})`, `kind-${kind}`);
-    label.append(box, text);
+    const count = all.filter((event) => event[0] === kind).length;
+    label.append(box, make('span', ` ${mark} ${name} (${count})`, `kind-${kind}`));
     return label;
   }));
-}
-
-function fillList() {
-  const rows = list(), several = header.recordings.length > 1;
-  const heads = ['', 'start', 'length', 'latency'], head = make('tr');
-  head.append(...heads.map((text) => make('th', text)));
-  document.querySelector('#event-list thead').replaceChildren(head);
   const body = document.querySelector('#event-list tbody');
   body.replaceChildren();
-  const across = (text, className) => {
-    const row = make('tr'), cell = make('td', text, className);
-    cell.colSpan = heads.length;
-    row.append(cell);
-    body.append(row);
-    return row;
+  const row = (cells, key) => {
+    const made = make('tr');
+    made.append(...cells);
+    if (key) made.dataset.event = key;
+    body.append(made);
   };
+  const across = (text, className, key) => row([Object.assign(make('td', text, className), {colSpan: 4})], key);
   const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)}\u00a0ms`);
-  let above = null;
-  for (const [r, i, event] of rows.slice(0, listed)) {
-    if (several && r !== above) across(header.recordings[r].name, 'name');
+  let above = header.recordings.length > 1 ? null : 0;
+  for (const [r, i, [kind, start, end, latency, parts, note]] of rows.slice(0, listed)) {
+    if (r !== above) across(header.recordings[r].name, 'name');
     above = r;
-    const [kind, start, end, latency, parts, note] = event, row = make('tr');
-    const link = make('a', `${KINDS[kind][1]} ${KINDS[kind][0]}`, `kind-${kind}`);
+    const link = make('a', `${KINDS[kind][1]} ${KINDS[kind][0]}`, `kind-${kind}`), first = make('td');
     link.href = `#event-${view.variant}-${r}-${i}`;
-    const first = make('td');
     first.append(link);
-    row.append(first);
-    row.append(make('td', clock(start)), make('td', ms(end - start)), make('td', ms(latency)));
-    body.append(row);
-    row.dataset.event = `${r}-${i}`;
+    row([first, ...[clock(start), ms(end - start), ms(latency)].map((text) => make('td', text))], `${r}-${i}`);
     const where = Object.entries(parts).map(([name, s]) => `${name} ${ms(s)}`);
     if (note) where.push(note);
-    if (where.length) across(where.join(', '), 'where').dataset.event = row.dataset.event;
+    if (where.length) across(where.join(', '), 'where', `${r}-${i}`);
   }
-  if (!rows.length) {
-    const known = header.recordings.some((_, r) => eventsOf(r).length);
-    across(known ? 'none of the kinds that are ticked' : 'no events');
-  }
+  if (!rows.length) across(all.length ? 'none of the kinds that are ticked' : 'no events');
   element('more').hidden = rows.length <= listed;
   element('more').textContent = `show more (${rows.length - listed} left)`;
-  markListed();
+  markChosen();
 }
 
-function markListed() {
+function markChosen() {
   const key = view.chosen && `${view.recording}-${eventsOf(view.recording).indexOf(view.chosen)}`;
   for (const row of document.querySelectorAll('#event-list tbody tr')) {
     row.classList.toggle('chosen', row.dataset.event === key);
@@ -170,45 +141,30 @@ function markListed() {
 function go(v, r, i) {
   if (v !== view.variant) choose('variant', v);
   if (r !== view.recording) choose('recording', r);
-  const event = eventsOf(r)[i];
+  const event = eventsOf(r)[i], [, start, end, latency] = event;
   view.chosen = event;
   // Leave room before and after the event, and for a late alarm.
-  const end = Math.max(Math.min(event[2], event[1] + 2), event[1] + (event[3] ?? 0));
-  look(event[1] - 0.3, end + 0.4);
-  markListed();
+  look(start - 0.3, Math.max(Math.min(end, start + 2), start + (latency ?? 0)) + 0.4);
+  markChosen();
   const box = element('drawing').getBoundingClientRect();
   if (box.top < 0 || box.top > window.innerHeight - 150) element('toolbar').scrollIntoView();
 }
 
 function step(by) {
-  const rows = list(), at = rows.findIndex(([r, , event]) => r === view.recording && event === view.chosen);
-  const next = rows[at < 0 ? (by > 0 ? 0 : rows.length - 1) : at + by];
-  if (!next) return;
-  if (rows.indexOf(next) >= listed) {
-    listed = rows.indexOf(next) + LISTED;
+  const rows = ticked(), at = rows.findIndex(([r, , event]) => r === view.recording && event === view.chosen);
+  const to = at < 0 ? (by > 0 ? 0 : rows.length - 1) : at + by;
+  if (!rows[to]) return;
+  if (to >= listed) {
+    listed = to + LISTED;
     fillList();
   }
-  go(view.variant, next[0], next[1]);
+  go(view.variant, ...rows[to]);
 }
 
 function fromHash() {
-  const match = /^#event-(\d+)-(\d+)-(\d+)$/.exec(location.hash);
-  if (!match) return;
-  const [v, r, i] = match.slice(1).map(Number);
+  const [v, r, i] = (/^#event-(\d+)-(\d+)-(\d+)$/.exec(location.hash) ?? []).slice(1).map(Number);
   if (header.recordings[r]?.variants[v]?.events[i]) go(v, r, i);
 }
-
-element('event-list').addEventListener('click', (event) => {
-  const key = event.target.closest('tr')?.dataset.event;
-  if (!key) return;
-  const [r, i] = key.split('-').map(Number);
-  go(view.variant, r, i);
-});
-element('more').addEventListener('click', () => {
-  listed += 1000;
-  fillList();
-});
-window.addEventListener('hashchange', fromHash);
 
 // ---- controls
 
@@ -221,22 +177,17 @@ function choose(what, value) {
   } else {
     document.querySelector(`input[name=variant][value="${value}"]`).checked = true;
     listed = LISTED;
-    fillKinds();
     fillList();
   }
-  markListed();
+  markChosen();
   showScale();
   redraw();
 }
 
 function start() {
-  header.recordings.forEach((recording, r) => {
-    const option = make('option', recording.name);
-    option.value = r;
-    element('recording').append(option);
-  });
+  header.recordings.forEach(({name}, r) => (
+    element('recording').append(Object.assign(make('option', name), {value: r}))));
   element('recording-choice').hidden = header.recordings.length < 2;
-  element('recording').addEventListener('change', (event) => choose('recording', Number(event.target.value)));
   names.forEach((name, v) => {
     const label = make('label'), radio = make('input');
     Object.assign(radio, {type: 'radio', name: 'variant', value: v, checked: v === view.variant});
@@ -245,28 +196,36 @@ function start() {
     element('variant-choice').append(label);
   });
   element('variant-choice').hidden = names.length < 2;
-  const buttons = {
-    'zoom-in': () => zoom(0.5), 'zoom-out': () => zoom(2), whole,
-    previous: () => step(-1), next: () => step(1),
-  };
-  for (const [id, act] of Object.entries(buttons)) element(id).addEventListener('click', act);
-  const signals = header.recordings.flatMap(({variants}) => variants.flatMap((v) => v.signals));
-  for (const option of [...element('signal').options]) {
-    if (option.value !== 'volts' && !signals.includes(option.value)) option.remove();
-  }
-  if (signals.includes('excess')) {
-    element('signal').querySelector('[value=level]').textContent = 'level or evidence / threshold';
-  }
-  element('signal').addEventListener('change', (event) => {
-    element('scale-choice').hidden = event.target.value !== 'volts';
+  const on = (id, event, act) => element(id).addEventListener(event, act);
+  on('recording', 'change', ({target}) => choose('recording', Number(target.value)));
+  on('zoom-in', 'click', () => zoom(0.5));
+  on('zoom-out', 'click', () => zoom(2));
+  on('whole', 'click', whole);
+  on('previous', 'click', () => step(-1));
+  on('next', 'click', () => step(1));
+  on('same-scale', 'change', redraw);
+  on('event-list', 'click', ({target}) => {
+    const key = target.closest('tr')?.dataset.event;
+    if (key) go(view.variant, ...key.split('-').map(Number));
+  });
+  on('more', 'click', () => {
+    listed += 1000;
+    fillList();
+  });
+  on('signal', 'change', ({target}) => {
+    element('scale-choice').hidden = target.value !== 'volts';
     showScale();
     redraw();
   });
-  element('same-scale').addEventListener('change', redraw);
+  window.addEventListener('hashchange', fromHash);
+  const signals = header.recordings.flatMap(({variants}) => variants.flatMap((v) => Object.keys(v.signals)));
+  for (const option of [...element('signal').options]) {
+    if (option.value !== 'volts' && !signals.includes(option.value)) option.remove();
+    if (option.value === 'level' && signals.includes('excess')) option.textContent = 'level or evidence / threshold';
+  }
   const all = header.recordings.flatMap((_, r) => eventsOf(r));
-  if (all.length && all.every((event) => event[0] === 3)) shown.add(3);
+  if (all.length && all.every(([kind]) => kind === DETECTED)) shown.add(DETECTED);
   [view.from, view.to] = [0, Math.max(duration(), 10 / now().rate_hz)];
-  fillKinds();
   fillList();
   showScale();
   fromHash();

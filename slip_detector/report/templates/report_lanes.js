@@ -1,12 +1,13 @@
-// The lanes of a report's timeline, and the strip of the whole recording above them.
+'use strict';
+// A report's timeline: its data, which page.py encodes, and what is drawn of them.
 
+const NO_SAMPLE = 0xffff;
 const KINDS = [['false alarm', '\u25bc', '#d55e00'], ['missed', '\u2715', '#a3347f'],
   ['late', '\u25c6', '#e69f00'], ['detected', '\u25cf', '#009e73']];
-const LISTED = 200, THRESHOLD_CODE = 128, CODES_OF_OCTAVE = 16;
-// The range of the codes of levels that a lane shows.
+const LISTED = 200, DETECTED = 3;
+// The code of a level that equals the threshold, and the range of codes that a lane of levels shows.
+const THRESHOLD_CODE = 128, CODES_OF_OCTAVE = 16;
 const LEVEL_CODES = [-1, 1].map((sign) => THRESHOLD_CODE + sign * CODES_OF_OCTAVE * LEVEL_OCTAVES);
-// The range of the codes of floor and excess that a lane shows: all of them.
-const DECIBEL_CODES = [1, 255];
 const root = element('timeline'), minimap = element('minimap');
 const header = JSON.parse(element('header').textContent);
 const recordings = header.recordings.map(() => null);
@@ -16,18 +17,138 @@ const shown = new Set([0, 1, 2]);
 let listed = LISTED, pending = false, drawn = null;
 
 const now = () => header.recordings[view.recording];
+const variantNow = () => now().variants[view.variant];
 const duration = () => now().rows / now().rate_hz;
-const eventsOf = (r, v = view.variant) => header.recordings[r].variants[v].events;
+const eventsOf = (r) => header.recordings[r].variants[view.variant].events;
+
+// ---- data
 
 function load(r) {
-  recordings[r] ??= inflate(element(`data-${r}`).textContent)
-    .then((bytes) => decode(header.recordings[r], bytes));
+  recordings[r] ??= inflate(element(`data-${r}`).textContent).then((bytes) => decode(header.recordings[r], bytes));
   return recordings[r];
 }
 
-function fail(text) {
-  element('failure').hidden = false;
-  element('failure').textContent = text;
+async function inflate(base64) {
+  const text = atob(base64.trim()), bytes = new Uint8Array(text.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = text.charCodeAt(i);
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+function decode({channels: {length: channels}, bins, bin_rows: binRows, variants}, bytes) {
+  let at = 0;
+  const next = (n) => bytes.subarray(at, at += n);
+  const voltsOf = (rows) => {
+    const low = next(channels * rows), high = next(channels * rows), codes = new Uint16Array(low.length);
+    for (let i = 0; i < codes.length; i++) codes[i] = low[i] | (high[i] << 8);
+    return codes;
+  };
+  const signalsOf = ({signals}, rows) => each(Object.keys(signals), () => next(channels * rows));
+  const lower = (a, b) => (a < b ? a : b), higher = (a, b) => (a > b ? a : b);
+  // A bin without samples has the code NO_SAMPLE, the highest one, in both.
+  const higherVolts = (a, b) => (a === NO_SAMPLE ? b : b === NO_SAMPLE || a > b ? a : b);
+  const low = voltsOf(bins), high = binRows > 1 ? voltsOf(bins) : low;
+  return {
+    low: halved(low, channels, bins, lower),
+    high: halved(high, channels, bins, higherVolts),
+    variants: variants.map((variant) => {
+      const signals = signalsOf(variant, bins);
+      return {
+        signals: each(Object.keys(signals), (name) => halved(signals[name], channels, bins, higher)),
+        snippets: variant.snippets.map(([start, rows]) => (
+          {start, rows, volts: voltsOf(rows), signals: signalsOf(variant, rows)})),
+      };
+    }),
+  };
+}
+
+// An object with of(name) for each name, in the order of the names.
+function each(keys, of) {
+  return Object.fromEntries(keys.map((name) => [name, of(name)]));
+}
+
+// The values in all resolutions: as they are, then joined in twos, in fours and so on; in each the
+// channels follow one another.
+function halved(values, channels, n, join) {
+  const sizes = [{values, n}];
+  while (n > 512) {
+    const half = Math.ceil(n / 2), next = new values.constructor(channels * half);
+    for (let c = 0; c < channels; c++) {
+      for (let j = 0; j < half; j++) {
+        const i = c * n + 2 * j, last = 2 * j + 1 === n;
+        next[c * half + j] = join(values[i], values[last ? i : i + 1]);
+      }
+    }
+    sizes.push({values: next, n: half});
+    [values, n] = [next, half];
+  }
+  return sizes;
+}
+
+// The pieces to draw between two rows: single rows where they were kept, else bins of about a pixel.
+// A piece: {row, rows, n, first, stop, low, high, signals}. Its value i begins at row + i * rows and
+// spans that number of rows; the values from first up to stop are drawn. low, high and each of
+// signals have n values for each channel; those of a channel begin at channel * n.
+function pieces(data, from, to, rowsOfPixel) {
+  const {bin_rows: binRows} = now(), level = Math.max(0, Math.ceil(Math.log2(rowsOfPixel / binRows)));
+  const size = Math.min(level, data.low.length - 1), rows = binRows * 2 ** size;
+  const {signals, snippets} = data.variants[view.variant], found = [];
+  // One more value at either end, so that curves reach the edge.
+  [from, to] = [from - rows, to + rows];
+  const bins = (start, end) => {
+    const {values: low, n} = data.low[size], high = data.high[size].values;
+    const first = Math.max(0, Math.floor(start / rows)), stop = Math.min(n, Math.ceil(end / rows));
+    const its = each(Object.keys(signals), (name) => signals[name][size].values);
+    if (stop > first) found.push({row: 0, rows, n, first, stop, low, high, signals: its});
+  };
+  let at = from;
+  for (const {start: row, rows: n, volts: low, signals: codes} of rows > 1 && size === 0 ? snippets : []) {
+    if (row + n <= from || row >= to) continue;
+    if (row > at) bins(at, row);
+    const first = Math.max(0, Math.floor(from) - row - 1), stop = Math.min(n, Math.ceil(to) - row + 1);
+    found.push({row, rows: 1, n, first, stop, low, high: low, signals: codes});
+    at = row + n;
+  }
+  if (at < to) bins(at, to);
+  return found;
+}
+
+// The rows at which the values of pieces begin, and the row after the last value.
+function startsOf(found) {
+  const starts = [];
+  let end = 0;
+  for (const {row, rows, first, stop} of found) {
+    // A bin that begins before its piece is drawn from the beginning of the piece on.
+    for (let i = first; i < stop; i++) starts.push(Math.max(row + i * rows, end));
+    end = row + stop * rows;
+  }
+  return [...starts, end];
+}
+
+// A channel's curve in view, as Timeline.draw takes it, and the range of codes that it has.
+function curve(found, channel) {
+  const signal = signalShown(), rows = [], low = [], high = [];
+  const [least, most] = signal === 'level' ? LEVEL_CODES : [1, 255];
+  let [lowest, highest] = [Infinity, -Infinity];
+  const code = signal === 'volts' ? (value) => {
+    if (value === NO_SAMPLE) return null;
+    if (value < lowest) lowest = value;
+    if (value > highest) highest = value;
+    return value;
+  } : (value) => (value ? Math.max(least, Math.min(most, value)) : null);
+  for (const piece of found) {
+    const [lows, highs] = signal === 'volts' ? [piece.low, piece.high] : Array(2).fill(piece.signals[signal]);
+    for (let i = piece.first, k = channel * piece.n + i; i < piece.stop; i++, k++) {
+      const from = code(lows[k]), to = code(highs[k]), single = piece.rows === 1;
+      rows.push(single ? from : null);
+      low.push(single ? null : from);
+      high.push(single ? null : to);
+    }
+  }
+  // Repeated at its end, the last bin is drawn in its full length.
+  for (const values of [low, high]) values.push(values.at(-1) ?? null);
+  rows.push(null);
+  return {rows, low, high, range: signal === 'volts' ? [lowest, highest] : [least, most]};
 }
 
 // ---- text
@@ -41,167 +162,132 @@ function clock(seconds, step = 0.001) {
   return `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, '0')}:${rest}`;
 }
 
-function ratio(code) {
-  if (code === 0) return 'not valid';
-  const octaves = (code - THRESHOLD_CODE) / CODES_OF_OCTAVE;
-  return `${code === 1 ? '\u2264 ' : ''}${(2 ** octaves).toPrecision(2)}`;
-}
-
-// The decibels of a code of excess or floor, and back.
-function decibels(name, code) {
-  const [low, high] = now().variants[view.variant].ranges_db[name];
+// The value of a code: octaves above the threshold, or decibels.
+function valueOf(signal, code) {
+  const [low, high] = variantNow().signals[signal];
   return low + (code - 1) / 254 * (high - low);
 }
 
-function codeOf(name, value) {
-  const [low, high] = now().variants[view.variant].ranges_db[name];
-  return 1 + 254 * (value - low) / (high - low);
+// What is at a code of a signal, in words.
+function wordsOf(signal, code) {
+  if (signal !== 'level') return `${signal} ${valueOf(signal, code).toFixed(1)} dB`;
+  const ratio = `${code === 1 ? '\u2264 ' : ''}${(2 ** valueOf(signal, code)).toPrecision(2)}`;
+  return `level / threshold ${code ? ratio : 'not valid'}`;
 }
 
 // The signal that channels show: the chosen one, or the level where the variant lacks that signal.
 function signalShown() {
   const chosen = element('signal').value;
-  const known = chosen === 'volts' || now().variants[view.variant].signals.includes(chosen);
-  return known ? chosen : 'level';
+  return chosen === 'volts' || chosen in variantNow().signals ? chosen : 'level';
 }
 
-// A text on the range of decibels in which a lane shows excess or floor.
-function scaleOfDecibels() {
-  const name = signalShown(), {ranges_db: ranges, offset_db: offset} = now().variants[view.variant];
-  if (!ranges?.[name]) return '';
-  const [low, high] = ranges[name].map((value) => value.toFixed(1));
-  const line = name === 'excess' ? `, with a line at ${offset.toFixed(1)} dB, above which evidence grows` : '';
-  return `The ${name} is drawn from ${low} to ${high} dB${line}. `;
-}
-
+// Say on what scale and how finely channels are drawn.
 function showScale() {
-  element('resolution').textContent = scaleOfDecibels() + resolution();
-}
-
-// A text on the resolution of the drawing.
-function resolution() {
-  const {bin_rows: bin, rate_hz: rate} = now(), events = eventsOf(view.recording);
-  const grouped = new Set(now().variants.flatMap((v) => v.groups.flatMap((group) => group.members)));
-  const disabled = now().channels.length - grouped.size;
-  const without = disabled ? ` Disabled channels, ${disabled} of them, are left out.` : '';
-  if (bin === 1) return `Each row is drawn when zoomed in.${without}`;
-  const snippets = now().variants[view.variant].snippets;
+  const {bin_rows: bin, rate_hz: rate, channels, variants} = now(), {signals, offset_db: offset, snippets} = variantNow();
+  const signal = signalShown(), words = [];
+  if (signal === 'excess' || signal === 'floor') {
+    const [low, high] = signals[signal].map((value) => value.toFixed(1));
+    const line = signal === 'excess' ? `, with a line at ${offset.toFixed(1)} dB, above which evidence grows` : '';
+    words.push(`The ${signal} is drawn from ${low} to ${high} dB${line}.`);
+  }
+  const events = eventsOf(view.recording);
   const fine = events.filter(([, start]) => snippets.some(
     ([first, rows]) => start * rate >= first - 0.5 && start * rate < first + rows)).length;
-  return `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms; `
-    + `row by row about the start of ${fine} of ${events.length} events.${without}`;
+  words.push(bin === 1 ? 'Each row is drawn when zoomed in.'
+    : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms; `
+      + `row by row about the start of ${fine} of ${events.length} events.`);
+  const disabled = channels.length - groupedChannels(variants).size;
+  if (disabled) words.push(`Disabled channels, ${disabled} of them, are left out.`);
+  element('resolution').textContent = words.join(' ');
 }
+
+const groupedChannels = (variants) => new Set(
+  variants.flatMap(({groups}) => groups.flatMap(({members}) => members.map((member) => member - 1))));
 
 // ---- lanes, from top to bottom
 
-function lanesOf(data, found) {
-  const recording = now(), variant = data.variants[view.variant];
-  const {groups} = recording.variants[view.variant];
-  const grouped = recording.variants.flatMap((v) => v.groups.flatMap((group) => group.members));
-  const left = new Set(grouped.map((member) => member - 1));
-  const free = window.innerHeight - 330;
-  const height = Math.max(18, Math.min(60, Math.floor(free / Math.max(left.size, 1))));
-  const intervals = (rows, color) => (pen, lane) => (
-    bars(pen, xOfRow(pen), rows, lane.top, lane.height - 1, color));
+function lanesOf(found) {
+  const {channels, truth, variants} = now(), left = groupedChannels(variants);
+  const height = Math.max(18, Math.min(60, Math.floor((window.innerHeight - 330) / Math.max(left.size, 1))));
+  const intervals = (rows, color) => (pen, lane) => bars(pen, xOfRow(pen), rows, lane.top, lane.height - 1, color);
   const channel = (c, name) => ({
     name, height, channel: c, className: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(found),
   });
   const lanes = [{name: 'events', height: 16, paint: paintEvents}];
-  if (data.truth) lanes.push({name: 'label', height: 16, paint: intervals(data.truth, LABEL)});
-  names.forEach((name, v) => lanes.push({
-    name: names.length > 1 ? `slip ${name}` : 'slip', height: 16, paint: intervals(data.variants[v].slip, ON),
-  }));
-  if (variant.afterImpact.length) {
-    lanes.push({name: 'after impact', height: 16, paint: intervals(variant.afterImpact, '#8d99a3')});
-  }
-  groups.forEach((group, g) => {
-    const decisions = intervals(variant.groups[g], GROUP_ON);
-    lanes.push({
-      name: group.name, height: 14, className: 'group',
-      paint: (pen, lane) => {
-        decisions(pen, lane);
-        pen.context.fillStyle = '#aeb6bc';
-        pen.context.fillRect(pen.left, lane.top - 1, pen.right - pen.left, 1);
-      },
-    });
-    for (const member of group.members) {
-      left.delete(member - 1);
-      lanes.push(channel(member - 1, recording.channels[member - 1]));
+  if (truth) lanes.push({name: 'label', height: 16, paint: intervals(truth, LABEL)});
+  variants.forEach(({slip}, v) => lanes.push(
+    {name: names.length > 1 ? `slip ${names[v]}` : 'slip', height: 16, paint: intervals(slip, ON)}));
+  const {after_impact: afterImpact, groups} = variantNow();
+  if (afterImpact.length) lanes.push({name: 'after impact', height: 16, paint: intervals(afterImpact, '#8d99a3')});
+  for (const {name, on, members} of groups) {
+    lanes.push({name, height: 14, className: 'group', paint: intervals(on, GROUP_ON)});
+    for (const c of members.map((member) => member - 1)) {
+      left.delete(c);
+      lanes.push(channel(c, channels[c]));
     }
-  });
+  }
   // Channels that only this variant has disabled.
-  for (const c of left) lanes.push(channel(c, `${recording.channels[c]} (off)`));
+  for (const c of left) lanes.push(channel(c, `${channels[c]} (off)`));
   return lanes;
 }
 
 const xOfRow = (pen) => (row) => pen.xOf(row / now().rate_hz);
 
 function paintEvents({context, xOf}, lane) {
-  const y = lane.top + lane.height / 2;
   context.textAlign = 'center';
   context.textBaseline = 'middle';
-  const events = eventsOf(view.recording);
   // The most important kinds are drawn last, on top of the others.
-  for (let kind = KINDS.length - 1; kind >= 0; kind--) {
+  for (const [kind, start] of [...eventsOf(view.recording)].sort((a, b) => b[0] - a[0])) {
+    if (start < view.from - 1 || start > view.to + 1) continue;
     context.fillStyle = KINDS[kind][2];
-    context.font = `${kind === 3 ? 9 : 13}px system-ui, sans-serif`;
-    for (const event of events) {
-      if (event[0] === kind && event[1] >= view.from - 1 && event[1] <= view.to + 1) {
-        context.fillText(KINDS[kind][1], xOf(event[1]), y);
-      }
-    }
+    context.font = `${kind === DETECTED ? 9 : 13}px system-ui, sans-serif`;
+    context.fillText(KINDS[kind][1], xOf(start), lane.top + lane.height / 2);
   }
 }
 
 // Paint the strip under a channel's curve that shows how near the channel is to its threshold.
 const paintStrip = (found) => (pen, lane) => {
-  const {context, right, left} = pen, xOf = xOfRow(pen);
-  const y = lane.top + lane.height - STRIP - 1;
-  // The code of a line in the lane, and the lane's range: above the line a level is ON, or an excess
-  // adds to the evidence.
-  const marks = {
-    level: () => [THRESHOLD_CODE, LEVEL_CODES],
-    excess: () => [codeOf('excess', now().variants[view.variant].offset_db), DECIBEL_CODES],
-  };
-  const mark = marks[signalShown()];
-  if (mark) {
-    const [code, [low, high]] = mark(), top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
-    context.fillStyle = '#c9a28c';
-    context.fillRect(left, bottom - (bottom - top) * (code - low) / (high - low), right - left, 1);
+  const {context, right, left} = pen, xOf = xOfRow(pen), signal = signalShown();
+  const top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
+  // Above this line a level is ON, or an excess adds to the evidence.
+  let share = null;
+  if (signal === 'level') share = 0.5;
+  if (signal === 'excess') {
+    const {signals: {excess: [low, high]}, offset_db: offset} = variantNow();
+    share = (offset - low) / (high - low);
   }
+  context.fillStyle = '#c9a28c';
+  if (share !== null) context.fillRect(left, bottom - (bottom - top) * share, right - left, 1);
   for (const {row, rows, n, first, stop, signals: {level: levels}} of found) {
     const colorAt = (i) => {
       const code = levels[lane.channel * n + i];
-      return code === 0 ? hatching(context) : shade((code - THRESHOLD_CODE) / CODES_OF_OCTAVE);
+      return code ? shade((code - THRESHOLD_CODE) / CODES_OF_OCTAVE) : hatching(context);
     };
-    paintRuns(context, y, STRIP, first, stop, colorAt, (i) => xOf(row + i * rows));
+    paintRuns(context, lane.top + lane.height - STRIP - 1, STRIP, first, stop, colorAt, (i) => xOf(row + i * rows));
   }
 };
 
-const paintUnderAll = (data) => (pen) => {
-  const {context, xOf, top, bottom} = pen;
+function paintUnderAll(pen) {
+  const {context, xOf, top, bottom} = pen, {truth} = now();
   context.fillStyle = '#fff';
   context.fillRect(pen.left, top, pen.right - pen.left, bottom - top);
-  if (data.truth) bars(pen, xOfRow(pen), data.truth, top, bottom - top, '#e8f2f9');
+  if (truth) bars(pen, xOfRow(pen), truth, top, bottom - top, '#e8f2f9');
   if (!view.chosen) return;
-  const [, start, end, latency] = view.chosen;
-  const {top: upper, height} = timeline.lanes[0];
+  const [, start, end, latency] = view.chosen, {top: upper, height} = timeline.lanes[0];
   context.fillStyle = '#fff3c4';
   context.fillRect(xOf(start), 0, Math.max(xOf(end) - xOf(start), 1), upper + height);
-  const line = (seconds, dash) => {
-    context.setLineDash(dash);
-    context.beginPath();
-    context.moveTo(xOf(seconds), 0);
-    context.lineTo(xOf(seconds), bottom);
-    context.stroke();
-  };
-  context.strokeStyle = INK;
-  context.lineWidth = 1;
-  line(start, []);
-  if (latency !== null) line(start + latency, [4, 3]);
-};
+  context.fillStyle = INK;
+  context.fillRect(xOf(start), 0, 1, bottom);
+  // The alarm's line is dashed.
+  for (let y = 0; latency !== null && y < bottom; y += 7) context.fillRect(xOf(start + latency), y, 1, 4);
+}
 
 // ---- drawing
+
+function fail(text) {
+  element('failure').hidden = false;
+  element('failure').textContent = text;
+}
 
 function redraw() {
   if (pending) return;
@@ -224,71 +310,46 @@ function draw(data) {
   const {rate_hz: rate, step_v: step} = now(), {from, to} = view;
   const width = Math.max(root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN, 1);
   const rowsOfPixel = (to - from) * rate / width;
-  const found = pieces(now(), data, view.variant, from * rate, to * rate, rowsOfPixel);
-  const lanes = lanesOf(data, found), channels = lanes.filter((lane) => lane.curve);
+  const found = pieces(data, from * rate, to * rate, rowsOfPixel), starts = startsOf(found);
+  const lanes = lanesOf(found), channels = lanes.filter((lane) => lane.curve);
   const curves = channels.map((lane) => curve(found, lane.channel));
   if (signalShown() === 'volts') {
-    const span = ([low, high], c) => step[c] * (high - low);
-    const widest = Math.max(...curves.map(({range}, i) => span(range, channels[i].channel)));
+    const spans = curves.map(({range: [low, high]}, i) => Math.max(step[channels[i].channel] * (high - low), 0));
+    const widest = Math.max(...spans);
     channels.forEach((lane, i) => {
-      if (!curves[i].known) return;
-      const [low, high] = curves[i].range, middle = (low + high) / 2, c = lane.channel;
-      const half = element('same-scale').checked ? widest / step[c] / 2 : (high - low) / 2;
-      // A curve that is flat lies in the middle of its lane.
-      curves[i].range = half ? [middle - half, middle + half] : [middle - 1, middle + 1];
-      lane.note = volts(2 * half * step[c]);
+      const [low, high] = curves[i].range, span = element('same-scale').checked ? widest : spans[i];
+      // A curve that is flat lies in the middle of its lane; one without samples anywhere.
+      const half = span / step[lane.channel] / 2 || 1, middle = high < low ? 0 : (low + high) / 2;
+      curves[i].range = [middle - half, middle + half];
+      if (high >= low) lane.note = volts(span);
     });
   }
   timeline.setLanes(lanes);
-  const starts = startsOf(found);
   drawn = {found, starts};
   timeline.draw({
-    from, to, curves, x: starts.map((row) => row / rate), paint: paintUnderAll(data),
+    from, to, curves, x: starts.map((row) => row / rate), paint: paintUnderAll,
     steps: found.some(({rows}) => rows > 3 * rowsOfPixel),
   });
-  drawMinimap(data);
-  Object.assign(root.dataset, {
-    fromS: from, toS: to, recording: view.recording, variant: view.variant,
-  });
+  drawMinimap();
+  Object.assign(root.dataset, {fromS: from, toS: to, recording: view.recording, variant: view.variant});
   root.ariaBusy = String(pending);
   document.documentElement.dataset.readyMs ??= performance.now();
 }
 
-// The curve of a channel in view, and the range of codes that its lane shows.
-function curve(found, channel) {
-  const signal = signalShown();
-  if (signal !== 'volts') {
-    const range = signal === 'level' ? LEVEL_CODES : DECIBEL_CODES, [least, most] = range;
-    const code = (value) => (value ? Math.max(least, Math.min(most, value)) : null);
-    const values = ({signals}) => [signals[signal], signals[signal]];
-    return {...curveOf(found, channel, values, code), range};
-  }
-  let least = Infinity, most = -Infinity;
-  const values = curveOf(found, channel, ({low, high}) => [low, high], (value) => {
-    if (value === NO_SAMPLE) return null;
-    if (value < least) least = value;
-    if (value > most) most = value;
-    return value;
-  });
-  return most < least ? {...values, range: [0, 1], known: false} : {...values, range: [least, most], known: true};
-}
-
-function drawMinimap(data) {
+function drawMinimap() {
   const ratio = window.devicePixelRatio || 1, width = minimap.clientWidth, height = minimap.clientHeight;
   Object.assign(minimap, {width: Math.round(width * ratio), height: Math.round(height * ratio)});
-  const context = minimap.getContext('2d');
+  const context = minimap.getContext('2d'), pen = {context, left: NAMES_WIDTH, right: width - RIGHT_MARGIN};
   context.scale(ratio, ratio);
-  const pen = {context, left: NAMES_WIDTH, right: width - RIGHT_MARGIN};
   const xOf = (seconds) => pen.left + seconds * (pen.right - pen.left) / duration();
   const xOfRows = (row) => xOf(row / now().rate_hz);
   context.fillStyle = '#f3f4f5';
   context.fillRect(pen.left, 0, pen.right - pen.left, height);
-  if (data.truth) bars(pen, xOfRows, data.truth, 0, height, TRUTH);
-  bars(pen, xOfRows, data.variants[view.variant].slip, height * 0.55, height * 0.45, ON);
-  for (const event of eventsOf(view.recording)) {
-    if (event[0] === 3) continue;
-    context.fillStyle = KINDS[event[0]][2];
-    context.fillRect(xOf(event[1]) - 1, 0, 2, height * 0.5);
+  bars(pen, xOfRows, now().truth ?? [], 0, height, TRUTH);
+  bars(pen, xOfRows, variantNow().slip, height * 0.55, height * 0.45, ON);
+  for (const [kind, start] of eventsOf(view.recording)) {
+    context.fillStyle = KINDS[kind][2];
+    if (kind !== DETECTED) context.fillRect(xOf(start) - 1, 0, 2, height * 0.5);
   }
   const from = xOf(view.from), to = Math.max(xOf(view.to), from + 2);
   context.fillStyle = 'rgba(60, 70, 80, 0.25)';

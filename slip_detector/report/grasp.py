@@ -1,0 +1,256 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The figures of the grasp as text, and their picture."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from slip_detector.grasp.comparison import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED
+from slip_detector.grasp.loop import GraspTrial
+from slip_detector.report.pictures import COLORS, save_picture
+from slip_detector.report.tables import heading, number_text, text_table, verdict_cells
+
+Floats = NDArray[np.float64]
+Figures = Mapping[str, Mapping[str, Any]]
+
+#: Format of each figure in the table of conditions.
+FORMATS = {
+    'mean_slide_mm': '.2f',
+    'worst_slide_mm': '.2f',
+    'force_percent': '.1f',
+    'most_force_percent': '.1f',
+    'onsets': '.1f',
+}
+
+#: Name and colour of each condition, in the order in which they are drawn.
+LABEL = {
+    CONTROLLER: 'controller',
+    PAPER: "controller,\npaper's detector",
+    UNCONTROLLED: 'no controller',
+    AT_LIMIT: 'always\nat the limit',
+}
+COLOR = dict(zip(LABEL, (COLORS[0], COLORS[4], COLORS[1], COLORS[2]), strict=True))
+
+#: Height of the displacement panel, as a multiple of the object's slide under the controller.
+SHOWN_SLIDES = 4.0
+
+#: Up to this slide the axis of slides is linear.
+LINEAR_TO_MM = 0.1
+
+#: Height at which dropped objects are drawn, as a multiple of the longest slide.
+HEADROOM = 1.35
+
+
+def grasp_table(result: Mapping[str, Any]) -> str:
+    """Return the figures as text: conditions, wanted figures, and the trials with the nodes.
+
+    Parameters
+    ----------
+    result
+        The content of ``grasp.json``; see :mod:`slip_detector.nodes.grasp_demo`.
+
+    Examples
+    --------
+    >>> figures = {'dropped': 0, 'trials': 1, 'mean_slide_mm': 0.2, 'worst_slide_mm': 0.2}
+    >>> figures |= {'force_percent': 40.0, 'most_force_percent': 44.0, 'onsets': 2.0}
+    >>> figures['needed_percent'] = 30.0
+    >>> result = {'seeds': [0], 'transport_ms': 5.0, 'conditions': {CONTROLLER: figures}}
+    >>> result['harder'] = {}
+    >>> grasp_table({**result, 'wanted': {}, 'nodes': {}}).splitlines()[1]
+    'In simulated time, 5 ms from sample to command'
+    """
+    seeds, parts = result['seeds'], result['conditions']
+    rows = [['', '', 'slide [mm]', '', 'grip [% of limit]', '', ''],
+            ['', 'dropped', 'mean', 'worst', 'mean', 'most', 'onsets']]  # fmt: skip
+    for name, part in {**parts, **result['harder']}.items():
+        figures = [number_text(part[key], form) for key, form in FORMATS.items()]
+        rows.append([name, f'{part["dropped"]} of {part["trials"]}', *figures])
+    wanted = [
+        [condition, heading(name), *verdict_cells(entry)]
+        for condition, entries in result['wanted'].items()
+        for name, entry in entries.items()
+    ]
+    needed = parts[CONTROLLER]['needed_percent']
+    lines = [
+        f'{len(seeds)} objects (seeds {seeds[0]} to {seeds[-1]}): gripped, lifted and filled '
+        'until they are two to three times as heavy',
+        f'In simulated time, {result["transport_ms"]:g} ms from sample to command',
+        '',
+        text_table(rows),
+        '',
+        f'The smallest grip that would hold the objects: {needed:.1f} % of the limit.',
+        '',
+        'Wanted of the controller',
+        '',
+        text_table(wanted, '<<><'),
+    ]
+    if result['nodes']:
+        lines += ['', *_through_nodes(result)]
+    return '\n'.join(lines)
+
+
+def _through_nodes(result: Mapping[str, Any]) -> list[str]:
+    rows = [['', 'slide [mm]', '', 'command [% of limit]', ''],
+            ['seed', 'nodes', 'simulated', 'nodes', 'simulated']]  # fmt: skip
+    for seed, part in result['nodes'].items():
+        both = (part, part['simulated'])
+        slides = (number_text(one['slide_mm'], '.2f') for one in both)
+        commands = (number_text(one['command_percent'], '.1f') for one in both)
+        rows.append([seed, *slides, *commands])
+    latency = result['latency_ms']
+    says = 'undefined, no onset was answered'
+    if latency:
+        says = f'median {latency["median"]:.1f} ms, most {latency["most"]:.1f} ms'
+    return [
+        'Through driver, detector and controller in real time, beside the same in simulated time',
+        '',
+        text_table(rows),
+        '',
+        f'From sample to command: {says}',
+    ]
+
+
+def draw_grasp(
+    path: Path,
+    trials: Mapping[str, GraspTrial],
+    figures: Figures,
+    limit_n: float,
+    live: Mapping[str, Floats],
+    wanted_mm: float,
+) -> None:
+    """Draw one object under each condition, and the figures over all objects.
+
+    Parameters
+    ----------
+    path
+        The picture to write.
+    trials
+        The trial of one object under each condition.
+    figures
+        The figures under each condition, from
+        :func:`slip_detector.grasp.comparison.grasp_figures`.
+    limit_n
+        The largest grip force.
+    live
+        The same object through the nodes: ``position`` and ``command``, arrays of shape (n, 2)
+        with times in their first columns; empty where it was not played.
+    wanted_mm
+        Upper bound of the worst slide under the controller.
+    """
+    figure = plt.figure(figsize=(12.5, 7.2), layout='constrained')
+    halves: Any = figure.subfigures(1, 2, width_ratios=[2.1, 1.0])
+    left, right = halves
+    force, decision, place = left.subplots(3, 1, sharex=True, height_ratios=[3.0, 0.8, 2.6])
+    slides, spent = right.subplots(2, 1)
+    controlled = trials[CONTROLLER]
+    _draw_force(force, controlled, limit_n, live.get('command'))
+    for row, (on, color) in enumerate(
+        ((controlled.sliding, '0.35'), (controlled.slip, COLOR[CONTROLLER]))
+    ):
+        band = (row - 0.35, row + 0.35)
+        decision.fill_between(controlled.time_s, *band, where=on, color=color, step='post')
+    decision.set(ylim=(-0.6, 1.6))
+    decision.set_yticks([0, 1], ['it slides', '/slip'])
+    _draw_place(place, trials, live.get('position'))
+    begin_s = controlled.time_s[np.argmax(controlled.needed_n > 0.0)]
+    for onset_s in controlled.onsets_s[controlled.onsets_s >= begin_s]:
+        for axis in (force, decision, place):
+            axis.axvline(onset_s, color=COLOR[CONTROLLER], linewidth=0.8, alpha=0.35, zorder=0)
+    place.set(xlabel='time [s]', xlim=(controlled.time_s[0], controlled.time_s[-1]))
+    left.suptitle('One object: gripped, lifted, filled', fontsize=11)
+    _draw_slides(slides, figures, wanted_mm)
+    _draw_spent(spent, figures)
+    right.suptitle(f'All {figures[CONTROLLER]["trials"]} objects', fontsize=11)
+    for axis in (force, decision, place, slides, spent):
+        axis.spines[['top', 'right']].set_visible(False)
+    save_picture(figure, path)
+
+
+def _draw_force(axis: Axes, trial: GraspTrial, limit_n: float, command: Floats | None) -> None:
+    time_s, limit_color = trial.time_s, COLOR[AT_LIMIT]
+    label = 'just enough to hold it'
+    axis.fill_between(time_s, trial.needed_n, color='0.55', alpha=0.3, linewidth=0, label=label)
+    axis.axhline(limit_n, color=limit_color, linestyle='--', linewidth=1.2)
+    axis.text(time_s[-1], 0.99 * limit_n, 'limit', color=limit_color, ha='right', va='top')
+    axis.plot(time_s, trial.command_n, color='k', linewidth=0.9, label='commanded')
+    axis.plot(time_s, trial.force_n, color=COLOR[CONTROLLER], linewidth=2.0, label='grip')
+    if command is not None:
+        axis.plot(*command.T, color='k', linestyle=':', linewidth=1.6, label='commanded, live')
+    axis.set(ylabel='force [N]', ylim=(0.0, 1.06 * limit_n))
+    axis.legend(loc='upper left', bbox_to_anchor=(0.0, 0.93), fontsize=9, frameon=False)
+    # The weight grows twice: when the object is lifted and when it is filled.
+    grows = np.diff(trial.needed_n) > 0.0
+    edges = np.flatnonzero(np.diff(grows.astype(int), prepend=0, append=0))
+    for word, first, last in zip(('lifted', 'filled'), edges[::2], edges[1::2], strict=False):
+        middle_s = 0.5 * (time_s[first] + time_s[last])
+        axis.text(middle_s, 0.15, word, ha='center', fontsize=9, color='0.25')
+
+
+def _draw_place(axis: Axes, trials: Mapping[str, GraspTrial], position: Floats | None) -> None:
+    # An object that slides further leaves the panel; the legend says how far it slides.
+    most_mm = max(SHOWN_SLIDES * float(trials[CONTROLLER].position_m[-1]) * 1e3, 0.1)
+    for name in (UNCONTROLLED, PAPER, CONTROLLER):
+        trial = trials[name]
+        end = 'dropped' if trial.dropped else f'{trial.position_m[-1] * 1e3:.2f} mm'
+        axis.plot(
+            trial.time_s, trial.position_m * 1e3, color=COLOR[name],
+            linewidth=2.0 if name == CONTROLLER else 1.3,
+            label=f'{LABEL[name]}: {end}'.replace('\n', ' '),
+        )  # fmt: skip
+    if position is not None:
+        label = f'controller, live: {position[-1, 1] * 1e3:.2f} mm'
+        axis.plot(position[:, 0], position[:, 1] * 1e3, 'k:', linewidth=1.6, label=label)
+    axis.set(ylabel='displacement [mm]', ylim=(-0.03 * most_mm, most_mm))
+    axis.legend(loc='upper left', fontsize=9, frameon=False)
+
+
+def _draw_slides(axis: Axes, figures: Figures, wanted_mm: float) -> None:
+    names = (CONTROLLER, PAPER, UNCONTROLLED)
+    known = [s for name in names for s in figures[name]['slide_mm'] if s is not None]
+    dropped_mm = HEADROOM * max([wanted_mm, *known])
+    for place, name in enumerate(names):
+        slides = [dropped_mm if s is None else s for s in figures[name]['slide_mm']]
+        spread = np.linspace(-0.28, 0.28, len(slides)) if len(slides) > 1 else np.zeros(1)
+        axis.plot(place + spread, slides, 'o', color=COLOR[name], markersize=4, alpha=0.8)
+        mean_mm = figures[name]['mean_slide_mm']
+        if mean_mm is not None:
+            axis.hlines(mean_mm, place - 0.36, place + 0.36, color='k', linewidth=1.5)
+            axis.text(place + 0.38, mean_mm, f'{mean_mm:.2f}', va='center', fontsize=9)
+    for slide_mm, word in ((wanted_mm, 'wanted'), (dropped_mm, 'dropped')):
+        axis.axhline(slide_mm, color='0.6', linestyle='--', linewidth=0.8, zorder=0)
+        axis.text(-0.45, slide_mm, word, va='bottom', fontsize=9, color='0.4')
+    axis.set_xticks(range(len(names)), [LABEL[name] for name in names])
+    # Logarithmic from LINEAR_TO_MM on: the slides differ by a factor of a thousand.
+    axis.set_yscale('symlog', linthresh=LINEAR_TO_MM)
+    axis.set(xlim=(-0.5, len(names) - 0.3), ylim=(0.0, 1.5 * dropped_mm))
+    axis.set_ylabel('slide of each, and mean [mm]')
+    axis.yaxis.set_major_formatter('{x:g}')
+
+
+def _draw_spent(axis: Axes, figures: Figures) -> None:
+    shares = [figures[name]['force_percent'] for name in COLOR]
+    bars = axis.bar(range(len(COLOR)), shares, 0.65, color=list(COLOR.values()))
+    axis.bar_label(bars, [f'{share:.0f}' for share in shares], padding=2, fontsize=9)
+    needed = figures[CONTROLLER]['needed_percent']
+    axis.axhline(needed, color='k', linestyle=':', linewidth=1.4)
+    axis.text(2.0, needed, 'just enough', ha='center', va='bottom', fontsize=9)
+    axis.set_xticks(range(len(COLOR)), list(LABEL.values()), fontsize=8)
+    axis.set(ylabel='mean grip [% of the limit]', ylim=(0.0, 115.0))

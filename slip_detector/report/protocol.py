@@ -1,0 +1,321 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The figures of the paper's protocol as text, and the counterparts of the paper's pictures."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+from scipy import signal
+
+from slip_detector.chain.filters import design
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.protocol import (
+    PAPER_DELAY_MS,
+    PAPER_FALSE_POSITIVE_PERCENT,
+    SCENES,
+    PlateTrial,
+    band_name,
+)
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.report.pictures import (
+    COLORS,
+    ENLARGED_S,
+    draw_stages,
+    draw_trial,
+    enlarged_panels,
+    save_picture,
+)
+from slip_detector.report.tables import number_text, text_table, verdict_cells
+
+Floats = NDArray[np.float64]
+
+#: Headings of the wanted figures.
+MEANINGS = {
+    'detected_percent': 'trials detected [%]',
+    **{
+        f'mean_delay_ms.{plate}': f'mean delay, {plate} um, within the sd of the paper [ms]'
+        for plate in SCENES
+    },
+    'least_rise_ms': 'least rise of the mean delay from plate to plate [ms]',
+    'worst_false_positive_percent': 'false positives, worst plate [% of the time without slip]',
+    'windows.20.false_positive_percent_more': 'false positives, windows of 20 ms less 40 ms [%]',
+    'windows.30.false_positive_percent_more': 'false positives, windows of 30 ms less 40 ms [%]',
+    'bands.10-100.least_shortening_ms': 'delay saved by [10, 100] Hz, least of the plates [ms]',
+    'bands.10-150.least_shortening_ms': 'delay saved by [10, 150] Hz, least of the plates [ms]',
+}
+
+
+def protocol_table(result: Mapping[str, Any]) -> str:
+    """Return the figures as text: the paper's beside ours, and at the end the wanted ones.
+
+    Parameters
+    ----------
+    result
+        As :func:`slip_detector.evaluation.protocol.run_protocol` returns it.
+    """
+    plates, seeds = result['plates'], result['seeds']
+    wanted = [[MEANINGS[name], *verdict_cells(one)] for name, one in result['wanted'].items()]
+    blocks = [
+        f"The paper's protocol: {len(plates)} plates, {len(seeds)} trials on each, "
+        f'seeds {seeds[0]} to {seeds[-1]}\n'
+        'Delay [ms] from the start of the plate to the first ON, mean over the channels (Eq. 10)',
+        text_table(_delays(result)),
+        "False positives: share of the time at which the plate stands. The paper's delays of the "
+        'single trials are not known.',
+        'Mean delay [ms] by the length of both windows (as Fig. 4)',
+        text_table(_variants(plates, _windows(result))),
+        'Mean delay [ms] by band (as Fig. 7)',
+        text_table(_variants(plates, _bands(result))),
+        'Wanted',
+        text_table(wanted),
+    ]
+    if result['plots']:
+        blocks.append(f'Written: {", ".join(result["plots"])}')
+    return '\n\n'.join(blocks)
+
+
+def _delays(result: Mapping[str, Any]) -> list[list[str]]:
+    """Return the delays of the single trials and the figures of all, by plate."""
+    plates, paper = result['plates'], result['paper']
+    columns = [*plates.values(), result['all']]
+
+    def row(head: str, key: str, form: str = '.2f') -> list[str]:
+        return [head, *(number_text(column[key], form) for column in columns)]
+
+    def paper_row(head: str, key: str) -> list[str]:
+        return [head, *(number_text(paper['plates'][plate][key], '.2f') for plate in plates), '']
+
+    rows = [['', *(f'{plate} um' for plate in plates), 'all']]
+    for k, seed in enumerate(result['seeds']):
+        delays = (number_text(one['trial_delays_ms'][k], '.2f') for one in plates.values())
+        rows.append([f'seed {seed}', *delays, ''])
+    false_percent = number_text(paper['false_positive_percent'], '.2f')
+    return [
+        *rows,
+        row('mean', 'mean_delay_ms'),
+        paper_row('mean, paper', 'mean_delay_ms'),
+        row('sd', 'sd_delay_ms'),
+        paper_row('sd, paper', 'sd_delay_ms'),
+        ['detected', *map(_detected, columns)],
+        row('success [%]', 'success_percent', '.1f'),
+        row('false positives [%]', 'false_positive_percent'),
+        ['false positives, paper [%]', *([''] * len(plates)), false_percent],
+        row('channels without ON', 'channels_without_on', 'd'),
+    ]
+
+
+def _variants(plates: Sequence[str], variants: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
+    """Return the mean delays and false positives of variants of the chain, by their names."""
+    rows = [['', *(f'{plate} um' for plate in plates), 'detected', 'false positives [%]']]
+    for name, part in variants.items():
+        delays = (number_text(one['mean_delay_ms'], '.2f') for one in part['plates'].values())
+        false_percent = number_text(part['all']['false_positive_percent'], '.2f')
+        rows.append([name, *delays, _detected(part['all']), false_percent])
+    return rows
+
+
+def _detected(part: Mapping[str, Any]) -> str:
+    return f'{part["detected"]} of {part["trials"]}'
+
+
+def _windows(result: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return the figures with each length of the windows, by its name."""
+    return {f'{name} ms': part for name, part in result['windows'].items()}
+
+
+def _bands(result: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return the figures with the configured band and with each other one, by its name."""
+    others = {band_name(name): part for name, part in result['bands'].items()}
+    return {'as configured': result, **others}
+
+
+def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[str, Floats]:
+    """Return the signals of one channel after each stage of the chain (Eq. 1-8).
+
+    Parameters
+    ----------
+    trial
+        A trial without bad samples.
+    config
+        The parameters of the chain.
+    channel
+        An enabled channel, counted from 1.
+
+    Returns
+    -------
+    dict
+        Arrays of shape (n,), by the name and unit of the signal, in the order of the stages. The
+        last signals come from the chain itself: the envelope, with evidence also noise floor and
+        excess, and the level, which is compared with the threshold.
+
+    Raises
+    ------
+    ValueError
+        When the chain cannot be built.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.protocol import plate_trial
+    >>> time_s = np.arange(760) / 380.0
+    >>> volts = 4.3 + 0.02 * np.sin(2 * np.pi * 25.0 * time_s)[:, np.newaxis] * np.ones(16)
+    >>> trial = plate_trial(volts, np.clip(time_s - 1.0, 0.0, 0.5), 380.0)
+    >>> {signal.shape for signal in stage_signals(trial, ChainConfig(), channel=1).values()}
+    {(760,)}
+    """
+    evidence = config.decision == 'evidence'
+    result = SlipChain(config).update(trial.volts, floor=evidence, excess=evidence)
+    at = channel - 1
+    # Like the chain, filter the deviations from the first row, the baseline.
+    deviations = trial.volts - trial.volts[0]
+    volts = deviations[:, at]
+    if config.common_mode != 'none':
+        enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
+        volts = volts - getattr(np, config.common_mode)(deviations[:, enabled], axis=1)
+    if config.mains_rows:
+        before = volts[: -config.mains_rows]
+        volts = np.concatenate([np.zeros(config.mains_rows), volts[config.mains_rows :] - before])
+    filtered = signal.sosfilt(design(config), volts)
+    rectified = np.abs(filtered) if config.rectify == 'full' else np.maximum(filtered, 0.0)
+    unit = 'V' if config.exponent == 1 else f'V$^{config.exponent}$'
+    signals = {
+        'raw [V]': trial.volts[:, at],
+        f'filtered,\ntimes {config.gain:g} [V]': filtered,
+        f'rectified,\nto the power\nof {config.exponent} [{unit}]': rectified**config.exponent,
+        f'RMS envelope\n[{unit}]': result.envelope[:, at],
+    }
+    if not evidence:
+        return {**signals, f'mean of the\nenvelope [{unit}]': result.level[:, at]}
+    signals['noise floor\n[dB]'] = result.floor[:, at]
+    signals['excess,\n0 after an\nimpact [dB]'] = result.excess[:, at]
+    return {**signals, 'evidence\n[dB s]': result.level[:, at]}
+
+
+def draw_protocol(
+    folder: Path,
+    plates: Mapping[str, Sequence[PlateTrial]],
+    config: ChainConfig,
+    result: Mapping[str, Any],
+) -> list[Path]:
+    """Draw the counterparts of the paper's Figs. 2, 4, 5, 6 and 7.
+
+    Parameters
+    ----------
+    folder
+        An existing folder for the pictures.
+    plates
+        The trials of each plate. Figs. 2 and 5 show the first trial of the first plate.
+    config
+        The parameters of the chain.
+    result
+        The figures of these trials, from :func:`slip_detector.evaluation.protocol.run_protocol`.
+
+    Returns
+    -------
+    list of Path
+        The pictures.
+
+    Raises
+    ------
+    ValueError
+        When a picture cannot be written; names it.
+    """
+    first_plate, (trial, *_) = next(iter(plates.items()))
+    decided = SlipChain(config).update(trial.volts)
+    channel = next(c for c in range(1, config.channels + 1) if c not in config.disabled_channels)
+    of_trial = f'plate of {first_plate} µm, trial with the seed {result["seeds"][0]}'
+    paths = {number: folder / f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)}
+    stages, on = stage_signals(trial, config, channel), decided.channels[:, channel - 1]
+    title = f'{config.names[channel - 1]} from stage to stage; {of_trial}'
+    draw_stages(paths[2], trial.time_s, stages, on, config.threshold, trial.motion_s, title)
+    _draw_variants(paths[4], _windows(result), 'length of\nboth windows')
+    groups = dict(zip(config.groups, decided.groups.T, strict=True))
+    title = f'Channels by group, decisions of the groups and of all; {of_trial}'
+    draw_trial(
+        paths[5], trial.time_s, trial.volts, config, groups, decided.slip, trial.motion_s, title
+    )
+    _draw_decisions(paths[6], plates, config)
+    _draw_variants(paths[7], _bands(result), 'band')
+    return list(paths.values())
+
+
+def _draw_decisions(
+    path: Path, plates: Mapping[str, Sequence[PlateTrial]], config: ChainConfig
+) -> None:
+    """Draw the global decision of each trial, counterpart of the paper's Fig. 6.
+
+    The motion is above it. A row of bars is a trial.
+    """
+    rows, motion_s = 1 + len(plates), next(iter(plates.values()))[0].motion_s
+    figure, axes = enlarged_panels(rows, motion_s, 1.8 * rows)
+    for (plate, trials), color, panels in zip(plates.items(), COLORS, axes[1:], strict=False):
+        first = trials[0]
+        since_ms = (first.time_s - first.motion_s[0]) * 1e3
+        near = since_ms <= ENLARGED_S[1] * 1e3
+        axes[0, 0].plot(first.time_s, first.position_m * 1e3, color='0.2')
+        axes[0, 1].plot(since_ms[near], first.position_m[near] * 1e3, color='0.2')
+        for number, trial in enumerate(trials, start=1):
+            slip = SlipChain(config).update(trial.volts, envelope=False, level=False).slip
+            edges = np.flatnonzero(np.diff(slip, prepend=False, append=False))
+            for axis, times in zip(panels, (first.time_s, since_ms), strict=True):
+                turns = np.append(times, 2 * times[-1] - times[-2])[edges]
+                spans = np.column_stack([turns[::2], np.diff(turns)[::2]])
+                axis.broken_barh(spans, (number - 0.35, 0.7), color=color)
+        for axis in panels:
+            axis.set_ylim(len(trials) + 0.7, 0.3)
+            axis.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
+        panels[0].set(ylabel=f'{plate} µm\ntrial', xlim=(0.0, first.time_s[-1]))
+    axes[0, 0].set_ylabel('platform [mm]')
+    axes[0, 0].set_title('whole trials (grey: the plate moves; bars: slip is ON)', fontsize=10)
+    save_picture(figure, path)
+
+
+def _draw_variants(path: Path, variants: Mapping[str, Mapping[str, Any]], title: str) -> None:
+    """Draw delay and false positives of variants of the chain beside those of the paper."""
+    figure, (delay, share) = plt.subplots(1, 2, figsize=(11, 4.2), layout='constrained')
+    plates = list(next(iter(variants.values()))['plates'])
+    places, width = np.arange(len(plates)), 0.8 / (len(variants) + 1)
+    for v, ((name, part), color) in enumerate(zip(variants.items(), COLORS, strict=False)):
+        # NaN where a figure is not defined.
+        mean_ms, sd_ms, false_percent = np.array(
+            [
+                [part['plates'][plate][key] for plate in plates]
+                for key in ('mean_delay_ms', 'sd_delay_ms', 'false_positive_percent')
+            ],
+            np.float64,
+        )
+        at = places + (v - len(variants) / 2) * width
+        error_ms = np.nan_to_num(sd_ms)
+        bars = delay.bar(at, mean_ms, 0.9 * width, yerr=error_ms, capsize=3, color=color)
+        delay.bar_label(bars, fmt='%.1f', label_type='center', color='w', fontsize=8)
+        share.bar(at, false_percent, 0.9 * width, color=color, label=name)
+    paper_ms, paper_sd_ms = zip(*(PAPER_DELAY_MS[plate] for plate in plates), strict=True)
+    at = places + len(variants) / 2 * width
+    delay.errorbar(at, paper_ms, paper_sd_ms, fmt='D', color='k', capsize=4)
+    share.axhline(PAPER_FALSE_POSITIVE_PERCENT, color='k', linestyle='--', label='the paper')
+    delay.set(ylabel='mean delay ± sd [ms]', ylim=(0.0, None))
+    delay.set_title('Delay from the start of the plate (diamonds: the paper)', fontsize=10)
+    share.set(ylabel='ON while the plate stands [%]', ylim=(0.0, None))
+    share.set_title('False positives', fontsize=10)
+    for axis in (delay, share):
+        axis.set_xticks(places, [f'{plate} µm' for plate in plates])
+        axis.grid(axis='y', color='0.9', linewidth=0.5)
+        axis.set_axisbelow(True)
+    share.legend(title=title, loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False)
+    save_picture(figure, path)

@@ -1,0 +1,235 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables of plain text, as the commands print them, and the texts of figures."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from slip_detector.evaluation.figures import ALREADY_ON, STAGES
+
+#: The text of a figure that is not defined.
+UNDEFINED = '-'
+
+UNITS = {'ms': 'ms', 'mm': 'mm', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
+
+#: Headings of the figures whose names alone say too little.
+HEADINGS = {
+    'matched': 'detected',
+    'settling_slips': 'while settling',
+    'settling_alarms': 'while settling',
+    'false_time_percent': 'ON without slip [%]',
+    'false_time_s_per_hour': 'ON [s an hour]',
+    'force_percent': 'mean grip [% of the limit]',
+    'gaps': 'gaps bridged',
+}
+
+#: The figures in each table of an evaluation, by its title; the first is titled by the set's name.
+TABLES: dict[str, Sequence[str]] = {
+    '': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all', 'auc_moving'),
+    "as the paper's": (
+        'mean_delay_ms', 'sd_delay_ms', 'success_percent', 'false_positive_percent',
+    ),
+    'slips': (
+        'slips', 'settling_slips', 'matched', 'late', 'missed', 'recall', 'recall_by_chance',
+        'sooner_than_chance',
+    ),
+    'latency': (
+        'latency_median_all_ms', 'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms',
+    ),
+    'alarms': (
+        'alarms', 'settling_alarms', 'repeated_alarms', 'false_alarms', 'precision',
+        'precision_by_chance',
+    ),
+    'rest': (
+        'rest_s', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour',
+    ),
+    'mean latency, by stage': [f'{stage}_ms' for stage in STAGES],
+    'of the late ones': [f'late_{stage}_ms' for stage in STAGES],
+    'missed slips, lost at': [*(f'missed_at_{stage}' for stage in STAGES), f'missed_{ALREADY_ON}'],
+    'faults': ('bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'),
+}  # fmt: skip
+
+#: The tables that are left out where all their figures are 0 or not defined.
+OPTIONAL = tuple(TABLES)[-4:]
+
+LEGEND = f'{UNDEFINED}: not defined (no such rows or events, or the motion is not recorded)'
+
+#: The figures by which chains are compared.
+MAIN_FIGURES = (
+    'slips', 'missed', 'late', 'recall', 'sooner_than_chance', 'precision', 'false_alarms',
+    'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms', 'latency_median_ms',
+    'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
+)  # fmt: skip
+
+
+def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int = 2) -> str:
+    """Return rows of text as a table whose columns are two spaces apart.
+
+    Parameters
+    ----------
+    rows
+        Rows with the same number of cells.
+    alignment
+        One character for each column: ``<`` aligns its cells to the left, ``>`` to the right. The
+        last character applies to all further columns too.
+    indent
+        Spaces before the first column.
+
+    Raises
+    ------
+    ValueError
+        When the rows differ in length.
+
+    Examples
+    --------
+    >>> print(text_table([('plate', 'delay [ms]'), ('400 um', '38.98'), ('all', '-')], indent=0))
+    plate   delay [ms]
+    400 um       38.98
+    all              -
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    sides = alignment.ljust(len(widths), alignment[-1])
+    lines = []
+    for row in rows:
+        cells = zip(row, sides, widths, strict=False)
+        padded = '  '.join(f'{cell:{side}{width}}' for cell, side, width in cells)
+        lines.append((' ' * indent + padded).rstrip())
+    return '\n'.join(lines)
+
+
+def number_text(value: float | None, form: str) -> str:
+    """Return a figure in one of Python's formats; a dash where it is not defined.
+
+    Examples
+    --------
+    >>> number_text(38.9777, '.2f'), number_text(None, '.2f')
+    ('38.98', '-')
+    """
+    return UNDEFINED if value is None else format(value, form)
+
+
+def figure_text(name: str, value: float | None) -> str:
+    """Return a figure as text, with the digits that its name asks for.
+
+    A latency below 0 is no early detection: ``slip`` was ON before its label, for example from an
+    unrelated alarm. The text says so.
+
+    Examples
+    --------
+    >>> figure_text('sd_ms', 41.26), figure_text('recall', 0.95), figure_text('auc', None)
+    ('41.3', '0.950', '-')
+    >>> figure_text('latency_median_ms', -96.3)
+    'ON 96.3 before'
+    """
+    if isinstance(value, int):
+        return str(value)
+    if name.startswith('latency') and value is not None and value < 0.0:
+        return f'ON {-value:.1f} before'
+    if name.endswith(('_ms', '_s', '_per_hour')):
+        return number_text(value, '.1f')
+    return number_text(value, '.2f' if name.endswith(('_percent', '_per_minute')) else '.3f')
+
+
+def heading(name: str) -> str:
+    """Return the name of a figure as a heading, with its unit in brackets.
+
+    Examples
+    --------
+    >>> heading('latency_p90_ms'), heading('matched')
+    ('latency p90 [ms]', 'detected')
+    """
+    if name in HEADINGS:
+        return HEADINGS[name]
+    words = name.replace('auc', 'AUC').split('_')
+    unit = f' [{UNITS[words.pop()]}]' if words[-1] in UNITS and len(words) > 1 else ''
+    return ' '.join(words) + unit
+
+
+def verdict_cells(verdict: Mapping[str, Any]) -> list[str]:
+    """Return the value of a wanted figure, its bound and whether it is met."""
+    value, met = number_text(verdict['value'], '.2f'), 'met' if verdict['met'] else 'NOT met'
+    return [value, f'wanted {verdict["bound"]}', met]
+
+
+def evaluation_tables(report: Mapping[str, Any]) -> str:
+    """Return a report of ``slip_evaluate`` as tables; the last line of each is the whole set.
+
+    Parameters
+    ----------
+    report
+        As :func:`slip_detector.commands.evaluate.as_report` returns it.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.evaluator import recording_figures
+    >>> figures = recording_figures([])
+    >>> report = {'sets': {'trials': {**figures, 'recordings': {}}}, 'all': figures}
+    >>> evaluation_tables(report).splitlines()[1].split()
+    ['all', 'rows', '0', '0', '-', '0', '-', '-']
+    """
+    blocks, notes = [], []
+    for name, whole in report['sets'].items():
+        recordings = whole['recordings']
+        blocks += _tables(name, {**recordings, 'all rows': whole})
+        if not any(whole[figure] for figure in TABLES['faults']):
+            notes.append(f'{name}: no bad samples, no gaps, no rows dropped')
+        for file, one in recordings.items():
+            notes += [f'{file}: {one[key]}' for key in ('lost', 'doubts') if one[key]]
+    if len(report['sets']) > 1:
+        blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']})
+    if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
+        notes.append(LEGEND)
+    if 'not_evaluated' in report:
+        notes.append(f'Stopped early, not evaluated: {", ".join(report["not_evaluated"])}')
+    if 'written' in report:
+        notes.append(f'Written: {", ".join(report["written"])}')
+    return '\n\n'.join([*(text_table(block, indent=0) for block in blocks), '\n'.join(notes)])
+
+
+def _tables(name: str, rows: Mapping[str, Mapping[str, Any]]) -> list[list[list[str]]]:
+    """Return the cells of each table, with its last row for all; the first columns align."""
+    width = max(map(len, [name, *rows, *TABLES]))
+    *_, whole = rows.values()
+    tables = []
+    for title, figures in TABLES.items():
+        if title in OPTIONAL and not any(whole[figure] for figure in figures):
+            continue
+        heads = (heading(figure).removeprefix(f'{title} ') for figure in figures)
+        tables.append([[(title or name).ljust(width), *heads]])
+        for row, values in rows.items():
+            cells = [figure_text(figure, values[figure]) for figure in figures]
+            tables[-1].append([row.ljust(width), *cells])
+    return tables
+
+
+def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
+    """Return the figures of the given and of the tuned chain beside each other, as text.
+
+    Parameters
+    ----------
+    given, tuned
+        Figures as :func:`slip_detector.evaluation.figures.figures_of_merit` returns them.
+
+    Examples
+    --------
+    >>> given = dict.fromkeys(MAIN_FIGURES) | {'recall': 0.8}
+    >>> print(comparison_table(given, {**given, 'recall': 0.95}).splitlines()[4])
+      recall                   0.800  0.950
+    """
+    rows = [['', 'given', 'tuned']]
+    for name in MAIN_FIGURES:
+        if name != 'auc_moving' or given[name] is not None:
+            rows.append([heading(name), *(figure_text(name, one[name]) for one in (given, tuned))])
+    return text_table(rows)

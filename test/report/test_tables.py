@@ -1,0 +1,159 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables of text, and the texts of figures."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.evaluation.protocol import WANTED
+from slip_detector.grasp.comparison import (
+    CONTROLLER,
+    HARDER,
+    QUARTER_RIDGES,
+    UNCONTROLLED,
+    check_wanted,
+    grasp_figures,
+)
+from slip_detector.report.grasp import grasp_table
+from slip_detector.report.protocol import MEANINGS, protocol_table
+from slip_detector.report.tables import (
+    MAIN_FIGURES,
+    TABLES,
+    comparison_table,
+    evaluation_tables,
+    text_table,
+)
+from support import grasp_trials
+
+CELL = st.text('ab 1.', max_size=8).map(str.strip)
+
+
+@given(
+    st.integers(1, 5).flatmap(
+        lambda n: st.lists(st.lists(CELL, min_size=n, max_size=n), min_size=1)
+    ),
+    st.sampled_from(['<', '>', '<>', '><<']),
+    st.integers(0, 3),
+)
+def test_each_cell_is_in_its_column_on_its_side(rows, alignment, indent):
+    lines = text_table(rows, alignment, indent).split('\n')
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    sides = alignment.ljust(len(widths), alignment[-1])
+    for line, row in zip(lines, rows, strict=True):
+        cells = [
+            cell.ljust(width) if side == '<' else cell.rjust(width)
+            for cell, side, width in zip(row, sides, widths, strict=False)
+        ]
+        assert line == (' ' * indent + '  '.join(cells)).rstrip()
+
+
+def test_rows_of_different_lengths_are_refused():
+    with pytest.raises(ValueError, match='zip'):
+        text_table([('a', 'b'), ('c',)])
+
+
+def evaluated(value, **figures):
+    names = [name for figures in TABLES.values() for name in figures]
+    return {**dict.fromkeys(names, value), 'lost': '', 'doubts': '', **figures}
+
+
+def test_damage_of_a_recording_and_figures_that_are_not_defined_are_explained():
+    recordings = {
+        'a.mcap': evaluated(1, lost='is cut off at byte 9'),
+        'b.mcap': evaluated(1),
+        'c.mcap': evaluated(1, doubts='has no checksums'),
+    }
+    whole = {**evaluated(1), 'recordings': recordings}
+    report = {'sets': {'x': whole}, 'all': whole}
+    lines = evaluation_tables(report).splitlines()
+    assert lines[-2:] == ['a.mcap: is cut off at byte 9', 'c.mcap: has no checksums']
+    whole['auc_all'] = None
+    assert evaluation_tables(report).endswith('the motion is not recorded)')
+
+
+def test_tables_of_missed_slips_and_faults_are_left_out_where_there_are_none():
+    report = {'sets': {'x': {**evaluated(0), 'recordings': {}}}, 'all': evaluated(0)}
+    text = evaluation_tables(report)
+    assert 'missed slips' not in text
+    assert text.endswith('x: no bad samples, no gaps, no rows dropped')
+    report['sets']['x']['missed_at_vote'] = 1
+    assert 'missed slips, lost at' in evaluation_tables(report)
+
+
+def test_given_and_tuned_are_beside_each_other():
+    given_ = dict.fromkeys(MAIN_FIGURES, 1) | {'recall': 0.5, 'latency_median_ms': None}
+    tuned = {**given_, 'recall': 0.75, 'latency_worst_ms': -120.0}
+    lines = comparison_table(given_, tuned).splitlines()
+    assert lines[0].split() == ['given', 'tuned']
+    assert lines[4].split() == ['recall', '0.500', '0.750']
+    assert [line.split()[-2:] for line in lines if 'latency median [ms]' in line] == [['-', '-']]
+    # Slip was ON before its label.
+    assert next(line for line in lines if 'worst' in line).endswith(' 1  ON 120.0 before')
+    assert len(lines) == 1 + len(MAIN_FIGURES)
+    # Nobody says what moves.
+    assert 'AUC moving' not in comparison_table({**given_, 'auc_moving': None}, tuned)
+
+
+def plate(mean_ms):
+    return {
+        'mean_delay_ms': mean_ms, 'sd_delay_ms': None, 'trial_delays_ms': [mean_ms, None],
+        'detected': 1, 'trials': 2, 'success_percent': 50.0,
+        'false_positive_percent': 0.5, 'channels_without_on': 3,
+    }  # fmt: skip
+
+
+def test_the_paper_is_beside_the_protocol():
+    assert set(MEANINGS) == set(WANTED)
+    ours, other = ({'plates': {'400': plate(ms)}, 'all': plate(ms)} for ms in (30.0, 28.0))
+    of_paper = {'400': {'mean_delay_ms': 36.02, 'sd_delay_ms': 3.91}}
+    result = {
+        **ours,
+        'seeds': [4, 5],
+        'paper': {'plates': of_paper, 'false_positive_percent': 1.01},
+        'windows': {'20': ours},
+        'bands': {'10-100': other},
+        'wanted': {'detected_percent': {'value': 50.0, 'bound': '>= 100', 'met': False}},
+        'plots': ['a.png'],
+    }
+    lines = [' '.join(line.split()) for line in protocol_table(result).splitlines()]
+    for line in (
+        '400 um all', 'seed 4 30.00', 'seed 5 -', 'mean 30.00 30.00', 'mean, paper 36.02',
+        'sd - -', 'detected 1 of 2 1 of 2', 'success [%] 50.0 50.0', 'Written: a.png',
+        'false positives, paper [%] 1.01', '20 ms 30.00 1 of 2 0.50',
+        'trials detected [%] 50.00 wanted >= 100 NOT met',
+    ):  # fmt: skip
+        assert line in lines
+
+
+def test_the_table_of_the_grasp_has_conditions_wanted_figures_and_the_nodes():
+    parts = {name: grasp_figures(mine, 10.0) for name, mine in grasp_trials.by_condition().items()}
+    harder = {**dict.fromkeys(HARDER, parts[CONTROLLER]), QUARTER_RIDGES: parts[UNCONTROLLED]}
+    simulated = {'slide_mm': 0.5, 'command_percent': 49.0}
+    result = {
+        'seeds': [5000],
+        'conditions': parts,
+        'harder': harder,
+        'transport_ms': 4.0,
+        'nodes': {'5000': {'slide_mm': None, 'command_percent': 50.0, 'simulated': simulated}},
+        'latency_ms': None,
+        'wanted': check_wanted({**parts, **harder}),
+    }
+    lines = [' '.join(line.split()) for line in grasp_table(result).splitlines()]
+    assert any(line.startswith(f'{UNCONTROLLED} 1 of 1 - -') for line in lines)
+    assert '5000 - 0.50 50.0 49.0' in lines
+    assert 'From sample to command: undefined, no onset was answered' in lines
+    assert 'controller dropped 0.00 wanted <= 0 met' in lines
+    assert f'{QUARTER_RIDGES} worst slide [mm] - wanted < 2.1 NOT met' in lines
