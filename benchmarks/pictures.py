@@ -21,79 +21,11 @@ from typing import Any
 
 from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
 
 from slip_detector.report.pictures import COLORS, save_picture
 
 #: Markers for the sample rates, or for the methods.
 MARKERS = ('o', 's', '^', 'D', 'v', 'P')
-
-
-def draw_chain_precision(path: Path, precision: Mapping[str, Any]) -> None:
-    """Draw the error of the chain and of its rivals against run time and against low edges.
-
-    Parameters
-    ----------
-    path
-        The picture to write.
-    precision
-        The figures of :func:`benchmarks.chain.precision.measure_chain_precision`.
-    """
-    figure, (work, low) = plt.subplots(ncols=2, figsize=(12, 5.2), layout='constrained')
-    error_label = 'error of the level / its largest value'
-    methods = list(precision['rates'][0]['methods'])
-    colors = dict(zip(methods, COLORS, strict=False))
-
-    def drawn(entry: Mapping[str, Any], method: str) -> float:
-        # If not one digit is right, the size of the error has no meaning.
-        figures = entry['methods'][method]
-        return 1.0 if figures['state'] else float(figures['error'])
-
-    for method in methods:
-        errors = [drawn(entry, method) for entry in precision['rates']]
-        times_us = [entry['methods'][method]['ns_per_row'] / 1e3 for entry in precision['rates']]
-        name = 'the chain (float64 sections)' if method == 'chain' else method
-        work.plot(errors, times_us, color=colors[method], linewidth=0.8, alpha=0.5)
-        for error, time_us, marker in zip(errors, times_us, MARKERS, strict=False):
-            work.plot(error, time_us, marker, color=colors[method], markersize=7, alpha=0.85)
-        low.plot([], [], color=colors[method], linewidth=3, label=name)
-    figure.legend(loc='outside upper center', ncols=len(methods), frameon=False)
-    work.set(xscale='log', yscale='log', xlim=(1e-15, 10.0), xlabel=error_label)
-    fastest_us, slowest_us = work.get_ylim()
-    work.set(ylim=(fastest_us / 2, slowest_us * 2), ylabel='time a row of 16 channels [µs]')
-    work.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    work.yaxis.set_major_formatter('{x:g}')
-    work.yaxis.set_minor_locator(NullLocator())
-    work.set_title('error against run time, by sample rate', fontsize=11)
-    for entry, marker in zip(precision['rates'], MARKERS, strict=False):
-        work.plot([], [], marker, color='0.4', label=f'{entry["sample_rate_hz"]:g} Hz')
-    work.legend(loc='lower right', fontsize=9)
-
-    networks = list(dict.fromkeys(entry['network'] for entry in precision['edges']))
-    handles = []
-    for network, style in zip(networks, ('-', '--'), strict=False):
-        entries = [entry for entry in precision['edges'] if entry['network'] == network]
-        taken = [entry for entry in entries if not entry['refused']]
-        shares = [entry['edge_share'] for entry in taken]
-        for method in methods:
-            errors = [drawn(entry, method) for entry in taken]
-            low.plot(shares, errors, style, color=colors[method], marker='o', markersize=4)
-        handles += low.plot([], [], style, color='0.4', label=network)
-    low.legend(handles=handles, loc='lower right', fontsize=8)
-    refused = max(entry['edge_share'] for entry in precision['edges'] if entry['refused'])
-    low.set(xscale='log', yscale='log', xlim=(refused / 2.5, 2e-3), ylim=(1e-15, 10.0))
-    low.set(xlabel='lowest edge / sample rate', ylabel=error_label)
-    low.set_title('error against the lowest edge of the bands', fontsize=11)
-    low.axvspan(refused / 10, refused, color='#f3d9cf', zorder=0)
-    low.text(refused / 1.6, 1e-8, 'refused before it starts', rotation=90, ha='center')
-    work.axvspan(0.1, 10.0, color='0.9', zorder=0)
-    low.axhspan(0.1, 10.0, color='0.9', zorder=0)
-    work.text(1.0, slowest_us * 1.9, 'lost or\nunstable', ha='center', va='top', fontsize=9)
-    low.text(1.9e-3, 3.5, 'lost or unstable', ha='right', va='center', fontsize=9)
-    for axis in (work, low):
-        axis.grid(color='0.9', linewidth=0.5)
-        axis.set_axisbelow(True)
-    save_picture(figure, path)
 
 
 def draw_scenes_precision(path: Path, figures: Mapping[str, Any]) -> None:

@@ -12,23 +12,44 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The subcommand ``chain``."""
+"""The subcommand ``chain``.
+
+Beside the figures of :mod:`benchmarks.chain.speed` and :mod:`benchmarks.chain.precision`,
+``--json`` prints ``wanted``: for each claim, by ``part.figure``, the measured ``value``, the
+``bound`` as text and whether it is ``met``, null where nothing is judged.
+"""
 
 import argparse
 from typing import Any
 
-from benchmarks.chain.cpp_chain import NUMBA_WITHOUT_AVX512
-from benchmarks.chain.precision import measure_chain_precision
-from benchmarks.chain.precision_table import chain_precision_table
-from benchmarks.chain.speed import measure_chain_speed
-from benchmarks.chain.speed_table import chain_speed_table
-from benchmarks.measurement import Measurement, heading, machine, shared_options
-from benchmarks.pictures import draw_chain_precision
-from benchmarks.processes import figures_of_process
-from slip_detector.parameters.files import check_writable
+import yaml
 
-#: Longest time, in seconds, for a measurement of a minute or two, and for compiling.
-SPEED_TIMEOUT_S = 1200.0
+from benchmarks.chain.precision import measure_chain_precision
+from benchmarks.chain.rivals import NUMBA_WITHOUT_AVX512
+from benchmarks.chain.speed import measure_chain_speed
+from benchmarks.measurement import Measurement, heading, machine, shared_options
+from benchmarks.processes import figures_of_process
+from benchmarks.verdicts import values_of, verdict_in_words, verdicts
+from slip_detector.evaluation.figures import Bound
+from slip_detector.report.tables import number_text, text_table
+
+#: What is wanted, by part and figure.
+WANTED = {
+    'blocks.speedup': Bound(low=10.0),
+    'blocks.cpp_ratio': Bound(high=0.7),
+    'blocks.kept_ratio': Bound(high=1.5),
+    'blocks.whole_kept_ratio': Bound(high=1.5),
+    'blocks.median_ratio': Bound(high=2.0),
+    'blocks.evidence_ratio': Bound(high=2.0),
+    'one_row.speedup': Bound(low=11.0),
+    'channels.worst_ratio': Bound(high=1.5),
+    'channels.last_ratio': Bound(high=0.8),
+    'precision.rates_error': Bound(high=1e-8),
+    'precision.edges_error': Bound(high=1e-7),
+    'precision.long_run_error': Bound(high=1e-12),
+    'precision.extremes_error': Bound(high=1e-6),
+    'precision.evidence_error': Bound(high=1e-4),
+}
 
 
 def options() -> argparse.ArgumentParser:
@@ -39,7 +60,6 @@ def options() -> argparse.ArgumentParser:
         'against a rival in the same run; then its numerical error against a reference of 50 '
         'digits, beside that of float32 and of polynomials. Says of each figure what is wanted '
         'and whether it is met; the exit code is 0 either way.',
-        picture='out/chain_work_precision.png',
     )
     parser.add_argument(
         '--without-avx512',
@@ -53,36 +73,26 @@ def options() -> argparse.ArgumentParser:
 
 
 def run(words: argparse.Namespace) -> Measurement:
-    """Measure the chain.
-
-    Raises
-    ------
-    ValueError
-        When a picture of something that is not measured is requested.
-    """
-    if words.plot and words.part == 'speed':
-        raise ValueError('--plot draws the precision, allowed: --part all or precision')
-    # A picture that cannot be written is reported before the measurement, not after it.
-    picture = words.plot
-    if picture:
-        check_writable(picture)
-    figures = {'machine': machine(), 'quick': words.quick}
-    tables = [heading(figures)]
+    """Measure the chain."""
+    parts: dict[str, Any] = {}
     if words.part != 'precision':
-        figures |= _speed_figures(words)
-        tables.append(chain_speed_table(figures))
+        # Without AVX-512 in another process, as Numba reads its options once.
+        environment = {'NUMBA_CPU_FEATURES': NUMBA_WITHOUT_AVX512}
+        parts |= (
+            figures_of_process(
+                'benchmarks.chain.speed', ['--quick'] * words.quick, 1200.0, environment
+            )
+            if words.without_avx512
+            else measure_chain_speed(words.quick)
+        )
     if words.part != 'speed':
-        precision = figures['precision'] = measure_chain_precision(words.quick)
-        tables.append(chain_precision_table(precision))
-        if picture:
-            draw_chain_precision(picture, precision)
-    return Measurement(figures, '\n\n'.join(tables))
-
-
-def _speed_figures(words: argparse.Namespace) -> dict[str, Any]:
-    """Measure the speed; without AVX-512 in another process, as Numba reads its options once."""
-    if not words.without_avx512:
-        return measure_chain_speed(words.quick)
-    given = ['--quick'] * words.quick
-    environment = {'NUMBA_CPU_FEATURES': NUMBA_WITHOUT_AVX512}
-    return figures_of_process('benchmarks.chain.speed', given, SPEED_TIMEOUT_S, environment)
+        parts['precision'] = measure_chain_precision(words.quick)
+    wanted = verdicts(WANTED, values_of(WANTED, parts), judged=not words.quick)
+    rows = [('What', 'measured', 'wanted', '')] + [
+        (claim, number_text(entry['value'], '.3g'), entry['bound'], verdict_in_words(entry))
+        for claim, entry in wanted.items()
+        if entry['value'] is not None
+    ]
+    figures: dict[str, Any] = {'machine': machine(), 'quick': words.quick}
+    tables = heading(figures), text_table(rows, '<>><', indent=0), yaml.safe_dump(parts)
+    return Measurement({**figures, **parts, 'wanted': wanted}, '\n\n'.join(tables))

@@ -12,119 +12,76 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How exact the chain is: its error against 50 digits, and those of its rivals, with run times.
+"""How exact the chain is: its error against 50 digits, and those of its rivals.
 
 The reference is :mod:`benchmarks.chain.reference`. An error is the largest difference of the level
 (the windowed mean that is compared with the threshold) over the rows, as a share of the largest
 level. Samples are multiples of 2**-18 V near 4.25 V: float32 represents them exactly, so that all
 errors come from the design and the arithmetic.
 
-The methods: ``chain`` is :class:`slip_detector.chain.slip_chain.SlipChain`; ``sections`` and
-``polynomials`` are SciPy's ``sosfilt`` and ``lfilter`` on the same filters, in float64 and in
-float32 (coefficients, samples, windows), with windows summed as the chain sums them.
-``running sums`` is ``sections`` with windows as they are often written: add the new term, subtract
-the old one. A method is ``unstable`` where a pole of its coefficients, as they are stored, is not
-inside the unit circle, and ``lost`` where its error exceeds a tenth.
+The rivals are SciPy's ``sosfilt`` and ``lfilter`` on the same filters, in float64 and in float32
+(coefficients, samples, windows).
 
 :func:`measure_chain_precision` gives one object (key ``precision`` of
 ``python -m benchmarks chain --json``):
 
-``digits``
-    Number of decimal digits of the reference.
 ``rates``
-    One object for each sample rate: ``sample_rate_hz``, ``passband_hz``, ``stopbands_hz``,
-    ``rows``, ``largest_pole_radius``, ``run_error`` (of the chain against its own float64
-    coefficients run in 50 digits: the error without that of the design) and ``methods``. For each
-    method, by its name, these are ``error``, ``envelope_error`` (null where a result is not
-    finite), ``differing_decisions`` (rows that are ON in one and OFF in the other, with the
-    median level as the threshold), ``state`` (``unstable``, ``lost`` or empty) and ``ns_per_row``
-    of 16 channels.
-``rates_note``
-    Why the bands differ from the defaults.
+    One object for each sample rate: ``sample_rate_hz``, ``rows``, ``run_error`` (of the
+    chain against its own float64 coefficients run in 50 digits: the error without that of the
+    design) and ``errors`` of ``chain`` and rivals, huge where a result is not finite.
 ``edges``
-    The same without times, for bands at lower and lower edges, with ``network`` (which bands),
-    ``lowest_edge_hz``, its share ``edge_share`` of the sample rate and ``refused``: the line with
-    which the configuration is refused, else empty.
+    The same for the paper's bands scaled down to lower and lower edges, with the lowest edge's
+    share ``edge_share`` of the sample rate and ``refused``: the line with which the configuration
+    is refused, else empty.
 ``long_run``
-    A periodic signal: ``period_rows``; ``rows`` after which errors are taken over the last period,
-    against the steady state; and in ``methods``, by the method's name, these ``errors``.
+    Errors of the chain in a periodic signal, by the number of rows after which they are taken over
+    the last period, against the steady state.
 ``extremes``
-    One object for each case: ``case``, ``error`` of the chain (null where it has no meaning),
-    ``others`` (errors of the rivals by name, where there are any), ``finite`` (whether all results
-    are), ``largest_level`` and ``found``, what was found in words.
-``slow_down``
-    Time for a row of a ``denormal_input`` and of a ``decay_to_denormals``, as a multiple of that
-    for an ordinary row.
+    Error of the chain by case.
 ``evidence``
-    Of the decision by evidence (:mod:`benchmarks.chain.evidence_precision`):
-    ``logarithm_error_db``, the worst error of the kernel's logarithm; ``rates``, for each sample
-    rate ``rows``, ``mains_rows``, the worst ``floor_error_db`` and ``excess_error_db``, the
-    ``level_error`` as a share of the ``largest_level`` (evidence in dB s) and
-    ``differing_decisions``; ``slides``, for each rate floor and evidence that grow for ``rows``
-    without a bound, against exact sums: ``floor_drift_db``, ``drift_db_s`` and what the evidence
-    grows to, ``evidence_db_s``. ``level_error`` and ``drift_db`` are the worst of these.
-    ``extremes`` are ``case``, ``finite`` (and all within its bounds) and ``found``.
-``wanted``
-    As in :mod:`benchmarks.chain.speed`; ``rates.error``, ``edges.error``, ``long_run.error`` and
-    ``extremes.error`` are the largest errors of the chain there;
-    ``evidence.logarithm_error_db``, ``evidence.level_error`` and ``evidence.drift_db`` are those
-    of ``evidence``.
+    Of the decision by evidence, for each sample rate: ``rows``, the worst ``floor_error_db`` and
+    ``excess_error_db``, the ``level_error`` as a share of the largest level (evidence in dB s) and
+    ``differing_decisions``.
+``rates_error``, ``edges_error``, ``long_run_error``, ``extremes_error``, ``evidence_error``
+    The largest errors of the chain in these parts.
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.chain import reference
-from benchmarks.chain.errors import (
-    BASELINE_V,
-    ROWS_PER_CALL,
-    SWING_V,
-    ReferenceResult,
-    quantised,
-    run_reference,
-    tones_v,
-    worst_error,
-)
-from benchmarks.chain.evidence_precision import evidence_precision
-from benchmarks.chain.extreme_inputs import denormal_slow_down, extreme_inputs
-from benchmarks.chain.rivals import (
-    METHODS,
-    RUNNING_SUMS,
-    WITH_RUNNING_SUMS,
-    Method,
-    PackageChain,
-    run,
-)
-from benchmarks.timing import least_times_s
-from benchmarks.verdicts import verdicts
+from benchmarks.chain.rivals import scipy_levels
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design, largest_pole_radius
-from slip_detector.evaluation.figures import Bound
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
+#: Numbers, each the sum of two float64.
+Exact = tuple[Floats, Floats]
 
-#: What is wanted of the chain.
-WANTED = {
-    'rates.error': Bound(high=1e-8),
-    'edges.error': Bound(high=1e-7),
-    'long_run.error': Bound(high=1e-12),
-    'extremes.error': Bound(high=1e-6),
-    'evidence.logarithm_error_db': Bound(high=0.01),
-    'evidence.level_error': Bound(high=1e-4),
-    'evidence.drift_db': Bound(high=1e-5),
+#: Samples are multiples of a step; tones swing by this.
+BASELINE_V, STEP_V, SWING_V = 4.25, 2.0**-18, 0.02
+
+#: Noise of a channel at rest, and its factor in a slide.
+NOISE_V, SLIDE = 2e-3, 6.0
+
+#: Forms of the filters and types of all numbers of the rivals.
+RIVALS = {
+    'sections float32': ('sos', np.float32),
+    'polynomials float64': ('ba', np.float64),
+    'polynomials float32': ('ba', np.float32),
 }
-
-#: Relative error at which not one digit is right.
-LOST = 0.1
-
-TIMED_CHANNELS = 16
 
 #: Rows of one period: the tones in it are multiples of 3.8 Hz at 380 Hz.
 PERIOD_ROWS = 100
+
+#: Rows before an event, rows after it until no trace may be left (the slowest pole of the default
+#: network, at a radius of 0.993, has decayed to 1e-23 by then), and last rows, which are compared.
+EVENT_ROW, EVENT_ROWS, AFTER_ROWS = 500, 8500, 760
 
 #: Bands for rates at which the paper's do not fit: 50 Hz is at or above half the sample rate, and
 #: at 100 kHz the edge at 0.5 Hz is too low to be accepted.
@@ -141,238 +98,205 @@ RATES: dict[float, dict[str, Any]] = {
 EDGE_SHARES = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 0.99e-5)
 
 
-class PrecisionSizes(NamedTuple):
-    """How much is measured.
-
-    Attributes
-    ----------
-    rates_hz : tuple of float
-        Keys of ``RATES``.
-    edge_shares : tuple of float
-        Shares as in ``EDGE_SHARES``.
-    fewest_rows, most_rows : int
-        Least and largest number of rows that the reference runs.
-    seconds : float
-        Length of the signal that the reference runs at high rates.
-    long_run_rows : tuple of int
-        Numbers of rows of the long run after which its error is taken.
-    slide_share : float
-        Share of the long slides that is run.
-    timed_rows : int
-        Number of rows of 16 channels whose time is taken.
-    rounds : int
-        How often the sides take turns.
-    """
-
-    rates_hz: tuple[float, ...]
-    edge_shares: tuple[float, ...]
-    fewest_rows: int
-    most_rows: int
-    seconds: float
-    long_run_rows: tuple[int, ...]
-    slide_share: float
-    timed_rows: int
-    rounds: int
-
-
-FULL = PrecisionSizes(
-    tuple(RATES), EDGE_SHARES, 2000, 50_000, 0.4, (10**4, 10**6, 10**8), 1.0, 16_384, 40
-)
-
-QUICK = PrecisionSizes(
-    (50.0, 380.0, 1e4), (1e-3, 1e-5, 0.99e-5), 600, 1500, 0.1, (10**4, 10**5), 0.01, 4096, 2
-)  # fmt: skip
-
-#: Without Numba the chain takes some 500 times as long.
-INTERPRETED: dict[str, Any] = {
-    'long_run_rows': (10_000, 30_000), 'slide_share': 2e-4, 'timed_rows': 4096, 'rounds': 1,
-}  # fmt: skip
-
-
-def method_errors(
-    method: Method, samples: Floats, config: ChainConfig, wanted: ReferenceResult
-) -> dict[str, Any]:
-    """Run a method on one channel and compare it with the reference."""
-    envelope, level = (part[:, 0] for part in run(method, samples[:, None], config))
-    worst = worst_error(level, wanted.level)
-    # Between two levels: at a level itself, rounding errors would decide about its row.
-    middle = len(level) // 2
-    threshold = np.sort(wanted.level[0])[middle - 1 : middle + 1].mean()
-    state = ''
-    if not method.is_stable():
-        state = 'unstable'
-    elif worst is None or worst > LOST:
-        state = 'lost'
-    return {
-        'error': worst,
-        'envelope_error': worst_error(envelope, wanted.envelope),
-        'differing_decisions': int(((level > threshold) != (wanted.level[0] > threshold)).sum()),
-        'state': state,
-    }
-
-
 def measure_chain_precision(quick: bool = False) -> dict[str, Any]:
-    """Measure errors and run times; the keys are in the module's docstring.
+    """Measure errors; the keys are in the module's docstring."""
+    quick = quick or not COMPILED
+    fewest, most = (600, 1500) if quick else (2000, 50_000)
+    rows = {
+        rate_hz: fewest if quick else max(fewest, round(0.4 * rate_hz))
+        for rate_hz in (RATES if not quick else (50.0, 380.0))
+    }
+    rates = [
+        errors_of(ChainConfig(sample_rate_hz=rate_hz, channels=1, **RATES[rate_hz]), n)
+        for rate_hz, n in rows.items()
+    ]
+    shares = (1e-3, 0.99e-5) if quick else EDGE_SHARES
+    edges = [_edge(share, fewest, most) for share in shares]
+    long = long_run((10**4,) if quick else (10**4, 10**6, 10**8))
+    extreme = dict(extremes(fewest))
+    evidence = [evidence_errors(rate_hz, n) for rate_hz, n in rows.items()]
+    return {
+        'rates': rates,
+        'edges': edges,
+        'long_run': long,
+        'extremes': extreme,
+        'evidence': evidence,
+        'rates_error': max(entry['errors']['chain'] for entry in rates),
+        'edges_error': max(entry['errors']['chain'] for entry in edges if not entry['refused']),
+        'long_run_error': max(long.values()),
+        'extremes_error': max(extreme.values()),
+        'evidence_error': max(entry['level_error'] for entry in evidence),
+    }
 
-    Parameters
-    ----------
-    quick
-        Fewer rates and edges, and fewer rows.
+
+def quantised(signals: Floats) -> Floats:
+    """Round to multiples of ``STEP_V``."""
+    return np.round(signals / STEP_V) * STEP_V
+
+
+def tones_v(config: ChainConfig, rows: int, channels: int = 1) -> Floats:
+    """Make tones inside the pass-band, with noise, that swell and fade; exact in float32."""
+    random = np.random.default_rng(0)
+    low, high = config.passband_hz
+    time_s = np.arange(rows)[:, None] / config.sample_rate_hz
+    tones = sum(
+        np.sin(2 * np.pi * (time_s * tone_hz + random.random(channels)))
+        for tone_hz in (1.2 * low, np.sqrt(low * high), 0.9 * high)
+    )
+    swell = 0.55 - 0.45 * np.cos(6 * np.pi * np.arange(rows) / rows)[:, None]
+    noise = random.standard_normal((rows, channels))
+    return BASELINE_V + quantised(SWING_V * swell * (tones / 3 + noise / 4))
+
+
+def exact_level(config: ChainConfig, samples: Floats, sections: Any = None) -> Exact:
+    """Run the reference on one channel, with sections of its own design if none are given."""
+    filtered = reference.run_filter(sections or reference.design(config), samples)
+    return reference.as_two(reference.envelope_and_level(filtered, config)[1])
+
+
+def worst_error(values: NDArray[Any], wanted: Exact) -> float:
+    """Return the worst difference as a share of the largest value; huge if it is not finite.
+
+    Examples
+    --------
+    >>> worst_error(np.array([1.0, 4.5]), (np.array([1.0, 4.0]), np.zeros(2)))
+    0.125
     """
-    sizes = QUICK if quick else FULL
-    if not COMPILED:
-        sizes = sizes._replace(**INTERPRETED)
-    try:
-        ChainConfig(sample_rate_hz=1e5)
-        refused = ''
-    except ValueError as problem:
-        refused = str(problem)
-    result: dict[str, Any] = {
-        'digits': reference.DIGITS,
-        'rates': [_rate(rate_hz, sizes) for rate_hz in sizes.rates_hz],
-        'rates_note': "At 50 and 100 Hz the paper's 50 Hz is not below half the sample rate. At "
-        f'100 kHz its lowest edge is refused: {refused}.',
-        'edges': [
-            _edge(network, share, sizes) for network in NETWORKS for share in sizes.edge_shares
-        ],
-        'long_run': long_run(sizes),
-        'extremes': list(extreme_inputs(sizes.fewest_rows)),
-        'evidence': evidence_precision(
-            sizes.rates_hz, sizes.fewest_rows, sizes.seconds, sizes.slide_share
-        ),
-        'slow_down': denormal_slow_down(sizes.rounds),
-    }
-    worst = {
-        'rates.error': [entry['methods']['chain']['error'] for entry in result['rates']],
-        'edges.error': [
-            entry['methods']['chain']['error'] for entry in result['edges'] if not entry['refused']
-        ],
-        'long_run.error': result['long_run']['methods']['chain']['errors'],
-        'extremes.error': [
-            entry['error'] for entry in result['extremes'] if entry['error'] is not None
-        ],
-    }
-    for figure in ('logarithm_error_db', 'level_error', 'drift_db'):
-        worst[f'evidence.{figure}'] = [result['evidence'][figure]]
-    result['wanted'] = verdicts(WANTED, {name: max(errors) for name, errors in worst.items()})
-    return result
-
-
-def _rate(rate_hz: float, sizes: PrecisionSizes) -> dict[str, Any]:
-    config = ChainConfig(sample_rate_hz=rate_hz, channels=1, **RATES[rate_hz])
-    entry = errors_of(config, max(sizes.fewest_rows, round(sizes.seconds * rate_hz)))
-    for name, time_ns in times_ns(config, sizes).items():
-        entry['methods'][name]['ns_per_row'] = time_ns
-    return entry
+    near, rest = wanted
+    difference = np.abs((values.astype(np.float64) - near) - rest).max()
+    return float(np.nan_to_num(difference / (near.max() or 1.0), nan=np.finfo(float).max))
 
 
 def errors_of(config: ChainConfig, rows: int) -> dict[str, Any]:
-    """Compare all methods with the reference in one configuration."""
-    sections = design(config)
-    samples = tones_v(config, rows)[:, 0]
-    wanted = run_reference(config, samples)
-    same_design = run_reference(config, samples, reference.exactly(sections))
-    _, level = run(PackageChain(config), samples[:, None], config)
+    """Compare all methods with the reference in one configuration of one channel."""
+    samples = tones_v(config, rows)
+    wanted = exact_level(config, samples[:, 0])
+    level = SlipChain(config).update(samples).level[:, 0]
+    same_design = exact_level(config, samples[:, 0], reference.exactly(design(config)))
+    errors = {'chain': worst_error(level, wanted)}
+    for name, form in RIVALS.items():
+        errors[name] = worst_error(scipy_levels(config, samples, *form)[:, 0], wanted)
     return {
         'sample_rate_hz': config.sample_rate_hz,
-        'passband_hz': config.passband_hz,
-        'stopbands_hz': config.stopbands_hz,
         'rows': rows,
-        'largest_pole_radius': largest_pole_radius(sections),
-        'run_error': worst_error(level[:, 0], same_design.level),
-        'methods': {
-            name: method_errors(make(config), samples, config, wanted)
-            for name, make in METHODS.items()
-        },
+        'run_error': worst_error(level, same_design),
+        'errors': errors,
     }
 
 
-def times_ns(config: ChainConfig, sizes: PrecisionSizes) -> dict[str, float]:
-    """Measure the time of each method for a row of 16 channels, in blocks that fit the cache."""
-    config = ChainConfig(
-        sample_rate_hz=config.sample_rate_hz,
-        passband_hz=config.passband_hz,
-        stopbands_hz=config.stopbands_hz,
-        channels=TIMED_CHANNELS,
-    )
-    window = config.samples(config.envelope_window_s)
-    piece = -(-ROWS_PER_CALL // window) * window
-    pieces = [
-        tones_v(config, piece, TIMED_CHANNELS, seed)
-        for seed in range(max(1, sizes.timed_rows // piece))
-    ]
-
-    def side(method: Method) -> Callable[[], None]:
-        def passes() -> None:
-            with np.errstate(all='ignore'):
-                for rows in pieces:
-                    method.update(rows)
-
-        return passes
-
-    # An unstable method overflows soon, which does not change its run time.
-    sides = [side(make(config)) for make in METHODS.values()]
-    rows = piece * len(pieces)
-    times_s = least_times_s(sides, sizes.rounds)
-    return {name: s / rows * 1e9 for name, s in zip(METHODS, times_s, strict=True)}
-
-
-#: By name, a sample rate and a function that returns the bands for a lowest edge.
-NETWORKS: dict[str, tuple[float, Callable[[float], dict[str, Any]]]] = {
-    'the whole default network scaled down': (
-        380.0,
-        lambda edge_hz: {
-            'passband_hz': (14 * edge_hz, 100 * edge_hz),
-            'stopbands_hz': ((edge_hz, 14 * edge_hz), (100 * edge_hz, 360 * edge_hz)),
-        },
-    ),
-    'pass-band from the edge to 200 Hz, stop-band 200-400 Hz': (
-        1e5,
-        lambda edge_hz: {'passband_hz': (edge_hz, 200.0), 'stopbands_hz': ((200.0, 400.0),)},
-    ),
-}
-
-
-def _edge(network: str, share: float, sizes: PrecisionSizes) -> dict[str, Any]:
-    """Measure with one lowest edge, or return why it is refused."""
-    rate_hz, bands = NETWORKS[network]
-    lead = {'network': network, 'lowest_edge_hz': share * rate_hz, 'edge_share': share}
+def _edge(share: float, fewest: int, most: int) -> dict[str, Any]:
+    """Measure the whole default network scaled down to a lowest edge, or why it is refused."""
     # Rounded up in the last place: 1e-5 of the rate is the lowest edge that is allowed.
-    edge_hz = float(np.nextafter(share * rate_hz, np.inf))
+    edge_hz = float(np.nextafter(share * 380.0, np.inf))
+    passband_hz = 14 * edge_hz, 100 * edge_hz
+    stopbands_hz = (edge_hz, passband_hz[0]), (passband_hz[1], 360 * edge_hz)
     try:
-        config = ChainConfig(sample_rate_hz=rate_hz, channels=1, **bands(edge_hz))
+        config = ChainConfig(channels=1, passband_hz=passband_hz, stopbands_hz=stopbands_hz)
         radius = largest_pole_radius(design(config))
     except ValueError as problem:
-        return lead | {'sample_rate_hz': rate_hz, 'refused': str(problem), 'methods': {}}
+        return {'edge_share': share, 'refused': str(problem)}
     # Four time constants of the slowest pole.
-    rows = int(np.clip(4 / (1 - radius), sizes.fewest_rows, sizes.most_rows))
-    return lead | {'refused': ''} | errors_of(config, rows)
+    rows = int(np.clip(4 / (1 - radius), fewest, most))
+    return {'edge_share': share, 'refused': ''} | errors_of(config, rows)
 
 
-def long_run(sizes: PrecisionSizes) -> dict[str, Any]:
-    """Run a periodic signal for very long and compare its last period with the steady state."""
+def long_run(long_rows: tuple[int, ...]) -> dict[int, float]:
+    """Run a periodic signal for very long and compare its last period with the steady state.
+
+    At a radius of 0.993 the reference has reached that after 10,000 rows, to 1e-30.
+    """
     config = ChainConfig(channels=1)
     random = np.random.default_rng(0)
-    row = np.arange(PERIOD_ROWS)
-    turns = row[:, None] * np.array([2, 5, 11]) / PERIOD_ROWS + random.random(3)
-    period = BASELINE_V + quantised(SWING_V * np.sin(2 * np.pi * turns).mean(axis=1))
-    filtered = reference.run_periodic(reference.design(config), period)
-    _, level = reference.envelope_and_level(filtered, config, before='same')
-    wanted = reference.as_two(level)
-    # Blocks have whole periods and whole windows; 300 rows is the shortest such length.
-    block_rows = 300 * (min(150_000, sizes.long_run_rows[0]) // 300 + 1)
-    block = np.tile(period, block_rows // PERIOD_ROWS)[:, None]
-    methods = {}
-    counted = [-(-rows // block_rows) * block_rows for rows in sizes.long_run_rows]
-    names = ('chain', RUNNING_SUMS, 'sections float32', 'polynomials float64')
-    for name in names:
-        method = WITH_RUNNING_SUMS[name](config)
-        errors = []
-        done = 0
-        for rows in counted:
-            while done < rows:
-                _, last = method.update(block)
-                done += block_rows
-            errors.append(worst_error(last[-PERIOD_ROWS:, 0], wanted))
-        methods[name] = {'errors': errors}
-    return {'period_rows': PERIOD_ROWS, 'rows': counted, 'methods': methods}
+    turns = np.arange(PERIOD_ROWS)[:, None] * np.array([2, 5, 11]) / PERIOD_ROWS
+    period = np.sin(2 * np.pi * (turns + random.random(3))).mean(axis=1)
+    period = BASELINE_V + quantised(SWING_V * period)
+    block = np.tile(period, 10_000 // PERIOD_ROWS)[:, None]
+    near, rest = exact_level(config, block[:, 0])
+    wanted = near[-PERIOD_ROWS:], rest[-PERIOD_ROWS:]
+    chain, errors, done = SlipChain(config), {}, 0
+    for rows in long_rows:
+        while done < rows:
+            last = chain.update(block).level[-PERIOD_ROWS:, 0]
+            done += len(block)
+        errors[rows] = worst_error(last, wanted)
+    return errors
+
+
+def extremes(rows: int) -> Iterator[tuple[str, float]]:
+    """Yield the error of the chain on each extreme input, against the reference."""
+
+    def error(samples: Floats, last: int = 0, held: Floats | None = None, **values: Any) -> Any:
+        config = ChainConfig(channels=1, **values)
+        level = SlipChain(config).update(samples[:, None]).level[-last:, 0]
+        near, rest = exact_level(config, samples if held is None else held)
+        return worst_error(level, (near[-last:], rest[-last:]))
+
+    tones = tones_v(ChainConfig(channels=1), rows)[:, 0]
+    for exponent in (1, 2, 3, 6):
+        for rectify in ('full', 'half'):
+            found = error(tones, rectify=rectify, exponent=exponent)
+            yield f'exponent {exponent}, {rectify} wave', found
+    quiet = tones_v(ChainConfig(channels=1), EVENT_ROWS)[:, 0]
+    for case, rows_long in (('spike of 1e6 V in one row', 1), ('step of 1e6 V', EVENT_ROWS)):
+        samples = quiet.copy()
+        samples[EVENT_ROW : EVENT_ROW + rows_long] += 1e6
+        yield f'{case}, 19 s later', error(samples, AFTER_ROWS)
+    yield 'constant 4.3 V', error(np.full(1000, 4.3))
+    swing = (tones - BASELINE_V) / SWING_V
+    yield 'swing of 1e-100 V, exponent 1', error(1e-100 * swing, exponent=1)
+    yield 'swing of 1e-24 V, exponent 6', error(1e-24 * swing, exponent=6)
+    square = np.where(np.arange(rows) // 10 % 2 == 0, 1.0, -1.0)
+    yield 'square wave of 1e9 V, limit of the range', error(1e9 * square)
+    most: dict[str, Any] = {'valid_range_v': (-1e12, 1e12), 'gain': 1e6, 'exponent': 6}
+    yield 'square wave of 1e12 V, gain 1e6, exponent 6', error(1e12 * square, **most)
+    samples, held, bad = tones.copy(), tones.copy(), np.arange(50, rows, 100)
+    samples[bad] = np.resize([1e60, np.nan], bad.size)
+    held[bad] = held[bad - 1]
+    yield '1e60 V and NaN in every 100th row', error(samples, held=held)
+
+
+# --- evidence ------------------------------------------------------------------------------
+
+
+def evidence_config(rate_hz: float, **values: Any) -> ChainConfig:
+    """Return a chain of one channel that decides by evidence, with a comb for 50 Hz."""
+    given: dict[str, Any] = {
+        'passband_hz': (min(60.0, 0.2 * rate_hz), 0.0), 'passband_degree': 2, 'stopbands_hz': (),
+        'gain': 1.0, 'exponent': 1, 'mains_hz': 50.0, 'envelope_window_s': 0.05,
+        'flat_after_s': 0.0, 'noise_floor': 1e-4, 'threshold': 0.1,
+    }  # fmt: skip
+    given |= {'sample_rate_hz': rate_hz, 'channels': 1, 'decision': 'evidence'}
+    return ChainConfig(**given | values)
+
+
+def slide_v(rows: int) -> Floats:
+    """Make one channel of noise that is louder in the middle third; exact in float32."""
+    noise = np.random.default_rng(0).standard_normal(rows)
+    noise[rows // 3 : 2 * rows // 3] *= SLIDE
+    return BASELINE_V + quantised(NOISE_V * noise)
+
+
+def evidence_errors(rate_hz: float, rows: int, **values: Any) -> dict[str, Any]:
+    """Compare floor, excess and evidence with the reference at one sample rate."""
+    config = evidence_config(rate_hz, **values)
+    rows = max(rows, 4 * (config.mains_rows + config.samples(config.envelope_window_s)))
+    samples = slide_v(rows)
+    # Differences of samples are exact, as these are multiples of a power of two.
+    combed = np.zeros(rows)
+    combed[config.mains_rows :] = samples[config.mains_rows :] - samples[: -config.mains_rows]
+    filtered = reference.run_filter(reference.design(config), combed)
+    floors, excesses, levels, on = reference.evidence(filtered, config)
+    result = SlipChain(config).update(samples[:, None], floor=True, excess=True)
+
+    def error_db(found: Floats, wanted: list[Any]) -> float:
+        near, rest = reference.as_two(wanted)
+        return float(np.abs((found[:, 0] - near) - rest).max())
+
+    return {
+        'sample_rate_hz': rate_hz,
+        'rows': rows,
+        'floor_error_db': error_db(result.floor, floors),
+        'excess_error_db': error_db(result.excess, excesses),
+        'level_error': worst_error(result.level[:, 0], reference.as_two(levels)),
+        'differing_decisions': int((result.channels[:, 0] != np.array(on)).sum()),
+    }

@@ -24,8 +24,8 @@ S. Orfanidis, Lecture Notes on Elliptic Filter Design (2006), sections 2, 5 and 
 and zeros of the stop-bands.
 """
 
-from collections.abc import Callable, Iterable
-from typing import Any, TypeVar
+from collections.abc import Iterable
+from typing import Any
 
 import mpmath  # type: ignore[import-untyped]
 import numpy as np
@@ -51,16 +51,8 @@ Section = tuple[Number, Number, Number, Number, Number]
 #: An imaginary part below this is a rounding error.
 REAL_BELOW = 1e-35
 
-Function = TypeVar('Function', bound=Callable[..., Any])
 
-
-def _in_digits(function: Function) -> Function:
-    """Return the function with ``DIGITS`` as its precision."""
-    wrapped: Function = mpmath.workdps(DIGITS)(function)
-    return wrapped
-
-
-@_in_digits
+@mpmath.workdps(DIGITS)
 def design(config: ChainConfig) -> list[Section]:
     """Design the network of a configuration; the gain is in the first section."""
     low, high = (_warped(edge, config) for edge in config.passband_hz)
@@ -178,7 +170,7 @@ def exactly(sections: NDArray[Any]) -> list[Section]:
     ]
 
 
-@_in_digits
+@mpmath.workdps(DIGITS)
 def run_filter(sections: Iterable[Section], volts: Floats) -> list[Number]:
     """Filter one channel's deviations from its first value, from rest.
 
@@ -208,9 +200,9 @@ def run_filter(sections: Iterable[Section], volts: Floats) -> list[Number]:
     return [mpmath.ldexp(mpf(value), exponent - FRACTION_BITS) for value in signal]
 
 
-@_in_digits
+@mpmath.workdps(DIGITS)
 def envelope_and_level(
-    filtered: list[Number], config: ChainConfig, before: str = 'zeros'
+    filtered: list[Number], config: ChainConfig
 ) -> tuple[list[Number], list[Number]]:
     """Rectify, raise to the exponent and run both windows: the envelope and the level.
 
@@ -220,20 +212,17 @@ def envelope_and_level(
         Result of :func:`run_filter`, gain included.
     config
         Configuration with rectifier, exponent and windows.
-    before
-        The rows before the first one: ``zeros``, or the ``same`` rows, for one period of a
-        periodic signal.
     """
     if config.rectify == 'half':
         filtered = [max(value, mpf(0)) for value in filtered]
     # abs(value) ** exponent, squared
     power = [value ** (2 * config.exponent) for value in filtered]
-    means = _means(power, config.samples(config.envelope_window_s), before)
+    means = _means(power, config.samples(config.envelope_window_s))
     envelope = [mpmath.sqrt(mean) for mean in means]
-    return envelope, _means(envelope, config.samples(config.decision_window_s), before)
+    return envelope, _means(envelope, config.samples(config.decision_window_s))
 
 
-@_in_digits
+@mpmath.workdps(DIGITS)
 def evidence(
     filtered: list[Number], config: ChainConfig
 ) -> tuple[list[Number], list[Number], list[Number], list[bool]]:
@@ -253,7 +242,7 @@ def evidence(
     on : list of n bool
     """
     window, rate = config.samples(config.envelope_window_s), mpf(config.sample_rate_hz)
-    squares = _means([value ** (2 * config.exponent) for value in filtered], window, 'zeros')
+    squares = _means([value ** (2 * config.exponent) for value in filtered], window)
     least = 20 * mpmath.log10(mpf(config.noise_floors[0]))
     most = least + mpf(config.noise_floor_range_db)
     quantile = mpf(1) / 10
@@ -281,49 +270,16 @@ def evidence(
     return floors, excesses, totals, on
 
 
-def _means(values: list[Number], window: int, before: str) -> list[Number]:
+def _means(values: list[Number], window: int) -> list[Number]:
     """Return the means over the last ``window`` values; the sums are exact, so nothing drifts."""
     total = mpf(0)
-    if before == 'same':
-        for i in range(-window, 0):
-            total = mpmath.fadd(total, values[i % len(values)], exact=True)
     means = []
     for i, value in enumerate(values):
         total = mpmath.fadd(total, value, exact=True)
-        if before == 'same' or i >= window:
-            total = mpmath.fsub(total, values[(i - window) % len(values)], exact=True)
+        if i >= window:
+            total = mpmath.fsub(total, values[i - window], exact=True)
         means.append(total / window)
     return means
-
-
-@_in_digits
-def run_periodic(sections: list[Section], period: Floats) -> list[Number]:
-    """Filter a signal that has repeated for ever: its steady state over one period.
-
-    Each harmonic of the period is multiplied by the network's response.
-
-    Parameters
-    ----------
-    sections
-        Result of :func:`design` or :func:`exactly`.
-    period : ndarray, shape (n,)
-        One channel over one period, taken as exact.
-    """
-    n = len(period)
-    turns = [mpmath.expjpi(mpf(2 * i) / n) for i in range(n)]
-    first = mpf(float(period[0]))
-    values = [mpf(value) - first for value in period.tolist()]
-    spectrum = []
-    for k in range(n):
-        z = turns[k]
-        gain = mpf(1)
-        for b0, b1, b2, a1, a2 in sections:
-            gain *= (z * (z * b0 + b1) + b2) / (z * (z + a1) + a2)
-        harmonic = mpmath.fsum(value * turns[-k * i % n] for i, value in enumerate(values))
-        spectrum.append(gain * harmonic / n)
-    return [
-        mpmath.re(mpmath.fsum(spectrum[k] * turns[k * i % n] for k in range(n))) for i in range(n)
-    ]
 
 
 def as_two(values: list[Number]) -> tuple[Floats, Floats]:

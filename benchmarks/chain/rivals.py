@@ -12,190 +12,161 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The rivals of the chain's precision: float32, polynomials and running sums."""
+"""The rivals of the chain: in SciPy and NumPy, in C++, in float32 and with polynomials."""
 
+import ctypes
+import os
+import shlex
+import subprocess
+import tempfile
 import warnings
-from collections.abc import Callable
-from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 from scipy import signal
 
-from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.filters import design
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
-#: An array of float64 or float32.
-Reals = NDArray[Any]
+Bools = NDArray[np.bool_]
+
+SOURCE = Path(__file__).with_name('cpp_chain.cpp')
+
+#: With this in ``NUMBA_CPU_FEATURES`` Numba does not use AVX-512; the name of an older processor
+#: does not suffice. The C++ compiler then gets an option with the same effect.
+NUMBA_WITHOUT_AVX512 = '+sse4.2,+avx,+avx2,+bmi,+bmi2,+popcnt,+lzcnt,-avx512f'
 
 
-class ScipyChain:
-    """The chain's stages as a user of SciPy and NumPy would write them: a rival.
+class NumpyChain:
+    """The chain as a user of SciPy and NumPy would write it, for whole blocks of rows.
+
+    Like such scripts it does not check the samples, which the chain does in addition.
+    ``first_row`` are the volts that the input is taken to have had before its first row.
+    """
+
+    def __init__(self, config: ChainConfig, first_row: Floats) -> None:
+        self._sections = design(config)
+        self._delays = signal.sosfilt_zi(self._sections)[:, :, None] * first_row
+        self._squares = np.zeros((config.samples(config.envelope_window_s), config.channels))
+        self._envelopes = np.zeros((config.samples(config.decision_window_s), config.channels))
+        self._threshold = config.threshold
+        self._members = [np.array(members) - 1 for members in config.groups.values()]
+
+    def update(self, rows: Floats) -> Bools:
+        """Take the next rows; return the decisions side by side: slip, groups, channels."""
+        y, self._delays = signal.sosfilt(self._sections, rows, axis=0, zi=self._delays)
+        means, self._squares = self._windowed_mean((np.abs(y) ** 3) ** 2, self._squares)
+        level, self._envelopes = self._windowed_mean(np.sqrt(means), self._envelopes)
+        on = level > self._threshold
+        groups = np.stack([on[:, members].all(axis=1) for members in self._members], axis=1)
+        return np.hstack([groups.any(axis=1, keepdims=True), groups, on])
+
+    def _windowed_mean(self, values: Floats, before: Floats) -> tuple[Floats, Floats]:
+        """Return the means over the window and the values that the next block needs."""
+        window = len(before)
+        joined = np.concatenate([before, values])
+        sums = np.cumsum(joined, axis=0)
+        # Rounding errors may make the difference of two sums negative.
+        means = np.maximum((sums[window:] - sums[:-window]) / window, 0.0)
+        return means, joined[-window:].copy()
+
+
+class CppChain:
+    """The default chain in C++, in which the compiler knows all lengths.
+
+    Raises
+    ------
+    RuntimeError
+        When there is no compiler (``$CXX``, else g++), or it fails.
+    """
+
+    def __init__(self, config: ChainConfig) -> None:
+        self._sections = np.ascontiguousarray(design(config))
+        groups = list(config.groups.values())
+        self._members = np.array([c - 1 for members in groups for c in members], np.int64)
+        self._bounds = np.cumsum([0, *map(len, groups)], dtype=np.int64)
+        self._width = 1 + 2 * len(groups) + 2 * config.channels
+        self._numbers = [
+            *config.valid_range_v, config.samples(config.flat_after_s), config.threshold
+        ]  # fmt: skip
+        macros = {
+            'CHANNELS': config.channels,
+            'SECTIONS': len(self._sections),
+            'ENVELOPE_ROWS': config.samples(config.envelope_window_s),
+            'LEVEL_ROWS': config.samples(config.decision_window_s),
+            'GROUPS': len(groups),
+        }
+        without = '-avx512f' in os.environ.get('NUMBA_CPU_FEATURES', '')
+        command = [*shlex.split(os.environ.get('CXX', 'g++')), '-O3', '-march=native']
+        self.command = [*command, '-mno-avx512f'] if without else command
+        with tempfile.TemporaryDirectory() as folder:
+            library = Path(folder) / 'cpp_chain.so'
+            defined = [f'-D{name}={value}' for name, value in macros.items()]
+            try:
+                subprocess.run(
+                    [*self.command, '-std=c++17', '-shared', '-fPIC', *defined, str(SOURCE), '-o',
+                     str(library)],
+                    check=True, capture_output=True, timeout=120.0,
+                )  # fmt: skip
+                self._run = ctypes.CDLL(str(library)).run
+            except (OSError, subprocess.SubprocessError) as error:
+                raise RuntimeError(f'{shlex.join(self.command)} failed: {error}') from None
+        pointer, number = ctypes.c_void_p, ctypes.c_double
+        self._run.argtypes = [
+            pointer, ctypes.c_int64, pointer, pointer, number, number, number, number, pointer,
+            pointer,
+        ]  # fmt: skip
+        self._run.restype = None
+
+    def update(self, rows: Floats) -> Bools:
+        """Take the next rows; return their decisions in the form of ``SlipResult.flags``."""
+        volts = np.ascontiguousarray(rows, np.float64)
+        flags = np.empty((len(volts), self._width), np.bool_)
+        self._run(
+            volts.ctypes.data, len(volts), flags.ctypes.data, self._sections.ctypes.data,
+            *self._numbers, self._members.ctypes.data, self._bounds.ctypes.data,
+        )  # fmt: skip
+        return flags
+
+
+def scipy_levels(config: ChainConfig, samples: Floats, form: str, dtype: Any) -> NDArray[Any]:
+    """Return the levels of whole columns as SciPy computes them: a rival of the precision.
 
     Parameters
     ----------
     config
         Configuration of the chain.
-    form
-        ``sections`` or ``polynomials``.
-    dtype
-        Type of all numbers: float64 or float32.
-    running
-        Whether windows are running sums; otherwise terms are only added, as in the chain.
+    samples : ndarray, shape (n, channels)
+        Volts.
+    form, dtype
+        Form of the filters, ``sos`` or ``ba``, and the type of all numbers.
     """
-
-    def __init__(
-        self, config: ChainConfig, form: str, dtype: DTypeLike, running: bool = False
-    ) -> None:
-        self._config, self._dtype, self._running = config, np.dtype(dtype), running
-        rate, shape = config.sample_rate_hz, {'sections': 'sos', 'polynomials': 'ba'}[form]
-        low, high = config.passband_hz
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # SciPy warns of badly conditioned polynomials
-            filters = [
-                signal.butter(
-                    config.passband_degree // 2, [low, high], 'bandpass', output=shape, fs=rate
-                )
-            ]
-            filters += [
-                signal.ellip(
-                    config.stopband_degree // 2, config.stopband_ripple_db,
-                    config.stopband_attenuation_db, pair, 'bandstop', output=shape, fs=rate,
-                )
-                for pair in config.stopbands_hz
-            ]  # fmt: skip
-        if form == 'sections':
-            filters[0][0, :3] *= config.gain
-        else:
-            filters[0] = (config.gain * filters[0][0], filters[0][1])
-        channels = config.channels
-        self._stages: list[tuple[Callable[..., Any], tuple[Reals, ...], Reals]] = []
-        for one in filters:
-            if form == 'sections':
-                coefficients: tuple[Reals, ...] = (one.astype(self._dtype),)
-                delays = np.zeros((len(one), 2, channels), self._dtype)
-                self._stages.append((signal.sosfilt, coefficients, delays))
-            else:
-                coefficients = tuple(part.astype(self._dtype) for part in one)
-                delays = np.zeros((len(one[1]) - 1, channels), self._dtype)
-                self._stages.append((signal.lfilter, coefficients, delays))
-        self._windows = [
-            np.zeros((config.samples(seconds), channels), self._dtype)
-            for seconds in (config.envelope_window_s, config.decision_window_s)
-        ]
-        self._sums = np.zeros((2, channels), self._dtype)
-        self._first: Reals | None = None
-
-    def is_stable(self) -> bool:
-        """Return whether all poles of the stored coefficients are inside the unit circle."""
-        for _, coefficients, _ in self._stages:
-            sections = len(coefficients) == 1
-            rows = coefficients[0][:, 3:] if sections else coefficients[1][None]
-            if not all(is_stable(row) for row in rows):
-                return False
-        return True
-
-    def update(self, volts: Floats) -> tuple[Reals, Reals]:
-        """Take the next rows; return envelope and level.
-
-        Parameters
-        ----------
-        volts : ndarray, shape (n, channels)
-            As many rows as a whole number of windows; both windows must have the same length.
-        """
-        if self._first is None:
-            self._first = volts[0].copy()
-        signals = (volts - self._first).astype(self._dtype)
-        for i, (function, coefficients, delays) in enumerate(self._stages):
-            signals, after = function(*coefficients, signals, axis=0, zi=delays)
-            self._stages[i] = function, coefficients, after
-        if self._config.rectify == 'half':
-            signals = np.maximum(signals, 0)
-        power = np.square(signals)
-        factor = power.copy()
-        for _ in range(self._config.exponent - 1):
-            power *= factor
-        envelope = np.sqrt(self._means(power, 0))
-        return envelope, self._means(envelope, 1)
-
-    def _means(self, values: Reals, i: int) -> Reals:
-        before = self._windows[i]
-        window = len(before)
-        joined = np.concatenate([before, values])
-        self._windows[i] = joined[-window:]
-        if self._running:
-            change = values - joined[:-window]
-            change[0] += self._sums[i]
-            totals = np.cumsum(change, axis=0)
-            self._sums[i] = totals[-1]
-            return np.asarray(np.maximum(totals, 0) / self._dtype.type(window))
-        stretches = joined.reshape(-1, window, values.shape[1])
-        totals = np.cumsum(stretches[1:], axis=1)
-        tails = np.cumsum(stretches[:-1, :0:-1], axis=1)[:, ::-1]
-        totals[:, :-1] += tails
-        return np.asarray(totals.reshape(values.shape) / self._dtype.type(window))
-
-
-def is_stable(polynomial: Reals) -> bool:
-    """Return whether all roots are inside the unit circle, by the test of Schur and Cohn.
-
-    It is exact, while root finders have larger errors than the distance of such roots to the
-    circle.
-
-    Examples
-    --------
-    >>> is_stable(np.array([1.0, -0.5])), is_stable(np.array([1.0, -1.5]))
-    (True, False)
-    """
-    values = [Fraction(float(value)) for value in polynomial]
-    while len(values) > 1:
-        share = values[-1] / values[0]
-        if abs(share) >= 1:
-            return False
-        values = [a - share * b for a, b in zip(values[:-1], values[:0:-1], strict=True)]
-    return True
-
-
-class PackageChain:
-    """The chain of the package, with the methods of :class:`ScipyChain`."""
-
-    def __init__(self, config: ChainConfig) -> None:
-        self._chain = SlipChain(config)
-
-    def is_stable(self) -> bool:
-        """Return True: the package refuses unstable designs."""
-        return True
-
-    def update(self, volts: Floats) -> tuple[Floats, Floats]:
-        """Take the next rows; return envelope and level."""
-        result = self._chain.update(volts)
-        return result.envelope, result.level
-
-
-Method = PackageChain | ScipyChain
-
-#: The methods, by name.
-METHODS: dict[str, Callable[[ChainConfig], Method]] = {
-    'chain': PackageChain,
-    'sections float64': lambda config: ScipyChain(config, 'sections', np.float64),
-    'sections float32': lambda config: ScipyChain(config, 'sections', np.float32),
-    'polynomials float64': lambda config: ScipyChain(config, 'polynomials', np.float64),
-    'polynomials float32': lambda config: ScipyChain(config, 'polynomials', np.float32),
-}
-
-RUNNING_SUMS = 'running sums float64'
-
-WITH_RUNNING_SUMS = METHODS | {
-    RUNNING_SUMS: lambda config: ScipyChain(config, 'sections', np.float64, running=True)
-}
-
-
-def run(method: Method, samples: Floats, config: ChainConfig) -> tuple[Reals, Reals]:
-    """Run a method over any number of rows; return envelope and level."""
-    window = config.samples(config.envelope_window_s)
-    filled = np.concatenate([samples, np.repeat(samples[-1:], -len(samples) % window, axis=0)])
+    rate = config.sample_rate_hz
+    order = config.passband_degree // 2
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')  # SciPy warns of badly conditioned polynomials
+        filters = [signal.butter(order, config.passband_hz, 'bandpass', output=form, fs=rate)]
+        filters += [
+            signal.ellip(
+                config.stopband_degree // 2, config.stopband_ripple_db,
+                config.stopband_attenuation_db, pair, 'bandstop', output=form, fs=rate,
+            )
+            for pair in config.stopbands_hz
+        ]  # fmt: skip
+    values = (samples - samples[0]).astype(dtype)
     with np.errstate(all='ignore'):  # An overflow shows in the figures.
-        envelope, level = method.update(filled)
-    return envelope[: len(samples)], level[: len(samples)]
+        for one in filters:
+            coefficients = np.asarray(one).astype(dtype)
+            if form == 'sos':
+                values = signal.sosfilt(coefficients, values, axis=0)
+            else:
+                values = signal.lfilter(*coefficients, values, axis=0)
+        values = np.square((values * dtype(config.gain)) ** config.exponent)
+        window = np.ones(config.samples(config.envelope_window_s), dtype)
+        values = np.sqrt(signal.lfilter(window, dtype(1), values, axis=0) / dtype(window.size))
+        window = np.ones(config.samples(config.decision_window_s), dtype)
+        values = signal.lfilter(window, dtype(1), values, axis=0) / dtype(window.size)
+    return np.asarray(values)
