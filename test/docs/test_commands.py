@@ -40,7 +40,7 @@ PATIENCE_S = 500.0
 #: Commands of this package that do not run here, as they take long, run until they are ended, or
 #: need what a page cannot show. Their tests are those of their rooms.
 NOT_HERE = re.compile(
-    r'ros2 run slip_detector (slip_detector|slip_view)\b.*|slip_demo --out out|slip_grasp .*'
+    r'(ros2 run slip_detector )?(slip_detector|slip_view)\b.*|slip_demo --out out|slip_grasp .*'
     r'|slip_evaluate (xela_uskin_slip|--protocol|trial\.mcap|/data)\b.*|slip_tune /data.*'
 )
 
