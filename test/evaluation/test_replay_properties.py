@@ -23,96 +23,37 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation import replay as replay_module
-from slip_detector.evaluation.figures import ALREADY_ON, STAGES, figures_of_merit, first_on_delay_s
+from slip_detector.evaluation.figures import (
+    ALREADY_ON,
+    STAGES,
+    figures_of_merit,
+    first_on_delay_s,
+)
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.evaluation import EvaluationConfig
-from support.replay_cases import CONFIG, RATE_HZ, plain
+from support.replay_cases import plain
+from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
+
+SOME = settings(max_examples=60 if COMPILED else 5, deadline=None)
 
 
-@st.composite
-def recordings(draw):
-    """Draw rows with bursts of ridges, labels that mostly fit, and stretches."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1), label='seed'))
-    n = 1200
-    volts = 0.2 * rng.normal(size=(n, 4))
-    time_s = np.arange(n) / RATE_HZ
-    truth = np.zeros(n, bool)
-    for _ in range(draw(st.integers(0, 4), label='bursts')):
-        start = int(rng.integers(0, n))
-        end = start + int(rng.integers(1, 200))
-        strength = rng.choice([0.3, 1.0, 2.0], 4)
-        volts[start:end] += np.sin(2 * np.pi * 50.0 * time_s[start:end, np.newaxis]) * strength
-        shift = int(rng.integers(-10, 10))
-        truth[max(start + shift, 0) : end + shift] = rng.random() < 0.8
-    volts[rng.random(volts.shape) < 0.002] = np.nan
-    for start in rng.integers(0, n, 20):  # A channel that leaves in the midst of ridges.
-        volts[start : start + 30, rng.integers(0, 4)] = np.nan
-    stamps_ns = np.round(time_s * 1e9).astype(np.int64)
-    breaks = sorted(rng.integers(1, n, draw(st.integers(0, 2), label='gaps')).tolist())
-    for at in breaks:
-        stamps_ns[at:] += int(rng.choice([-500_000_000, 1_000_000_000]))
-    moving = rng.random(n) < 0.5
-    return volts, truth, stamps_ns, breaks, moving
+def cut(pieces, cuts):
+    """Cut pieces at further places."""
+    for piece in pieces:
+        n = len(piece.volts)
+        for a, b in itertools.pairwise(sorted({0, n, *(place % n for place in cuts)})):
+            yield piece.take(slice(a, b))._replace(new_stretch=piece.new_stretch and not a)
 
 
-def cut(recording, cuts):
-    """Cut a recording at its breaks and elsewhere."""
-    volts, truth, stamps_ns, breaks, moving = recording
-    edges = [0, *sorted([*cuts, *breaks]), len(volts)]
-    seen = set()
-    for a, b in itertools.pairwise(edges):
-        new = a in breaks and a not in seen and a < b
-        if new:
-            seen.add(a)
-        yield Samples(volts[a:b], stamps_ns[a:b], truth[a:b], new_stretch=new, moving=moving[a:b])
-
-
-CONFIGS = st.builds(
-    lambda vote, common, exponent: dataclasses.replace(
-        CONFIG, vote=vote, common_mode=common, exponent=exponent
-    ),
-    st.sampled_from(['all', 'mean', 1]),
-    st.sampled_from(['none', 'mean']),
-    st.sampled_from([1, 3]),
-)
-EVALUATIONS = st.builds(
-    lambda early, tail, off: EvaluationConfig(
-        early_s=early, tail_s=tail, off_before_s=off, late_after_s=0.06
-    ),
-    st.sampled_from([0.0, 0.02]),
-    st.sampled_from([0.0, 0.05]),
-    st.sampled_from([0.0, 0.03]),
-)
-
-
-@settings(max_examples=60 if COMPILED else 5)
-@given(
-    recordings(),
-    CONFIGS,
-    EVALUATIONS,
-    st.lists(st.integers(0, 1200), max_size=6),
-    st.integers(1, 500),
-)
-def test_any_cut_of_the_rows_gives_the_same_outcome(
-    recording, config, evaluation, cuts, block_values
-):
-    whole = Replay(config, evaluation).run(cut(recording, []))
-    kept = replay_module.BLOCK_VALUES
-    replay_module.BLOCK_VALUES = block_values * 4
-    try:
-        pieces = Replay(config, evaluation).run(cut(recording, cuts))
-    finally:
-        replay_module.BLOCK_VALUES = kept
-    assert plain(pieces) == plain(whole)
-
-
-def stretches(recording):
-    volts, _, _, breaks, _ = recording
-    edges = sorted({0, *breaks, len(volts)})
-    return [slice(a, b) for a, b in itertools.pairwise(edges)]
+def stretches(pieces):
+    """Join the pieces between two gaps."""
+    groups = []
+    for piece in pieces:
+        if piece.new_stretch or not groups:
+            groups.append([])
+        groups[-1].append(piece)
+    return [first.then(*others) for first, *others in groups]
 
 
 def runs(on):
@@ -121,77 +62,99 @@ def runs(on):
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-@settings(max_examples=60 if COMPILED else 5)
-@given(recordings(), CONFIGS, EVALUATIONS)
-def test_figures_are_those_of_a_plain_evaluation_of_the_whole(recording, config, evaluation):
-    volts, truth, _, _, moving = recording
-    outcome = Replay(config, evaluation).run(cut(recording, []))
-    settling = max(settling_rows(config), round(evaluation.off_before_s * RATE_HZ))
-    on, channels, statistic, rises, labels = [], [], [], 0, []
-    rest = np.zeros(len(volts), bool)
-    for part in stretches(recording):
-        result = SlipChain(config).update(volts[part], votes=(config.vote,))
-        on.append(result.slip)
-        channels.append(result.channels)
-        statistic.append(result.vote_statistic[:, 0])
+@SOME
+@given(
+    recordings(),
+    chains(),
+    EVALUATIONS,
+    st.lists(st.integers(0, 1200), max_size=6),
+    st.integers(1, 500),
+)
+def test_any_cut_of_the_rows_gives_the_same_outcome(pieces, config, evaluation, cuts, block_rows):
+    replay = Replay(config, evaluation)
+    whole = replay.run(stretches(pieces), RATE_HZ)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(replay_module, 'BLOCK_VALUES', block_rows * config.channels)
+        assert plain(replay.run(cut(pieces, cuts), RATE_HZ)) == plain(whole)
+
+
+@SOME
+@given(recordings(), chains(), EVALUATIONS)
+def test_figures_are_those_of_a_plain_evaluation_of_the_whole(pieces, config, evaluation):
+    outcome = Replay(config, evaluation).run(pieces, RATE_HZ)
+    early, tail, off = (
+        round(getattr(evaluation, name) * RATE_HZ)
+        for name in ('early_s', 'tail_s', 'off_before_s')
+    )
+    settling = max(settling_rows(config), off)
+    enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
+    chain, rises, expected_slips = SlipChain(config), 0, []
+    columns = {name: [] for name in ('on', 'statistic', 'truth', 'moving', 'rest')}
+    for number, part in enumerate(stretches(pieces)):
+        if number:
+            chain.restart()
+        result = chain.update(part.volts, votes=(config.vote,))
         turned_on = runs(result.slip)
         # An OFF of less than off_before_s is no end of an alarm.
-        rises += sum(
-            not k or a - turned_on[k - 1][1] >= evaluation.off_before_s * RATE_HZ
-            for k, (a, _) in enumerate(turned_on)
-        )
-        labels += [(part.start + a, part.start + b) for a, b in runs(truth[part])]
-        rest[part.start + settling : part.stop] = True
-        early, tail = (round(s * RATE_HZ) for s in (evaluation.early_s, evaluation.tail_s))
-        for a, b in runs(truth[part]):
-            rest[part][max(a - early, 0) : b + tail] = False
-    on, channels, statistic = (np.concatenate(parts) for parts in (on, channels, statistic))
+        rises += sum(not k or a - turned_on[k - 1][1] >= off for k, (a, _) in enumerate(turned_on))
+        rest = np.arange(len(part.volts)) >= settling
+        time_s = np.arange(len(part.volts)) / RATE_HZ
+        for a, b in runs(part.truth):
+            rest[max(a - early, 0) : b + tail] = False
+            delays_s = [
+                first_on_delay_s(on[:b], time_s[:b], time_s[a])
+                for on in result.channels[:, enabled].T
+            ]
+            expected_slips.append((b - a, bool(result.slip[a:b].any()), delays_s))
+        moving = np.zeros(len(rest), bool) if part.moving is None else part.moving
+        for name, column in (
+            ('on', result.slip), ('statistic', result.vote_statistic[:, 0]),
+            ('truth', part.truth), ('moving', moving), ('rest', rest),
+        ):  # fmt: skip
+            columns[name].append(column)
+    on, statistic, truth, moving, rest = map(np.concatenate, columns.values())
     found = figures_of_merit([outcome])
-    assert (found['rows'], found['slip_rows']) == (len(volts), int(truth.sum()))
-    assert found['moving_rows'] == int(moving.sum())
-    assert found['duration_s'] == len(volts) / RATE_HZ
+    assert (found['rows'], found['slip_rows']) == (len(on), int(truth.sum()))
+    assert found['moving_rows'] in (None, int(moving.sum()))
     assert found['alarms'] == rises
     assert (outcome.rest_rows, outcome.on_rest_rows) == (rest.sum(), (rest & on).sum())
-    assert found['false_time_percent'] == (
-        pytest.approx(100.0 * on[rest].mean()) if rest.any() else None
-    )
-    assert found['slips'] == len(labels)
     assert found['false_positive_percent'] == (
         None if truth.all() else pytest.approx(100.0 * on[~truth].mean())
     )
-    time_s = np.arange(len(volts)) / RATE_HZ
-    for slip, (a, b) in zip(outcome.slips, labels, strict=True):
-        assert slip.on_while == bool(on[a:b].any())
-        delays = [first_on_delay_s(column[:b], time_s[:b], time_s[a]) for column in channels.T]
-        assert slip.channel_delays_s == tuple(
-            None if delay is None else pytest.approx(delay) for delay in delays
-        )
-        known = [delay for delay in delays if delay is not None]
-        assert slip.delay_s == (pytest.approx(np.mean(known)) if known else None)
-        assert slip.end_s - slip.start_s == pytest.approx((b - a) / RATE_HZ)
+    for slip, (rows, on_while, delays_s) in zip(outcome.slips, expected_slips, strict=True):
+        assert slip.on_while == on_while
+        assert slip.end_s - slip.start_s == pytest.approx(rows / RATE_HZ)
+        assert list(slip.channel_delays_s) == [
+            None if delay_s is None else pytest.approx(delay_s) for delay_s in delays_s
+        ]
     for against, auc in ((~truth, 'auc_all'), (~truth & moving, 'auc_moving')):
         pairs = statistic[truth][:, np.newaxis] - statistic[against]
         if pairs.size:
             area = (pairs > 0).mean() + 0.5 * (pairs == 0).mean()
-            assert found[auc] == pytest.approx(area, abs=1e-3)
+            assert found[auc] == pytest.approx(area, abs=2e-3)
         else:
             assert found[auc] is None
 
 
-@settings(max_examples=60 if COMPILED else 5)
-@given(recordings(), CONFIGS, EVALUATIONS)
-def test_the_parts_of_a_latency_sum_to_it_and_each_is_what_it_says(recording, config, evaluation):
-    volts, truth, _, _, _ = recording
-    whole = [Samples.evenly(volts, RATE_HZ, truth)]
-    outcome = Replay(config, evaluation).run(whole)
+@SOME
+@given(recordings(), chains(), EVALUATIONS)
+def test_the_parts_of_a_latency_sum_to_it_and_end_where_their_stage_passes(
+    pieces, config, evaluation
+):
+    whole = stretches(pieces)[0]
+    outcome = Replay(config, evaluation).run([whole], RATE_HZ)
+    one_s, evidence = 1.0 / config.sample_rate_hz, config.decision == 'evidence'
     sharp = dataclasses.replace(
-        config, envelope_window_s=1.0 / RATE_HZ, decision_window_s=1.0 / RATE_HZ
+        config, envelope_window_s=one_s, decision_window_s=one_s, decision='mean'
     )
-    result = SlipChain(config).update(volts)
-    filtered = SlipChain(sharp).update(volts).envelope
+    result = SlipChain(config).update(whole.volts, floor=evidence)
+    filtered = SlipChain(sharp).update(whole.volts).envelope
+    least = config.threshold
+    if evidence:
+        least = 10.0 ** ((result.floor + config.evidence_offset_db) / 20.0)
     signals = [
         signal & result.valid
-        for signal in (filtered > 0.3, result.envelope > 0.3, result.level > 0.3)
+        for signal in (filtered > least, result.envelope > least, result.channels)
     ]
     off_rows = round(evaluation.off_before_s * RATE_HZ)
     settled = max(settling_rows(config), off_rows)
@@ -209,7 +172,7 @@ def test_the_parts_of_a_latency_sum_to_it_and_each_is_what_it_says(recording, co
                 continue
             # The next slip ends the search.
             nexts = [round(s.start_s * RATE_HZ) for s in outcome.slips if s.start_s > slip.start_s]
-            until = min([end + round(evaluation.tail_s * RATE_HZ), *nexts[:1], len(volts)])
+            until = min([end + round(evaluation.tail_s * RATE_HZ), *nexts[:1], len(result.slip)])
             rises = np.flatnonzero(result.slip[start:until])
             if rises.size:  # the first goes on with an alarm that ended too shortly before it
                 assert result.slip[start + rises[0] - off_rows : start + rises[0]].any()
@@ -221,7 +184,7 @@ def test_the_parts_of_a_latency_sum_to_it_and_each_is_what_it_says(recording, co
         assert slip.lost_at is None
         rise = round(outcome.alarms[slip.alarm].start_s * RATE_HZ)
         assert slip.latency_s == pytest.approx((rise - start) / RATE_HZ)
-        assert slip.late == (rise - start > 0.06 * RATE_HZ)
+        assert slip.late == (rise - start > round(evaluation.late_after_s * RATE_HZ))
         if slip.stages_s is None:
             # Another rise came first, and went on with an alarm that was not over.
             assert rise < start or slip.on_at_start or result.slip[start:rise].any()
