@@ -383,7 +383,7 @@ class _Run:
                 Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, of)
                 for alarm, kind, of in zip(alarms, kinds, slip_of, strict=True)
             ),
-            scores=self._tally.take() if self._tally else None,
+            scores=self._tally.collect() if self._tally else None,
         )
 
     def _true_slip(

@@ -95,7 +95,7 @@ class ScoreCounts(NamedTuple):
     --------
     >>> tally = ScoreTally()
     >>> tally.add([0.1, 2.0], [REST, SLIP])
-    >>> counts = tally.take()
+    >>> counts = tally.collect()
     >>> counts.auc(), int(ScoreCounts.pooled([counts, counts]).counts.sum())
     (1.0, 4)
     """
@@ -168,7 +168,7 @@ class ScoreTally:
     --------
     >>> tally = ScoreTally()
     >>> tally.add([0.1, 0.4, 0.3, 2.0], [REST, MOTION, SLIP, SLIP])
-    >>> counts = tally.take()
+    >>> counts = tally.collect()
     >>> counts.auc(), counts.auc(against=[MOTION])
     (0.75, 0.5)
     """
@@ -191,7 +191,7 @@ class ScoreTally:
         kinds = np.ascontiguousarray(kind, np.int8)
         _count(scores.view(np.int64), kinds, self._table, self._used)
 
-    def take(self) -> ScoreCounts:
+    def collect(self) -> ScoreCounts:
         """Return the counts so far and start again from zero."""
         # Class 0, which has the rows before any signal, is far below the classes in use.
         low, high = max(int(self._used[0]), 1), int(self._used[1])

@@ -80,7 +80,7 @@ SPECTRUM_S = 4.0
 STRAYS_HZ = 0.5
 
 #: Distances from a line between which the noise beside it is measured.
-BESIDE_HZ = (1.0, 6.0)
+NOISE_FROM_LINE_HZ = (1.0, 6.0)
 
 #: Below this frequency a line cannot be distinguished from drift.
 LOWEST_LINE_HZ = 2.0
@@ -496,11 +496,11 @@ def _lines(mains_hz: float, hz: Floats, power: Floats, rate_hz: float) -> list[M
         seen_hz = abs(hum_hz - rate_hz * round(hum_hz / rate_hz))
         away = np.abs(hz - seen_hz)
         near = away <= STRAYS_HZ
-        beside = (away >= BESIDE_HZ[0]) & (away <= BESIDE_HZ[1])
+        noise = (away >= NOISE_FROM_LINE_HZ[0]) & (away <= NOISE_FROM_LINE_HZ[1])
         taken = any(abs(line.seen_hz - seen_hz) < 2 * STRAYS_HZ for line in lines)
-        if taken or seen_hz < LOWEST_LINE_HZ or not near.any() or not beside.any():
+        if taken or seen_hz < LOWEST_LINE_HZ or not near.any() or not noise.any():
             continue
-        ratios = power[near].max(axis=0) / np.median(power[beside], axis=0)
+        ratios = power[near].max(axis=0) / np.median(power[noise], axis=0)
         least_db = 10.0 * float(np.log10(ratios.min()))
         if least_db >= LEAST_LINE_DB:
             lines.append(MainsLine(hum_hz, round(seen_hz, 6), least_db))
@@ -562,8 +562,8 @@ def _steps_v(chain: ChainConfig, track: Track) -> Floats:
         # The place of the last good sample up to each row; -1 before the first good one.
         places = np.where(good, np.arange(len(volts))[:, np.newaxis], -1)
         places = np.maximum.accumulate(places, axis=0)
-        held = np.where(places < 0, np.nan, np.take_along_axis(volts, places, axis=0))
-        steps = np.nan_to_num(np.abs(np.diff(held, axis=0)))
+        filled = np.where(places < 0, np.nan, np.take_along_axis(volts, places, axis=0))
+        steps = np.nan_to_num(np.abs(np.diff(filled, axis=0)))
         found[begin + 1 : end] = np.sort(steps, axis=1)[:, ::-1]
     return found
 

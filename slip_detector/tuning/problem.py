@@ -307,7 +307,7 @@ class Problem:
         for part, track in zip(statistic, self.tracks, strict=True):
             # The chain divides in the same way, so the scores equal an evaluation's to the bit.
             self._tally.add(part / threshold, track.kinds)
-        counts = self._tally.take()
+        counts = self._tally.collect()
         return counts.auc([MOTION] if counts.counts[MOTION].any() else (REST, MOTION))
 
     def _candidate(

@@ -33,7 +33,7 @@ TALLY = ScoreTally()
 
 def counted(score, kind):
     TALLY.add(score, kind)
-    return TALLY.take()
+    return TALLY.collect()
 
 
 def area(positives, negatives):

@@ -85,7 +85,7 @@ def complaint(capsys, *arguments, code=1):
 def roc_auc(score, label):
     """Return the area under the ROC curve of rows that the label calls slip against all others."""
     TALLY.add(score, np.where(label, SLIP, REST))
-    return TALLY.take().auc()
+    return TALLY.collect().auc()
 
 
 def expected_scores(path):

@@ -161,11 +161,6 @@ def test_a_threshold_next_to_no_evidence_is_not_taken():
         assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
 
 
-def test_a_dead_sensor_has_no_threshold():
-    flat = track_of('a', [Samples.evenly(np.full((100, 4), 4.3), RATE_HZ, np.zeros(100))], RATE_HZ)
-    assert Problem([flat]).best(CHAIN) == []
-
-
 def test_of_one_slip_nothing_is_learnt_but_a_threshold():
     one = track(1, duration_s=3.0)
     assert len(one.slips) == 1
@@ -230,16 +225,9 @@ def test_the_result_is_never_worse_on_the_held_out_recordings(seed, held_hz):
 
 
 def test_with_trade_one_figure_may_get_worse():
-    tracks = [track(1), track(2)]
-    asked = problem(tracks)
-    free = dataclasses.replace(asked, config=TuneConfig(trade=True), figures=None)
-    objective = Problem(tracks)
-    found = objective.as_it_is(dataclasses.replace(CHAIN, threshold=0.03))
-    given_too_careful = dataclasses.replace(CHAIN, threshold=0.5)
-    free = dataclasses.replace(free, given=given_too_careful)
-    asked = dataclasses.replace(asked, given=given_too_careful)
-    before = objective.as_it_is(given_too_careful)
-    assert found.cost_ms < before.cost_ms
-    worse = found.figures.worse_than(before.figures)
-    assert judge(free, tracks, found).kept == ''
-    assert bool(judge(asked, tracks, found).kept) == bool(worse)
+    tracks, careful = [track(1), track(2)], dataclasses.replace(CHAIN, threshold=0.5)
+    asked = problem(tracks, careful)
+    found = Problem(tracks).as_it_is(dataclasses.replace(CHAIN, threshold=0.03))
+    assert found.figures.worse_than(asked.figures)
+    assert judge(asked, tracks, found).kept
+    assert not judge(dataclasses.replace(asked, config=TuneConfig(trade=True)), tracks, found).kept

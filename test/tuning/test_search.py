@@ -26,7 +26,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.tuning import search as search_module
 from slip_detector.tuning.problem import Problem, searched
-from slip_detector.tuning.search import Study, TuningParameters, search, tune
+from slip_detector.tuning.search import Study, TuningParameters, tune
 from slip_detector.tuning.tracks import TrainingFiles
 from support.tuning_cases import CHAIN, problem, study_of, track, write
 
@@ -57,14 +57,6 @@ def test_the_order_in_which_a_batch_is_done_changes_nothing():
     ]
     assert len(found[0]) > 15
     assert found[0] == found[1]
-
-
-def test_a_search_that_is_stopped_keeps_the_trials_that_were_done(tmp_path):
-    asked = problem([track(1)])
-    study = Study(asked.space.distributions, 1, str(tmp_path / 'a.journal'))
-    counts = []
-    search(asked, study, 20, lambda: len(counts) >= 3, counts.append)
-    assert study.follow() == 3
 
 
 @pytest.fixture

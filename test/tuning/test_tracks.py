@@ -22,27 +22,12 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import COMPILED
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.evaluation.matching import RowInterval
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.tuning.tracks import TrainingFiles, fingerprint, held_out, load_tracks, track_of
 from support.track_cases import RATE_HZ, chains, recordings
 from support.tuning_cases import CHAIN, slips, track, write
-
-
-def test_a_track_of_a_recording_with_a_gap_keeps_its_time():
-    volts, truth = slips(1, duration_s=6.0)
-    stamps = np.round(np.arange(len(volts)) * 1e9 / 380.0).astype(np.int64)
-    stamps[1000:] += 2_000_000_000
-    pieces = [
-        Samples(volts[:1000], stamps[:1000], truth[:1000]),
-        Samples(volts[1000:], stamps[1000:], truth[1000:], new_stretch=True),
-    ]
-    whole = track_of('a', pieces, 380.0)
-    intervals = [stretch.interval for stretch in whole.stretches]
-    assert intervals == [RowInterval(0, 1000), RowInterval(1760, 760 + len(volts))]
-    assert whole.slips[-1].start == np.flatnonzero(np.diff(truth.astype(int)) == 1)[-1] + 1 + 760
 
 
 def test_recordings_are_parted_with_slips_on_both_sides():
