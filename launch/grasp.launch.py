@@ -27,8 +27,8 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from slip_detector.parameters.files import read_yaml
 from slip_detector.parameters.grasp import commands_of_a_scene
-from slip_detector.parameters.reading import read_yaml
 from slip_detector.scenes.scene import find_scene
 
 

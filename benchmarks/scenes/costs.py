@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from benchmarks.scenes.build import build_scene
 from benchmarks.scenes.sizes import SceneSizes
 from benchmarks.timing import garbage_collection_off
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes.parts import PARTS
 
 Floats = NDArray[np.float64]

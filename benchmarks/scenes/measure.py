@@ -62,7 +62,7 @@ from benchmarks.scenes.precision import scene_precision
 from benchmarks.scenes.sizes import FULL, QUICK
 from benchmarks.verdicts import verdicts
 from slip_detector.evaluation.figures import Bound
-from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.files import shared_folder
 from slip_detector.scenes import find_scene
 
 WANTED = {

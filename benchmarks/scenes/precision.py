@@ -36,7 +36,7 @@ from benchmarks.scenes.integrators import (
 from benchmarks.scenes.ode import Ode
 from benchmarks.scenes.sizes import SceneSizes
 from benchmarks.timing import garbage_collection_off
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes.motion import LoadNumbers
 
 Floats = NDArray[np.float64]

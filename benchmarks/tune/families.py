@@ -32,7 +32,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.problem import Problem, Verdict, judge, searched
 from slip_detector.tuning.search import Study, TuningParameters, search

@@ -34,7 +34,7 @@ import yaml
 from benchmarks.tune.families import PLATES, figures_on, play_scenes
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
 
 #: Seeds of the slips that are recorded, and of those that the result is judged on.

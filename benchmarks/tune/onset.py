@@ -51,7 +51,7 @@ from slip_detector.evaluation.figures import ReplayOutcome, mean_and_sd, percent
 from slip_detector.evaluation.protocol import SCENES
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.files import shared_folder
 from slip_detector.scenes import find_scene, load_scene
 
 #: Seeds other than those that the configuration was chosen on.

@@ -33,7 +33,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.files import shared_folder
 from slip_detector.sources import open_source
 from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
 from slip_detector.tuning.tracks import track_of

@@ -68,9 +68,9 @@ from slip_detector.evaluation.evaluator import (
     recording_figures,
 )
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_apart, check_writable, writable_folder
-from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import ENDINGS, recording_sets
 from slip_detector.report.tables import evaluation_tables
 

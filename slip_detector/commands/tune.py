@@ -40,8 +40,8 @@ from slip_detector.commands.workers import (
     progress_bar,
     recording_config,
 )
-from slip_detector.parameters.files import check_apart, check_writable
-from slip_detector.parameters.writing import with_parameters, write_file
+from slip_detector.parameters.files import check_apart, check_writable, write_yaml
+from slip_detector.parameters.sets import with_parameters
 from slip_detector.report.tables import comparison_table, number_text
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
@@ -224,7 +224,7 @@ def _learn(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str]
     else:
         learnt = learn_from_taps(options.taps, options.recordings, chain, loader)
     document = with_parameters(options.config, learnt.parameters)
-    write_file(options.out, document, _comments(argv, learnt.lines))
+    write_yaml(options.out, document, _comments(argv, learnt.lines))
     return [*learnt.lines, f'Written: {options.out}']
 
 
@@ -281,7 +281,7 @@ def _finish(
         table += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
     changes = {} if verdict.kept else searched(verdict.chain)
     comments = _comments(argv, [*lines, *table])
-    write_file(options.out, with_parameters(options.config, changes), comments)
+    write_yaml(options.out, with_parameters(options.config, changes), comments)
     written = [options.out]
     if options.report is not None:
         write_tuning_report(options.report, given, tuned, study, lines)

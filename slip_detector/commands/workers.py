@@ -37,7 +37,7 @@ from typing import Any, TypeVar
 from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import recording_sets
 
 #: Longest time in which a scheduler may answer.

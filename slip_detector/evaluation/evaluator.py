@@ -25,8 +25,8 @@ from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Observer, Replay
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.labels import labels_name
 

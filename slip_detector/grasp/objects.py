@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import find_scene
 from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
 

@@ -42,8 +42,7 @@ from slip_detector.nodes.executor import SampleExecutor
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.files import whole_file, writable_folder
-from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
 from slip_detector.recordings import write_recording
 from slip_detector.recordings.truth import states_at
 from slip_detector.sources import Source

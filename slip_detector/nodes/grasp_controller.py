@@ -29,7 +29,7 @@ from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.rclpy_internals import ROS_ERROR
 from slip_detector.nodes.senders import publishing_nodes
-from slip_detector.parameters.conversion import listed, shown
+from slip_detector.parameters.fields import listed, shown
 from slip_detector.parameters.grasp import JOINT_STATE, GraspConfig
 
 #: Length of the queues, so that no change is missed while this node is busy.

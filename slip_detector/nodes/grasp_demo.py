@@ -69,10 +69,9 @@ from slip_detector.nodes.grasp_trial import (
     play_grasp,
 )
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import whole_file, writable_folder
+from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.reading import check_sections
-from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.sets import check_sections
 
 #: Index of the object that is drawn, if there are as many; with the default seeds it slips twice.
 SHOWN = 2

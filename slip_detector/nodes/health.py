@@ -23,8 +23,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.parameters.conversion import listed
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.fields import listed
 
 #: Relative errors of the measured rate above which there is a warning, and an error.
 RATE_WARNING, RATE_ERROR = 0.02, 0.05

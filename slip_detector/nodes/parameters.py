@@ -31,8 +31,13 @@ from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import given_parameters
 from slip_detector.parameters.fields import allowed, default_of
-from slip_detector.parameters.reading import OF_RCLPY, check_sections, names_for_others
-from slip_detector.parameters.sets import ConfigType, ParameterSet
+from slip_detector.parameters.sets import (
+    OF_RCLPY,
+    ConfigType,
+    ParameterSet,
+    check_sections,
+    names_for_others,
+)
 
 
 def declare(

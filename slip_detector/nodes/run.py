@@ -133,8 +133,8 @@ def run(executable: str) -> int:
 
 def _check_files(words: list[str]) -> None:
     """Read the parameter files before rcl does, whose error messages are hard to understand."""
-    from slip_detector.parameters.reading import our_sections, sections_of
-    from slip_detector.parameters.yaml_files import read_yaml
+    from slip_detector.parameters.files import read_yaml
+    from slip_detector.parameters.sets import our_sections, sections_of
 
     for option, path in pairwise(words):
         if option == '--params-file':

@@ -158,7 +158,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _play(nodes: 'NodeProcesses', arguments: argparse.Namespace) -> None:
     """Start a detector and a driver for each finger."""
-    from slip_detector.parameters.shared_folder import shared_folder
+    from slip_detector.parameters.files import shared_folder
 
     if not arguments.configs:
         arguments.configs = [shared_folder() / 'config' / 'slip_detector.yaml']

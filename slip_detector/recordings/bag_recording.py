@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import GAP_PERIODS
-from slip_detector.parameters.conversion import listed, shown_name
 from slip_detector.parameters.detector import default_channel_names
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.fields import listed, shown_name
 from slip_detector.recordings.bag_storage import BagStorage
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.message_decoder import MessageDecoder, MessageRows

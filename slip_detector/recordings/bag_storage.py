@@ -22,7 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters.files import read_yaml
 from slip_detector.recordings.compression import decompressed, decompressor
 from slip_detector.recordings.damaged_database import DamagedDatabase
 from slip_detector.recordings.damaged_mcap import DamagedMcap

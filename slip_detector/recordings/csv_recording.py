@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.conversion import listed, shortened, shown_name
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.fields import listed, shortened, shown_name
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.rate import checked_rate, rate_of
 from slip_detector.recordings.reading_limit import PIECE_ROWS

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.parameters.conversion import listed
+from slip_detector.parameters.fields import listed
 
 Floats = NDArray[np.float64]
 

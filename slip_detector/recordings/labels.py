@@ -22,7 +22,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from slip_detector.parameters.yaml_files import compose_yaml
+from slip_detector.parameters.files import compose_yaml
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -33,9 +33,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.conversion import listed
 from slip_detector.parameters.detector import default_channel_names
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.fields import listed
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.rate import checked_rate
 from slip_detector.recordings.reading_limit import PIECE_ROWS, ReadingLimit

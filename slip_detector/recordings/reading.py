@@ -16,7 +16,7 @@
 
 from pathlib import Path
 
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
 from slip_detector.recordings.csv_recording import CsvRecording
 from slip_detector.recordings.labels import find_labels, read_labels

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings.labels import Labels
 from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
 from slip_detector.recordings.reading_limit import PIECE_ROWS, ReadingLimit

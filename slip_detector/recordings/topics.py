@@ -17,7 +17,7 @@
 import functools
 from typing import Any, NamedTuple
 
-from slip_detector.parameters.conversion import shortened, shown_name
+from slip_detector.parameters.fields import shortened, shown_name
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 BOOL = 'std_msgs/msg/Bool'

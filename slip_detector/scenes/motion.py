@@ -31,8 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.parameters.conversion import shown
-from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.fields import parameter, shown
 from slip_detector.parameters.sets import ParameterSet
 
 #: Largest number of steps: a scene holds the motion of all steps in memory.

@@ -24,8 +24,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from slip_detector.parameters.conversion import shown, shown_name
-from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.fields import parameter, shown, shown_name
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.contact import Contact
 from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Taps, Tremor

@@ -28,8 +28,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than_chance
 from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.sweep import (
     ThresholdSweep,

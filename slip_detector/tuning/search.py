@@ -40,9 +40,8 @@ from typing import Any, NamedTuple
 
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.tuning.problem import Candidate, Problem, Verdict, judge, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
 

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
-from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.files import shared_folder
 from slip_detector.tuning.learning import (
     LEAST_RATIO,
     MAINS_HZ,

@@ -25,9 +25,8 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple, get_args
 
-from slip_detector.parameters.conversion import shortened
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import allowed, default_of, under_headings
+from slip_detector.parameters.fields import allowed, default_of, shortened, under_headings
 
 #: Heading of the parameters that do not belong to this package.
 OF_ROS = 'Of every node'

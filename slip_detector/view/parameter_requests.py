@@ -24,10 +24,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.files import writable_folder
-from slip_detector.parameters.reading import (
+from slip_detector.parameters.fields import shown
+from slip_detector.parameters.files import read_yaml, writable_folder, write_yaml
+from slip_detector.parameters.sets import (
     OF_RCLPY,
     matches,
     node_of,
@@ -35,8 +35,6 @@ from slip_detector.parameters.reading import (
     read_parameter_file,
     sections_of,
 )
-from slip_detector.parameters.writing import write_file
-from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.view.parameter_panel import Change, ParameterPanel, typed, words_of
 from slip_detector.view.server import Server
 
@@ -321,5 +319,5 @@ def save(
         raise ValueError(f'{path}: is a link to another file, allowed: a name of its own')
     if path.exists() and not replace:
         raise FileExistsError(f'{path}: already exists')
-    write_file(path, document, comments)
+    write_yaml(path, document, comments)
     return path

@@ -32,8 +32,7 @@ import yaml
 
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.files import writable_folder
-from slip_detector.parameters.writing import write_file
+from slip_detector.parameters.files import writable_folder, write_yaml
 from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
 from slip_detector.tuning.learning import LEAST_S
 from slip_detector.view.recorded_folder import RecordedFolder
@@ -294,7 +293,7 @@ class TuneRun:
         file = self.folder / name
         document = yaml.safe_load(config.to_yaml())
         document[f'/**/{EvaluationConfig.NODE}'] = {'ros__parameters': {'early_s': EARLY_S}}
-        write_file(file, document, ['Written by slip_view, to tune with.'])
+        write_yaml(file, document, ['Written by slip_view, to tune with.'])
         return file
 
     def _path(self, name: str) -> str:

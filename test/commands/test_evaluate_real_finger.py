@@ -22,8 +22,8 @@ import yaml
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
 from support.evaluation_cases import report_of, roc_auc
 
 ROOT = Path(__file__).parents[2]

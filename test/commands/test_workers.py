@@ -32,7 +32,7 @@ from slip_detector.commands.workers import (
     progress_bar,
     recording_config,
 )
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from support.worker_calls import die, process_of, refuse
 
 

@@ -24,9 +24,8 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.view import _parser as view_options
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.recordings.labels import read_labels
 from slip_detector.scenes import load_scene
 from slip_detector.scenes.parts import PARTS

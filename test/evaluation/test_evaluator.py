@@ -29,8 +29,8 @@ from slip_detector.evaluation.evaluator import (
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
 
 CHAIN = ChainConfig(channels=2, stopbands_hz=(), gain=1.0, threshold=0.1)
 RATE_HZ = CHAIN.sample_rate_hz

@@ -35,7 +35,7 @@ from slip_detector.evaluation.protocol import (
 )
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters.files import read_yaml
 from slip_detector.report.protocol import MEANINGS
 from slip_detector.scenes import find_scene
 

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import strategies as st
 
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
 from support.bags import rows
 from support.fuzzing import fuzz, put

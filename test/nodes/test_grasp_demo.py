@@ -33,8 +33,8 @@ from slip_detector.grasp.comparison import (
 )
 from slip_detector.grasp.loop import play_trials
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.shared_folder import shared_folder
 from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
 from support.harness import compile_nodes
 

@@ -22,7 +22,7 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import bag_recording, open_recording, write_recording
 from support.bags import NAMES, PLUGINS, START_NS, Bag, check_same, gathered, rows, stamps
 from support.recorded import read_recording

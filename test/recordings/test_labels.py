@@ -21,7 +21,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import find_labels, read_labels
 

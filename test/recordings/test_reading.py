@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import (
     bag_recording,
     csv_recording,

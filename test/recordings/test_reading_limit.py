@@ -27,7 +27,7 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 
 import lz4.frame
 
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.recordings.compression import zstd
 from slip_detector.recordings.reading_limit import PIECE_ROWS, ReadingLimit

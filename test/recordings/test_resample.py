@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.resample import resampled
 from support.recorded import save_rows

@@ -21,7 +21,7 @@ import pytest
 import yaml
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.files import shared_folder
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.scenes.parts import PARTS
 from support.scene_cases import ALL, shipped, times_s

@@ -17,11 +17,9 @@
 import pytest
 
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.driver import DriverConfig, RecordingConfig
+from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.recording import RecordingConfig
-from slip_detector.parameters.tuning import TuneConfig
 
 SETS = (
     ChainConfig,

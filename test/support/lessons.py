@@ -20,7 +20,7 @@ import functools
 import numpy as np
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.reading import read_yaml
+from slip_detector.parameters.files import read_yaml
 from slip_detector.recordings import write_recording
 from slip_detector.scenes import Scene, find_scene
 

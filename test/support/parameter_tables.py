@@ -22,13 +22,11 @@ import re
 from pathlib import Path
 
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.driver import DriverConfig, RecordingConfig
+from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.parameters.fields import allowed, default_of, under_headings
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.parameters.sets import ParameterSet
-from slip_detector.parameters.tuning import TuneConfig
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
 

@@ -28,8 +28,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import COMPILED
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.tuning import TuneConfig
+from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.tuning.problem import CandidateFigures, Problem, judge
 from slip_detector.tuning.sweep import thresholds
 from slip_detector.tuning.tracks import track_of

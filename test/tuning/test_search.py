@@ -23,7 +23,7 @@ import optuna
 import pytest
 
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters.recording import RecordingConfig
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.tuning import search as search_module
 from slip_detector.tuning.problem import Problem, searched
 from slip_detector.tuning.search import Study, TuningParameters, tune

@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.files import shared_folder
 from slip_detector.tuning.learning import common_steps_v, learnt_floors
 from slip_detector.tuning.space import SearchSpace, presets
 from slip_detector.tuning.tracks import track_of

@@ -23,8 +23,8 @@ from slip_detector.chain.slip_chain import COMPILED
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.recording import RecordingConfig
 from slip_detector.tuning.tracks import TrainingFiles, fingerprint, held_out, load_tracks, track_of
 from support.track_cases import RATE_HZ, chains, recordings
 from support.tuning_cases import CHAIN, slips, track, write

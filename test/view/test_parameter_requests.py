@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.reading import read_parameter_file
+from slip_detector.parameters.sets import read_parameter_file
 from slip_detector.view.access import Access
 from slip_detector.view.parameter_requests import (
     FILE_NAME,
