@@ -15,13 +15,11 @@
 """examples/chain_on_an_array.py."""
 
 import re
-import runpy
 import subprocess
 import sys
 
 import numpy as np
 
-from slip_detector import ChainConfig
 from slip_detector.scenes import find_scene, load_scene
 from support.pages import ROOT
 
@@ -41,15 +39,3 @@ def test_it_prints_the_slips_of_the_plate(tmp_path):
     begins_s = [float(begin_s) for begin_s, _ in printed]
     for slip_s in slips_s:
         assert any(0 < begin_s - slip_s < 0.1 for begin_s in begins_s)
-
-
-def test_a_slip_at_either_end_of_the_array_has_its_times():
-    slips_in = runpy.run_path(str(EXAMPLE))['slips_in']
-    config = ChainConfig(channels=1, groups={'all': (1,)})
-    time_s = np.arange(1000) / config.sample_rate_hz
-    rest = np.full((1000, 1), 4.3)
-    vibration = 4.3 + 0.1 * np.sin(2 * np.pi * 25 * time_s)[:, None]
-    assert slips_in(rest, config).shape == (0, 2)
-    ((begin_s, end_s),) = slips_in(vibration, config)
-    assert 0 < begin_s < 0.1
-    assert end_s == time_s[-1]

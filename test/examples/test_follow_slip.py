@@ -72,15 +72,3 @@ def test_it_holds_on_when_the_detector_is_killed_or_hangs(bench, follower, numbe
     bench.wait_for(lambda: said(follower)[-1:] == [NO_SLIP], NO_SLIP)
     detected.process.signal(number)
     bench.wait_for(lambda: said(follower)[-1:] == [UNKNOWN], UNKNOWN)
-
-
-def test_it_goes_on_with_a_detector_that_was_started_again(bench, follower):
-    detected = detector(bench)
-    at_ns = detected.settle(REST[0], BEGIN_NS, PERIOD_NS)
-    bench.wait_for(lambda: said(follower)[-1:] == [NO_SLIP], NO_SLIP)
-    detected.process.signal(signal.SIGKILL)
-    bench.wait_for(lambda: said(follower)[-1:] == [UNKNOWN], UNKNOWN)
-    bench.wait_until_forgotten('slip_detector')
-    again = detector(bench)
-    again.settle(REST[0], at_ns, PERIOD_NS)
-    bench.wait_for(lambda: said(follower)[-1:] == [NO_SLIP], NO_SLIP)

@@ -15,7 +15,6 @@
 """Sets of parameters, as services and programs give them."""
 
 import dataclasses
-import math
 
 import pytest
 from hypothesis import strategies as st
@@ -30,6 +29,7 @@ from slip_detector.parameters import (
 )
 from slip_detector.parameters.fields import default_of
 from support.fuzzing import fuzz
+from support.mutations import STRANGE
 
 SETS = {
     config.NODE: config
@@ -38,17 +38,6 @@ SETS = {
 
 #: For how many channels and rows a chain is built.
 MOST_CHANNELS, MOST_ROWS = 64, 100_000
-
-STRANGE = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(),
-    st.floats(),
-    st.text(max_size=5),
-    st.sampled_from(['٣', '1e400', 10**400, -(10**400), math.nan, math.inf, -0.0, 5e-324]),
-    st.lists(st.one_of(st.integers(-2, 20), st.floats(), st.text(max_size=2)), max_size=4),
-    st.dictionaries(st.text(max_size=2), st.integers(), max_size=2),
-)
 
 
 def near(field):

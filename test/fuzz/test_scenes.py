@@ -24,15 +24,7 @@ from slip_detector.scenes import Scene
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
 from support.fuzzing import fuzz
-
-STRANGE = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.floats(),
-    st.integers(-3, 3),
-    st.text(max_size=3),
-    st.lists(st.floats(), max_size=3),
-)
+from support.mutations import STRANGE
 
 #: Longest scene whose beginning is played, and the most patches of its contact.
 MOST_S, MOST_ROWS = 100.0, 20

@@ -16,8 +16,6 @@
 
 from pathlib import Path
 
-import pytest
-
 from slip_detector.parameters import DetectorConfig, DriverConfig, GraspConfig, TuneConfig
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.parameters.sets import our_sections
@@ -73,8 +71,3 @@ def test_any_text_of_a_file_is_read_or_refused_in_one_line_that_names_the_file(t
     texts = [path.read_text(encoding='utf-8') for path in FILES]
     texts += ['slip_s: [[1.0, 2.5], [3.0, 4.0]]\n', 'slip: [1, 2]\n']
     fuzz('YAML', mutated_text(texts, PIECES), check, corpus=CORPUS, few=40, refusal='some.yaml')
-
-
-@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
-def test_what_is_mutated_is_sound_before(path):
-    assert read_yaml(path)

@@ -25,7 +25,7 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import live, open_source
 from slip_detector.sources.live import SENDER_SILENT_S
 from slip_detector.sources.packets import LONGEST_BYTES
-from support.sensors import SCALE_V, Port, Sender, free_udp_port, make_packets, on_the_line
+from support.sensors import SCALE_V, Sender, free_udp_port, make_packets, on_the_line
 
 DEADLINE_S = 60.0
 
@@ -97,18 +97,6 @@ def test_a_port_that_is_pulled_out_is_found_again(port):
     assert source.counts['lost'] == source.counts['late'] == source.counts['restarts'] == 0
     assert source.counts['garbage_bytes'] == 9
     source.close()
-
-
-def test_a_port_that_is_not_there_yet_is_waited_for(tmp_path):
-    path = tmp_path / 'later'
-    source = source_at(path)
-    assert not source.connected
-    assert 'No such file or directory' in source.state
-    assert not len(source.read(1).volts)
-    port = Port(path)
-    read_until(source, lambda _: source.connected, 'the port')
-    source.close()
-    port.unplug()
 
 
 def test_a_port_that_another_driver_reads_is_left_to_it(port):

@@ -59,20 +59,6 @@ def test_what_is_encoded_is_decoded(data):
     assert +receiver.counts == {'packets': 1, 'samples': n}
 
 
-@given(st.lists(st.integers(0, 40)), st.binary(max_size=200))
-def test_any_cut_of_the_bytes_gives_the_same_samples_and_counts(cuts, noise):
-    line = on_the_line(packets(3)) + noise + b'\0' + on_the_line(packets(4, first=4, samples=2))
-    whole, piecewise = decoder(), decoder()
-    wanted = whole.feed(line)
-    received, at = [], 0
-    for cut in [*cuts, len(line)]:
-        received += piecewise.feed(line[at : at + cut])
-        at += cut
-    assert integers(received) == integers(wanted)
-    assert [r.stamps_ns.tolist() for r in received] == [r.stamps_ns.tolist() for r in wanted]
-    assert piecewise.counts == whole.counts
-
-
 @given(st.data())
 def test_a_corrupted_packet_is_never_taken_for_another(data):
     good = packets(1, samples=3)[0]

@@ -19,9 +19,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.recordings import npz_recording, write_recording
+from slip_detector.recordings import npz_recording
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.sources import open_source
 from slip_detector.sources.played import RecordingSource, SceneSource
@@ -57,22 +56,6 @@ def test_a_recording_is_read_to_its_end_in_any_cut(whole, piece_rows, cuts):
     assert len(pieces[-1].volts) == 0
 
 
-def test_a_recording_tells_its_damage_when_it_was_read(tmp_path):
-    pytest.importorskip('rosbags', reason='needs rosbags')
-    path = tmp_path / 'a.mcap'
-    samples = Samples(np.full((N_ROWS, 2), 4.0), 2_000_000 * np.arange(1, N_ROWS + 1))
-    write_recording(path, [samples], 500.0, ['a', 'b'])
-
-    def damage():
-        source = RecordingSource(DriverConfig(recording=str(path)))
-        source.read(N_ROWS + 1)
-        return source.damage
-
-    assert damage() == ''
-    path.write_bytes(path.read_bytes()[:4000])
-    assert damage().startswith('a.mcap is cut off at byte 4000')
-
-
 def test_a_recording_plays_under_its_own_rate_and_names(tmp_path):
     path = tmp_path / 'a.csv'
     path.write_text('time_s,left,slip,right\n0,1,0,2\n0.5,3,1,4\n')
@@ -105,19 +88,6 @@ def test_an_object_is_held_with_the_force_that_was_set():
     assert np.ptp(moved_m[0]) < np.ptp(moved_m[1])
     with pytest.raises(ValueError, match='allowed: 0 to 1000 N'):
         firm.hold_force(-1.0)
-
-
-def test_a_scene_is_one_trial_per_seed_and_another_with_each_repetition():
-    def volts(seed, repetition):
-        return (
-            open_source(DriverConfig(source='scene', seed=seed), repetition)
-            .read(50)
-            .volts.tobytes()
-        )
-
-    assert volts(3, 0) == volts(3, 0)
-    assert volts(3, 0) != volts(3, 1)
-    assert volts(3, 0) != volts(4, 0)
 
 
 @pytest.mark.parametrize(

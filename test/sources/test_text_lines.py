@@ -14,14 +14,12 @@
 
 """Streams of bytes, and lines of text: what was sent is decoded, and nothing else."""
 
-from collections import Counter
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.sources.text_lines import ByteSplitter, LineDecoder
+from slip_detector.sources.text_lines import LineDecoder
 
 MIXED_TEXT = st.lists(
     st.sampled_from([b'1', b'.5', b',', b'\n', b'\r\n', b'-', b'e9', b' ', b'nan', b'\0', b'\xff'])
@@ -93,21 +91,3 @@ def test_lines_at_a_rate_have_times_that_restart_after_an_interruption():
     assert rows(received, 1)[:, 0].tolist() == [1, 2, 5, 6]
     assert [r.new_stretch for r in received] == [True, False, True, False]
     assert np.diff([r.stamps_ns[0] for r in received])[[0, 2]].tolist() == [2_500_000] * 2
-
-
-#: Longest piece of a stream.
-LONGEST = 5
-
-
-@given(st.lists(st.text('ab,', max_size=12).map(str.encode)))
-def test_pieces_and_counts_are_those_of_the_whole_stream_however_it_is_cut(parts):
-    stream = b''.join(parts)
-    *complete, incomplete = stream.split(b',')
-    counts = Counter()
-    splitter = ByteSplitter(b',', LONGEST, counts)
-    pieces = [piece for part in parts for piece in splitter.feed(part)]
-    assert pieces == [piece for piece in complete if len(piece) <= LONGEST]
-    overlong = [piece for piece in complete if len(piece) > LONGEST]
-    assert counts['overlong'] == len(overlong)
-    splitter.restart()
-    assert counts['garbage_bytes'] == sum(map(len, overlong)) + len(incomplete)

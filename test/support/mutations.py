@@ -14,7 +14,17 @@
 
 """Valid bytes and texts with random damage."""
 
+import math
+
 from hypothesis import strategies as st
+
+#: Values that hardly any parameter takes.
+STRANGE = st.one_of(
+    *(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5)),
+    st.sampled_from(['٣', '1e400', 10**400, -(10**400), math.nan, math.inf, -0.0, 5e-324]),
+    st.lists(st.one_of(st.integers(-2, 20), st.floats(), st.text(max_size=2)), max_size=4),
+    st.dictionaries(st.text(max_size=2), st.integers(), max_size=2),
+)
 
 
 @st.composite
