@@ -316,7 +316,7 @@ class DetectorConfig(ChainConfig):
         True, 'Whether slip/channel/... is published.', affects='outputs'
     )
     autostart: bool = parameter(
-        True, 'Whether the node configures and activates itself; else a lifecycle manager does.'
+        True, 'Whether the node activates itself; else a lifecycle manager does.'
     )
     taxel_positions_m: tuple[float, ...] = parameter(
         (),

@@ -35,9 +35,7 @@ class RecordingConfig(ParameterSet):
 
     NODE = 'slip_driver'
 
-    recording_topic: str = parameter(
-        '', 'Topic of a bag that has the samples; empty: voltages in any namespace.'
-    )
+    recording_topic: str = parameter('', 'Topic of a bag with the samples; empty: any voltages.')
     recording_field: str = parameter(
         '', 'Field of its messages with the channels, as pillars[].fz; empty: position or data.'
     )
@@ -45,7 +43,7 @@ class RecordingConfig(ParameterSet):
         '', 'YAML file of the slips, or a folder of such; empty: <name>.labels.yaml beside it.'
     )
     recording_truth_topic: str = parameter(
-        'slip_truth', 'Topic of a bag with the true slip (Bool, on change).'
+        'slip_truth', 'Topic of the true slip (Bool, on change).'
     )
     recording_position_topic: str = parameter(
         'platform_position', 'Else a topic with a position that changes in slip (Eq. 9).'
@@ -54,15 +52,13 @@ class RecordingConfig(ParameterSet):
         0.0, 'Largest change of that position between messages at rest.', (0.0, 1.0, 'm')
     )
     recording_resample: bool = parameter(
-        False, 'Whether slip_evaluate and slip_tune resample to the rate of the chain.'
+        False, 'Resample for slip_evaluate and slip_tune, if needed.'
     )
     recording_limit_mb: float = parameter(
         1024.0, 'Largest piece held in memory; reading takes at most four.', (1.0, 1e6, 'MB')
     )
     recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
-    recording_rate_key: str = parameter(
-        'sample_rate_hz', 'Name of the sample rate in an npz recording.'
-    )
+    recording_rate_key: str = parameter('sample_rate_hz', 'Name of the sample rate in an npz.')
     recording_truth_key: str = parameter(
         'slip', 'Name of the column or array of true slip; absent: no truth is published.'
     )
@@ -90,7 +86,7 @@ class DriverConfig(RecordingConfig):
     scene: str = parameter('plate_400um', 'A scene that comes with the package, or a path.')
     seed: int = parameter(0, 'Seed of the noise; each seed is another trial.', (0, 2**31 - 1))
     recording: str = parameter(
-        '', 'Path of the recording to play: npz, csv, mcap, db3, or the folder of a bag.'
+        '', 'Recording to play: npz, csv, mcap, db3, or the folder of a bag.'
     )
     rate: float = parameter(1.0, 'Playing speed as a multiple of real time.', (0.001, 1000.0))
     loop: bool = parameter(False, 'Whether to start again at the end; else the driver ends.')
@@ -98,7 +94,7 @@ class DriverConfig(RecordingConfig):
         0, 'Number of subscribers to voltages that the first sample waits for.', (0, 1000)
     )
     wait_for_grip: bool = parameter(
-        False, 'Whether a scene with an object starts only with the first grip_force.'
+        False, 'Whether a scene with an object waits for a grip_force.'
     )
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
     samples_per_message: int = parameter(
@@ -110,13 +106,9 @@ class DriverConfig(RecordingConfig):
         'Type of the values in a packet (docs/packets.md).',
         choices=('int16', 'int24', 'int32', 'uint16', 'uint24', 'uint32'),
     )
-    packet_scale_v: float = parameter(
-        1e-3, 'Volts for each unit of a value in a packet.', (-1e9, 1e9, 'V')
-    )
+    packet_scale_v: float = parameter(1e-3, 'Volts of one unit in a packet.', (-1e9, 1e9, 'V'))
     packet_offset_v: float = parameter(0.0, 'Volts of the value 0 in a packet.', (-1e9, 1e9, 'V'))
-    serial_port: str = parameter(
-        '', 'Serial port; best its name in /dev/serial/by-id, which does not change.'
-    )
+    serial_port: str = parameter('', 'Serial port; its name in /dev/serial/by-id does not change.')
     serial_baud: int = parameter(
         115200, 'Rate of the serial port; no effect on USB.', (50, 20_000_000, 'baud')
     )

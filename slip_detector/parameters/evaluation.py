@@ -38,19 +38,13 @@ class EvaluationConfig(ParameterSet):
     early_s: float = parameter(
         0.0, 'An alarm this long before a slip still counts for it.', (0.0, 10.0, 's')
     )
-    tail_s: float = parameter(
-        0.1, 'An alarm this long after the end of a slip still counts.', (0.0, 10.0, 's')
-    )
+    tail_s: float = parameter(0.1, 'An alarm so long after a slip still counts.', (0.0, 10.0, 's'))
     off_before_s: float = parameter(
         0.1, 'OFF for a shorter time than this does not end an alarm.', (0.0, 10.0, 's')
     )
-    late_after_s: float = parameter(
-        0.1, 'A detection with a longer latency is late.', (0.0, 10.0, 's')
-    )
+    late_after_s: float = parameter(0.1, 'A detection after this time is late.', (0.0, 10.0, 's'))
 
-    motion_key: str = parameter(
-        '', 'Name of the array of velocities in a recording; empty: there is none.'
-    )
+    motion_key: str = parameter('', 'Name of the velocities in a recording; empty: none.')
     motion_columns: tuple[str, ...] = parameter(
         (), 'Columns of it to use, as named in the array <motion_key>_names; empty: all.'
     )
@@ -81,9 +75,7 @@ class TuneConfig(ParameterSet):
 
     NODE = 'slip_tune'
 
-    missed_costs_ms: float = parameter(
-        500.0, 'Latency that a missed slip counts as.', (1.0, 1e6, 'ms')
-    )
+    missed_costs_ms: float = parameter(500.0, 'Latency of a missed slip.', (1.0, 1e6, 'ms'))
     false_alarm_costs_ms: float = parameter(
         10.0, 'Cost of each false alarm per minute.', (0.0, 1e6, 'ms')
     )
@@ -95,6 +87,4 @@ class TuneConfig(ParameterSet):
         'Cost of an area under the ROC curve of 0; 1 costs nothing. It is an area over all rows.',
         (0.0, 1e6, 'ms'),
     )
-    trade: bool = parameter(
-        False, 'Whether a single figure may get worse if the total cost falls.'
-    )
+    trade: bool = parameter(False, 'Whether one figure may get worse if the total cost falls.')

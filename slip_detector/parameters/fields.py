@@ -257,10 +257,9 @@ def _number(value: Any, kind: type, where: str, field: Field | None = None) -> A
     wanted = 'a whole number' if kind is int else 'a number'
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         _refuse_value(value, where, wanted)
-    try:
-        number = float(value)
-    except OverflowError:
+    if isinstance(value, int) and abs(value) > 10**308:
         refuse(f'{where} has too many digits', f'{wanted} below 1e308')
+    number = float(value)
     if math.isnan(number):
         refuse(f'{where} is not a number', wanted)
     if kind is int and not number.is_integer():

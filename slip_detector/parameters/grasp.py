@@ -55,9 +55,7 @@ class GraspConfig(ParameterSet):
     relax_after_s: float = parameter(
         1.0, 'Time from the last slip until the force begins to decrease.', (0.0, 3600.0, 's')
     )
-    relax_n_s: float = parameter(
-        0.1, 'How fast the force decreases; 0: never.', (0.0, 1000.0, 'N/s')
-    )
+    relax_n_s: float = parameter(0.1, 'How fast it decreases; 0: never.', (0.0, 1000.0, 'N/s'))
     closing_n_s: float = parameter(
         5.0,
         'How fast the force rises and falls as the grip closes and opens.',
@@ -80,9 +78,7 @@ class GraspConfig(ParameterSet):
         'Message type of the command: with stamp and names, or plain numbers for ros2_control.',
         choices=(JOINT_STATE, FLOAT64_ARRAY),
     )
-    command_topic: str = parameter(
-        'grip_force', 'Topic of the command; with ros2_control it is <controller>/commands.'
-    )
+    command_topic: str = parameter('grip_force', 'Topic of the command, as <controller>/commands.')
     command_joints: tuple[str, ...] = parameter(
         ('grip',), 'Joints that get the command, all the same, in the order of their controller.'
     )
