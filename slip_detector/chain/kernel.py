@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain import stages, votes
 from slip_detector.chain.compiled import (
     LANES,
     compiled_for,
@@ -37,34 +38,8 @@ from slip_detector.chain.compiled import (
     spread,
     store,
 )
-from slip_detector.chain.stages import (
-    DELAYS,
-    FIRST_ROW,
-    LEAST_DB,
-    NO_ROW,
-    WORD_ROWS,
-    check_samples,
-    floor_steps_db,
-    load_deviations,
-    rectified_power,
-    rows_above,
-    run_filters,
-    subtract_mains,
-    sum_evidence,
-    window_means,
-)
-from slip_detector.chain.votes import (
-    COMMON_MODE_NUMBERS,
-    DIGITS,
-    NO_COMMON_MODE,
-    VOTE_MEAN,
-    decide,
-    find_common_mode,
-    find_statistics,
-    gather_levels,
-    rows_of_impact,
-    vote_numbers,
-)
+from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
+from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]
@@ -83,15 +58,14 @@ CACHED_VALUES = 2**18
 KEEP_ENVELOPE, KEEP_LEVEL, KEEP_FLOOR, KEEP_EXCESS, PAST_CACHES = 1, 2, 4, 8, 16
 
 #: The parameters as the kernel reads them: numbers, first those that are whole. Without mains,
-#: impacts or evidence ``comb_rows``, ``impact_v`` or ``evidence`` is 0; with evidence
-#: ``level_rows`` is.
+#: impacts or evidence ``mains_rows``, ``impact_v`` or ``evidence`` is 0.
 WHOLE = (
-    'common_mode', 'full_wave', 'exponent', 'vote', 'envelope_rows', 'level_rows', 'comb_rows',
+    'common_mode', 'full_wave', 'exponent', 'vote', 'envelope_rows', 'level_rows', 'mains_rows',
     'evidence', 'impact_channels', 'hold_rows',
 )  # fmt: skip
 REAL = (
-    'flat_rows', 'threshold', 'floor_range_db', 'floor_up_db', 'floor_down_db', 'cap_db',
-    'offset_db', 'limit_db_s', 'period_s', 'impact_v',
+    'flat_rows', 'threshold', 'noise_floor_range_db', 'floor_up_db', 'floor_down_db',
+    'evidence_cap_db', 'evidence_offset_db', 'evidence_limit_db_s', 'period_s', 'impact_v',
 )  # fmt: skip
 SETTINGS = np.dtype(
     (np.record, [(name, np.int64) for name in WHOLE] + [(name, np.float64) for name in REAL])
@@ -159,18 +133,17 @@ def tiles_of(config: ChainConfig) -> int:
     return -(-config.channels // LANES)
 
 
-def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -> Plan:
+def plan_of(config: ChainConfig, sections: Floats, wanted: Sequence[str | int]) -> Plan:
     """Return the plan of a chain: its configuration, the filters' sections and wanted votes."""
     tiles, disabled = tiles_of(config), {channel - 1 for channel in config.disabled_channels}
     enabled = [channel for channel in range(config.channels) if channel not in disabled]
     # In an empty range no sample is good. The floors of columns without a channel have no effect.
     limits = np.tile([[np.inf], [-np.inf], [0.0]], tiles * LANES)
-    limits[:LEAST_DB, enabled] = np.transpose([config.valid_range_v])
+    limits[:2, enabled] = np.transpose([config.valid_range_v])
     if config.decision == 'evidence':
-        limits[LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floors)
+        limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floors)
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
-    wanted = vote_numbers(votes)
-    gathered = config.vote == 'mean' or len(votes) > 0
+    gathered = config.vote == 'mean' or len(wanted) > 0
     words = 1 if gathered else CHUNK_WORDS
     by_channel = gathered or config.common_mode != 'none'
     return Plan(
@@ -180,7 +153,7 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
         active=np.unique(np.array(enabled, np.int64) // LANES),
         members=np.array([c for group in groups for c in group], np.int64),
         bounds=np.cumsum([0] + [len(group) for group in groups], dtype=np.int64),
-        votes=wanted,
+        votes=vote_numbers(wanted),
         block=aligned((WORD_ROWS, LANES)),
         common_v=np.zeros((words, WORD_ROWS)),
         on=np.zeros((words, tiles * LANES), np.uint64),
@@ -188,38 +161,30 @@ def plan_of(config: ChainConfig, sections: Floats, votes: Sequence[str | int]) -
         steps=np.zeros((words, tiles * LANES), np.uint64),
         held=np.zeros(words, np.uint64),
         decisions=np.zeros(1 + 2 * len(groups) + 2 * config.channels, np.uint64),
-        digits=np.zeros(DIGITS, np.uint64),
+        digits=np.zeros(votes.DIGITS, np.uint64),
         by_channel=np.zeros((tiles * LANES * by_channel, WORD_ROWS)),
-        statistics=np.zeros((max(len(votes), 1), WORD_ROWS)),
+        statistics=np.zeros((max(len(wanted), 1), WORD_ROWS)),
     )
 
 
 def _settings_of(config: ChainConfig) -> NDArray[np.void]:
     evidence = config.decision == 'evidence'
-    up_db, down_db = floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
-    settings = {
+    up_db, down_db = stages.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
+    settings = {name: getattr(config, name, None) for name in (*WHOLE, *REAL)} | {
         'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
-        'threshold': config.threshold,
-        'common_mode': COMMON_MODE_NUMBERS[config.common_mode],
+        'common_mode': votes.COMMON_MODE_NUMBERS[config.common_mode],
         'full_wave': config.rectify == 'full',
-        'exponent': config.exponent,
         'vote': vote_numbers([config.vote])[0],
         'envelope_rows': config.samples(config.envelope_window_s),
-        'level_rows': 0 if evidence else config.samples(config.decision_window_s),
-        'comb_rows': config.mains_rows,
+        'level_rows': config.samples(config.decision_window_s),
         'evidence': evidence,
-        'floor_range_db': config.noise_floor_range_db,
         'floor_up_db': up_db,
         'floor_down_db': down_db,
-        'cap_db': config.evidence_cap_db,
-        'offset_db': config.evidence_offset_db,
-        'limit_db_s': config.evidence_limit_db_s,
         'period_s': 1.0 / config.sample_rate_hz,
         'impact_v': config.impact_v if evidence else 0.0,
-        'impact_channels': config.impact_channels,
         'hold_rows': config.samples(config.impact_hold_s),
     }
-    return np.array([tuple(settings[name] for name in (*WHOLE, *REAL))], SETTINGS)
+    return np.array([tuple(settings.values())], SETTINGS)
 
 
 def aligned(shape: tuple[int, ...], new: Callable[[int], Floats] = np.zeros) -> Floats:
@@ -275,8 +240,8 @@ def _run_tile(volts, chunk, end, t, settings, checked, tile, plan, signals, kept
     """
     block, column, width, limits = plan.block, t * LANES, volts.shape[1], plan.limits[t]
     past_caches = kept & PAST_CACHES != 0
-    comb = DELAYS + 2 * plan.sections.shape[0]
-    envelopes = comb + settings.comb_rows + 1
+    comb = stages.DELAYS + 2 * plan.sections.shape[0]
+    envelopes = comb + settings.mains_rows + 1
     levels = envelopes + settings.envelope_rows + 3
     envelope_column = _column(kept, KEEP_ENVELOPE, column, width)
     level_column = _column(kept, KEEP_LEVEL, column, width)
@@ -285,16 +250,18 @@ def _run_tile(volts, chunk, end, t, settings, checked, tile, plan, signals, kept
     for start in range(chunk, end, WORD_ROWS):
         rows, at = min(WORD_ROWS, end - start), ((start - chunk) // WORD_ROWS, column)
         if not checked:
-            check_samples(
+            stages.check_samples(
                 volts, start, rows, column, limits, settings, tile, plan.valid, plan.steps, at
             )
-        load_deviations(volts, start, rows, column, limits, plan.common_v[at[0]], tile, block)
-        if settings.comb_rows > 0:
-            subtract_mains(block, rows, settings.comb_rows, tile, comb)
-        run_filters(block, rows, plan.sections, tile)
-        rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
+        stages.load_deviations(
+            volts, start, rows, column, limits, plan.common_v[at[0]], tile, block
+        )
+        if settings.mains_rows > 0:
+            stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
+        stages.run_filters(block, rows, plan.sections, tile)
+        stages.rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
         if settings.evidence:
-            window_means(
+            stages.window_means(
                 block,
                 rows,
                 settings.envelope_rows,
@@ -306,17 +273,17 @@ def _run_tile(volts, chunk, end, t, settings, checked, tile, plan, signals, kept
                 -1,
                 False,
             )
-            sum_evidence(
-                block, rows, settings, load(limits, (LEAST_DB, 0)), load(plan.valid, at),
+            stages.sum_evidence(
+                block, rows, settings, load(limits, (stages.LEAST_DB, 0)), load(plan.valid, at),
                 plan.held[at[0]], tile, signals, start, envelope_column, level_column,
                 floor_column, excess_column, past_caches,
             )  # fmt: skip
         else:
-            window_means(
+            stages.window_means(
                 block, rows, settings.envelope_rows, tile, envelopes, True, signals, start,
                 envelope_column, past_caches
             )  # fmt: skip
-            window_means(
+            stages.window_means(
                 block,
                 rows,
                 settings.level_rows,
@@ -328,25 +295,25 @@ def _run_tile(volts, chunk, end, t, settings, checked, tile, plan, signals, kept
                 level_column,
                 past_caches,
             )
-        rows_above(block, rows, settings.threshold, plan.on, at)
+        stages.rows_above(block, rows, settings.threshold, plan.on, at)
         if settings.vote == VOTE_MEAN or plan.votes.size:
-            gather_levels(block, rows, plan.valid, at, plan.by_channel)
+            votes.gather_levels(block, rows, plan.valid, at, plan.by_channel)
 
 
 @compiled_within
 def _check_all_channels(volts, start, rows, w, settings, tiles, plan):
     """Run the stages that need all channels of a row: check of samples, impacts, common mode."""
     for t in plan.active:
-        check_samples(
+        stages.check_samples(
             volts, start, rows, t * LANES, plan.limits[t], settings, tiles[t], plan.valid,
             plan.steps, (w, t * LANES),
         )  # fmt: skip
     if settings.impact_v > 0.0:
-        plan.held[w] = rows_of_impact(
+        plan.held[w] = votes.rows_of_impact(
             rows, settings, plan.members, plan.steps[w], plan.digits, tiles
         )
     if settings.common_mode != NO_COMMON_MODE:
-        find_common_mode(
+        votes.find_common_mode(
             volts, start, rows, settings.common_mode, plan.active, plan.members, plan.limits,
             tiles, plan.valid[w], plan.by_channel, plan.common_v[w],
         )  # fmt: skip
@@ -355,7 +322,7 @@ def _check_all_channels(volts, start, rows, w, settings, tiles, plan):
 @compiled_within
 def _decide(start, rows, w, settings, plan, flags, signals, kept):
     """Write the decisions on some rows, and what the last columns of the signals are."""
-    decide(
+    votes.decide(
         rows, settings, plan.on[w], plan.valid[w], plan.members, plan.bounds, plan.digits,
         plan.by_channel, plan.statistics, plan.decisions,
     )  # fmt: skip
@@ -367,7 +334,7 @@ def _decide(start, rows, w, settings, plan, flags, signals, kept):
             signals[k, column - 1] = 1.0 if held & FIRST_ROW else 0.0
             held = held >> FIRST_ROW
     if plan.votes.size:
-        find_statistics(
+        votes.find_statistics(
             plan.by_channel, plan.members, plan.bounds, rows, plan.votes, plan.statistics
         )
         for v in range(plan.votes.size):

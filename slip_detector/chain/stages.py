@@ -283,12 +283,13 @@ def sum_evidence(
     impact's hold time, during which the excess of all channels is 0. A floor that is NaN begins
     with the envelope. A negative column means that a signal is not wanted.
     """
-    settle_rows = float(settings.comb_rows + settings.envelope_rows)
-    most_db = least_db + settings.floor_range_db
+    settle_rows = float(settings.mains_rows + settings.envelope_rows)
+    most_db = least_db + settings.noise_floor_range_db
     up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
     age, floor = load(tile, (AGE, 0)), load(tile, (FLOOR, 0))
     evidence, number = load(tile, (EVIDENCE, 0)), load(tile, (HELD_EVIDENCE, 0))
     not_held, row = valid & ~held, spread(FIRST_ROW)
+    cap_db, limit_db_s = settings.evidence_cap_db, settings.evidence_limit_db_s
     for k in range(rows):
         square = load(block, (k, 0))
         level = root_decibels(square)
@@ -302,12 +303,12 @@ def sum_evidence(
         floor = select(counts, moved, floor)
         excess = level - floor
         excess = select(excess > LEAST_EXCESS_DB, excess, LEAST_EXCESS_DB)
-        excess = select(excess < settings.cap_db, excess, settings.cap_db)
+        excess = select(excess < cap_db, excess, cap_db)
         excess = select(counts & ((not_held & row) != NO_ROW), excess, 0.0)
-        gain = select(counts, (excess - settings.offset_db) * settings.period_s, 0.0)
+        gain = select(counts, (excess - settings.evidence_offset_db) * settings.period_s, 0.0)
         evidence = evidence + gain
         evidence = select(evidence > 0.0, evidence, 0.0)
-        evidence = select(evidence < settings.limit_db_s, evidence, settings.limit_db_s)
+        evidence = select(evidence < limit_db_s, evidence, limit_db_s)
         most = evidence + evidence
         number = select(number < most, number, most)
         number = select(number > evidence, number, evidence)

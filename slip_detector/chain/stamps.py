@@ -47,7 +47,7 @@ BEHIND_A_GAP = 0.5
 
 #: Longest delay of a message whose number follows the one before. After a longer pause the source
 #: itself must have stopped.
-LONGEST_DELAY_S = 1.0
+LONGEST_DELAY_NS = 1e9
 
 #: Jitter in periods that is assumed before any was observed.
 FIRST_JITTER = 0.75
@@ -56,6 +56,22 @@ FIRST_JITTER = 0.75
 # Elements of the array that holds the line: the sample period, the time until the next sample is
 # expected, the memory in messages, the jitter in periods, and the bounds of the period.
 PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS = range(6)
+
+# Elements of the array of stamps: of the last accepted sample, and of the first and last of the
+# samples that have been dropped since. NONE: there is no such stamp.
+LAST, FIRST_DROPPED, LAST_DROPPED = range(3)
+NONE = np.iinfo(np.int64).min
+
+# In place of the number of samples that are missing before a sample.
+DROPPED, NEW = -1, -2
+
+
+@compiled_in_place
+def _begin(line, stamps, stamp_ns, verdict):
+    """Begin a new grid at a stamp; return the verdict."""
+    stamps[LAST], stamps[FIRST_DROPPED] = stamp_ns, NONE
+    line[UNTIL_NEXT_NS], line[MEMORY] = line[PERIOD_NS], FIRST_MEMORY
+    return verdict
 
 
 @compiled_in_place
@@ -69,8 +85,7 @@ def _follow(line, behind, rows):
         line[MEMORY] = n + 1.0
     # Lateness beyond BEHIND_A_GAP may be a gap and not jitter; an early sample is always jitter.
     off = -behind if behind < 0.0 else min(behind, BEHIND_A_GAP)
-    jitter = line[JITTER] * (1.0 - 1.0 / JITTER_MEMORY)
-    line[JITTER] = off if off > jitter else jitter
+    line[JITTER] = max(off, line[JITTER] * (1.0 - 1.0 / JITTER_MEMORY))
     gain = 1.0 / (n * (n + 1.0))
     period_ns = line[PERIOD_NS]
     # The time until the next sample: from this stamp to its place on the line, plus one period.
@@ -82,16 +97,47 @@ def _follow(line, behind, rows):
 
 
 @compiled_in_place
-def _follow_all(line, steps_ns):
-    """Follow samples until one is not the next one expected; return whether all were."""
-    for i in range(steps_ns.size):
-        step_ns = float(steps_ns[i])
-        behind = (step_ns - line[UNTIL_NEXT_NS]) / line[PERIOD_NS]
-        missing = behind - max(0.0, line[JITTER] - BEHIND_A_GAP)
-        if step_ns <= 0.0 or behind < -LARGEST_JITTER or missing > 0.5:
-            return False
-        _follow(line, behind, 1.0)
-    return True
+def _judge(line, stamps, max_gap_ns, stamp_ns, rows, lost):
+    """Return how many samples are missing before those of a message, or DROPPED or NEW.
+
+    ``lost`` messages are missing before it; -1: only its stamp can tell.
+    """
+    if stamps[LAST] == NONE:
+        return _begin(line, stamps, stamp_ns, 0)
+    step_ns = stamp_ns - stamps[LAST]
+    period_ns = line[PERIOD_NS]
+    # In periods of the messages.
+    behind = ((step_ns - line[UNTIL_NEXT_NS]) / period_ns - (rows - 1)) / rows
+    missing = lost
+    if lost >= 0:
+        too_many = lost > 0 and (lost * rows + 1) * period_ns > max_gap_ns
+        if too_many or step_ns - rows * period_ns > max(max_gap_ns, LONGEST_DELAY_NS):
+            return _begin(line, stamps, stamp_ns, NEW)
+        if step_ns <= 0:  # The clock was set back.
+            return _begin(line, stamps, stamp_ns, lost * rows)
+    elif step_ns <= 0:
+        if stamps[FIRST_DROPPED] == NONE or stamp_ns <= stamps[LAST_DROPPED]:
+            stamps[FIRST_DROPPED] = stamp_ns
+        stamps[LAST_DROPPED] = stamp_ns
+        if stamp_ns - stamps[FIRST_DROPPED] <= max_gap_ns:
+            return DROPPED
+        return _begin(line, stamps, stamp_ns, NEW)
+    elif behind < -LARGEST_JITTER:
+        return _begin(line, stamps, stamp_ns, 0)
+    else:
+        missing = max(0, int(np.rint(behind - max(0.0, line[JITTER] - BEHIND_A_GAP))))
+        if missing > 0 and step_ns - (rows - 1) * period_ns > max_gap_ns:
+            return _begin(line, stamps, stamp_ns, NEW)
+    _follow(line, behind - missing, float(rows))
+    stamps[LAST], stamps[FIRST_DROPPED] = stamp_ns, NONE
+    return missing * rows
+
+
+@compiled_in_place
+def _judge_all(line, stamps, max_gap_ns, stamps_ns, verdicts):
+    """Write the verdict of :func:`_judge` on each sample, by its stamp."""
+    for i in range(stamps_ns.size):
+        verdicts[i] = _judge(line, stamps, max_gap_ns, stamps_ns[i], 1, -1)
 
 
 class Arrival(NamedTuple):
@@ -205,23 +251,14 @@ class StampGrid:
     """
 
     def __init__(self, period_s: float, max_gap_s: float) -> None:
-        period_ns = period_s * 1e9
+        self._nominal_ns = period_ns = period_s * 1e9
+        off_ns = LARGEST_RATE_ERROR * period_ns
         self._line = np.array(
-            [
-                period_ns,
-                0.0,
-                FIRST_MEMORY,
-                FIRST_JITTER,
-                (1.0 - LARGEST_RATE_ERROR) * period_ns,
-                (1.0 + LARGEST_RATE_ERROR) * period_ns,
-            ]
+            [period_ns, 0.0, FIRST_MEMORY, FIRST_JITTER, period_ns - off_ns, period_ns + off_ns]
         )
-        self._nominal_ns = period_ns
-        self.max_gap_s = max_gap_s
-        self._last_ns: int | None = None
+        self._stamps = np.full(3, NONE)
         self._number: int | None = None
-        self._dropped_first_ns: int | None = None
-        self._dropped_last_ns = 0
+        self.max_gap_s = max_gap_s
 
     @property
     def period_ns(self) -> float:
@@ -249,16 +286,17 @@ class StampGrid:
         >>> [grid.arrive(ms * 1_000_000, 10, n).missing for n, ms in published_ms.items()]
         [0, 0, 0, 0, 10]
         """
-        if self._last_ns is None:
-            self._begin(stamp_ns)
-            arrival = NEXT
-        elif number is None or self._number is None or number <= self._number:
-            arrival = self._arrive_by_stamp(stamp_ns, rows)
-        else:
-            arrival = self._arrive_by_number(stamp_ns, rows, number - self._number - 1)
-        if arrival.accepted:
-            self._number = number
-        return arrival
+        lost = -1
+        if number is not None and self._number is not None and number > self._number:
+            lost = number - self._number - 1
+        max_gap_ns = self.max_gap_s * 1e9
+        missing = _judge(self._line, self._stamps, max_gap_ns, stamp_ns, rows, lost)
+        if missing == DROPPED:
+            return BACKWARDS
+        self._number = number
+        if missing > 0:
+            return Arrival(True, missing, False)
+        return NEXT if missing == 0 else NEW_STRETCH
 
     def skip(self, number: int | None) -> None:
         """Register the number of a message without samples, which is not missing."""
@@ -277,18 +315,10 @@ class StampGrid:
         bool
             Whether they were accepted; if not, call :meth:`mend` for them.
         """
-        if not stamps_ns.size:
+        before = self._line.copy(), self._stamps.copy()
+        if not self._verdicts(stamps_ns).any():
             return True
-        last_ns, line = self._last_ns, self._line.copy()
-        if last_ns is None:
-            self._begin(int(stamps_ns[0]))
-            steps_ns = np.diff(stamps_ns)
-        else:
-            steps_ns = np.diff(stamps_ns, prepend=last_ns)
-        if _follow_all(self._line, steps_ns):
-            self._last_ns, self._dropped_first_ns = int(stamps_ns[-1]), None
-            return True
-        self._last_ns, self._line = last_ns, line
+        self._line, self._stamps = before
         return False
 
     def mend(self, stamps_ns: NDArray[np.int64]) -> MendedSamples:
@@ -308,94 +338,35 @@ class StampGrid:
         >>> mended.stretches
         (slice(0, 5, None), slice(5, 6, None))
         """
-        places: list[int] = []
-        mended_ns: list[int] = []
-        starts = [0]
-        last, gaps, bridged, dropped = -1, 0, 0, 0
-        for i, stamp_ns in enumerate(stamps_ns.tolist()):
-            arrival = self.arrive(stamp_ns)
-            if not arrival.accepted:
-                dropped += 1
-                continue
-            if arrival.reset:
-                starts.append(len(places))
-            if arrival.missing:
-                gaps += 1
-                bridged += arrival.missing
-                begin_ns = stamp_ns - round(arrival.missing * self._nominal_ns)
-                mended_ns += [
-                    begin_ns + round(k * self._nominal_ns) for k in range(arrival.missing)
-                ]
-                places += arrival.bridge([last], [i]).tolist()
-            else:
-                places.append(i)
-            mended_ns.append(stamp_ns)
-            last = i
+        verdicts = self._verdicts(stamps_ns)
+        kept = np.flatnonzero(verdicts != DROPPED)
+        missing = np.maximum(verdicts[kept], 0)
+        # Each sample is preceded by the missing ones, for which the one before is repeated.
+        rows = missing + 1
+        ends = np.cumsum(rows) - 1
+        places = np.repeat(np.concatenate([[-1], kept])[:-1], rows)
+        places[ends] = kept
+        begins_ns = stamps_ns[kept] - _whole_ns(missing * self._nominal_ns)
+        nth = np.arange(len(places)) - np.repeat(ends - missing, rows)
+        mended_ns = np.repeat(begins_ns, rows) + _whole_ns(nth * self._nominal_ns)
+        mended_ns[ends] = stamps_ns[kept]
+        starts = [0, *ends[verdicts[kept] == NEW].tolist()]
         return MendedSamples(
-            np.array(places, np.int64),
-            np.array(mended_ns, np.int64),
+            places,
+            mended_ns,
             tuple(slice(a, b) for a, b in pairwise([*starts, len(places)]) if a < b),
             starts[1:2] == [0],
-            gaps,
-            bridged,
-            dropped,
+            int(np.count_nonzero(missing)),
+            int(missing.sum()),
+            len(stamps_ns) - len(kept),
         )
 
-    def _arrive_by_stamp(self, stamp_ns: int, rows: int) -> Arrival:
-        assert self._last_ns is not None
-        step_ns = stamp_ns - self._last_ns
-        if step_ns <= 0:
-            return self._backwards(stamp_ns)
-        self._dropped_first_ns = None
-        period_ns, until_next_ns, _, jitter, _, _ = self._line.tolist()
-        # In periods of the messages.
-        behind = ((step_ns - until_next_ns) / period_ns - (rows - 1)) / rows
-        if behind < -LARGEST_JITTER:
-            self._begin(stamp_ns)
-            return NEXT
-        missing = 0
-        if behind >= BEHIND_A_GAP:
-            missing = max(0, round(behind - max(0.0, jitter - BEHIND_A_GAP)))
-            if missing and step_ns - (rows - 1) * period_ns > self.max_gap_s * 1e9:
-                self._begin(stamp_ns)
-                return NEW_STRETCH
-            behind -= missing
-        _follow(self._line, behind, float(rows))
-        self._last_ns = stamp_ns
-        return Arrival(True, missing * rows, False) if missing else NEXT
+    def _verdicts(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        stamps_ns = np.ascontiguousarray(stamps_ns, np.int64)
+        verdicts = np.zeros_like(stamps_ns)
+        _judge_all(self._line, self._stamps, self.max_gap_s * 1e9, stamps_ns, verdicts)
+        return verdicts
 
-    def _arrive_by_number(self, stamp_ns: int, rows: int, lost: int) -> Arrival:
-        """Return what to do with a message before which ``lost`` messages are missing."""
-        assert self._last_ns is not None
-        step_ns = stamp_ns - self._last_ns
-        missing = lost * rows
-        period_ns, until_next_ns = self._line[:2].tolist()
-        too_many = missing > 0 and (missing + 1) * period_ns > self.max_gap_s * 1e9
-        pause_ns = step_ns - rows * period_ns
-        if too_many or pause_ns > max(self.max_gap_s, LONGEST_DELAY_S) * 1e9:
-            self._begin(stamp_ns)
-            return NEW_STRETCH
-        if step_ns <= 0:  # The clock was set back.
-            self._begin(stamp_ns)
-        else:
-            # In periods of the messages.
-            behind = ((step_ns - until_next_ns) / period_ns - (rows - 1)) / rows - lost
-            _follow(self._line, behind, float(rows))
-            self._last_ns = stamp_ns
-            self._dropped_first_ns = None
-        return Arrival(True, missing, False) if missing else NEXT
 
-    def _begin(self, stamp_ns: int) -> None:
-        self._last_ns = stamp_ns
-        self._line[UNTIL_NEXT_NS] = self._line[PERIOD_NS]
-        self._line[MEMORY] = FIRST_MEMORY
-        self._dropped_first_ns = None
-
-    def _backwards(self, stamp_ns: int) -> Arrival:
-        if self._dropped_first_ns is None or stamp_ns <= self._dropped_last_ns:
-            self._dropped_first_ns = stamp_ns
-        self._dropped_last_ns = stamp_ns
-        if stamp_ns - self._dropped_first_ns <= self.max_gap_s * 1e9:
-            return BACKWARDS
-        self._begin(stamp_ns)
-        return NEW_STRETCH
+def _whole_ns(times_ns: NDArray[np.float64]) -> NDArray[np.int64]:
+    return np.rint(times_ns).astype(np.int64)
