@@ -18,7 +18,6 @@ import dataclasses
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,34 +44,6 @@ GATHER_S = 0.1
 #: Parameters after whose change the kept rows cannot be used; some are the detector's: another
 #: field of a message is another signal.
 INPUT_PARAMETERS = names_that_affect(DetectorConfig, 'input')
-
-
-class Replacement(NamedTuple):
-    """A chain that is ready to replace the running one.
-
-    Attributes
-    ----------
-    chain : SlipChain or None
-        None if only parameters changed that belong to the node and not to the chain.
-    config : ChainConfig
-        The whole configuration.
-    settled : tuple of int or None
-        The numbers of rows and of resets when the chain got the kept rows; None if it takes over
-        the state of the running one.
-    settling : int
-        Number of rows whose decisions may still be an effect of the change.
-
-    Examples
-    --------
-    >>> config = ChainConfig(threshold=0.7)
-    >>> Replacement(SlipChain(config), config).settling
-    0
-    """
-
-    chain: SlipChain | None
-    config: ChainConfig
-    settled: tuple[int, int] | None = None
-    settling: int = 0
 
 
 class LiveChain:
@@ -115,23 +86,22 @@ class LiveChain:
         self.unsettled_rows = 0
         self._chain = SlipChain(config)
         self._on_built = on_built
-        # Rows wait for this lock: nothing may hold it for longer than a row takes.
+        # Rows wait for this lock: nothing may hold it for long.
         self._lock = threading.Lock()
         self._history: deque[NDArray[np.float64]] = deque()
-        self._kept_rows = config.samples(HISTORY_S)
         self._rows_in_history = 0
-        self._rows_seen = 0  # since the last reset
-        self._resets = 0
+        self._kept_rows = config.samples(HISTORY_S)
         # The configuration to build a chain for, and whether a thread waits to build it.
         self._ordered: ChainConfig | None = None
         self._gathering = False
-        self._replacement: Replacement | None = None
+        # A configuration that can be taken, with a new chain if it is for the chain, and the rows
+        # in which that settles.
+        self._ready: tuple[ChainConfig, SlipChain | None, int] | None = None
 
     def update(self, rows: NDArray[np.float64], *, level: bool) -> SlipResult:
         """Process the next rows, shape (n, c), and decide on each."""
         with self._lock:
             self._history.append(rows)
-            self._rows_seen += len(rows)
             self.unsettled_rows = max(self.unsettled_rows - len(rows), 0)
             self._rows_in_history += len(rows)
             while self._rows_in_history - len(self._history[0]) >= self._kept_rows:
@@ -159,19 +129,16 @@ class LiveChain:
         """
         with self._lock:
             differ = self._differ(config)
-            decision_only = differ <= DECISION_PARAMETERS
-            self._replacement = None
-            if decision_only:
-                chain = SlipChain(config) if differ else None
-                self._replacement = Replacement(chain, config, settling=_responds_rows(config))
-            self._ordered = None if decision_only else config
-            gather = not decision_only and not self._gathering
+            at_once = differ <= DECISION_PARAMETERS
+            self._ready = (config, SlipChain(config) if differ else None, 0) if at_once else None
+            self._ordered = None if at_once else config
+            gather = not at_once and not self._gathering
             self._gathering |= gather
         if gather:
             timer = threading.Timer(GATHER_S, self._build)
             timer.daemon = True
             timer.start()
-        return decision_only
+        return at_once
 
     def swap(self) -> bool:
         """Replace the running chain by the one that was ordered last.
@@ -182,21 +149,29 @@ class LiveChain:
             False if no chain is ready or the last one has been swapped in already.
         """
         with self._lock:
-            if self._replacement is None:
+            if self._ready is None:
                 return False
-            (chain, config, settled, settling), self._replacement = self._replacement, None
-            if settled is not None:
-                assert chain is not None
-                self._catch_up(chain, *settled)
-                self._keep_floors(chain)
-                settling = max(settling - self._rows_in_history, _responds_rows(config))
-            elif chain is not None:
+            (config, chain, settling), self._ready = self._ready, None
+            differ = self._differ(config)
+            self.config, self._kept_rows = config, config.samples(HISTORY_S)
+            if chain is None:
+                return True
+            if differ <= DECISION_PARAMETERS:
                 chain.state = self._chain.state
-            if chain is not None:
-                self._chain = chain
-                self.unsettled_rows = max(self.unsettled_rows, settling)
-            self.config = config
-            self._kept_rows = config.samples(HISTORY_S)
+            else:
+                if differ & INPUT_PARAMETERS:
+                    self._forget()
+                elif self._history:
+                    rows = np.concatenate(list(self._history))
+                    chain.update(rows, envelope=False, level=False)
+                evidence = self._chain.config.decision == config.decision == 'evidence'
+                if evidence and not differ & (FILTER_PARAMETERS | INPUT_PARAMETERS):
+                    chain.take_floors(self._chain)
+                settling -= self._rows_in_history
+            self._chain = chain
+            responds = evidence_falls_s(config) if config.decision == 'evidence' else 0.0
+            settling = max(settling, config.samples(responds))
+            self.unsettled_rows = max(self.unsettled_rows, settling)
             return True
 
     def _differ(self, config: ChainConfig) -> set[str]:
@@ -213,45 +188,16 @@ class LiveChain:
         with self._lock:
             self._gathering = False
             config = self._ordered
-            if config is None:
-                return
-            same_input = not self._differ(config) & INPUT_PARAMETERS
-            settle_on = list(self._history) if same_input else []
-            seen, resets = self._rows_seen, self._resets
+        if config is None:
+            return
         chain = SlipChain(config)
         settling = min(settling_rows(config), config.samples(HISTORY_S))
-        if settle_on:
-            chain.update(np.concatenate(settle_on), envelope=False, level=False)
         with self._lock:
             if config is not self._ordered:
                 return
-            self._ordered = None
-            self._replacement = Replacement(chain, config, (seen, resets), settling)
+            self._ordered, self._ready = None, (config, chain, settling)
         self._on_built()
-
-    def _catch_up(self, chain: SlipChain, seen: int, resets: int) -> None:
-        """Give a new chain the rows that have come since it was built."""
-        if self._differ(chain.config) & INPUT_PARAMETERS:
-            self._forget()
-        elif resets != self._resets:
-            chain.reset()
-            seen = 0
-        if self._rows_seen > seen:
-            behind = np.concatenate(list(self._history))[seen - self._rows_seen :]
-            chain.update(behind, envelope=False, level=False)
-
-    def _keep_floors(self, chain: SlipChain) -> None:
-        """Give a new chain the noise floors of the running one if they are comparable."""
-        evidence = chain.config.decision == self.config.decision == 'evidence'
-        if evidence and not self._differ(chain.config) & (FILTER_PARAMETERS | INPUT_PARAMETERS):
-            chain.take_floors(self._chain)
 
     def _forget(self) -> None:
         self._history.clear()
-        self._rows_in_history = self._rows_seen = 0
-        self._resets += 1
-
-
-def _responds_rows(config: ChainConfig) -> int:
-    """Return the least number of rows after which a change of the decision has taken effect."""
-    return config.samples(evidence_falls_s(config)) if config.decision == 'evidence' else 1
+        self._rows_in_history = 0
