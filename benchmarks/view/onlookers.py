@@ -151,7 +151,7 @@ class Onlooker(NoViewer):
                 await socket.write_message(json.dumps(drawn))
                 continue
             content = json.loads(message)
-            if content['type'] == 'hand' and not looked:
+            if content['type'] == 'fingers' and not looked:
                 names = [finger['name'] for finger in content['fingers']]
                 if len(names) > self._fingers:
                     raise ValueError(f'{", ".join(names)} are there, wanted {self._fingers}')
@@ -163,7 +163,7 @@ class Onlooker(NoViewer):
 def _look_at(names: list[str]) -> dict[str, Any]:
     """Return what the page says when it opens."""
     return {
-        'type': 'look',
+        'type': 'view',
         'fingers': names,
         'finger': names[0],
         'channels': [1, 2, 3, 4],

@@ -12,25 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """Receives the topics of one finger that a page shows."""
 
 import contextlib
 import functools
 import time
-from collections.abc import Iterable
+from bisect import bisect_right
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
+from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.joint_states import Sample, read_joint_states
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
-from slip_detector.nodes.polled_topics import PolledTopics
-from slip_detector.nodes.rclpy_internals import ROS_ERROR
+from slip_detector.nodes.rclpy_internals import ROS_ERROR, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.view.detectors import Finger
@@ -38,21 +42,60 @@ from slip_detector.view.detectors import Finger
 #: Parameters on which the subscriptions depend.
 OF_TOPICS = names_that_affect(DetectorConfig, 'display')
 
+#: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
+AT_MOST = 2000
+
 #: Most changes of a state that wait, in a queue until they are taken, and then for their rows.
 STATES = 1000
 
 
-class Topics(NamedTuple):
-    """The topics on which a detector and its sensor publish.
+class PolledTopics:
+    """The subscriptions of a node that is not spun, polled to take many messages at once.
 
-    Attributes
-    ----------
-    namespace : str
-        Namespace of the decisions, without a slash at the end.
-    voltages, truth, envelope : str
-        Full names; ``voltages`` is empty while the detector has no input.
+    An executor that wakes up for each message costs several times as much as the message. The
+    object is true while it has subscriptions.
     """
 
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._subscriptions: list[tuple[Subscription, Callable[[], None]]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._subscriptions)
+
+    def add(
+        self,
+        message_type: Any,
+        topic: str,
+        qos: QoSProfile,
+        on_message: Callable[..., None],
+        *,
+        raw: bool = False,
+    ) -> None:
+        """Subscribe; the callback gets each message and, as a second argument, its info."""
+        # Events are not needed, and would only cost time.
+        events = SubscriptionEventCallbacks(use_default_callbacks=False)
+        subscription = self._node.create_subscription(
+            message_type, topic, on_message, qos, event_callbacks=events, raw=raw
+        )
+        self._subscriptions.append((subscription, receiver(subscription, AT_MOST)))
+
+    def poll(self) -> None:
+        """Pass on received messages, in the order in which the subscriptions were added."""
+        for _, receive in self._subscriptions:
+            receive()
+
+    def close(self) -> None:
+        """End all subscriptions."""
+        for subscription, _ in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions = []
+
+
+class Topics(NamedTuple):
+    """Full names of topics; no voltages while the detector has no input."""
+
+    #: Namespace of the decisions, without a slash at the end.
     namespace: str
     voltages: str
     truth: str
@@ -70,54 +113,35 @@ class States:
     --------
     >>> slip = States()
     >>> slip.change(True, 25)
-    >>> slip.beside([10, 20, 30, 40]).tolist(), slip.now
-    ([False, False, True, True], True)
+    >>> [slip.at(published_ns) for published_ns in (10, 20, 30)]
+    [False, False, True]
     """
 
     def __init__(self) -> None:
-        self.now = False
-        self._before = False
-        self._changes: list[tuple[int, bool]] = []
+        self._times_ns: list[int] = []
+        # One more than there are times: the first is the state before the first change.
+        self._states = [False]
 
     def change(self, state: bool, published_ns: int) -> None:
         """Note a state, which may be the same as before."""
-        if state != self.now:
-            self._changes.append((published_ns, state))
-        self.now = state
-        if len(self._changes) > STATES:  # There have been no rows.
-            self._before = self._changes.pop(0)[1]
+        if state != self._states[-1]:
+            self._times_ns.append(published_ns)
+            self._states.append(state)
+            if len(self._times_ns) > STATES:
+                del self._times_ns[0], self._states[0]
 
-    def beside(self, published_ns: Iterable[int]) -> NDArray[np.bool_]:
-        """Return the state of each row; later changes are kept for the next rows."""
-        rows_ns = np.fromiter(published_ns, np.int64)
-        if not self._changes:
-            return np.full(len(rows_ns), self._before)
-        times_ns = np.array([at_ns for at_ns, _ in self._changes])
-        states = np.array([self._before, *(state for _, state in self._changes)])
-        found: NDArray[np.bool_] = states[np.searchsorted(times_ns, rows_ns, side='right')]
-        if len(rows_ns):
-            past = int(np.searchsorted(times_ns, rows_ns[-1], side='right'))
-            self._before = bool(states[past])
-            del self._changes[:past]
-        return found
+    def at(self, published_ns: int) -> bool:
+        """Return the state of a row that was published at this time."""
+        return self._states[bisect_right(self._times_ns, published_ns)]
 
 
 class FingerTopics:
-    """Subscribes to the topics of a finger, and keeps the finger up to date.
-
-    Parameters
-    ----------
-    node
-        The node that subscribes.
-    finger
-        The finger.
-    names
-        Its topics.
-    """
+    """Subscribes to the topics of a finger, and keeps the finger up to date."""
 
     def __init__(self, node: Node, finger: Finger, names: Topics) -> None:
         self._finger = finger
         self._topics = PolledTopics(node)
+        # What came since the last poll, with the time at which it was published.
         self._samples: list[tuple[int, Sample]] = []
         self._levels: list[tuple[int, bytes]] = []
         self._slip, self._truth = States(), States()
@@ -136,10 +160,9 @@ class FingerTopics:
         topics.add(Bool, slip, states, self._on_slip)
         topics.add(Bool, f'{slip}_valid', states, self._on_slip_valid)
         topics.add(Header, f'{slip}_onset', event_qos(), self._on_onset)
-        if config.publish_groups:
-            for g, name in enumerate(config.groups):
-                topics.add(Bool, f'{slip}/group/{name}', states, self._on_group(g))
-        else:
+        for g, name in enumerate(config.groups if config.publish_groups else ()):
+            topics.add(Bool, f'{slip}/group/{name}', states, functools.partial(self._on_group, g))
+        if not config.publish_groups:
             self._finger.groups[:] = False  # No message will change their last states.
 
     def _subscribe_to_samples(self, names: Topics) -> None:
@@ -150,16 +173,17 @@ class FingerTopics:
         except ValueError:
             self._finger.no_volts = f'no volts are shown: {kind} is not installed here'
             return
-        take = functools.partial(self._on_voltages, source)
+        on_voltages = functools.partial(self._on_voltages, source)
         try:
-            self._topics.add(source.message_class, names.voltages, sensor_qos(), take, raw=True)
+            self._topics.add(
+                source.message_class, names.voltages, sensor_qos(), on_voltages, raw=True
+            )
+            self._topics.add(Bool, names.truth, state_qos(depth=STATES), self._on_truth)
         except ROS_ERROR:
             # A process can use a topic with one type only.
             self._finger.no_volts = (
                 f'no volts are shown: {names.voltages} was of a type other than {kind}'
             )
-            return
-        self._topics.add(Bool, names.truth, state_qos(depth=STATES), self._on_truth)
 
     def close(self) -> None:
         """End the subscriptions."""
@@ -174,9 +198,9 @@ class FingerTopics:
                 self.subscribe(self.names)
         self._topics.poll()
         if self._samples:
-            self._keep_samples()
+            self._append_samples()
         if self._levels:
-            self._keep_levels()
+            self._append_levels()
 
     def _on_voltages(self, source: Input, raw: bytes, info: dict[str, Any]) -> None:
         # A message that does not fit is counted and reported by the detector.
@@ -197,41 +221,33 @@ class FingerTopics:
         self._finger.slip = message.data
 
     def _on_slip_valid(self, message: Bool) -> None:
-        self._finger.valid = message.data
-        self._finger.heard_s = time.monotonic()
+        self._finger.valid, self._finger.heard_s = message.data, time.monotonic()
 
     def _on_onset(self, message: Header) -> None:
         self._finger.onset_s = time.monotonic()
 
-    def _on_group(self, g: int) -> Any:
-        def take(message: Bool) -> None:
-            self._finger.groups[g] = message.data
+    def _on_group(self, g: int, message: Bool) -> None:
+        self._finger.groups[g] = message.data
 
-        return take
-
-    def _keep_samples(self) -> None:
+    def _append_samples(self) -> None:
         """Append the samples to the track."""
-        period_ns = 1e9 / self._config.sample_rate_hz
-        counts = [len(sample.rows) for _, sample in self._samples]
-        rows = np.concatenate([sample.rows for _, sample in self._samples])
-        last_ns = np.array([sample.stamp_ns or 0 for _, sample in self._samples], np.int64)
-        published_ns = [at_ns for at_ns, _ in self._samples]
-        truth = self._truth.beside(published_ns)
-        if len(rows) > len(counts):
-            # The stamp of a batch is that of its last row.
-            behind = np.concatenate([np.arange(n)[::-1] for n in counts])
-            last_ns = np.repeat(last_ns, counts) - np.round(behind * period_ns).astype(np.int64)
-            truth = np.repeat(truth, counts)
-        self._finger.frame_id = self._samples[-1][1].frame_id
+        received, self._samples = self._samples, []
+        counts = [len(sample.rows) for _, sample in received]
+        # The stamp of a batch is that of its last row.
+        behind = np.concatenate([np.arange(n)[::-1] for n in counts])
+        last_ns = np.repeat([sample.stamp_ns or 0 for _, sample in received], counts)
+        stamps_ns = last_ns - np.round(behind * 1e9 / self._config.sample_rate_hz).astype(np.int64)
+        rows = np.concatenate([sample.rows for _, sample in received])
+        truth = np.repeat([self._truth.at(at_ns) for at_ns, _ in received], counts)
+        self._finger.frame_id = received[-1][1].frame_id
         self._finger.sample_s = time.monotonic()
-        self._samples = []
-        self._finger.track.add_samples(last_ns, rows, truth)
+        self._finger.track.add_samples(Samples(rows, stamps_ns, truth))
 
-    def _keep_levels(self) -> None:
+    def _append_levels(self) -> None:
         """Append the detector's levels and decisions to the track."""
-        taken, self._levels = self._levels, []
-        read = read_joint_states([raw for _, raw in taken], self._config.channels)
-        slip = self._slip.beside(at_ns for at_ns, _ in taken)
+        received, self._levels = self._levels, []
+        read = read_joint_states([raw for _, raw in received], self._config.channels)
+        slip = np.array([self._slip.at(at_ns) for at_ns, _ in received])
         # If the number of channels has just changed, some messages were not read: drop all.
-        if len(read.stamps_ns) == len(taken):
+        if len(read.stamps_ns) == len(received):
             self._finger.track.add_levels(read.stamps_ns, read.position, read.effort > 0.0, slip)

@@ -27,9 +27,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.rclpy_internals import subscriber_counter
 from slip_detector.parameters.fields import listed
-from slip_detector.view.detectors import Finger
+from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
 from slip_detector.view.server import Server
-from slip_detector.view.taxels import drawn_positions, least_distance_m
 
 #: Frame of the markers if the samples name none.
 NO_FRAME = 'fingertip'

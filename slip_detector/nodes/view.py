@@ -12,12 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """``slip_view``: a live page of all fingers, for any browser."""
 
 import argparse
 import asyncio
+import contextlib
 import gc
 import os
+import secrets
 import signal
 import sys
 from collections.abc import Callable
@@ -29,17 +32,13 @@ from slip_detector.commands.command_line import Parser, whole_number
 if TYPE_CHECKING:
     from slip_detector.nodes.demonstration import NodeProcesses
 
-#: Default address of the page; the port differs from 8765, that of the Foxglove bridge.
-HOST, PORT = '127.0.0.1', 8470
-
-#: Default folder for recordings and saved parameters.
-FOLDER = Path('slip_recordings')
-
 #: The namespace of the nodes that play a scene.
 SCENE_NAMESPACE = 'scene'
 
 #: Period, in seconds, at which the nodes that play a scene are checked.
 CHECK_S = 1.0
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def run() -> int:
@@ -54,7 +53,7 @@ def run() -> int:
         Exit code: 0, 1 after an error, or 2 after a wrong argument, which is reported as one line
         on stderr.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in SIGNALS:
         signal.signal(number, lambda *_: os._exit(0))
     # Objects made during start-up live until the end: the garbage collector need not check them.
     gc.disable()
@@ -76,7 +75,7 @@ def run() -> int:
         # The server uses the middleware until its pages are closed, also after a signal.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         # From here on, a signal must not skip the shutdown.
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in SIGNALS:
             signal.signal(number, signal.default_int_handler)
         with NodeProcesses(SCENE_NAMESPACE, lambda: None) as nodes:
             if arguments.scene:
@@ -95,47 +94,31 @@ def run() -> int:
 
 def _ignore_signals() -> None:
     """Ignore a second signal (ros2 launch sends two), which would interrupt the shutdown."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog='slip_view', description=__doc__)
-    parser.add_argument(
-        '--host',
-        default=HOST,
-        help='address to listen at (%(default)s, which only this machine can reach); '
-        'with 0.0.0.0 all machines can, and the address of the page has a token',
-    )
+    for name, default, what in (
+        ('host', '127.0.0.1', 'address to listen at (%(default)s, which only this machine can '
+         'reach); with 0.0.0.0 all machines can, and the address of the page has a token'),
+        ('token', '', 'the token (a new one at each start; none by default on this machine)'),
+        ('config', '', 'the parameter file that the detectors were started with, for "as in the '
+         'file"; or several, separated by commas, each for the namespace of its name'),
+        ('scene', None, 'play this scene in a loop, its name or path'),
+        ('fingers', 'index', 'names of the fingers that play it (%(default)s)'),
+        ('folder', 'slip_recordings', 'folder for recordings and saved parameters (%(default)s)'),
+    ):  # fmt: skip
+        parser.add_argument(f'--{name}', default=default, help=what)
     parser.add_argument(
         '--port',
         type=whole_number(0, 65535),
-        default=PORT,
+        default=8470,  # Not 8765, that of the Foxglove bridge.
         help='port to listen at; 0: any that is free (%(default)s)',
     )
     parser.add_argument(
-        '--token',
-        default='',
-        help='the token (a new one at each start; none by default on this machine)',
-    )
-    parser.add_argument(
         '--read-only', action='store_true', help='let no page change, record or save anything'
-    )
-    parser.add_argument(
-        '--folder',
-        type=Path,
-        default=FOLDER,
-        help='folder for recordings and saved parameters (%(default)s)',
-    )
-    parser.add_argument(
-        '--config',
-        default='',
-        help='the parameter file that the detectors were started with, for "as in the file"; '
-        'or several, separated by commas, each for the namespace of its name',
-    )
-    parser.add_argument('--scene', help='play this scene in a loop, its name or path')
-    parser.add_argument(
-        '--fingers', default='index', help='names of the fingers that play it (%(default)s)'
     )
     return parser
 
@@ -162,18 +145,12 @@ def _play(nodes: 'NodeProcesses', arguments: argparse.Namespace) -> None:
 
     if not arguments.configs:
         arguments.configs = [shared_folder() / 'config' / 'slip_detector.yaml']
-    fingers = ('--', '--fingers', arguments.fingers)
-    files = ('--params-file', str(arguments.configs[0]))
-    nodes.start('slip_detector', *files, *fingers)
-    given = {
-        'source': 'scene',
-        'scene': arguments.scene,
-        'loop': 'true',
-        # A detector that is still starting must not miss samples.
-        'wait_for_subscribers': '1',
-    }
-    words = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
-    nodes.start('slip_driver', *files, *words, *fingers)
+    files, fingers = ('--params-file', str(arguments.configs[0])), ('--fingers', arguments.fingers)
+    nodes.start('slip_detector', *files, '--', *fingers)
+    # A detector that is still starting must not miss samples.
+    given = ('source:=scene', f'scene:={arguments.scene}', 'loop:=true', 'wait_for_subscribers:=1')
+    words = [word for each in given for word in ('-p', each)]
+    nodes.start('slip_driver', *files, *words, '--', *fingers)
 
 
 async def _serve(
@@ -186,22 +163,21 @@ async def _serve(
 
     from slip_detector.nodes.markers import MarkerTopic
     from slip_detector.nodes.view_fingers import RosDetectors
-    from slip_detector.view.access import Access, is_loopback, new_token, page_address
-    from slip_detector.view.parameter_requests import ParameterRequests
-    from slip_detector.view.server import Server
-    from slip_detector.view.teaching_requests import TeachingRequests
+    from slip_detector.view.parameters import ParameterRequests
+    from slip_detector.view.server import Access, Server, is_loopback, page_address
+    from slip_detector.view.teaching import TeachingRequests
 
-    stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, stop.set)
-    token = arguments.token or ('' if is_loopback(arguments.host) else new_token())
+    stop, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in SIGNALS:
+        loop.add_signal_handler(number, stop.set)
+    token = arguments.token or ('' if is_loopback(arguments.host) else secrets.token_urlsafe(16))
     # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)
     takedowns.append(node.destroy_node)
     detectors = RosDetectors(node)
     server = Server(detectors, Access(arguments.host, token, arguments.read_only))
-    ParameterRequests(server, arguments.folder, arguments.configs)
-    TeachingRequests(server, arguments.folder)
+    ParameterRequests(server, Path(arguments.folder), arguments.configs)
+    TeachingRequests(server, Path(arguments.folder))
     MarkerTopic(node, server)
     try:
         port = server.listen(arguments.port)
@@ -220,24 +196,21 @@ async def _serve(
     finally:
         detectors.close()
         # The end of the loop would otherwise reset the signals, and not leave them ignored.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            asyncio.get_running_loop().remove_signal_handler(number)
+        for number in SIGNALS:
+            loop.remove_signal_handler(number)
         _ignore_signals()
     await checking
 
 
 async def _check_nodes(nodes: 'NodeProcesses', stop: asyncio.Event) -> None:
     """Stop, and raise a RuntimeError, when a node that plays the scene has ended."""
-    while not stop.is_set():
-        try:
+    try:
+        while not stop.is_set():
             nodes.check()
-        except RuntimeError:
-            stop.set()
-            raise
-        try:
-            await asyncio.wait_for(stop.wait(), CHECK_S)
-        except asyncio.TimeoutError:
-            continue
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(stop.wait(), CHECK_S)
+    finally:
+        stop.set()
 
 
 def main() -> None:

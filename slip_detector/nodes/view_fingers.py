@@ -12,34 +12,53 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """Finds running detectors by their topics, and shows them as fingers of the live page."""
 
 import asyncio
 import contextlib
 import time
+from array import array
 from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParametersAtomically,
+)
 from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.serialization import serialize_message
 
-from slip_detector.nodes.finger_topics import FingerTopics, Topics
+from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics, Topics
 from slip_detector.nodes.messages import event_qos
-from slip_detector.nodes.polled_topics import PolledTopics
+from slip_detector.nodes.rclpy_internals import send_request, take_answer
 from slip_detector.nodes.senders import publishing_nodes
-from slip_detector.nodes.view_parameters import ParameterClient, changes_in
-from slip_detector.view.detectors import Detectors, Diagnosis, Finger
+from slip_detector.view.detectors import Detectors, Diagnosis, Finger, Reading
 
 #: Period, in seconds, at which detectors are looked for.
-LOOK_S = 1.0
+SEARCH_S = 1.0
 
 #: Time, in seconds, for which a message on ``/diagnostics`` is shown; it comes once a second.
 DIAGNOSIS_S = 3.5
 
-#: A parameter that was set is reported by an event: longest time to wait for it, and period at
-#: which it is looked for, in seconds.
-EVENT_S, EVENT_LOOK_S = 1.0, 0.01
+#: Longest time for an answer, in seconds; a detector needs only the time to check parameters.
+ANSWER_S = 5.0
+
+#: Time, in seconds, after which an unanswered request is sent again: an answer is lost if the
+#: service has not discovered the client yet.
+ASK_AGAIN_S = 0.5
+
+#: A parameter that was set is reported by an event: longest time to wait for it, in seconds.
+EVENT_S = 1.0
+
+#: Period, in seconds, at which answers and events are looked for.
+POLL_S = 0.01
 
 #: Most fingers that have gone whose data is kept.
 MOST_GONE = 20
@@ -56,6 +75,111 @@ UNKNOWN = '_NODE_NAME_UNKNOWN_'
 #: name is reported.
 NAMELESS_S = 15.0
 
+SERVICES = {
+    'list_parameters': ListParameters,
+    'describe_parameters': DescribeParameters,
+    'get_parameters': GetParameters,
+    'set_parameters_atomically': SetParametersAtomically,
+}
+
+
+class ParameterClient:
+    """Calls the parameter services of one node without blocking the event loop.
+
+    No node has to be spun: each call takes its answers itself.
+    """
+
+    def __init__(self, node: Node, of_node: str) -> None:
+        self._node, self._of_node = node, of_node
+        self._clients = {
+            name: node.create_client(kind, f'{of_node}/{name}') for name, kind in SERVICES.items()
+        }
+        self._destroyed = False
+        # One request at a time, so that an answer to an earlier one can be dropped.
+        self._asking = asyncio.Lock()
+
+    def destroy(self) -> None:
+        """Destroy the clients; requests under way end with an error."""
+        self._destroyed = True
+        for client in self._clients.values():
+            self._node.destroy_client(client)
+
+    async def read(self) -> Reading:
+        """Return all parameters of the node; raise a ValueError if it does not answer."""
+        names = (await self._ask('list_parameters')).result.names
+        described = (await self._ask('describe_parameters', names=names)).descriptors
+        values = (await self._ask('get_parameters', names=names)).values
+        return Reading(
+            {name: as_python(value) for name, value in zip(names, values, strict=True)},
+            frozenset(each.name for each in described if each.read_only),
+            {each.name: each.description for each in described},
+        )
+
+    async def set(self, values: Mapping[str, Any]) -> str:
+        """Set parameters, all or none; None deletes one. Return why not, or ''.
+
+        Why not is the message of the node, or that it does not answer.
+        """
+        try:
+            parameters = [Parameter(*_typed(n, v)).to_parameter_msg() for n, v in values.items()]
+            for each in parameters:
+                serialize_message(each)
+        except (AssertionError, TypeError, ValueError, OverflowError) as error:
+            return f'this cannot be sent to the detector: {error}'
+        try:
+            # An empty set changes nothing, so it may be sent repeatedly until it is answered. Then
+            # the node has discovered this client, and no answer is lost.
+            await self._ask('set_parameters_atomically')
+        except ValueError as error:
+            return f'nothing was changed: {error}'
+        try:
+            answer = await self._ask('set_parameters_atomically', once=True, parameters=parameters)
+        except ValueError as error:
+            return f'it is not known whether this was set: {error}'
+        return '' if answer.result.successful else answer.result.reason or 'refused'
+
+    async def _ask(self, service: str, *, once: bool = False, **request: Any) -> Any:
+        """Return the answer of a service; raise a ValueError if none comes."""
+        client, kind = self._clients[service], SERVICES[service]
+        numbers: set[int] = set()
+        async with self._asking:
+            begun_s = asked_s = time.monotonic()
+            while time.monotonic() < begun_s + ANSWER_S:
+                if self._destroyed or not client.service_is_ready():
+                    if self._destroyed or numbers:
+                        raise ValueError(f'{self._of_node} ended before it answered')
+                elif not numbers or (not once and time.monotonic() > asked_s + ASK_AGAIN_S):
+                    numbers.add(send_request(client, kind.Request(**request)))
+                    asked_s = time.monotonic()
+                while answer := take_answer(client):
+                    if answer[0] in numbers:
+                        return answer[1]
+                await asyncio.sleep(POLL_S)
+        what = 'has not answered' if numbers else 'cannot be reached'
+        raise ValueError(f'{self._of_node} {what} for {ANSWER_S:g} s')
+
+
+def as_python(value: Any) -> Any:
+    """Return a value of a message as a Python value; None if it is not set."""
+    found = parameter_value_to_python(value)
+    return list(found) if isinstance(found, (array, tuple, np.ndarray)) else found
+
+
+def _typed(name: str, value: Any) -> tuple[str, Parameter.Type, Any]:
+    """Return name, type and value of a parameter; numbers in a list get one type."""
+    if type(value) is int and not -(2**63) <= value < 2**63:
+        value = float(value)
+    if isinstance(value, list) and (kinds := {*map(type, value)}) and len(kinds) > 1:
+        value = [float(item) if kinds == {int, float} else str(item) for item in value]
+    return name, Parameter.Type.from_parameter_value(value), value
+
+
+def changes_in(event: ParameterEvent) -> dict[str, Any]:
+    """Return the changes in a parameter event: values by name, None for a deleted parameter."""
+    given = [*event.changed_parameters, *event.new_parameters]
+    deleted = dict.fromkeys(each.name for each in event.deleted_parameters)
+    return {each.name: as_python(each.value) for each in given} | deleted
+
 
 class ReadTask(NamedTuple):
     """A task that reads parameters, and whether it was begun because a detector was started."""
@@ -70,10 +194,7 @@ class RosDetectors(Detectors):
     A node that publishes a topic ``slip_onset`` and has the parameters of a detector is one. Only
     the topics of watched fingers are subscribed to.
 
-    Parameters
-    ----------
-    node
-        The node that subscribes. It is not spun: :meth:`poll` takes its messages.
+    The node is not spun: :meth:`poll` takes its messages.
     """
 
     def __init__(self, node: Node) -> None:
@@ -91,8 +212,8 @@ class RosDetectors(Detectors):
         # By watched finger, the nodes that publish its samples: their diagnostics are shown, too.
         self._senders: dict[str, list[str]] = {}
         self._shared = PolledTopics(node)
-        self._said: dict[tuple[str, str], tuple[float, Diagnosis]] = {}
-        self._looked_s = float('-inf')
+        self._heard: dict[tuple[str, str], tuple[float, Diagnosis]] = {}
+        self._searched_s = float('-inf')
 
     def watch(self, names: Collection[str]) -> None:
         """Receive the data of these fingers, and of no others."""
@@ -105,21 +226,18 @@ class RosDetectors(Detectors):
             # Its parameters may have changed while it was not watched.
             self._read(name)
         if self._watched and not self._shared:
-            self._shared.add(
-                DiagnosticArray, '/diagnostics', event_qos(depth=1000), self._on_diagnostics
-            )
-            self._shared.add(
-                ParameterEvent, '/parameter_events', event_qos(depth=1000), self._on_event
-            )
+            qos = event_qos(depth=1000)
+            self._shared.add(DiagnosticArray, '/diagnostics', qos, self._on_diagnostics)
+            self._shared.add(ParameterEvent, '/parameter_events', qos, self._on_event)
         elif self._shared and not self._watched:
             self._shared.close()
 
     def poll(self) -> None:
         """Process received messages; once a second, look for detectors."""
         now_s = time.monotonic()
-        if now_s - self._looked_s >= LOOK_S:
-            self._looked_s = now_s
-            self._look_around()
+        if now_s - self._searched_s >= SEARCH_S:
+            self._searched_s = now_s
+            self._search()
             self._forget_diagnostics(now_s)
         self._shared.poll()
         for topics in self._watched.values():
@@ -136,7 +254,7 @@ class RosDetectors(Detectors):
         while not refusal and time.monotonic() < until_s:
             if all(panel.values.get(each) == value for each, value in values.items()):
                 break
-            await asyncio.sleep(EVENT_LOOK_S)
+            await asyncio.sleep(POLL_S)
         return refusal
 
     def close(self) -> None:
@@ -150,7 +268,7 @@ class RosDetectors(Detectors):
 
     # Detectors that come and go.
 
-    def _look_around(self) -> None:
+    def _search(self) -> None:
         """Notice detectors that have come, were started again, or have gone."""
         found: dict[str, set[bytes]] = {}
         nameless: dict[bytes, str] = {}
@@ -241,19 +359,19 @@ class RosDetectors(Detectors):
         if before is not None:
             before.task.cancel()
             started |= before.started
-        task = asyncio.get_running_loop().create_task(self._take_parameters(name, started))
+        task = asyncio.get_running_loop().create_task(self._read_parameters(name, started))
         self._readings[name] = ReadTask(task, started)
 
-    async def _take_parameters(self, name: str, started: bool) -> None:
+    async def _read_parameters(self, name: str, started: bool) -> None:
         try:
             reading = await self._client(name).read()
         except ValueError:
             # The detector hangs, starts or ends: ask again.
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(SEARCH_S)
             self._read(name, started=started)
             return
         # The detector may have been replaced by another one meanwhile.
-        self._look_around()
+        self._search()
         under_way = self._readings.get(name)
         if under_way is None or under_way.task is not asyncio.current_task():
             return
@@ -267,13 +385,13 @@ class RosDetectors(Detectors):
             gone = dict.fromkeys(panel.values.keys() - reading.values.keys())
             panel.update({**gone, **reading.values})
         try:
-            self._take_config(name, started)
+            self._use_config(name, started)
         except ValueError as error:
             self._node.get_logger().warning(
                 f'{name} has parameters that this version of slip_view does not know: {error}'
             )
 
-    def _take_config(self, name: str, started: bool) -> None:
+    def _use_config(self, name: str, started: bool) -> None:
         config = self.panel(name).config
         if name not in self.fingers:
             self.gone.pop(name, None)
@@ -298,7 +416,7 @@ class RosDetectors(Detectors):
             return
         panel.update(changes_in(event))
         try:
-            self._take_config(name, started=False)
+            self._use_config(name, started=False)
         except ValueError:  # Some of several events are missing, lost or still to come.
             self._read(name)
 
@@ -314,20 +432,20 @@ class RosDetectors(Detectors):
                 if name == finger or name in self._senders.get(finger, ()):
                     label = part if name == finger else f'{name.rpartition("/")[2]}: {part}'
                     diagnosis = Diagnosis(status.level[0], label, status.message)
-                    self._said[finger, label] = now_s, diagnosis
-        self._tell_diagnostics()
+                    self._heard[finger, label] = now_s, diagnosis
+        self._show_diagnostics()
 
     def _forget_diagnostics(self, now_s: float) -> None:
-        old = [key for key, (at_s, _) in self._said.items() if now_s - at_s > DIAGNOSIS_S]
+        old = [key for key, (at_s, _) in self._heard.items() if now_s - at_s > DIAGNOSIS_S]
         for key in old:
-            del self._said[key]
+            del self._heard[key]
         if old:
-            self._tell_diagnostics()
+            self._show_diagnostics()
 
-    def _tell_diagnostics(self) -> None:
+    def _show_diagnostics(self) -> None:
         for name, finger in self.fingers.items():
             finger.diagnostics = tuple(
-                diagnosis for (of, _), (_, diagnosis) in self._said.items() if of == name
+                diagnosis for (of, _), (_, diagnosis) in self._heard.items() if of == name
             )
 
 

@@ -12,20 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """The detectors as the live page knows them, independent of ROS: one for each finger."""
 
+import contextlib
+import functools
 import time
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.view.parameter_panel import ParameterPanel
-from slip_detector.view.taxels import drawn_positions
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
@@ -37,15 +40,25 @@ LONGEST_NAME = 64
 #: Time, in seconds, for which the page mentions that a detector was started again.
 RESTART_SHOWN_S = 600.0
 
+#: How many changes of parameters can be undone, and how many a page lists.
+MOST_CHANGES, LISTED_CHANGES = 1000, 8
+
+#: Authors of changes that no page asked for: another program, or a restart of the detector.
+OUTSIDE, RESTART = 'outside', 'restart'
+
+#: Pitch of the grid for a finger without taxel positions; the taxels of tactile fingertips are one
+#: to seven millimetres apart.
+GRID_PITCH_M = 2.5e-3
+
+#: Channels at one position, such as the axes of one taxel, are drawn on a circle around it. Its
+#: radius is this share of the least distance between two positions.
+CIRCLE_SHARE = 0.25
+
+Floats = NDArray[np.float64]
+
 
 class Diagnosis(NamedTuple):
-    """One line of a detector's diagnostics; level 0 is OK, 1 a warning, 2 an error.
-
-    Examples
-    --------
-    >>> Diagnosis(1, 'input', '3 samples lost').message
-    '3 samples lost'
-    """
+    """One line of a detector's diagnostics; level 0 is OK, 1 a warning, 2 an error."""
 
     level: int
     name: str
@@ -100,15 +113,6 @@ class Finger:
         namespace, _, node = self.name.strip('/').rpartition('/')
         return '/'.join(filter(None, (namespace, '' if node == 'slip_detector' else node))) or node
 
-    @property
-    def notice(self) -> str:
-        """What the user should know beside the detector's state; empty if nothing.
-
-        A restart, perhaps with other channels, is mentioned for some minutes.
-        """
-        recent = time.monotonic() - self._restart_s < RESTART_SHOWN_S
-        return '; '.join(filter(None, (self.no_volts, self._restart if recent else '')))
-
     def update_config(self, config: DetectorConfig) -> None:
         """Note new parameters of the detector; data that fits them is kept.
 
@@ -138,7 +142,7 @@ class Finger:
         self.groups[:] = False
         self.onset_s = None
 
-    def hold_rest(self) -> None:
+    def keep_rest(self) -> None:
         """Keep the spectra of the last seconds as those at rest.
 
         Raises
@@ -158,25 +162,237 @@ class Finger:
             return ''
         return f'the detector has not been heard for {silent_s:.0f} s: was it killed, or stopped?'
 
+    def description(self) -> dict[str, Any]:
+        """Return the channels, the groups and the decision, as a page shows them."""
+        config = self.config
+        # A restart, perhaps with other channels, is mentioned for some minutes.
+        recent = time.monotonic() - self._restart_s < RESTART_SHOWN_S
+        return {
+            'name': self.name,
+            'label': self.label,
+            'starts': self.starts,
+            'notice': '; '.join(filter(None, (self.no_volts, self._restart if recent else ''))),
+            'channels': config.names,
+            'positions_m': drawn_positions(config).tolist(),
+            'disabled': config.disabled_channels,
+            **{
+                name: getattr(config, name)
+                for name in (
+                    *('groups', 'vote', 'decision', 'threshold', 'sample_rate_hz'),
+                    *('input_timeout_s', 'passband_hz', 'stopbands_hz', 'mains_hz'),
+                )
+            },
+        }
 
-class Detectors(ABC):
-    """A registry of the detectors that run, and the requests to them.
 
-    Attributes
+def drawn_positions(config: DetectorConfig) -> Floats:
+    """Return where page and RViz draw the channels of a finger, no two at the same position.
+
+    If ``taxel_positions_m`` is empty, this is a grid about as wide as high, row by row from the
+    upper left.
+
+    Returns
+    -------
+    ndarray, shape (channels, 3)
+        Metres in the frame of the samples: x to the right and y upwards on the page.
+
+    Examples
+    --------
+    >>> drawn_positions(DetectorConfig(channels=4))[:, :2].tolist()
+    [[-0.00125, 0.00125], [0.00125, 0.00125], [-0.00125, -0.00125], [0.00125, -0.00125]]
+    """
+    if config.taxel_positions_m:
+        return _apart(config.taxel_positions_m).copy()
+    width = int(np.ceil(np.sqrt(config.channels)))
+    row, column = np.divmod(np.arange(config.channels), width)
+    grid = [column - (width - 1) / 2, row[-1] / 2 - row, np.zeros(config.channels)]
+    positions: Floats = np.column_stack(grid) * GRID_PITCH_M
+    return positions
+
+
+def least_distance_m(positions: Floats) -> float:
+    """Return the distance of the two closest positions; for a single one, the pitch of the grid.
+
+    Parameters
     ----------
-    fingers : dict
-        Each :class:`Finger` by its name.
-    gone : dict
-        Labels, by name, of fingers whose detectors have ended, until they come back.
-    panels : dict
-        The :class:`ParameterPanel` of each detector by its name, also of one that has ended: its
-        changes can be set again when it comes back. Subclasses enter what they read, and changes
-        that detectors report.
+    positions : ndarray, shape (n, 3)
+        All different.
+
+    Examples
+    --------
+    >>> least_distance_m(np.array([[0.0, 0.0, 0.0], [0.003, 0.004, 0.0], [0.01, 0.0, 0.0]]))
+    0.005
+    """
+    if len(positions) == 1:
+        return GRID_PITCH_M
+    distances, _ = KDTree(positions).query(positions, k=2)
+    return float(distances[:, 1].min())
+
+
+@functools.lru_cache(maxsize=32)  # Called at each tick of the server.
+def _apart(taxel_positions_m: tuple[float, ...]) -> Floats:
+    """Return the positions; those that coincide are moved onto a circle around them."""
+    positions = np.reshape(taxel_positions_m, (-1, 3))
+    places, place_of, counts = np.unique(
+        positions, axis=0, return_inverse=True, return_counts=True
+    )
+    if len(places) == len(positions):
+        return positions
+    place_of = place_of.ravel()  # NumPy 2.0 gives it another shape.
+    sharing = counts[place_of]
+    # The index of each channel among those at its position.
+    number = [np.count_nonzero(place_of[:c] == place) for c, place in enumerate(place_of)]
+    radius = np.where(sharing > 1, CIRCLE_SHARE * least_distance_m(places), 0.0)
+    # Clockwise from the left, so that the x, y and z of a taxel stand in reading order.
+    angle = np.pi - 2 * np.pi * np.array(number) / sharing
+    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+    apart: Floats = positions + radius[:, np.newaxis] * circle
+    return apart
+
+
+class Reading(NamedTuple):
+    """The answer of a detector that is asked for its parameters."""
+
+    #: Values in the form that ROS uses, by name.
+    values: dict[str, Any]
+    #: Names of those that cannot change while the node runs.
+    read_only: frozenset[str]
+    #: Descriptions, by name.
+    meanings: dict[str, str]
+
+
+class Change(NamedTuple):
+    """Parameters that changed at once, by name; None: the parameter does not exist."""
+
+    before: dict[str, Any]
+    after: dict[str, Any]
+    #: The page, or ``OUTSIDE``, or ``RESTART``.
+    by: str
+
+
+class ParameterPanel:
+    """The parameters of one detector, their changes, and the values of its file.
+
+    Examples
+    --------
+    >>> panel = ParameterPanel()
+    >>> _ = panel.read(Reading({'threshold': 0.5, 'gain': 1.0}, frozenset(), {}))
+    >>> panel.expect({'threshold': 0.25}, 'page 1')
+    >>> panel.update({'threshold': 0.25}).by
+    'page 1'
+    >>> panel.to_undo(), panel.as_in_file()
+    ({'threshold': 0.5}, {'threshold': 0.5})
     """
 
+    def __init__(self, file_values: Mapping[str, Any] | None = None) -> None:
+        #: The present values; empty until they are read.
+        self.values: dict[str, Any] = {}
+        #: Those of the parameter file; without a file, the first values that are read.
+        self.file_values = None if file_values is None else dict(file_values)
+        self.read_only: frozenset[str] = frozenset()
+        self.meanings: dict[str, str] = {}
+        #: Changes that can be undone, and the latest changes, undone or not; the newest last.
+        self.history: deque[Change] = deque(maxlen=MOST_CHANGES)
+        self.changes: deque[Change] = deque(maxlen=LISTED_CHANGES)
+        #: Number of changes so far; and a number that increases with all that a page shows.
+        self.count = self.version = 0
+        self._expected: deque[tuple[dict[str, Any], str]] = deque(maxlen=MOST_CHANGES)
+
+    def read(self, reading: Reading) -> Change | None:
+        """Update everything from the detector's answer; return the change since the last one.
+
+        A detector that was started again has the values of its file. This counts as a change:
+        undoing it restores what had been set before the restart.
+        """
+        self.version += 1
+        self.read_only, self.meanings = reading.read_only, reading.meanings
+        if self.values:
+            self._expected.clear()
+            gone = dict.fromkeys(self.values.keys() - reading.values.keys())
+            return self._update({**gone, **reading.values}, RESTART)
+        self.values = dict(reading.values)
+        if self.file_values is None:
+            self.file_values = dict(reading.values)
+        return None
+
+    def expect(self, values: Mapping[str, Any], by: str) -> None:
+        """Note that a page asks for a change, so that the change is attributed to it."""
+        self._expected.append((dict(values), by))
+
+    def refused(self, values: Mapping[str, Any], by: str) -> None:
+        """Drop an expected change, which the detector has refused."""
+        with contextlib.suppress(ValueError):
+            self._expected.remove((dict(values), by))
+
+    def update(self, values: Mapping[str, Any]) -> Change | None:
+        """Note values that the detector reports, None: deleted; return the change, if any."""
+        # The report is the event of one change, or has all parameters when they are read.
+        given = values.keys()
+        changed = {name for name in given if self.values.get(name) != values[name]}
+        asked = [
+            each
+            for each in self._expected
+            if changed <= each[0].keys() <= given and (changed or each[0].keys() == given)
+        ]
+        if not asked:
+            return self._update(values, OUTSIDE)
+        # Two pages may have asked for the same parameters at once: equal values tell which one.
+        # If none are equal, the detector has rounded them.
+        found = next((each for each in asked if each[0].items() <= values.items()), asked[0])
+        # No report will come of earlier requests for the same parameters: they were overtaken.
+        for each in asked[: asked.index(found) + 1]:
+            self._expected.remove(each)
+        return self._update(values, found[1])
+
+    def _update(self, values: Mapping[str, Any], by: str) -> Change | None:
+        after = {name: value for name, value in values.items() if self.values.get(name) != value}
+        if not after:
+            return None
+        change = Change({name: self.values.get(name) for name in after}, after, by)
+        self.changes.append(change)
+        self.count += 1
+        self.version += 1
+        merged = {**self.values, **after}
+        self.values = {name: value for name, value in merged.items() if value is not None}
+        kept = Change(self._settable(change.before), self._settable(after), by)
+        if by != RESTART and self.history and self.history[-1].before == kept.after:
+            self.history.pop()
+        elif kept.after:
+            self.history.append(kept)
+        return change
+
+    @property
+    def config(self) -> DetectorConfig:
+        """The present values as a configuration."""
+        names = {each.name for each in fields(DetectorConfig)}
+        ours = {n: v for n, v in self.values.items() if n.partition('.')[0] in names}
+        return DetectorConfig.from_parameters(ours)
+
+    def to_undo(self) -> dict[str, Any]:
+        """Return the values that undo the last change; empty where there is none."""
+        return dict(self.history[-1].before) if self.history else {}
+
+    def as_in_file(self) -> dict[str, Any]:
+        """Return the values that restore those of the file; empty if nothing differs."""
+        groups = [name for name in self.values if name.startswith('groups.')]
+        wanted = {**dict.fromkeys(groups), **(self.file_values or {})}
+        return self._settable({n: v for n, v in wanted.items() if self.values.get(n) != v})
+
+    def _settable(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in values.items() if name not in self.read_only}
+
+
+class Detectors(ABC):
+    """A registry of the detectors that run, and the requests to them."""
+
     def __init__(self) -> None:
+        #: Each finger by its name.
         self.fingers: dict[str, Finger] = {}
+        #: Labels, by name, of fingers whose detectors have ended, until they come back.
         self.gone: dict[str, str] = {}
+        #: The panel of each detector by its name, also of one that has ended: its changes can be
+        #: set again when it comes back. Subclasses enter what they read, and changes that
+        #: detectors report.
         self.panels: dict[str, ParameterPanel] = {}
 
     @abstractmethod
@@ -192,16 +408,7 @@ class Detectors(ABC):
         return self.panels.setdefault(name, ParameterPanel())
 
     async def change(self, name: str, values: Mapping[str, Any], by: str) -> None:
-        """Set parameters of a finger's detector, all or none.
-
-        Parameters
-        ----------
-        name
-            The detector.
-        values
-            By name; None deletes the parameter, such as a group to be removed.
-        by
-            The page that asks.
+        """Set parameters of a finger's detector, all or none; None deletes one.
 
         Raises
         ------
@@ -226,34 +433,3 @@ class Detectors(ABC):
     @abstractmethod
     def close(self) -> None:
         """Release all resources."""
-
-
-def finger_description(finger: Finger) -> dict[str, Any]:
-    """Return the description of a finger: its channels, its groups and its decision.
-
-    Examples
-    --------
-    >>> finger = Finger('/index/slip_detector', DetectorConfig(channels=2))
-    >>> described = finger_description(finger)
-    >>> described['label'], described['channels'], described['groups']
-    ('index', ['ch1', 'ch2'], {'all': [1, 2]})
-    """
-    config = finger.config
-    return {
-        'name': finger.name,
-        'label': finger.label,
-        'starts': finger.starts,
-        'notice': finger.notice,
-        'channels': list(config.names),
-        'positions_m': drawn_positions(config).tolist(),
-        'disabled': list(config.disabled_channels),
-        'groups': {name: list(members) for name, members in config.groups.items()},
-        'vote': config.vote,
-        'decision': config.decision,
-        'threshold': config.threshold,
-        'sample_rate_hz': config.sample_rate_hz,
-        'input_timeout_s': config.input_timeout_s,
-        'passband_hz': list(config.passband_hz),
-        'stopbands_hz': [list(pair) for pair in config.stopbands_hz],
-        'mains_hz': config.mains_hz,
-    }

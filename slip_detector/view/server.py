@@ -12,24 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The server of the live page: its files, and one connection for each page that is open."""
+
+"""The server of the live page: who may reach it, its files, one connection for each page."""
 
 import asyncio
 import contextlib
 import copy
+import hmac
+import ipaddress
 import json
 import logging
+import socket
 import time
 from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, urlsplit
 
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
 from tornado.netutil import bind_sockets
 
-from slip_detector.view.access import Access
-from slip_detector.view.detectors import Detectors, Finger, finger_description
+from slip_detector.view.detectors import Detectors, Finger
 from slip_detector.view.track import LiveTrack
 from slip_detector.view.view_request import ViewRequest
 
@@ -51,14 +56,9 @@ MOST_PAGES, MOST_REQUESTS = 20, 100
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
 
-#: Media types of the files of the page.
-TYPES = {
-    '.html': 'text/html; charset=utf-8',
-    '.js': 'text/javascript; charset=utf-8',
-    '.css': 'text/css; charset=utf-8',
-    '.txt': 'text/plain; charset=utf-8',
-    '.svg': 'image/svg+xml',
-}
+#: Where the files of the page are, and those that it shares with the report.
+PACKAGE = Path(__file__).parents[1]
+FOLDERS = {'page': PACKAGE / 'view' / 'page', 'drawing': PACKAGE / 'report' / 'templates'}
 
 HEADERS = {
     'Content-Security-Policy': "default-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -79,36 +79,136 @@ READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from
 Answer = Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any]]]
 
 
-class Server:
-    """Serves the live page and keeps all open pages up to date.
+@dataclass(frozen=True)
+class Access:
+    """The access rules of the live page.
 
-    Parameters
-    ----------
-    detectors
-        Those of the fingers.
-    access
-        The access rules.
+    They keep other web sites in the same browser from reaching the robot: a request must address
+    this machine by a name that no other site can have (*Host*), and a page that sends one must
+    come from this server (*Origin*). A server that other machines can reach needs a token, too.
 
-    Attributes
-    ----------
-    wanted : dict
-        By purpose, the fingers that are watched even if no page shows them.
-    each_tick : list of callable
-        Called after each poll of the detectors, at most 30 times a second.
-    at_end : list of callable
-        Awaited before the pages are closed.
+    Examples
+    --------
+    >>> access = Access('127.0.0.1')
+    >>> access.refusal('localhost:8080', None), access.refusal('evil.example:8080', None)
+    ('', 'Host is evil.example:8080, allowed: localhost, 127.0.0.1, [::1]')
+    >>> access.refusal('localhost:8080', 'http://evil.example')
+    'Origin is http://evil.example, allowed: http://localhost:8080'
     """
+
+    #: The address to which the server is bound.
+    host: str = '127.0.0.1'
+    #: The value of ``?token=`` in the address of the page; empty: no token is needed.
+    token: str = ''
+    #: Whether no page may change anything.
+    read_only: bool = False
+    #: The name of this machine.
+    name: str = field(default_factory=socket.gethostname)
+
+    def refusal(self, host: str, origin: str | None) -> str:
+        """Return why the headers of a request are refused; empty if they are accepted."""
+        name = host_name(host)
+        if name is None or not self._is_ours(name):
+            allowed = 'an address or name of this machine'
+            if is_loopback(self.host):
+                allowed = 'localhost, 127.0.0.1, [::1]'
+            return f'Host is {host[:100]}, allowed: {allowed}'
+        if origin is not None and origin.lower() != f'http://{host.lower()}':
+            return f'Origin is {origin[:100]}, allowed: http://{host}'
+        return ''
+
+    def _is_ours(self, name: str) -> bool:
+        """Return whether no other site can have this name."""
+        if is_loopback(self.host):
+            return is_loopback(name)
+        # Other sites are reached by a name: a numeric address can only be this machine's.
+        known = ('localhost', self.host, self.name, f'{self.name}.local')
+        return _address(name) is not None or name in map(str.lower, known)
+
+    def knows(self, token: str) -> bool:
+        """Return whether a token is right, in a time that reveals nothing about it."""
+        return not self.token or hmac.compare_digest(token.encode(), self.token.encode())
+
+
+def page_address(host: str, port: int, token: str = '') -> str:
+    """Return the address of the page; if it is served on all interfaces, one for other machines.
+
+    Examples
+    --------
+    >>> page_address('127.0.0.1', 8470), page_address('::1', 80, token='a&b')
+    ('http://127.0.0.1:8470/', 'http://[::1]:80/?token=a%26b')
+    """
+    if host in ('', '0.0.0.0', '::'):
+        host = _own_address(socket.AF_INET6 if host == '::' else socket.AF_INET)
+    name = f'[{host}]' if ':' in host else host
+    return f'http://{name}:{port}/' + (f'?token={quote(token, safe="")}' if token else '')
+
+
+def _own_address(family: socket.AddressFamily) -> str:
+    """Return this machine's address in its network; its host name if it has no network."""
+    elsewhere = '2001:db8::1' if family == socket.AF_INET6 else '10.255.255.255'
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            # Nothing is sent: connecting a datagram socket only selects the route.
+            probe.connect((elsewhere, 9))
+            return str(probe.getsockname()[0])
+    except OSError:
+        return socket.gethostname()
+
+
+def host_name(host: str) -> str | None:
+    """Return the name in a *Host* header, without its port; None if the header is malformed.
+
+    Examples
+    --------
+    >>> host_name('[::1]:8080'), host_name('Robot.local'), host_name('a b')
+    ('::1', 'robot.local', None)
+    """
+    if not host.isascii() or any(c in host for c in '/?#@\\') or not host.isprintable():
+        return None
+    try:
+        parts = urlsplit(f'//{host}')
+        _ = parts.port  # Raises if the port is not a number.
+    except ValueError:
+        return None
+    return None if ' ' in host else parts.hostname
+
+
+def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """Return a numeric IP address; None for any other name."""
+    with contextlib.suppress(ValueError):
+        return ipaddress.ip_address(name)
+    return None
+
+
+def is_loopback(name: str) -> bool:
+    """Return whether only this machine can reach an address.
+
+    Examples
+    --------
+    >>> [is_loopback(name) for name in ('127.0.0.1', '::1', 'localhost', '0.0.0.0')]
+    [True, True, True, False]
+    """
+    address = _address(name)
+    return name == 'localhost' or (address is not None and address.is_loopback)
+
+
+class Server:
+    """Serves the live page and keeps all open pages up to date."""
 
     def __init__(self, detectors: Detectors, access: Access) -> None:
         self.detectors, self.access = detectors, access
+        #: By purpose, the fingers that are watched even if no page shows them.
         self.wanted: dict[str, set[str]] = {}
+        #: Called after each poll of the detectors, at most 30 times a second.
         self.each_tick: list[Callable[[], None]] = []
+        #: Awaited before the pages are closed.
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
         #: By kind of request its answer, and whether it changes the robot or a file.
         self.requests: dict[str, tuple[Answer, bool]] = {}
         # Keeping a spectrum changes nothing on the robot.
-        self.on_request('hold_rest', self._hold_rest)
+        self.on_request('keep_rest', self._keep_rest)
         #: The present content of each kind, for a page that is opened later.
         self.news: dict[str, str] = {}
         self._http: HTTPServer | None = None
@@ -139,7 +239,11 @@ class Server:
         application = web.Application(
             [
                 ('/live', LivePage, {'server': self}),
-                ('/.*', File, {'server': self, 'files': page_files()}),
+                ('/()', File, {'server': self, 'path': FOLDERS['page']}),
+                *(
+                    (f'/{name}/(.*)', File, {'server': self, 'path': folder})
+                    for name, folder in FOLDERS.items()
+                ),
             ],
             websocket_ping_interval=PING_S,
             websocket_ping_timeout=PING_S,  # Older versions of tornado wait three times as long.
@@ -167,10 +271,8 @@ class Server:
                 # If a wait ends a little late, the frames after it are still on schedule.
                 due_s = max(due_s + period_s, begin_s + 0.95 * period_s)
                 left_s = max(0.001, due_s - time.monotonic())
-                try:
+                with contextlib.suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(stop.wait(), left_s)
-                except asyncio.TimeoutError:
-                    continue
         finally:
             await self.close()
 
@@ -183,9 +285,9 @@ class Server:
             call()
         fingers = sorted(self.detectors.fingers.values(), key=lambda finger: finger.name)
         self.broadcast(
-            'hand',
+            'fingers',
             {
-                'fingers': [finger_description(finger) for finger in fingers],
+                'fingers': [finger.description() for finger in fingers],
                 'gone': self.detectors.gone,
                 'read_only': self.access.read_only,
             },
@@ -213,8 +315,7 @@ class Server:
 
     async def answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Answer a request of a page."""
-        kind = message.get('type')
-        number = message.get('id')
+        kind, number = message.get('type'), message.get('id')
         answer = {'type': 'answer', 'id': number if type(number) is int else None, 'refusal': ''}
         try:
             if not isinstance(kind, str) or kind not in self.requests:
@@ -232,34 +333,12 @@ class Server:
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return answer
 
-    async def _hold_rest(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
+    async def _keep_rest(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
         finger = self.detectors.fingers.get(str(message.get('finger')))
         if finger is None:
             raise ValueError('finger is not one that is shown')
-        finger.hold_rest()
+        finger.keep_rest()
         return {}
-
-
-def page_files() -> dict[str, Path]:
-    """Return all files that a browser may request, by path.
-
-    ``/page`` has the files of the live page, ``/drawing`` those that it shares with the report.
-
-    Examples
-    --------
-    >>> page_files()['/page/live.css'].name, '/drawing/uplot/uPlot.iife.min.js' in page_files()
-    ('live.css', True)
-    """
-    package = Path(__file__).parents[1]
-    return {
-        f'{path}/{file.relative_to(folder).as_posix()}': file
-        for path, folder in (
-            ('/page', package / 'view' / 'page'),
-            ('/drawing', package / 'report' / 'templates'),
-        )
-        for file in folder.rglob('*')
-        if file.suffix in TYPES
-    }
 
 
 class _Guarded(web.RequestHandler):
@@ -290,30 +369,20 @@ class _Guarded(web.RequestHandler):
         self.finish(f'{why}\n')
 
 
-class File(_Guarded):
+class File(_Guarded, web.StaticFileHandler):
     """A file of the page."""
 
-    def initialize(self, server: Server, files: Mapping[str, Path]) -> None:
-        """Take the arguments of the route."""
-        self.server, self.files = server, files
-
-    def get(self) -> None:
-        """Send the file."""
-        path = self.request.path
-        file = self.files.get('/page/index.html' if path == '/' else path)
-        if file is None:
-            raise web.HTTPError(404)
-        self.set_header('Content-Type', TYPES[file.suffix])
-        self.finish(file.read_bytes())
-
-    head = get
+    def initialize(self, path: Path, server: Server) -> None:  # type: ignore[override]
+        """Serve the files of a folder; the folder itself is the page."""
+        self.server = server
+        super().initialize(str(path), 'index.html')
 
 
 class LivePage(_Guarded, websocket.WebSocketHandler):
     """One open page."""
 
     def initialize(self, server: Server) -> None:
-        """Take the arguments of the route."""
+        """Begin without a view."""
         self.server = server
         self.view: ViewRequest | None = None
         # The finger, and a copy of its last minute from when the page was paused.
@@ -355,7 +424,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self.close(1003, 'no JSON object')
         elif content.get('type') == 'drawn':
             self._drawn = self._frames
-        elif content.get('type') == 'look':
+        elif content.get('type') == 'view':
             self._change_view(content)
         elif len(self._answers) >= MOST_REQUESTS:
             # The page does not read its answers, which are kept here until it does.

@@ -12,8 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Records rest, slips and taps of the fingers, as the user of a page commands."""
 
+"""Records rest, slips and taps of the fingers, and tunes on them, as a page requests."""
+
+import asyncio
 import contextlib
 import re
 import time
@@ -21,14 +23,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from slip_detector.view.detectors import Detectors, Finger
-from slip_detector.view.recorded_folder import (
-    KINDS,
-    NO_SLIP,
-    RecordedFolder,
-    Recorder,
-    RecordingSummary,
-)
+from slip_detector.view.recordings import NO_SLIP, RecordedFolder, Recorder, RecordingSummary
+from slip_detector.view.server import Server
+from slip_detector.view.tuning import TuneRun
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
 #: If the chain has not settled in the rest before a slip, the slip is not scored.
@@ -37,9 +37,9 @@ BEFORE_S, AFTER_S = 2.0, 1.0
 #: With fewer seconds of rest before a slip than this, the page shows a warning.
 LEAST_BEFORE_S = 1.0
 
-#: While the key is held, the page keeps reporting it. After so many seconds without a report the
-#: page counts as gone, and the slip ends.
-HELD_S = 2.0
+#: While the key is pressed, the page keeps reporting it. After so many seconds without a report
+#: the page counts as gone, and the slip ends.
+PRESSED_S = 2.0
 
 #: After so many seconds without a sample the page shows a warning, and the recording of a slip
 #: ends without waiting longer for the rest after it.
@@ -62,29 +62,18 @@ class Teaching:
     """Makes and deletes the recordings of all fingers, one recording at a time.
 
     What pages send is not trusted: fingers and recordings are looked up by name, and no path is
-    made of anything else.
-
-    Parameters
-    ----------
-    detectors
-        Those of the fingers.
-    folder
-        Where the recordings are: each finger has a folder in it, named by its label.
-
-    Attributes
-    ----------
-    words : str
-        What happened last, for the page.
+    made of anything else. Its methods raise a ValueError that says what cannot be done.
     """
 
     def __init__(self, detectors: Detectors, folder: Path) -> None:
-        self._detectors, self.folder = detectors, folder
+        self._detectors, self._folder = detectors, folder
         self._folders: dict[str, RecordedFolder] = {}
         self._recorder: Recorder | None = None
-        self._begun_at_s = self._held_at_s = 0.0
+        self._begun_at_s = self._pressed_at_s = 0.0
         # The stamp, and the time of this computer, at which the recording of a slip ends.
         self._ends_ns: int | None = None
         self._ends_at_s = 0.0
+        #: What happened last, for the page.
         self.words = ''
 
     @property
@@ -93,58 +82,28 @@ class Teaching:
         return self._recorder.finger.name if self._recorder else ''
 
     def finger_of(self, name: object) -> Finger:
-        """Return a finger, by the name that a page has sent.
-
-        Raises
-        ------
-        ValueError
-            When there is no such finger.
-        """
+        """Return a finger, by the name that a page has sent."""
         finger = self._detectors.fingers.get(name) if isinstance(name, str) else None
         if finger is None:
             raise ValueError(f'there is no finger {str(name)[:40]!r}')
         return finger
 
     def folder_of(self, name: object) -> RecordedFolder:
-        """Return the recordings of a finger, by the name that a page has sent.
-
-        Raises
-        ------
-        ValueError
-            When there is no such finger.
-        """
+        """Return the recordings of a finger, by the name that a page has sent."""
         finger = self.finger_of(name)
-        if finger.name not in self._folders:
-            if not _LABEL.fullmatch(finger.label):
-                raise ValueError(
-                    f'{finger.label!r} is no name in ROS, allowed: letters, digits, _'
-                )
-            self._folders[finger.name] = RecordedFolder(self.folder / finger.label)
-        return self._folders[finger.name]
+        if not _LABEL.fullmatch(finger.label):
+            raise ValueError(f'{finger.label!r} is no name in ROS, allowed: letters, digits, _')
+        return self._folders.setdefault(finger.name, RecordedFolder(self._folder / finger.label))
 
     def start(self, name: object, kind: object) -> None:
-        """Begin to record a finger at rest, or being tapped, until :meth:`stop`.
-
-        Raises
-        ------
-        ValueError
-            When a recording is under way already, or cannot be made.
-        """
-        if kind not in KINDS or kind == 'slip':
+        """Begin to record a finger at rest, or being tapped, until :meth:`stop`."""
+        if kind not in ('rest', 'taps'):
             raise ValueError(f'{str(kind)[:40]} is not recorded so, allowed: rest, taps')
-        self._end_what_ends(name)
-        finger = self.finger_of(name)
-        recorder = self._begin(finger, str(kind), finger.track.samples.appended)
-        self.words = f'recording {recorder.path.name}'
+        finger = self._free(name)
+        self._begin(finger, str(kind), finger.track.samples.appended)
 
     def stop(self) -> None:
-        """End the present recording, if any.
-
-        Raises
-        ------
-        ValueError
-            When its end cannot be written.
-        """
+        """End the present recording, if any."""
         if self._recorder is not None:
             self._detectors.poll()
             self._guarded(self._recorder, self._recorder.write)
@@ -154,50 +113,36 @@ class Teaching:
         """Begin a slip: rows from now on are labelled as slip, until :meth:`release`.
 
         The recording begins with the rest before the slip.
-
-        Raises
-        ------
-        ValueError
-            When another recording is under way, or this one cannot be made.
         """
-        if self._holds_slip(name):
-            self.hold()
-            return
-        self._end_what_ends(name)
-        finger = self.finger_of(name)
-        self._detectors.poll()
-        since, before_s = self._rest_before(finger)
-        recorder = self._begin(finger, 'slip', since)
-        self._guarded(recorder, lambda: recorder.label(True))
-        self.hold()
-        self.words = f'recording {recorder.path.name}: slip until the key is released'
-        if before_s < LEAST_BEFORE_S:
-            self.words += (
-                f'. There are only {before_s:.1f} s of rest before it: wait for '
-                f'{BEFORE_S:g} s between two slips'
-            )
+        if not self._is_slipping(name):
+            finger = self._free(name)
+            self._detectors.poll()
+            track, row = finger.track, finger.track.slip_ended
+            # By stamps rather than by rows, as samples may be missing.
+            stamps_ns = track.samples.stamps_ns(row)
+            rest_ns = stamps_ns[stamps_ns >= stamps_ns[-1:] - round(BEFORE_S * 1e9)]
+            recorder = self._begin(finger, 'slip', track.samples.appended - len(rest_ns))
+            self._guarded(recorder, lambda: recorder.label(True))
+            self.words += ': slip until the key is released'
+            before_s = np.ptp(rest_ns) * 1e-9 if len(rest_ns) else 0.0
+            if before_s < LEAST_BEFORE_S:
+                self.words += (
+                    f'. There are only {before_s:.1f} s of rest before it: wait for '
+                    f'{BEFORE_S:g} s between two slips'
+                )
+        self.still_pressed()
 
-    def _rest_before(self, finger: Finger) -> tuple[int, float]:
-        """Return the number of the first row of the rest up to now, and its length in seconds."""
-        rows = finger.track.samples
-        stamps_ns = rows.stamps_ns(since=finger.track.slip_ended)
-        if not len(stamps_ns):
-            return rows.appended, 0.0
-        # By stamps rather than by rows, as samples may be missing.
-        rest_ns = stamps_ns[stamps_ns >= stamps_ns[-1] - round(BEFORE_S * 1e9)]
-        return rows.appended - len(rest_ns), (rest_ns[-1] - rest_ns[0]) * 1e-9
-
-    def hold(self) -> None:
-        """Note that the key is still held."""
-        self._held_at_s = time.monotonic()
+    def still_pressed(self) -> None:
+        """Note that the key is still pressed."""
+        self._pressed_at_s = time.monotonic()
 
     def release(self, name: object) -> None:
         """End the slip of a finger; its recording goes on for some rest."""
-        if self._recorder is not None and self._holds_slip(name):
+        if self._recorder is not None and self._is_slipping(name):
             self._detectors.poll()
-            self._let_go(self._recorder)
+            self._end_slip(self._recorder)
 
-    def _holds_slip(self, name: object) -> bool:
+    def _is_slipping(self, name: object) -> bool:
         return self._recorder is not None and self._recorder.slipping and name == self.finger
 
     def tick(self) -> None:
@@ -211,21 +156,21 @@ class Teaching:
 
     def _tick(self, recorder: Recorder) -> None:
         now_s = time.monotonic()
-        finger, rows = recorder.finger, recorder.finger.track.samples
+        finger = recorder.finger
         gone = self._detectors.fingers.get(finger.name) is not finger
         if gone or recorder.interrupted:
             self._end(recorder)
             self.words += f'. {GONE if gone else INTERRUPTED}'
             return
         self._guarded(recorder, recorder.write)
-        if recorder.slipping and now_s - self._held_at_s > HELD_S:
-            self._let_go(recorder)
+        if recorder.slipping and now_s - self._pressed_at_s > PRESSED_S:
+            self._end_slip(recorder)
             self.words = (
                 f'{recorder.path.name}: the page that held the slip is gone, so the slip was ended'
             )
         elif self._ends_ns is not None:
-            came = len(rows) and int(rows.stamps_ns()[-1]) >= self._ends_ns
-            if came or now_s > self._ends_at_s:
+            past = (finger.track.samples.stamps_ns()[-1:] >= self._ends_ns).any()
+            if past or now_s > self._ends_at_s:
                 self._end(recorder)
         elif now_s - self._begun_at_s > MOST_S:
             self._end(recorder)
@@ -275,41 +220,35 @@ class Teaching:
         }
 
     def delete(self, name: object, recording: object) -> None:
-        """Delete a recording of a finger.
-
-        Raises
-        ------
-        ValueError
-            When there is no such recording, or it is being written.
-        """
+        """Delete a recording of a finger, unless it is being written."""
         folder = self.folder_of(name)
         if self._recorder is not None and folder.folder / str(recording) == self._recorder.path:
             raise ValueError(f'{recording}: is being recorded, allowed: once it has ended')
         folder.delete(recording)
         self.words = f'{recording} is deleted'
 
-    def _begin(self, finger: Finger, kind: str, since: int) -> Recorder:
-        self._recorder = Recorder(self.folder_of(finger.name).new_path(kind), finger, since)
-        self._ends_ns, self._begun_at_s = None, time.monotonic()
-        return self._recorder
-
-    def _end_what_ends(self, name: object) -> None:
-        """End a slip that only waits for the rest after it; refuse any other recording."""
+    def _free(self, name: object) -> Finger:
+        """Return the finger to record; a slip that only waits for the rest after it is ended."""
         recorder = self._recorder
-        if recorder is None:
-            return
-        if self._ends_ns is None or name != self.finger:
+        if recorder is not None and (self._ends_ns is None or name != self.finger):
             raise ValueError(
                 f'{recorder.path.name} of {recorder.finger.label} is being recorded: end it first'
             )
         self.stop()
+        return self.finger_of(name)
 
-    def _let_go(self, recorder: Recorder) -> None:
+    def _begin(self, finger: Finger, kind: str, since: int) -> Recorder:
+        self._recorder = Recorder(self.folder_of(finger.name).new_path(kind), finger, since)
+        self._ends_ns, self._begun_at_s = None, time.monotonic()
+        self.words = f'recording {self._recorder.path.name}'
+        return self._recorder
+
+    def _end_slip(self, recorder: Recorder) -> None:
         self._guarded(recorder, lambda: recorder.label(False))
         track = recorder.finger.track
         track.slip_ended = track.samples.appended
-        last_ns = int(track.samples.stamps_ns()[-1]) if len(track.samples) else 0
-        self._ends_ns = last_ns + round(AFTER_S * 1e9)
+        last_ns = max(track.samples.stamps_ns()[-1:], default=0)
+        self._ends_ns = int(last_ns) + round(AFTER_S * 1e9)
         self._ends_at_s = time.monotonic() + AFTER_S + SILENT_S
         self.words = f'recording {recorder.path.name}: the rest after the slip'
 
@@ -318,28 +257,119 @@ class Teaching:
         try:
             write()
         except ValueError as error:
-            self._list(recorder, f'was cut off: {error}')
+            self._note_end(recorder, f'was cut off: {error}')
             raise ValueError(self.words) from None
 
     def _end(self, recorder: Recorder) -> None:
         self._guarded(recorder, recorder.close)
-        lost = recorder.lost_rows
-        note = f'{lost} rows are missing: this computer was too slow' if lost else ''
+        missing = recorder.missing_rows
+        note = f'{missing} rows are missing: this computer was too slow' if missing else ''
         if recorder.kind == 'slip' and not recorder.slips:
             note = f'{NO_SLIP}: no sample came while the key was held'
-        self._list(recorder, note)
+        self._note_end(recorder, note)
 
-    def _list(self, recorder: Recorder, note: str) -> None:
+    def _note_end(self, recorder: Recorder, note: str) -> None:
         """Note that the recording has ended, and list it with this note."""
         self._recorder, self._ends_ns = None, None
         name = recorder.path.name
-        if not recorder.kept:
+        if not recorder.has_file:
             self.words = f'{name}: no sample came, so there is no recording'
             if note:
                 self.words = f'{name} {note}; nothing of it is left'
             return
         recorded = RecordingSummary(name, recorder.duration_s, recorder.slips, note)
-        self._folders[recorder.finger.name].put(recorded)
+        self._folders[recorder.finger.name].add(recorded)
         self.words = f'{name} has {recorded.duration_s:.1f} s'
         if note:
             self.words += f', which are kept; it {note}'
+
+
+class TeachingRequests:
+    """Answers the pages' requests about recordings and tuning, and reports the progress."""
+
+    def __init__(self, server: Server, folder: Path) -> None:
+        self._server, self._teaching = server, Teaching(server.detectors, folder.resolve())
+        self._run: TuneRun | None = None
+        self._tuned_finger = ''
+        self._task: asyncio.Task[None] | None = None
+        server.each_tick.append(self._tick)
+        server.at_end.append(self.close)
+        server.on_request('recordings', self._recordings)
+        server.on_request('teach', self._teach, changes=True)
+        server.on_request('delete_recording', self._delete, changes=True)
+        server.on_request('tune', self._tune, changes=True)
+        server.on_request('stop_tuning', self._stop_tuning, changes=True)
+        server.on_request('apply_tuning', self._apply, changes=True)
+
+    async def close(self) -> None:
+        """End the recording and the tuning."""
+        self._teaching.close()
+        if self._run is not None and self._task is not None:
+            self._run.kill()
+            await self._task
+
+    def _tick(self) -> None:
+        self._teaching.tick()
+        self._server.wanted['recording'] = {self._teaching.finger} - {''}
+        self._server.broadcast('recording', {'recording': self._teaching.recording()})
+        self._server.broadcast(
+            'teaching',
+            {
+                'fingers': self._teaching.described(),
+                'words': self._teaching.words,
+                'tuning': self._run and {'finger': self._tuned_finger, **self._run.described()},
+            },
+        )
+
+    async def _recordings(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        """Update the list of a finger's recordings."""
+        await self._teaching.folder_of(message.get('finger')).refresh()
+        return {}
+
+    async def _teach(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        finger, what = message.get('finger'), message.get('do')
+        if what == 'press':
+            self._teaching.press(finger)
+        elif what == 'still_pressed':
+            self._teaching.still_pressed()
+        elif what == 'release':
+            self._teaching.release(finger)
+        elif what == 'stop':
+            self._teaching.stop()
+        else:
+            self._teaching.start(finger, what)
+        return {}
+
+    async def _delete(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        if self._run is not None and self._run.running:
+            raise ValueError('recordings are being tuned on, allowed: to delete one afterwards')
+        self._teaching.delete(message.get('finger'), message.get('recording'))
+        return {}
+
+    async def _tune(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        name = message.get('finger')
+        folder = self._teaching.folder_of(name)
+        await folder.refresh()
+        # Meanwhile another page may have begun to tune, or the finger may have gone.
+        finger = self._teaching.finger_of(name)
+        if self._run is not None and self._run.running:
+            raise ValueError('tuning runs already, allowed: one at a time')
+        self._run, self._tuned_finger = TuneRun(folder, finger.config), finger.name
+        self._task = asyncio.create_task(self._run.run())
+        return {}
+
+    async def _stop_tuning(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        if self._run is not None:
+            self._run.stop()
+        return {}
+
+    async def _apply(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        """Set the parameters that were found, all or none."""
+        if self._run is None or self._run.found is None:
+            raise ValueError('there is nothing to apply: tune first')
+        values = self._run.to_apply(self._teaching.finger_of(self._tuned_finger).config)
+        if values:
+            page = f'page {message.get("page")}'
+            await self._server.detectors.change(self._tuned_finger, values, page)
+        self._teaching.words = f'the detector runs with what was found: {len(values)} values set'
+        return {}

@@ -12,15 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """The last minute of one finger: volts, levels and decisions with their stamps; spectra."""
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import ChainConfig
 
 #: Seconds of the past that are kept, unless they need more than this memory.
@@ -43,37 +44,23 @@ FEWEST_ROWS = 32
 #: Least density, in V^2/Hz: a channel that repeats one value has a density of zero.
 LEAST_V2_HZ = 1e-30
 
-Floats = NDArray[np.floating]
 Stamps = NDArray[np.int64]
 
 
 class Rows:
     """The last rows of a stream, with increasing stamps.
 
-    Parameters
-    ----------
-    kept
-        How many of the last rows are kept at least.
-    fields
-        For each field its type and its number of columns.
-
-    Attributes
-    ----------
-    appended : int
-        Number of rows ever appended, including those that are no longer kept.
-
     Examples
     --------
-    >>> rows = Rows(2, {'level': (np.float32, 1)})
+    >>> rows = Rows(2, level=(np.float32, 1))
     >>> for k in range(5):
     ...     rows.append(np.array([10 * k]), level=[[k]])
-    >>> rows.appended, rows.stamps_ns()[-2:].tolist(), rows.field('level')[-1].tolist()
-    (5, [30, 40], [4.0])
-    >>> rows.field('level', since=4).tolist()
-    [[4.0]]
+    >>> rows.appended, rows.stamps_ns()[-2:].tolist(), rows.field('level', since=4).tolist()
+    (5, [30, 40], [[4.0]])
     """
 
-    def __init__(self, kept: int, fields: Mapping[str, tuple[type, int]]) -> None:
+    def __init__(self, kept: int, **fields: tuple[type, int]) -> None:
+        """Keep at least the last ``kept`` rows; of each field its type and number of columns."""
         self._kept = kept
         # Twice the length, so that rows have to be moved to the beginning only rarely.
         self._stamps_ns = np.zeros(2 * kept, np.int64)
@@ -81,40 +68,37 @@ class Rows:
             name: np.zeros((2 * kept, columns), kind) for name, (kind, columns) in fields.items()
         }
         self._end = 0
+        #: Number of rows ever appended, including those that are no longer kept.
         self.appended = 0
-
-    def __len__(self) -> int:
-        return self._end
 
     def append(self, stamps_ns: Stamps, **fields: object) -> None:
         """Append rows; a row whose stamp is not later than all before it is left out."""
-        stamps_ns = np.asarray(stamps_ns, np.int64)
         before = self._stamps_ns[self._end - 1] if self._end else np.iinfo(np.int64).min
         latest_ns = np.maximum.accumulate(np.append(before, stamps_ns))
-        taken = np.flatnonzero(stamps_ns > latest_ns[:-1])[-self._kept :]
-        if self._end + len(taken) > len(self._stamps_ns):
-            self._move_to_the_beginning()
-        place = slice(self._end, self._end + len(taken))
-        self._stamps_ns[place] = stamps_ns[taken]
+        later = np.flatnonzero(stamps_ns > latest_ns[:-1])[-self._kept :]
+        if self._end + len(later) > len(self._stamps_ns):
+            n = min(self._kept, self._end)
+            for column in (self._stamps_ns, *self._fields.values()):
+                column[:n] = column[self._end - n : self._end].copy()
+            self._end = n
+        place = slice(self._end, self._end + len(later))
+        self._stamps_ns[place] = stamps_ns[later]
         # A broken sensor may send values beyond float32, or signalling NaNs.
         with np.errstate(over='ignore', invalid='ignore'):
             for name, values in fields.items():
-                self._fields[name][place] = np.asarray(values)[taken]
-        self._end += len(taken)
-        self.appended += len(taken)
+                self._fields[name][place] = np.asarray(values)[later]
+        self._end += len(later)
+        self.appended += len(later)
+
+    def __len__(self) -> int:
+        return self._end
 
     def clear(self) -> None:
         """Forget all rows; the number of those appended stays."""
         self._end = 0
 
     def stamps_ns(self, since: int = 0) -> Stamps:
-        """Return the stamps of the rows that are kept, shape (n,).
-
-        Parameters
-        ----------
-        since
-            Number of the first row to return, counted over all rows ever appended.
-        """
+        """Return the stamps of the rows that are kept, from this number ever appended on."""
         return self._stamps_ns[self._begin(since) : self._end]
 
     def field(self, name: str, since: int = 0) -> NDArray[Any]:
@@ -124,21 +108,10 @@ class Rows:
     def columns(
         self, name: str, first: int, count: int, width_ns: int, channels: NDArray[np.intp]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the lowest and the highest value in each column of pixels.
+        """Return the lowest and the highest value of a field in each column of pixels.
 
-        Column k has the stamps from ``k * width_ns`` up to, but not including,
+        Column k, from ``first`` on, has the stamps from ``k * width_ns`` up to, but not including,
         ``(k + 1) * width_ns``, so that its content does not change when the page scrolls.
-
-        Parameters
-        ----------
-        name
-            The field.
-        first, count
-            Number of the first column, and how many there are.
-        width_ns
-            Time of a column.
-        channels
-            Which columns of the field.
 
         Returns
         -------
@@ -162,89 +135,69 @@ class Rows:
     def _begin(self, since: int) -> int:
         return max(0, self._end - max(0, self.appended - since))
 
-    def _move_to_the_beginning(self) -> None:
-        kept = slice(max(0, self._end - self._kept), self._end)
-        n = kept.stop - kept.start
-        for values in (self._stamps_ns, *self._fields.values()):
-            values[:n] = values[kept].copy()
-        self._end = n
-
 
 class LiveTrack:
     """The data of one finger in the last minute.
 
     Samples and the detector's output arrive in separate messages, and are kept in separate rows.
 
-    Parameters
-    ----------
-    config
-        The detector's parameters: the number of channels, and the rate.
-
-    Attributes
-    ----------
-    channels : int
-        Number of channels.
-    samples : Rows
-        ``volts`` of each channel, and ``truth``.
-    levels : Rows
-        ``level`` of each channel, NaN where it is not valid; ``on`` of each channel; ``slip``.
-    beginnings : int
-        How often the track was begun again, as when the clock of the samples is set back.
-
     Examples
     --------
     >>> track = LiveTrack(ChainConfig(channels=2))
-    >>> track.add_samples(np.array([5, 9]), np.full((2, 2), 4.3), truth=np.array([0, 1]))
-    >>> track.samples.field('truth')[:, 0].tolist()
-    [False, True]
+    >>> track.add_samples(Samples(np.full((2, 2), 4.3), np.array([5, 9]), np.array([0, 1]) > 0))
+    >>> track.samples_since(1).truth.tolist()
+    [True]
     """
 
     def __init__(self, config: ChainConfig) -> None:
         self.channels = channels = config.channels
         # Bytes of a channel: 8 of volts, 4 of level, 1 of ON; there is room for twice the rows.
         kept = min(config.samples(KEPT_S), MOST_BYTES // (2 * 13 * channels + 64))
-        self.samples = Rows(kept, {'volts': (np.float64, channels), 'truth': (np.bool_, 1)})
+        self.samples = Rows(kept, volts=(np.float64, channels), truth=(np.bool_, 1))
+        #: ``level`` is NaN where a channel is not valid.
         self.levels = Rows(
-            kept,
-            {'level': (np.float32, channels), 'on': (np.bool_, channels), 'slip': (np.bool_, 1)},
+            kept, level=(np.float32, channels), on=(np.bool_, channels), slip=(np.bool_, 1)
         )
+        #: How often the track was begun again, as when the clock of the samples is set back.
         self.beginnings = 0
         #: Number of the row at which the last recorded slip ended: the rest before the next one
         #: cannot begin earlier.
         self.slip_ended = 0
 
-    def add_samples(self, stamps_ns: Stamps, volts: Floats, truth: NDArray[np.generic]) -> None:
-        """Append samples: volts, shape (n, channels), and the true slip, shape (n,)."""
-        self._begin_again_if_set_back(self.samples, stamps_ns)
-        self.samples.append(stamps_ns, volts=volts, truth=np.reshape(truth, (-1, 1)))
+    def add_samples(self, samples: Samples) -> None:
+        """Append samples."""
+        self._begin_again_if_set_back(self.samples, samples.stamps_ns)
+        truth = np.zeros(len(samples.volts)) if samples.truth is None else samples.truth
+        self.samples.append(samples.stamps_ns, volts=samples.volts, truth=truth[:, np.newaxis])
+
+    def samples_since(self, row: int) -> Samples:
+        """Return the samples that are kept, from this number ever appended on."""
+        rows = self.samples
+        volts, truth = rows.field('volts', row), rows.field('truth', row)[:, 0]
+        return Samples(volts, rows.stamps_ns(row), truth)
 
     def add_levels(
         self,
         stamps_ns: Stamps,
-        level: Floats,
+        level: NDArray[np.floating],
         on: NDArray[np.generic],
         slip: NDArray[np.generic],
     ) -> None:
         """Append the detector's output: level and on, shape (n, channels), slip, shape (n,)."""
         self._begin_again_if_set_back(self.levels, stamps_ns)
-        self.levels.append(stamps_ns, level=level, on=on, slip=np.reshape(slip, (-1, 1)))
+        self.levels.append(stamps_ns, level=level, on=on, slip=slip[:, np.newaxis])
 
     def _begin_again_if_set_back(self, rows: Rows, stamps_ns: Stamps) -> None:
-        if len(rows) and len(stamps_ns) and stamps_ns[0] < rows.stamps_ns()[-1] - SET_BACK_NS:
+        if (stamps_ns[:1] < rows.stamps_ns()[-1:] - SET_BACK_NS).any():
             self.samples.clear()
             self.levels.clear()
             self.beginnings += 1
 
 
 class Spectrum(NamedTuple):
-    """The amplitude density of channels over frequency.
+    """The amplitude density of channels, in dB relative to 1 V/sqrt(Hz).
 
-    Attributes
-    ----------
-    step_hz : float
-        Distance from one frequency to the next; the first frequency is one step.
-    density_db : ndarray of float32, shape (channels, frequencies)
-        dB relative to 1 V/sqrt(Hz).
+    Its shape is (channels, frequencies). The first frequency is one step above 0.
 
     Examples
     --------
@@ -261,13 +214,6 @@ def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | No
 
     It is the mean of several short spectra (Welch, 1967). A value that is not finite is replaced
     by the last finite one.
-
-    Parameters
-    ----------
-    volts
-        Shape (n, channels), the oldest row first.
-    sample_rate_hz
-        Rate of the rows.
 
     Examples
     --------
@@ -288,18 +234,17 @@ def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | No
     # The squared values of a broken sensor may overflow.
     with np.errstate(over='ignore', invalid='ignore'):
         frequencies_hz, power = signal.welch(
-            _without_gaps(volts), sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
+            _forward_filled(volts), sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
         )
     density_db = 10.0 * np.log10(np.maximum(power[1:], LEAST_V2_HZ))
     return Spectrum(float(frequencies_hz[1]), density_db.T.astype(np.float32))
 
 
-def _without_gaps(volts: NDArray[np.float64]) -> NDArray[np.float64]:
+def _forward_filled(volts: NDArray[np.float64]) -> NDArray[np.float64]:
     known = np.isfinite(volts)
     if known.all():
         return volts
-    row = np.where(known, np.arange(len(volts))[:, np.newaxis], -1)
-    row = np.maximum.accumulate(row, axis=0)
+    row = np.maximum.accumulate(np.where(known, np.arange(len(volts))[:, np.newaxis], -1), axis=0)
     # Rows before the first finite value get that value; a channel without any gets 0.
     row = np.where(row < 0, known.argmax(axis=0), row)
     return np.nan_to_num(np.take_along_axis(volts, row, axis=0), posinf=0.0, neginf=0.0)

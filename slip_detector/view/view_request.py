@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """The view that one page asks for, and the binary frames that it gets.
 
 A frame is the length of the header (4 bytes, little-endian), the header in JSON, padded with
@@ -28,7 +29,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from slip_detector.view.detectors import Detectors, Finger
 from slip_detector.view.track import LiveTrack, spectrum
@@ -61,14 +62,7 @@ class ViewRequest:
     Parameters
     ----------
     message
-        The message of the page, ``{"type": "look", ...}``, which is not trusted.
-
-    Attributes
-    ----------
-    fingers : tuple of str
-        The fingers that are shown.
-    finger : str
-        The finger whose traces are shown, or ''.
+        The message of the page, ``{"type": "view", ...}``, which is not trusted.
 
     Raises
     ------
@@ -83,24 +77,25 @@ class ViewRequest:
     """
 
     def __init__(self, message: Mapping[str, Any]) -> None:
-        self.fingers = tuple(dict.fromkeys(_texts('fingers', message.get('fingers', []))))
-        if len(self.fingers) > MOST_FINGERS:
-            raise ValueError(f'fingers has {len(self.fingers)}, allowed: at most {MOST_FINGERS}')
-        self.finger = str(message.get('finger') or '')
-        channels = message.get('channels', [])
-        if not isinstance(channels, list) or not all(
+        names = _list('fingers', message, MOST_FINGERS)
+        if not all(isinstance(name, str) for name in names):
+            raise ValueError('fingers is no list of names')
+        #: The fingers that are shown, and the one whose traces are shown, or ''.
+        self.fingers, self.finger = tuple(dict.fromkeys(names)), str(message.get('finger') or '')
+        channels = _list('channels', message, MOST_CHANNELS)
+        if not all(
             type(channel) is int and 0 < channel <= HIGHEST_CHANNEL for channel in channels
         ):
             raise ValueError(f'channels is no list of numbers from 1 to {HIGHEST_CHANNEL}')
-        if len(channels) > MOST_CHANNELS:
-            raise ValueError(f'channels has {len(channels)}, allowed: at most {MOST_CHANNELS}')
         self._channels = np.array(sorted(set(channels)), np.intp) - 1
-        window_s = _number('window_s', message.get('window_s', 10.0), *WINDOW_S)
-        self._columns = int(_number('pixels', message.get('pixels', 900), *PIXELS))
+        self._columns = int(_number('pixels', message, *PIXELS) or 900)
+        window_s = _number('window_s', message, *WINDOW_S) or 10.0
         self._width_ns = round(window_s * 1e9 / self._columns)
-        self._spectrum, self._spectrum_s = _whole_or_none('spectrum', message, 1, 1e6), -math.inf
+        channel = _number('spectrum', message, 1, HIGHEST_CHANNEL)
+        self._spectrum, self._spectrum_s = None if channel is None else int(channel), -math.inf
+        until_ns = _number('until_ns', message, *STAMPS_NS)
         #: The stamp at which the traces end; None: at the newest sample.
-        self.until_ns = _whole_or_none('until_ns', message, *STAMPS_NS)
+        self.until_ns = None if until_ns is None else int(until_ns)
         # By finger, how many rows of levels were shown; by stream of the traces, the next column;
         # and which start of the detector and beginning of the track these columns belong to.
         self._shown: dict[str, int] = {}
@@ -113,24 +108,12 @@ class ViewRequest:
         return {*self.fingers, *filter(None, [self.finger])}
 
     def frame(self, detectors: Detectors, number: int, past: LiveTrack | None = None) -> bytes:
-        """Return the next frame.
-
-        Parameters
-        ----------
-        detectors
-            Those of the fingers.
-        number
-            The number of the frame.
-        past
-            The track to draw instead of the finger's own.
-        """
+        """Return a frame with this number; ``past`` is drawn in place of the finger's track."""
         arrays: dict[str, Any] = {}
         now_s = time.monotonic()
         shown = [detectors.fingers[name] for name in self.fingers if name in detectors.fingers]
-        header: dict[str, Any] = {
-            'frame': number,
-            'fingers': [self._state(i, finger, now_s, arrays) for i, finger in enumerate(shown)],
-        }
+        states = [self._state(i, finger, now_s, arrays) for i, finger in enumerate(shown)]
+        header: dict[str, Any] = {'frame': number, 'fingers': states}
         if self.finger in detectors.fingers:
             finger = detectors.fingers[self.finger]
             header['traces'] = self._traces(finger, past or finger.track, arrays)
@@ -143,19 +126,16 @@ class ViewRequest:
         self, i: int, finger: Finger, now_s: float, arrays: dict[str, Any]
     ) -> dict[str, Any]:
         """Return a finger's state, and add each channel's highest level since the last frame."""
-        levels, config = finger.track.levels, finger.config
+        levels, n = finger.track.levels, finger.config.channels
         # Without a new row, the last one once more.
         since = min(self._shown.get(finger.name, levels.appended), levels.appended - 1)
         self._shown[finger.name] = levels.appended
         level, on = levels.field('level', since), levels.field('on', since)
-        if len(level):
-            shown = np.fmax.reduce(level, axis=0) / config.threshold
-            # A channel is shown as valid if it is so in the newest row.
-            shown = np.where(np.isnan(level[-1]), np.nan, shown)
-            arrays[f'level/{i}'], arrays[f'on/{i}'] = shown, on.any(axis=0)
-        else:
-            arrays[f'level/{i}'] = np.full(config.channels, np.nan)
-            arrays[f'on/{i}'] = np.zeros(config.channels, np.bool_)
+        # A channel is shown as valid if it is so in the newest row.
+        newest = level[-1] if len(level) else np.full(n, np.nan)
+        highest = np.fmax.reduce(level, axis=0, initial=-np.inf) / finger.config.threshold
+        arrays[f'level/{i}'] = np.where(np.isnan(newest), np.nan, highest)
+        arrays[f'on/{i}'] = on.any(axis=0)
         arrays[f'groups/{i}'] = finger.groups
         silent = finger.silence()
         return {
@@ -198,9 +178,8 @@ class ViewRequest:
             self._next[stream] = stop
             header[stream] = {'first': first, 'count': stop - first, 'last_ns': int(stamps_ns[-1])}
             columns = first, stop - first, self._width_ns
-            arrays[f'{values}/low'], arrays[f'{values}/high'] = rows.columns(
-                values, *columns, channels
-            )
+            low, high = rows.columns(values, *columns, channels)
+            arrays[f'{values}/low'], arrays[f'{values}/high'] = low, high
             arrays[state] = rows.columns(state, *columns, only)[1][0] > 0.0
         return header
 
@@ -212,10 +191,9 @@ class ViewRequest:
         if channel > finger.track.channels:
             return header
         volts = finger.track.samples.field('volts')[:, channel - 1 : channel]
-        now = spectrum(volts, finger.config.sample_rate_hz)
+        now, rest = spectrum(volts, finger.config.sample_rate_hz), finger.rest
         if now is not None:
             header['step_hz'], arrays['spectrum'] = now.step_hz, now.density_db[0]
-        rest = finger.rest
         if rest is not None and channel <= len(rest.density_db):
             header['rest_step_hz'], arrays['rest'] = rest.step_hz, rest.density_db[channel - 1]
         return header
@@ -225,32 +203,27 @@ def _age_s(now_s: float, at_s: float | None) -> float | None:
     return None if at_s is None or math.isinf(at_s) else round(now_s - at_s, 3)
 
 
-def _texts(name: str, values: object) -> list[str]:
-    if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-        raise ValueError(f'{name} is no list of names')
+def _list(name: str, message: Mapping[str, Any], most: int) -> list[Any]:
+    values = message.get(name, [])
+    if not isinstance(values, list) or len(values) > most:
+        raise ValueError(f'{name} is {str(values)[:40]}, allowed: a list of at most {most}')
     return values
 
 
-def _number(name: str, value: object, low: float, high: float) -> float:
-    if not isinstance(value, int | float) or not low <= value <= high:
+def _number(name: str, message: Mapping[str, Any], low: float, high: float) -> float | None:
+    value = message.get(name)
+    if value is not None and (not isinstance(value, int | float) or not low <= value <= high):
         raise ValueError(f'{name} is {str(value)[:40]}, allowed: {low:g} to {high:g}')
     return value
 
 
-def _whole_or_none(name: str, message: Mapping[str, Any], low: float, high: float) -> int | None:
-    value = message.get(name)
-    return None if value is None else int(_number(name, value, low, high))
-
-
 def packed(header: Mapping[str, Any], arrays: Mapping[str, ArrayLike]) -> bytes:
-    """Return a frame; booleans become ``uint8``, all other numbers ``float32``.
+    r"""Return a frame; booleans become ``uint8``, all other numbers ``float32``.
 
     Examples
     --------
-    >>> frame = packed({'frame': 7}, {'level': [0.5, 2.0], 'on': [False, True]})
-    >>> header, arrays = unpacked(frame)
-    >>> header['frame'], arrays['level'].tolist(), arrays['on'].tolist()
-    (7, [0.5, 2.0], [0, 1])
+    >>> packed({}, {'on': [False, True]})
+    b'\\x1c\\x00\\x00\\x00{"arrays": [["on", "uint8", [2]]]}  \\x00\\x01\\x00\\x00'
     """
     described, parts = [], []
     for name, values in arrays.items():
@@ -262,23 +235,3 @@ def packed(header: Mapping[str, Any], arrays: Mapping[str, ArrayLike]) -> bytes:
     text = json.dumps({**header, 'arrays': described}, allow_nan=False).encode()
     text += b' ' * (-len(text) % 4)
     return b''.join([LENGTH.pack(len(text)), text, *parts])
-
-
-def unpacked(frame: bytes) -> tuple[dict[str, Any], dict[str, NDArray[np.generic]]]:
-    """Return the header and the arrays of a frame, as the page reads them.
-
-    Examples
-    --------
-    >>> unpacked(packed({'frame': 7}, {}))[0]['frame']
-    7
-    """
-    (length,) = LENGTH.unpack_from(frame)
-    place = LENGTH.size + length
-    header = json.loads(frame[LENGTH.size : place])
-    arrays = {}
-    for name, kind, shape in header['arrays']:
-        count = int(np.prod(shape))
-        arrays[name] = np.frombuffer(frame, TYPES[kind], count, place).reshape(shape)
-        size = count * TYPES[kind].itemsize
-        place += size + -size % 4
-    return header, arrays

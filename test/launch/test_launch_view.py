@@ -51,7 +51,7 @@ class TestPage(unittest.TestCase):
             labels = [finger['label'] for finger in hand['fingers']]
             assert labels == ['left/index', 'left/thumb']
             assert hand['read_only']
-            await page.look()
+            await page.view()
             slipped = set()
             while len(slipped) < 2:
                 header, _ = await page.drawn_frame()

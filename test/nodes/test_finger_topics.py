@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What comes from one finger: samples, levels, and the states beside them."""
+"""What comes from one finger: samples, levels, and the states that belong to them."""
 
 import dataclasses
 
@@ -27,7 +27,7 @@ from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool, Float32MultiArray, Header, MultiArrayDimension  # noqa: E402
 
-from slip_detector.nodes.finger_topics import STATES, FingerTopics, States, Topics  # noqa: E402
+from slip_detector.nodes.finger_topics import FingerTopics, States, Topics  # noqa: E402
 from slip_detector.nodes.messages import (  # noqa: E402
     event_qos,
     sensor_qos,
@@ -45,31 +45,13 @@ AT_NS = 10**18
 @given(
     changes=st.lists(st.tuples(st.integers(0, 100), st.booleans()), max_size=15),
     rows=st.lists(st.integers(0, 100), max_size=20),
-    cuts=st.lists(st.integers(0, 100), max_size=4),
 )
-def test_each_row_has_the_state_that_was_published_last_before_it(changes, rows, cuts):
-    changes, rows = sorted(changes, key=lambda change: change[0]), sorted(rows)
-    states, found = States(), []
-    bounds = [*sorted(cuts), 101]
-    begin = 0
-    for end in bounds:
-        # Rows are taken first, states after them: some of the states are later than all rows.
-        for at_ns, state in changes:
-            if begin <= at_ns < end:
-                states.change(state, at_ns)
-        found += states.beside(at for at in rows if begin <= at < end).tolist()
-        begin = end
+def test_each_row_has_the_state_that_was_published_last_before_it(changes, rows):
+    changes, states = sorted(changes, key=lambda change: change[0]), States()
+    for at_ns, state in changes:
+        states.change(state, at_ns)
     wanted = [next((s for t, s in reversed(changes) if t <= at), False) for at in rows]
-    assert found == wanted
-    assert states.now == (changes[-1][1] if changes else False)
-
-
-def test_states_without_rows_take_no_more_and_more_memory():
-    states = States()
-    for k in range(3 * STATES):
-        states.change(k % 2 == 0, k)
-    assert len(states._changes) == STATES
-    assert states.beside([2 * STATES + 10, 3 * STATES]).tolist() == [True, False]
+    assert [states.at(row) for row in rows] == wanted
 
 
 class Sensor:
@@ -121,7 +103,7 @@ def sensor(bench):
     sensor.close()
 
 
-def test_samples_and_levels_come_with_slip_and_truth_beside_them(sensor):
+def test_samples_levels_and_states_reach_the_finger(sensor):
     track = sensor.finger.track
     for k in range(4):
         sensor.truth.publish(Bool(data=k >= 2))
@@ -138,19 +120,15 @@ def test_samples_and_levels_come_with_slip_and_truth_beside_them(sensor):
     assert track.levels.field('on').tolist() == [[k > 0, False] for k in range(4)]
     assert track.levels.field('slip')[:, 0].tolist() == [False, False, False, True]
     assert sensor.finger.frame_id == 'tip'
-    assert sensor.finger.sample_s > 0.0
-
-
-def test_states_and_onsets_are_those_that_came_last(sensor):
     finger = sensor.finger
-    sensor.slip.publish(Bool(data=True))
-    sensor.valid.publish(Bool(data=True))
-    sensor.group.publish(Bool(data=True))
-    assert finger.onset_s is None
+    for publisher in (sensor.valid, sensor.group):
+        publisher.publish(Bool(data=True))
     sensor.onset.publish(Header(stamp=time_message(AT_NS), frame_id='tip'))
-    sensor.until(
-        lambda: finger.slip and finger.valid and finger.groups[0] and finger.onset_s, 'the states'
-    )
+    sensor.until(lambda: finger.valid and finger.groups[0] and finger.onset_s, 'the states')
+    # Groups that are no longer published are not on.
+    finger.update_config(dataclasses.replace(TWO, publish_groups=False))
+    sensor.topics.poll()
+    assert not finger.groups[0]
 
 
 def test_what_does_not_fit_is_left_to_the_detector(sensor):
@@ -177,25 +155,16 @@ def test_other_channels_are_subscribed_to_when_the_parameters_say_so(sensor):
     assert track.samples.field('volts').tolist() == [[4.0, 4.1, 4.2]]
 
 
-def test_a_type_that_is_not_installed_here_is_said_and_the_decisions_are_shown(sensor):
+def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(sensor):
     sensor.finger.update_config(DetectorConfig(channels=2, input_type='of_others/msg/Skin'))
     sensor.topics.poll()
     wanted = 'no volts are shown: of_others/msg/Skin is not installed here'
-    assert sensor.finger.notice == wanted
+    assert sensor.finger.no_volts == wanted
     sensor.valid.publish(Bool(data=True))
     sensor.until(lambda: sensor.finger.valid, 'slip_valid')
     sensor.finger.update_config(DetectorConfig(channels=2))
     sensor.topics.poll()
-    assert sensor.finger.notice == ''
-
-
-def test_groups_that_are_published_no_more_are_not_on(sensor):
-    finger = sensor.finger
-    sensor.group.publish(Bool(data=True))
-    sensor.until(lambda: finger.groups[0], 'the group')
-    finger.update_config(dataclasses.replace(TWO, publish_groups=False))
-    sensor.topics.poll()
-    assert not finger.groups[0]
+    assert sensor.finger.no_volts == ''
 
 
 def test_a_batch_has_its_rows_a_period_apart(bench):

@@ -36,10 +36,8 @@ from slip_detector.nodes.markers import (
 )
 from slip_detector.nodes.messages import event_qos
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.view.access import Access
-from slip_detector.view.detectors import Finger
-from slip_detector.view.server import Server
-from slip_detector.view.taxels import drawn_positions, least_distance_m
+from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
+from slip_detector.view.server import Access, Server
 from support.harness import patient_qos
 from support.simulated_detectors import SimulatedDetectors, SimulatedFinger
 

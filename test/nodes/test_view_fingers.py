@@ -31,24 +31,22 @@ from std_msgs.msg import Header  # noqa: E402
 
 from slip_detector.nodes import view_fingers  # noqa: E402
 from slip_detector.nodes.messages import event_qos, sensor_qos, time_message  # noqa: E402
-from slip_detector.nodes.view_fingers import HEADER, MOST_GONE, UNKNOWN, RosDetectors  # noqa: E402
-from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
-from slip_detector.view.detectors import Finger  # noqa: E402
+from slip_detector.nodes.view_fingers import HEADER, UNKNOWN, RosDetectors  # noqa: E402
 from support.harness import DEADLINE_S  # noqa: E402
 
-INDEX, THUMB = '/index/slip_detector', '/thumb/slip_detector'
+INDEX = '/index/slip_detector'
 
-#: What a page subscribes to.
-PAGE = ('/page_of_test', '/')
+#: Name of the node that subscribes.
+PAGE = 'page_of_test'
 
 
 class Watching:
-    """A hand, polled as the server does."""
+    """The detectors, polled as the server does."""
 
     def __init__(self, bench):
         self.bench = bench
-        self.node = Node(PAGE[0].strip('/'), context=bench.context, start_parameter_services=False)
-        self.hand = RosDetectors(self.node)
+        self.node = Node(PAGE, context=bench.context, start_parameter_services=False)
+        self.detectors = RosDetectors(self.node)
         self.watched = set()
 
     async def until(self, holds, what):
@@ -57,35 +55,25 @@ class Watching:
             if time.monotonic() > deadline_s:
                 logs = '\n'.join(process.log() for process in self.bench.processes)
                 pytest.fail(f'waited in vain for {what}; the processes said:\n{logs}')
-            self.hand.watch(self.watched)
-            self.hand.poll()
-            await asyncio.sleep(0.01)
-
-    async def polls(self, n):
-        for _ in range(n):
-            self.hand.watch(self.watched)
-            self.hand.poll()
+            self.detectors.watch(self.watched)
+            self.detectors.poll()
             await asyncio.sleep(0.01)
 
     def subscribed(self):
         """Return the topics that the page's node subscribes to."""
-        found = self.bench.node.get_subscriber_names_and_types_by_node(*reversed_(PAGE))
+        found = self.bench.node.get_subscriber_names_and_types_by_node(PAGE, '/')
         return {topic for topic, _ in found}
 
 
-def reversed_(page):
-    return page[0].strip('/'), page[1]
-
-
 def watching(bench, test):
-    """Run a test with a hand."""
+    """Run a test with the detectors."""
 
     async def run():
         it = Watching(bench)
         try:
             await test(it)
         finally:
-            it.hand.close()
+            it.detectors.close()
             it.node.destroy_node()
 
     asyncio.run(run())
@@ -110,33 +98,12 @@ def send(bench, finger, channels, topic='voltages'):
     return next_sample
 
 
-def test_nothing_is_subscribed_to_but_of_fingers_that_are_watched(bench):
-    async def test(it):
-        start(bench, 'index')
-        start(bench, 'thumb')
-        await it.until(lambda: set(it.hand.fingers) == {INDEX, THUMB}, 'both fingers')
-        await it.polls(100)
-        assert it.subscribed() == set()
-        it.watched = {INDEX}
-        wanted = {
-            *(f'/index/{name}' for name in ('voltages', 'slip', 'slip_valid', 'slip_onset')),
-            *(f'/index/slip/group/{name}' for name in ('TP', 'TD', 'LR', 'LU')),
-            *('/index/slip_truth', '/index/slip_detector/envelope'),
-            *('/diagnostics', '/parameter_events'),
-        }
-        await it.until(lambda: it.subscribed() == wanted, 'the subscriptions')
-        it.watched = set()
-        await it.until(lambda: not it.subscribed(), 'their end')
-
-    watching(bench, test)
-
-
-def test_a_finger_says_what_its_detector_does_and_says(bench):
+def test_a_finger_has_samples_levels_and_diagnostics_of_its_detector(bench):
     async def test(it):
         start(bench, 'index', '-r', 'voltages:=/raw/skin', channels=2, threshold=0.25)
         next_sample = send(bench, 'raw', 2, topic='skin')
-        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
-        finger = it.hand.fingers[INDEX]
+        await it.until(lambda: INDEX in it.detectors.fingers, 'the finger')
+        finger = it.detectors.fingers[INDEX]
         assert (finger.config.channels, finger.config.threshold) == (2, 0.25)
         it.watched = {INDEX}
 
@@ -147,7 +114,17 @@ def test_a_finger_says_what_its_detector_does_and_says(bench):
         await it.until(heard, 'samples and levels')
         await it.until(lambda: heard() and len(finger.diagnostics) == 3, 'the diagnostics')
         assert {each.name for each in finger.diagnostics} == {'input', 'channels', 'decisions'}
-        assert not finger.silence()
+        # Nodes that publish the samples are heard, too, and no other.
+        publisher = bench.node.create_publisher(DiagnosticArray, '/diagnostics', event_qos())
+        names = ('bench: sensor', 'index/camera: frames')
+        array = DiagnosticArray(status=[DiagnosticStatus(name=name) for name in names])
+
+        def labels():
+            publisher.publish(array)
+            return {each.name for each in finger.diagnostics}
+
+        await it.until(lambda: {'bench: sensor', 'input'} <= labels(), 'both diagnostics')
+        assert 'camera: frames' not in labels()
         # Silent: slip_valid falls, and the detector says why.
         await it.until(lambda: not finger.valid, 'slip_valid to fall')
         await it.until(
@@ -159,119 +136,31 @@ def test_a_finger_says_what_its_detector_does_and_says(bench):
     watching(bench, test)
 
 
-def test_parameters_that_are_changed_by_anybody_are_those_of_the_finger(bench):
+def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench):
     async def test(it):
-        start(bench, 'index')
-        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
-        assert await it.hand.set_parameters(INDEX, {'threshold': 0.75}) == ''
-        refusal = await it.hand.set_parameters(INDEX, {'threshold': -1.0, 'gain': 5.0})
+        detector = start(bench, 'index')
+        await it.until(lambda: INDEX in it.detectors.fingers, 'the finger')
+        assert it.subscribed() == set()
+        assert await it.detectors.set_parameters(INDEX, {'threshold': 0.75}) == ''
+        refusal = await it.detectors.set_parameters(INDEX, {'threshold': -1.0, 'gain': 5.0})
         assert refusal == 'parameter threshold is -1, allowed: 1e-30 to 1e+30'
         # Nobody watched: it is read when somebody does.
         it.watched = {INDEX}
-        await it.until(lambda: it.hand.fingers[INDEX].config.threshold == 0.75, 'the change')
-        await it.hand.set_parameters(INDEX, {'channels': 4, 'groups.TP': None, 'groups.TD': None,
+        await it.until(lambda: it.detectors.fingers[INDEX].config.threshold == 0.75, 'the change')
+        await it.detectors.set_parameters(INDEX, {'channels': 4, 'groups.TP': None, 'groups.TD': None,
                                              'groups.LR': None, 'groups.LU': None})  # fmt: skip
-        await it.until(lambda: it.hand.fingers[INDEX].config.channels == 4, 'the channels')
-        assert list(it.hand.fingers[INDEX].config.groups) == ['all']
-
-    watching(bench, test)
-
-
-def test_what_is_saved_after_an_answer_has_what_was_set(bench):
-    async def test(it):
-        start(bench, 'index')
-        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
-        it.watched = {INDEX}
-        panel = it.hand.panel(INDEX)
-
-        async def set_threshold(value):
-            polling = asyncio.create_task(it.polls(100_000))
-            try:
-                assert await it.hand.set_parameters(INDEX, {'threshold': value}) == ''
-            finally:
-                polling.cancel()
-
-        tried = iter(range(1, 100))
-        while panel.values['threshold'] < 1.0:  # Until an event is heard.
-            await set_threshold(float(next(tried)))
-        for value in (0.25, 0.75, 0.375):
-            await set_threshold(value)
-            assert panel.config.threshold == value
-
-    watching(bench, test)
-
-
-def test_another_heartbeat_is_no_start(bench):
-    async def test(it):
-        start(bench, 'index')
-        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
-
-        def publishers():
-            found = it.node.get_publishers_info_by_topic('/index/slip_valid')
-            return {bytes(each.endpoint_gid) for each in found}
-
-        before = publishers()
-        assert await it.hand.set_parameters(INDEX, {'heartbeat_hz': 20.0}) == ''
-        await it.until(lambda: publishers() and not publishers() & before, 'other publishers')
-        it.hand._look_around()
-        await it.until(lambda: not it.hand._readings, 'the parameters')
-        assert it.hand.fingers[INDEX].starts == 1
-        assert it.hand.fingers[INDEX].notice == ''
-
-    watching(bench, test)
-
-
-def test_who_publishes_the_samples_is_heard_too_and_no_other_node_of_the_namespace(bench):
-    async def test(it):
-        start(bench, 'index', channels=2)
-        send(bench, 'index', 2)
-        publisher = bench.node.create_publisher(DiagnosticArray, '/diagnostics', event_qos())
-        names = ('bench: sensor', 'index/camera: frames')
-        array = DiagnosticArray(status=[DiagnosticStatus(name=name) for name in names])
-        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
-        it.watched = {INDEX}
-
-        def said():
-            publisher.publish(array)
-            return {each.name for each in it.hand.fingers[INDEX].diagnostics}
-
-        await it.until(lambda: {'bench: sensor', 'input'} <= said(), 'what both say')
-        assert 'camera: frames' not in said()
-
-    watching(bench, test)
-
-
-def test_of_many_fingers_that_have_gone_the_latest_are_known(bench):
-    async def test(it):
-        names = [f'/finger_{k}/slip_detector' for k in range(MOST_GONE + 5)]
-        for name in names:
-            it.hand.panel(name)
-            it.hand.fingers[name] = Finger(name, DetectorConfig())
-            it.hand._publishers[name] = set()
-            it.hand._look_around()
-        assert not it.hand.fingers
-        for known in (it.hand.gone, it.hand.panels, it.hand._past):
-            assert list(known) == names[5:]
-
-    watching(bench, test)
-
-
-def test_a_detector_that_ends_is_gone_and_comes_again(bench):
-    async def test(it):
-        first = start(bench, 'index')
-        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
-        it.watched = {INDEX}
-        await it.until(lambda: it.hand.fingers[INDEX].config, 'the finger')
-        first.signal(signal.SIGINT)
-        await it.until(lambda: INDEX not in it.hand.fingers, 'it to go')
-        assert it.hand.gone == {INDEX: 'index'}
+        await it.until(lambda: it.detectors.fingers[INDEX].config.channels == 4, 'the channels')
+        assert list(it.detectors.fingers[INDEX].config.groups) == ['all']
+        # One that ends is gone, with its subscriptions; it may come again.
+        detector.signal(signal.SIGINT)
+        await it.until(lambda: INDEX not in it.detectors.fingers, 'it to go')
+        assert it.detectors.gone == {INDEX: 'index'}
         await it.until(lambda: not it.subscribed(), 'the end of the subscriptions')
         with pytest.raises(ValueError, match='is gone'):
-            await it.hand.set_parameters(INDEX, {'threshold': 0.75})
+            await it.detectors.set_parameters(INDEX, {'threshold': 0.75})
         start(bench, 'index')
-        await it.until(lambda: INDEX in it.hand.fingers, 'it to come again')
-        assert it.hand.gone == {}
-        assert 'started again' in it.hand.fingers[INDEX].notice
+        await it.until(lambda: INDEX in it.detectors.fingers, 'it to come again')
+        assert 'started again' in it.detectors.fingers[INDEX].description()['notice']
 
     watching(bench, test)
 
@@ -291,18 +180,18 @@ def test_a_publisher_whose_node_stays_unknown_by_name_is_reported_once(bench, mo
             it.node, 'get_topic_names_and_types', lambda: [('/index/slip_onset', [HEADER])]
         )
         monkeypatch.setattr(it.node, 'get_logger', lambda: SimpleNamespace(warning=warned.append))
-        it.hand._look_around()
+        it.detectors._search()
         assert not warned  # A node becomes known by name some time after its publishers.
         monkeypatch.setattr(view_fingers, 'NAMELESS_S', 0.0)
         del publishers[1]  # This one has become known, or has ended.
-        it.hand._look_around()
-        it.hand._look_around()
+        it.detectors._search()
+        it.detectors._search()
         (line,) = warned
         assert line.startswith('a node that publishes /index/slip_onset has not been known by ')
         publishers.append(Nameless(UNKNOWN, '', [9]))
-        it.hand._look_around()
+        it.detectors._search()
         assert len(warned) == 2
-        assert not it.hand.fingers
+        assert not it.detectors.fingers
 
     watching(bench, test)
 
@@ -310,23 +199,23 @@ def test_a_publisher_whose_node_stays_unknown_by_name_is_reported_once(bench, mo
 def test_a_detector_that_is_killed_is_silent_and_one_with_other_channels_takes_its_place(bench):
     async def test(it):
         first = start(bench, 'index')
-        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+        await it.until(lambda: INDEX in it.detectors.fingers, 'the finger')
         it.watched = {INDEX}
-        finger = it.hand.fingers[INDEX]
+        finger = it.detectors.fingers[INDEX]
         await it.until(lambda: '/index/slip_valid' in it.subscribed(), 'the subscriptions')
         first.signal(signal.SIGKILL)
-        await it.until(lambda: INDEX not in it.hand.fingers or finger.silence(), 'silence')
+        await it.until(lambda: INDEX not in it.detectors.fingers or finger.silence(), 'silence')
         # See Bench.wait_until_forgotten.
-        await it.until(lambda: INDEX not in it.hand.fingers, 'it to be forgotten')
+        await it.until(lambda: INDEX not in it.detectors.fingers, 'it to be forgotten')
         start(bench, 'index', channels=2)
 
         def again():
-            present = it.hand.fingers.get(INDEX)
+            present = it.detectors.fingers.get(INDEX)
             return present is not None and present.starts == 2
 
         await it.until(again, 'the other detector')
-        present = it.hand.fingers[INDEX]
-        assert present.notice.endswith('with 2 channels instead of 16')
+        present = it.detectors.fingers[INDEX]
+        assert present.description()['notice'].endswith('with 2 channels instead of 16')
         assert present.config.channels == 2
         next_sample = send(bench, 'index', 2)
 
@@ -339,24 +228,24 @@ def test_a_detector_that_is_killed_is_silent_and_one_with_other_channels_takes_i
     watching(bench, test)
 
 
-def test_a_detector_of_another_version_is_told_on_the_log(bench, capfd):
+def test_a_detector_of_another_version_is_reported_on_the_log(bench, capfd):
     async def test(it):
         node = Node('slip_detector', namespace='index', context=bench.context)
         bench.executor.add_node(node)
         for name in ('sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'):
             node.declare_parameter(name, -1.0)
         node.create_publisher(Header, 'slip_onset', event_qos())
-        said = ''
+        log = ''
 
-        def told():
-            nonlocal said
+        def warned():
+            nonlocal log
             bench.executor.spin_once(timeout_sec=0.01)
-            said += capfd.readouterr().err
-            return f'{INDEX} has parameters that this version of slip_view does not know: ' in said
+            log += capfd.readouterr().err
+            return f'{INDEX} has parameters that this version of slip_view does not know: ' in log
 
-        await it.until(told, 'the words')
-        assert 'allowed: ' in said
-        assert not it.hand.fingers
+        await it.until(warned, 'the words')
+        assert 'allowed: ' in log
+        assert not it.detectors.fingers
         bench.executor.remove_node(node)
         node.destroy_node()
 
@@ -369,15 +258,15 @@ def test_another_node_that_publishes_slip_onset_is_no_finger(bench):
         bench.executor.add_node(node)
         node.create_publisher(Header, 'slip_onset', event_qos())
         start(bench, 'index')
-        await it.until(lambda: INDEX in it.hand.fingers, 'the finger')
+        await it.until(lambda: INDEX in it.detectors.fingers, 'the finger')
 
         def read():
             bench.executor.spin_once(timeout_sec=0.01)
-            return '/relay' in it.hand._publishers and '/relay' not in it.hand._readings
+            return '/relay' in it.detectors._publishers and '/relay' not in it.detectors._readings
 
         await it.until(read, 'the parameters of the other node')
-        assert set(it.hand.fingers) == {INDEX}
-        assert set(it.hand.panels) == {INDEX}
+        assert set(it.detectors.fingers) == {INDEX}
+        assert set(it.detectors.panels) == {INDEX}
         bench.executor.remove_node(node)
         node.destroy_node()
 

@@ -23,11 +23,11 @@ import pytest
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import qos_profile_parameter_events
 
-from slip_detector.nodes import view_parameters
-from slip_detector.nodes.view_parameters import ParameterClient, changes_in
+from slip_detector.nodes import view_fingers
+from slip_detector.nodes.view_fingers import ParameterClient, changes_in
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.view.parameter_panel import Reading, typed
-from slip_detector.view.parameter_requests import launch_arguments, parameter_file, save
+from slip_detector.view.detectors import Reading
+from slip_detector.view.parameters import parameter_file, save, typed
 
 
 @pytest.fixture
@@ -63,9 +63,7 @@ def config_of(reading) -> DetectorConfig:
 ALL_NAMES = {field.name for field in dataclasses.fields(DetectorConfig)}
 
 
-def test_every_parameter_of_a_detector_is_read_and_what_holds_from_the_start_is_told(
-    bench, client_of
-):
+def test_every_parameter_of_a_detector_is_read(bench, client_of):
     bench.start('slip_detector', parameters={'threshold': 0.25})
     reading = read(client_of())
     wanted = {**DetectorConfig().to_parameters(), 'threshold': 0.25}
@@ -76,9 +74,7 @@ def test_every_parameter_of_a_detector_is_read_and_what_holds_from_the_start_is_
     assert reading.meanings['threshold'].startswith('Level above which a channel is ON')
 
 
-def test_a_set_is_taken_or_refused_whole_in_the_words_of_the_detector_and_events_tell_it(
-    bench, client_of
-):
+def test_parameters_are_set_or_refused_as_a_whole_and_events_report_them(bench, client_of):
     bench.start('slip_detector')
     client = client_of()
     read(client)
@@ -93,10 +89,6 @@ def test_a_set_is_taken_or_refused_whole_in_the_words_of_the_detector_and_events
     assert set_all(threshold=typed('threshold', 'low'), gain=2.0) == (
         "parameter threshold is 'low', allowed: a number"
     )
-    assert set_all(threshold=-1, gain=2.0) == (
-        'parameter threshold is -1, allowed: 1e-30 to 1e+30'
-    )
-    assert set_all(threshhold=0.5).endswith('did you mean threshold?')
     assert 'read-only' in set_all(autostart=False, gain=2.0)
     assert 'cannot be deleted' in set_all(gain=None)
     assert set_all(threshold=10**30) == ''
@@ -112,24 +104,19 @@ def test_a_set_is_taken_or_refused_whole_in_the_words_of_the_detector_and_events
     assert values['stopbands_hz'] == [0.5, 7.25]
     assert {name for name in values if name.startswith('groups.')} == {'groups.front'}
 
-    def told():
-        heard = {}
-        for event in events:
-            if event.node == '/slip_detector':
-                heard.update(changes_in(event))
-        return heard
+    def changed():
+        ours = [changes_in(event) for event in events if event.node == '/slip_detector']
+        return {name: value for changes in ours for name, value in changes.items()}
 
-    bench.wait_for(lambda: 'groups.front' in told(), 'the event')
-    assert told()['threshold'] == 1.0
-    assert told()['noise_floor'] == [1.0, 0.5]
-    assert told()['groups.TP'] is None
+    bench.wait_for(lambda: 'groups.front' in changed(), 'the event')
+    assert (changed()['threshold'], changed()['groups.TP']) == (1.0, None)
 
 
-def test_a_detector_that_stands_still_or_is_gone_is_told_within_the_deadline(
+def test_a_detector_that_hangs_or_is_gone_is_reported_within_the_deadline(
     bench, client_of, monkeypatch
 ):
     def wait_s(seconds):
-        monkeypatch.setattr(view_parameters, 'ANSWER_S', seconds)
+        monkeypatch.setattr(view_fingers, 'ANSWER_S', seconds)
 
     process = bench.start('slip_detector')
     client = client_of()
@@ -145,32 +132,7 @@ def test_a_detector_that_stands_still_or_is_gone_is_told_within_the_deadline(
     # An answer that came too late is not taken for that to the next question.
     assert 'is -1' in asyncio.run(client.set({'threshold': -1}))
     assert read(client).values['threshold'] == 0.25
-    ask = client._ask
-
-    def in_the_midst(*signals, waiting_s):
-        """Send the process signals when it is about to be told the change; wait so long then."""
-
-        async def asked(service, *, once=False, **request):
-            if once:
-                wait_s(waiting_s)
-                for each in signals:
-                    process.signal(each)
-            return await ask(service, once=once, **request)
-
-        monkeypatch.setattr(client, '_ask', asked)
-
-    in_the_midst(signal.SIGSTOP, waiting_s=1.0)
-    assert asyncio.run(client.set({'threshold': 0.75})) == (
-        'it is not known whether this was set: /slip_detector has not answered for 1 s'
-    )
-    process.signal(signal.SIGCONT)
-    wait_s(60.0)
-    assert read(client).values['threshold'] == 0.75
-    in_the_midst(signal.SIGSTOP, signal.SIGTERM, signal.SIGCONT, waiting_s=60.0)
-    assert asyncio.run(client.set({'threshold': 0.5})) in (
-        '',  # It was answered before it ended.
-        'it is not known whether this was set: /slip_detector ended before it answered',
-    )
+    process.signal(signal.SIGTERM)
     assert process.wait() == 0
     wait_s(1.0)
     words = asyncio.run(client_of().set({'threshold': 0.5}))
@@ -208,20 +170,3 @@ def test_what_is_saved_starts_a_detector_that_is_equal(bench, client_of, tmp_pat
     assert config_of(after) == before
     assert before.groups == {'on': (3, 1, 2)}
     assert before.heartbeat_hz == 5.0
-
-
-def test_what_is_saved_of_several_starts_them_with_what_the_page_says(bench, client_of, tmp_path):
-    configs = {
-        '/left/thumb/slip_detector': DetectorConfig(threshold=0.2),
-        '/left/index/slip_detector': DetectorConfig(threshold=0.3),
-    }
-    path = save(tmp_path, 'left', parameter_file(configs), ['Saved.'])
-    said = dict(word.split(':=') for word in launch_arguments(configs, path).split())
-    assert said.keys() == {'namespace', 'fingers', 'config'}
-    # As the launch file starts them.
-    bench.start(
-        'slip_detector', '--params-file', said['config'], '-r', f'__ns:=/{said["namespace"]}',
-        '--', '--fingers', said['fingers'],
-    )  # fmt: skip
-    for name, config in configs.items():
-        assert config_of(read(client_of(name))) == config

@@ -16,23 +16,19 @@
 
 import json
 
+import numpy as np
 from tornado.websocket import websocket_connect
 
-from slip_detector.view.view_request import unpacked
+from slip_detector.view.view_request import LENGTH, TYPES
 
 
 class LiveClient:
-    """A connection as a page has it.
-
-    Attributes
-    ----------
-    told : dict
-        Of each type the message that came last.
-    """
+    """A connection as a page has it."""
 
     def __init__(self, socket):
         self._socket = socket
-        self.told = {}
+        #: Of each type the message that came last.
+        self.latest = {}
         self._requests = 0
 
     @classmethod
@@ -55,7 +51,7 @@ class LiveClient:
         if isinstance(message, bytes):
             return unpacked(message)
         content = json.loads(message)
-        self.told[content['type']] = content
+        self.latest[content['type']] = content
         return None
 
     async def next_frame(self):
@@ -71,19 +67,18 @@ class LiveClient:
 
     async def until(self, kind, holds=lambda content: True):
         """Return the first message of this kind that meets a condition; draw frames meanwhile."""
-        while kind not in self.told or not holds(self.told[kind]):
+        while kind not in self.latest or not holds(self.latest[kind]):
             frame = await self.next()
             if frame is not None:
                 await self.say('drawn', frame=frame[0]['frame'])
-        return self.told[kind]
+        return self.latest[kind]
 
-    async def look(self, **look):
-        """Look at all fingers, with traces of two channels of the first one."""
-        hand = await self.until('hand', lambda hand: hand['fingers'])
-        names = [finger['name'] for finger in hand['fingers']]
-        await self.say(
-            'look', **{'fingers': names, 'finger': names[0], 'channels': [1, 2], **look}
-        )
+    async def view(self, **content):
+        """Ask for all fingers, with traces of two channels of the first one."""
+        message = await self.until('fingers', lambda message: message['fingers'])
+        names = [finger['name'] for finger in message['fingers']]
+        asked = {'fingers': names, 'finger': names[0], 'channels': [1, 2], **content}
+        await self.say('view', **asked)
         return names
 
     async def request(self, kind, **content):
@@ -91,3 +86,16 @@ class LiveClient:
         self._requests += 1
         await self.say(kind, id=self._requests, **content)
         return await self.until('answer', lambda answer: answer['id'] == self._requests)
+
+
+def unpacked(frame):
+    """Return the header and the arrays of a frame, as the page reads them."""
+    (length,) = LENGTH.unpack_from(frame)
+    place = LENGTH.size + length
+    header = json.loads(frame[LENGTH.size : place])
+    arrays = {}
+    for name, kind, shape in header['arrays']:
+        count = int(np.prod(shape))
+        arrays[name] = np.frombuffer(frame, TYPES[kind], count, place).reshape(shape)
+        place += -(-count * TYPES[kind].itemsize // 4) * 4
+    return header, arrays

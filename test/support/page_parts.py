@@ -30,8 +30,13 @@ def field(page, name):
 
 
 def tool(page, name):
-    """Return a button below "Set up"; the recordings there have buttons to delete them, too."""
-    return page.locator('#tools').get_by_role('button', name=re.compile(f'^{name}'))
+    """Return the button below "Set up" that has just this name."""
+    return page.locator('#tools').get_by_role('button', name=name, exact=True)
+
+
+def record_button(page, word):
+    """Return the button that records "Rest", "Slip" or "Taps"; its name has a count, too."""
+    return page.locator('.teach-buttons').get_by_role('button', name=re.compile(rf'^{word}\b'))
 
 
 def changes(page):

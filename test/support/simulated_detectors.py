@@ -24,13 +24,12 @@ import time
 import numpy as np
 
 from slip_detector.chain.live_chain import LiveChain
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
-from slip_detector.view.access import Access
-from slip_detector.view.detectors import Detectors, Diagnosis, Finger
-from slip_detector.view.parameter_panel import Reading
-from slip_detector.view.server import Server
+from slip_detector.view.detectors import Detectors, Diagnosis, Finger, Reading
+from slip_detector.view.server import Access, Server
 
 
 @functools.cache
@@ -78,7 +77,7 @@ class SimulatedFinger:
         self.at_ns += n * period_ns
         result = self.chain.update(rows, level=True)
         level = np.where(result.valid, result.level, np.nan)
-        finger.track.add_samples(stamps_ns, rows, truth)
+        finger.track.add_samples(Samples(rows, stamps_ns, np.asarray(truth)))
         finger.track.add_levels(stamps_ns, level, result.channels, result.slip)
         if np.any(np.diff(result.slip.astype(int), prepend=int(finger.slip)) > 0):
             finger.onset_s = time.monotonic()

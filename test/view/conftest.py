@@ -21,14 +21,14 @@ import inspect
 import pytest
 
 from slip_detector.view import server
-from slip_detector.view.parameter_requests import ParameterRequests
-from slip_detector.view.teaching_requests import TeachingRequests
+from slip_detector.view.parameters import ParameterRequests
+from slip_detector.view.teaching import TeachingRequests
 from support.browsers import complaints_of
 from support.finger_states import Player, QuietDetectors
 from support.simulated_detectors import served_beside
 
 #: Longest time of a coroutine, in seconds.
-DEADLINE_S = 60.0
+DEADLINE_S = 180.0
 
 
 def pytest_pyfunc_call(pyfuncitem):

@@ -12,24 +12,43 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is known of a finger: its name for people, its state over a restart, its silence."""
+
+"""What is known of a finger: its name, its state over a restart, its place; its parameters."""
 
 import asyncio
+import itertools
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from slip_detector.chain.fingertip import taxel_positions
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view import detectors
-from slip_detector.view.detectors import Finger
+from slip_detector.view.detectors import (
+    GRID_PITCH_M,
+    OUTSIDE,
+    RESTART,
+    Finger,
+    ParameterPanel,
+    Reading,
+    drawn_positions,
+    least_distance_m,
+)
 from support.simulated_detectors import SimulatedDetectors
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+VALUES = {**DetectorConfig().to_parameters(), 'use_sim_time': False}
+READ_ONLY = frozenset(['autostart'])
 
 
 @pytest.mark.parametrize(
     ('name', 'label'),
     [
-        ('/index/slip_detector', 'index'),
         ('/left/index/slip_detector', 'left/index'),
         ('/slip_detector', 'slip_detector'),
         ('/index/second', 'index/second'),
@@ -40,40 +59,47 @@ def test_a_finger_is_called_by_its_namespace(name, label):
     assert Finger(name, DetectorConfig()).label == label
 
 
-def test_a_change_of_the_decision_keeps_the_track_and_other_channels_begin_a_new_one():
-    finger = Finger('/slip_detector', DetectorConfig())
-    finger.track.add_samples(np.array([1]), np.zeros((1, 16)), np.zeros(1))
+def test_another_threshold_keeps_track_and_rest_and_other_channels_begin_anew():
+    finger = Finger('/index/slip_detector', DetectorConfig())
+    with pytest.raises(ValueError, match='index: too few samples'):
+        finger.keep_rest()
+    volts = np.random.default_rng(2).normal(size=(800, 16))
+    finger.track.add_samples(Samples(volts, 1 + np.arange(800)))
+    finger.keep_rest()
     track = finger.track
     finger.update_config(DetectorConfig(threshold=0.7))
     assert finger.track is track
+    assert finger.rest.density_db.shape == (16, 380)
     finger.update_config(DetectorConfig(channels=8, groups={'a': range(1, 9)}))
     assert len(finger.track.samples) == 0
     assert finger.track.beginnings > track.beginnings
-    assert finger.groups.shape == (1,)
+    assert (finger.groups.shape, finger.rest) == ((1,), None)
 
 
-def test_for_some_minutes_a_finger_says_that_its_detector_started_again_and_with_what(
-    monkeypatch,
-):
+def notice(finger):
+    return finger.description()['notice']
+
+
+def test_a_restart_is_mentioned_for_some_minutes(monkeypatch):
     finger = Finger('/slip_detector', DetectorConfig())
     finger.slip = finger.valid = True
     finger.started_again(DetectorConfig())
-    assert 'started again' in finger.notice
-    assert 'channels' not in finger.notice
+    assert 'started again' in notice(finger)
+    assert 'channels' not in notice(finger)
     assert not finger.slip
     assert not finger.valid
     finger.started_again(DetectorConfig(channels=8))
-    assert finger.notice.endswith('with 8 channels instead of 16')
+    assert notice(finger).endswith('with 8 channels instead of 16')
     assert finger.starts == 3
     # Its parameters may be read before it publishes.
     finger.update_config(DetectorConfig())
     finger.no_volts = 'no volts are shown'
     finger.started_again(DetectorConfig())
-    assert finger.notice.startswith('no volts are shown; the detector was started again at ')
-    assert finger.notice.endswith('with 16 channels instead of 8')
+    assert notice(finger).startswith('no volts are shown; the detector was started again at ')
+    assert notice(finger).endswith('with 16 channels instead of 8')
     now_s = time.monotonic()
     monkeypatch.setattr(detectors.time, 'monotonic', lambda: now_s + detectors.RESTART_SHOWN_S)
-    assert finger.notice == 'no volts are shown'
+    assert notice(finger) == 'no volts are shown'
 
 
 def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(monkeypatch):
@@ -98,3 +124,176 @@ def test_a_pages_name_is_cut_to_the_length_of_real_ones():
         asyncio.run(simulated.change(name, {'threshold': -1}, by))
     asyncio.run(simulated.change(name, {'threshold': 0.5}, 'page 7'))
     assert simulated.panel(name).changes[-1].by == 'page 7'
+
+
+def with_positions(positions):
+    positions = np.asarray(positions, np.float64)
+    return DetectorConfig(channels=len(positions), taxel_positions_m=positions.ravel())
+
+
+@given(st.integers(1, 400))
+def test_without_positions_the_channels_stand_in_rows_of_a_grid_around_the_middle(channels):
+    x, y, z = drawn_positions(DetectorConfig(channels=channels)).T / GRID_PITCH_M
+    assert not z.any()
+    rows = [list(row) for _, row in itertools.groupby(range(channels), key=lambda c: y[c])]
+    assert all(len(row) == len(rows[0]) for row in rows[:-1])
+    assert len(rows[0]) - len(rows) in (0, 1)
+    for row in rows:
+        assert np.allclose(np.diff(x[row]), 1.0)
+        assert x[row[0]] == x.min() == -x.max()
+    assert np.allclose(np.diff([y[row[0]] for row in rows]), -1.0)
+    assert y.max() == -y.min()
+
+
+@settings(max_examples=50)
+@given(
+    st.lists(
+        st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.integers(0, 1)),
+        min_size=1,
+        max_size=30,
+    )
+)
+def test_channels_that_share_a_place_are_drawn_apart_and_closer_to_it_than_to_any_other(cells):
+    places = 0.004 * np.array(cells, np.float64)
+    drawn = drawn_positions(with_positions(places))
+    assert least_distance_m(drawn) > 1e-5
+    for channel, place in enumerate(places):
+        distances = np.linalg.norm(places - drawn[channel], axis=1)
+        nearest = places[np.isclose(distances, distances.min(), atol=1e-12)]
+        assert np.allclose(nearest, place)
+        same = (places == place).all(axis=1)
+        assert np.allclose(drawn[same].mean(axis=0), place, atol=1e-12)
+
+
+def test_the_axes_of_a_taxel_stand_around_it_from_the_left_clockwise():
+    drawn = drawn_positions(with_positions([[0, 0, 0]] * 3 + [[0.004, 0, 0]] * 3))
+    x, y = 1e3 * drawn[:3, :2].T
+    assert np.allclose(x, [-1.0, 0.5, 0.5])
+    assert np.allclose(y, [0.0, np.sqrt(0.75), -np.sqrt(0.75)])
+
+
+@pytest.mark.parametrize('name', ['slip_detector', 'grasp'])
+def test_the_configurations_of_the_papers_fingertip_have_its_positions(name):
+    config = DetectorConfig.from_yaml(CONFIG / f'{name}.yaml')
+    positions = np.column_stack([taxel_positions(), np.zeros(config.channels)])
+    assert np.allclose(drawn_positions(config), positions, atol=1e-12)
+
+
+def test_the_configuration_of_uskin_has_two_fingers_of_four_rows_of_taxels_with_three_axes():
+    config = DetectorConfig.from_yaml(CONFIG / 'xela_uskin.yaml')
+    fingers = np.reshape(config.taxel_positions_m, (2, 4, 4, 3, 3))  # finger, row, column, axis
+    assert (fingers == fingers[:, :, :, :1]).all(), 'the axes of a taxel are at one place'
+    assert len(np.unique(drawn_positions(config), axis=0)) == 96
+
+
+def panel_of(values=VALUES, file_values=None):
+    panel = ParameterPanel(file_values)
+    panel.read(Reading(values, READ_ONLY, {'use_sim_time': 'Whose clock it is.'}))
+    return panel
+
+
+#: Changes of some parameters, some of which go and come.
+CHANGES = st.lists(
+    st.dictionaries(
+        st.sampled_from(['threshold', 'gain', 'vote', 'groups.a', 'groups.b']),
+        st.none() | st.integers(1, 3),
+        min_size=1,
+    ),
+    max_size=8,
+)
+
+
+@given(changes=CHANGES)
+def test_undoing_again_and_again_leads_back_through_every_state(changes):
+    panel = panel_of({'threshold': 1, 'gain': 1, 'groups.a': 1})
+    states = [panel.values]
+    for values in changes:
+        undoes = bool(panel.history) and panel.history[-1].before == {
+            n: v for n, v in values.items() if panel.values.get(n) != v
+        }
+        if panel.update(values) is None:
+            assert panel.values == states[-1]
+        elif undoes:
+            states.pop()
+            assert panel.values == states[-1]
+        else:
+            states.append(panel.values)
+    while panel.to_undo():
+        assert panel.values == states.pop()
+        panel.update(panel.to_undo())
+    assert [panel.values] == states
+
+
+def test_restoring_the_file_sets_all_that_differs_and_can_be_set():
+    file_values = DetectorConfig(threshold=0.3, autostart=False).to_parameters()
+    panel = panel_of(file_values=file_values)
+    assert panel.as_in_file() == {'threshold': 0.3}
+    panel.update({'groups.TP': None, 'groups.mine': [1], 'threshold': 0.3})
+    wanted = panel.as_in_file()
+    assert wanted == {'groups.TP': file_values['groups.TP'], 'groups.mine': None}
+    panel.update(wanted)
+    assert panel.as_in_file() == {}
+    without_file = panel_of()
+    without_file.update({'threshold': 0.3})
+    assert without_file.as_in_file() == {'threshold': 0.5}
+
+
+def test_values_lost_in_a_restart_are_reported_and_can_be_set_again_by_undo():
+    panel = panel_of()
+    panel.update({'threshold': 0.3})
+    again = {**VALUES, 'autostart': False}
+    change = panel.read(Reading(again, READ_ONLY, {}))
+    assert change.by == RESTART
+    assert change.after == {'threshold': 0.5, 'autostart': False}
+    assert panel.to_undo() == {'threshold': 0.3}
+    panel.update(panel.to_undo())
+    assert panel.values['threshold'] == 0.3
+    assert panel.to_undo() == {'threshold': 0.5}
+    assert panel.read(Reading(panel.values, READ_ONLY, {})) is None
+
+
+def test_a_change_is_attributed_to_the_page_that_asked():
+    panel = panel_of()
+    panel.expect({'threshold': 0.3, 'gain': 1.0}, 'page 1')
+    panel.expect({'vote': 'mean'}, 'page 2')
+    panel.expect({'exponent': 7}, 'page 2')
+    panel.refused({'exponent': 7}, 'page 2')
+    authors = [
+        panel.update(values).by
+        for values in (
+            {'threshold': 0.2},
+            {'gain': 1.0, 'threshold': 0.3},
+            {'gain': 2.0, 'threshold': 0.4},
+            {'exponent': 2},
+        )
+    ]
+    # As all of them are read.
+    authors.append(panel.update({**panel.values, 'vote': 'mean'}).by)
+    assert authors == [OUTSIDE, 'page 1', OUTSIDE, OUTSIDE, 'page 2']
+    assert [change.by for change in panel.changes] == authors
+
+
+@pytest.mark.parametrize('refused', [(), (1,), (2,), (1, 2)])
+def test_two_pages_that_change_the_same_parameter_at_once_are_distinguished(refused):
+    panel = panel_of()
+    asked = {1: {'threshold': 0.2}, 2: {'threshold': 0.3}, 3: {'threshold': 0.4}}
+    for page, values in asked.items():
+        panel.expect(values, f'page {page}')
+    for page in refused:
+        panel.refused(asked[page], f'page {page}')
+    authors = {page: panel.update(v).by for page, v in asked.items() if page not in refused}
+    assert authors == {page: f'page {page}' for page in asked if page not in refused}
+    assert panel.update({'threshold': 0.5}).by == OUTSIDE
+
+
+def test_a_rounded_value_is_attributed_to_the_last_page_that_asked():
+    panel = panel_of()
+    panel.expect({'threshold': 0.3}, 'page 1')
+    assert panel.update({'threshold': 0.30000001}).by == 'page 1'
+    panel.expect({'threshold': 0.3}, 'page 1')
+    panel.read(Reading(panel.values, READ_ONLY, {}))  # The detector that was asked has ended.
+    assert panel.update({'threshold': 0.3}).by == OUTSIDE
+    panel.expect({'threshold': 0.2}, 'page 1')  # Its event is lost.
+    panel.expect({'threshold': 0.4}, 'page 2')
+    assert panel.update({'threshold': 0.4}).by == 'page 2'
+    assert panel.update({'threshold': 0.5}).by == OUTSIDE

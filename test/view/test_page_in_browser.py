@@ -12,17 +12,197 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live page in a real browser: its connection, and a page that may only look."""
 
+"""The page in a real browser: states of fingers, its connection, and who cannot see or click."""
+
+import importlib.util
+import io
+import itertools
 import threading
-import time
+from pathlib import Path
 
-from slip_detector.view.access import Access
-from slip_detector.view.server import NO_TOKEN
+import numpy as np
+import pytest
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.detectors import Diagnosis
+from slip_detector.view.server import NO_TOKEN, Access
 from support.browsers import PATIENCE_MS, expect
-from support.lessons import write_lesson
-from support.page_parts import card, config_of, recording_now, threshold_line, tool
+from support.finger_states import STATES, Player, rest_rows, slip_rows
+from support.page_parts import (
+    card,
+    changes,
+    config_of,
+    record_button,
+    recording,
+    recording_now,
+    threshold_line,
+    tool,
+)
 from support.simulated_detectors import SimulatedDetectors, served_beside
+from support.training import write_recordings
+
+#: Rules of WCAG 2.2 up to level AA, contrast among them, and what is good practice beyond.
+RULES = ('wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice')
+
+WORDS = {
+    'rest': ('rest', 'all channels valid'),
+    'slip': ('SLIP', 'all channels valid'),
+    'dead': ('rest', 'ch7 is not valid'),
+    'none': ('no input', 'no sample has come yet'),
+    'invalid': ('not valid', '12 more are not valid'),
+}
+
+
+def luminance(page, label):
+    """Return a card as it is seen, from 0 to 1, below the names."""
+    image = pytest.importorskip('PIL.Image')
+    seen = image.open(io.BytesIO(card(page, label).screenshot(scale='css')))
+    return np.asarray(seen.convert('L').resize((260, 330)), float)[60:] / 255.0
+
+
+def wait_until_it_fits(page, *widths):
+    """Give the window each width, and wait until the page is no wider."""
+    for width in widths:
+        page.set_viewport_size({'width': width, 'height': 768})
+        page.wait_for_function(
+            'width => document.documentElement.scrollWidth <= width', arg=width, timeout=10_000
+        )
+
+
+def test_each_state_is_shown_in_words_and_without_colours(played):
+    _, page = played(STATES)
+    for label, words in WORDS.items():
+        for word in words:
+            expect(card(page, label)).to_contain_text(word)
+        # A screen reader hears the same of the picture.
+        named = card(page, label).get_by_role('img', name=f'{label}: {words[0]}')
+        expect(named).to_be_visible()
+    session = page.context.new_cdp_session(page)
+    for kind in ('none', 'deuteranopia', 'protanopia', 'achromatopsia'):
+        session.send('Emulation.setEmulatedVisionDeficiency', {'type': kind})
+        pictures = {label: luminance(page, label) for label in STATES}
+        for one, other in itertools.combinations(STATES, 2):
+            differs = np.abs(pictures[one] - pictures[other]) > 0.2
+            assert differs.mean() > 0.003, (kind, one, other)
+    page.get_by_role('button', name='Keys', exact=True).click()
+    # 320 pixels are a laptop's window that is enlarged four times, as WCAG 1.4.10 wants it.
+    for name in ('Traces', 'Teach', 'Spectrum', 'Parameters'):
+        page.get_by_role('tab', name=name).click()
+        wait_until_it_fits(page, 1366, 800, 400, 320)
+
+
+def test_channels_are_shown_in_words(played):
+    config = DetectorConfig(channels=4, disabled_channels=(4,), groups={'a': (1, 2, 3)}, vote=1)
+    rows = rest_rows()[:, :4]
+    rows[:, 1] = slip_rows()[:, 1]
+    rows[:, 2] = np.nan
+    _, page = played({'index': rows}, config=config)
+    expect(card(page)).to_contain_text('valid; slip since')
+    groups = card(page).locator('.groups li')
+    expect(groups).to_have_text(['a1/2 ON'])
+    page.get_by_text('Channels in words').click()
+    words = card(page).get_by_role('list', name='Channels', exact=True).get_by_role('listitem')
+    expect(words).to_contain_text(
+        [
+            'ch1, group a, less than 0.01',
+            'ch2, group a,',
+            'ch3, group a, not valid',
+            'ch4, disabled',
+        ]
+    )
+    expect(words.nth(1)).to_contain_text('of the threshold, ON')
+
+
+@pytest.mark.parametrize('name', ['<img src=x onerror="document.title=1">', 'x' * 120])
+def test_names_and_diagnostics_are_shown_as_text_of_any_length(played, name):
+    config = DetectorConfig(channels=2)
+    # No detector would take such names.
+    object.__setattr__(config, 'channel_names', (f'one {name}', f'two {name}'))
+    object.__setattr__(config, 'groups', {f'of {name}': (1,), f'no {name}': (2,)})
+
+    def prepare(detectors):
+        (finger,) = detectors.fingers.values()
+        finger.diagnostics = (Diagnosis(1, name, f'{name} & lost'),)
+        finger.no_volts = f'no volts are shown {name}'
+
+    _, page = played({f'index{name}': rest_rows()[:, :2]}, prepare, config=config)
+    expect(page.locator('[data-state=rest]')).to_be_visible()
+    expect(page.get_by_role('heading', name=f'index{name}', exact=True)).to_be_visible()
+    page.get_by_text('Channels in words').click()
+    expect(page.locator('details li').first).to_contain_text(f'one {name}, group of {name}')
+    expect(page.get_by_role('button', name=f'Traces of one {name}')).to_be_visible()
+    expect(page.locator('.lane-name.channel')).to_have_text(f'one {name}')
+    line = page.locator('.diagnostics li')
+    expect(line).to_contain_text(f'{name}: {name} & lost')
+    expect(line.get_by_role('img', name='warning')).to_be_visible()
+    expect(page.locator('.finger .notice')).to_have_text(f'no volts are shown {name}')
+    page.get_by_role('tab', name='Spectrum').click()
+    expect(page.get_by_label('Channel', exact=True)).to_contain_text(f'two {name}')
+    assert page.locator('img').count() == 0
+    assert page.title() == 'slip_view'
+    wait_until_it_fits(page, 1366, 400)
+
+
+def test_of_many_channels_at_most_64_have_traces(played):
+    rows = np.tile(rest_rows(), 6)
+    rows[:, 90] = np.nan
+    _, page = played({'index': rows}, config=DetectorConfig(channels=96))
+    expect(card(page)).to_contain_text('ch91 is not valid')
+    page.get_by_role('button', name='all', exact=True).click()
+    expect(page.locator('.lane-name.channel')).to_have_count(64)
+    expect(page.get_by_role('button', name='Traces of ch65', exact=True)).to_be_disabled()
+    page.get_by_role('button', name='Traces of ch1', exact=True).click()
+    page.get_by_role('button', name='Traces of ch65', exact=True).click()
+    expect(page.locator('.lane-name.channel').last).to_have_text('ch65')
+
+
+def test_changes_are_announced_politely_a_short_slip_too(played):
+    served, page = played({'index': rest_rows(), 'thumb': rest_rows(seed=1)})
+    news = page.locator('#news')
+    expect(news).to_have_attribute('role', 'status')
+    expect(news).to_contain_text('index: rest')
+    # A slip that is over before it is announced.
+    player = next(call for call in served.server.each_tick if isinstance(call, Player))
+    served.call(setattr, player, 'rows', slip_rows())
+    expect(card(page)).to_contain_text('SLIP')
+    served.call(setattr, player, 'rows', rest_rows())
+    expect(news).to_contain_text('index: SLIP')
+    expect(news).to_contain_text('rest')
+    served.call(served.detectors.remove, 'index')
+    expect(news).to_contain_text('index: detector gone')
+
+
+def test_a_chosen_finger_stays_chosen_while_it_is_gone(played):
+    served, page = played({'index': rest_rows(), 'thumb': rest_rows(seed=1)})
+    expect(card(page, 'thumb')).to_contain_text('rest')
+    box = card(page, 'thumb').locator('canvas').bounding_box()
+    # ch1 is the first of the grid: at the upper left of the picture's middle.
+    page.mouse.click(
+        box['x'] + box['width'] / 2 - 1.5 * box['height'] / 4, box['y'] + box['height'] / 8
+    )
+    thumb = page.get_by_role('button', name='thumb', exact=True)
+    expect(thumb).to_have_attribute('aria-pressed', 'true')
+    expect(page.get_by_role('heading', name='Set up thumb')).to_be_visible()
+    page.keyboard.press('1')
+    expect(page.get_by_role('heading', name='Signals of index')).to_be_visible()
+    page.keyboard.press('2')
+    lanes = page.locator('.lane-name.channel')
+    expect(lanes).to_have_text(['ch1', 'ch9', 'ch11', 'ch14', 'ch16'])
+    page.reload()
+    expect(thumb).to_have_attribute('aria-pressed', 'true')
+    # No key is meant for another finger while it is gone.
+    expect(record_button(page, 'Rest')).to_be_enabled()
+    served.call(served.detectors.remove, 'thumb')
+    expect(page.get_by_role('heading', name='Set up thumb, which is gone')).to_be_visible()
+    expect(record_button(page, 'Rest')).to_be_disabled()
+    expect(page.get_by_role('button', name='index', exact=True)).to_have_attribute(
+        'aria-pressed', 'false'
+    )
+    served.call(lambda: served.detectors.add('thumb', DetectorConfig(), rows=rest_rows()))
+    expect(thumb).to_have_attribute('aria-pressed', 'true')
+    expect(page.get_by_role('heading', name='Signals of thumb', exact=True)).to_be_visible()
+    expect(record_button(page, 'Rest')).to_be_enabled()
 
 
 def wait_for_a_new_frame(page):
@@ -30,13 +210,6 @@ def wait_for_a_new_frame(page):
         "document.querySelectorAll('[data-state]').forEach((e) => delete e.dataset.state)"
     )
     page.locator('[data-state]').first.wait_for(state='attached')
-
-
-def wait_until(holds, what):
-    end_s = time.monotonic() + PATIENCE_MS / 1e3
-    while not holds():
-        assert time.monotonic() < end_s, what
-        time.sleep(0.02)
 
 
 def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(browser):
@@ -67,7 +240,7 @@ def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(brows
         page.close()
 
 
-def test_a_slip_view_that_hangs_is_told_from_one_that_has_nothing_new(open_page):
+def test_a_slip_view_that_hangs_is_reported(open_page):
     with served_beside(SimulatedDetectors()) as served:
         page = open_page(served)
         words = page.locator('#connection')
@@ -84,35 +257,16 @@ def test_a_slip_view_that_hangs_is_told_from_one_that_has_nothing_new(open_page)
         expect(card(page)).not_to_have_attribute('data-state', 'lost')
 
 
-def test_a_hidden_page_asks_for_nothing_and_goes_on_when_it_is_seen_or_loaded_again(open_page):
-    detectors = SimulatedDetectors()
-    with served_beside(detectors) as served:
-        page = open_page(served)
-
-        def watched():
-            return served.call(lambda: set(detectors.watched))
-
-        wait_until(watched, 'the page to look')
-        hide = """(hidden) => {
-            Object.defineProperty(document, 'hidden', {value: hidden, configurable: true});
-            document.dispatchEvent(new Event('visibilitychange'));
-        }"""
-        page.evaluate(hide, True)
-        wait_until(lambda: not watched(), 'the page to look at nothing')
-        page.evaluate(hide, False)
-        wait_until(watched, 'the page to look again')
-        wait_for_a_new_frame(page)
-        page.reload()
-        wait_for_a_new_frame(page)
-
-
-def test_a_page_that_may_only_look_can_change_nothing_in_any_tab(serve, open_page, tmp_path):
-    write_lesson(tmp_path / 'index', slips=2)
+def test_with_read_only_nothing_can_be_changed_in_any_tab(serve, open_page, tmp_path):
+    write_recordings(tmp_path / 'index', slips=2)
     detectors = SimulatedDetectors()
     before = detectors.fingers['/index/slip_detector'].config
     served = serve(detectors, access=Access(read_only=True))
     page = open_page(served)
-    for name in ('Rest', 'Slip', 'Taps', 'Tune', 'Delete slip_1', 'Save'):
+    expect(recording(page, 'slip_1')).to_be_visible()
+    for word in ('Rest', 'Slip', 'Taps'):
+        expect(record_button(page, word)).to_be_disabled()
+    for name in ('Tune', 'Delete slip_1', 'Save'):
         expect(tool(page, name)).to_be_disabled()
     page.keyboard.press('r')
     expect(recording_now(page)).to_contain_text('--read-only')
@@ -125,9 +279,91 @@ def test_a_page_that_may_only_look_can_change_nothing_in_any_tab(serve, open_pag
     expect(tool(page, 'Set')).to_be_disabled()
     expect(page.locator('#parameters form :is(input, select):enabled')).to_have_count(0)
     page.get_by_role('tab', name='Spectrum').click()
-    edge = page.get_by_role('slider', name='Pass-band, low edge')
+    edge = page.get_by_role('slider', name='Pass-band, low edge', exact=True)
     expect(edge).to_have_attribute('aria-disabled', 'true')
-    for name in ('Add stop-band', 'Remove stop-band 1'):
-        expect(page.get_by_role('button', name=name)).to_be_disabled()
+    expect(page.get_by_role('button', name='Add stop-band', exact=True)).to_be_disabled()
     assert config_of(served) == before
     assert not (tmp_path / 'index' / 'rest_3').exists()
+
+
+@pytest.fixture(scope='module')
+def axe():
+    found = importlib.util.find_spec('axe_core_python')
+    if found is None or found.origin is None:
+        pytest.skip('needs the Python package axe-core-python')
+    return (Path(found.origin).parent / 'axe.min.js').read_text(encoding='utf-8')
+
+
+@pytest.fixture
+def violations(axe):
+    """Return what gives the violations that axe-core finds on a page, in words."""
+
+    def found_on(page):
+        page.evaluate(axe)
+        result = page.evaluate('(tags) => axe.run(document, {runOnly: tags})', list(RULES))
+        assert len(result['passes']) > 20
+        return [
+            f'{each["id"]}: {each["help"]}: {node["html"][:200]}'
+            for each in result['violations']
+            for node in each['nodes']
+        ]
+
+    return found_on
+
+
+def test_axe_finds_nothing_in_any_state_of_the_fingers(played, violations):
+    def more_diagnostics_than_fit(detectors):
+        detectors.fingers['/rest/slip_detector'].diagnostics = tuple(
+            Diagnosis(0, f'part {i}', 'as it should be') for i in range(12)
+        )
+
+    access = Access(read_only=True)
+    _, page = played(STATES, more_diagnostics_than_fit, access, width=420)
+    expect(page.locator('[data-state=slip]')).to_be_visible()
+    expect(page.locator('[data-state=noInput]')).to_be_visible()
+    assert violations(page) == []
+
+
+def test_axe_finds_nothing_in_any_panel(played, violations, tmp_path):
+    write_recordings(tmp_path / 'index', slips=1)
+    served, page = played({'index': STATES['dead']})
+    expect(page.locator('.dead.some')).to_be_visible()
+    expect(recording(page, 'slip_1')).to_be_visible()
+    page.get_by_role('button', name='Keys', exact=True).click()
+    page.get_by_text('Channels in words').click()
+    page.get_by_role('tab', name='Spectrum').click()
+    page.get_by_role('button', name='Hold as rest', exact=True).click()
+    expect(page.get_by_role('slider')).to_have_count(6)
+    assert violations(page) == []
+    page.get_by_role('tab', name='Parameters').click()
+    page.get_by_role('tab', name='Traces').click()
+    threshold_line(page).focus()
+    page.keyboard.press('PageUp')
+    page.keyboard.press('Enter')
+    expect(changes(page)).to_contain_text('threshold from')
+    assert violations(page) == []
+    served.call(served.detectors.remove, 'index')
+    expect(page.get_by_text('No detector yet')).to_be_visible()
+    assert violations(page) == []
+
+
+def test_keys_alone_open_tabs_and_change_only_the_chosen_finger(played):
+    served, page = played({'index': rest_rows(), 'thumb': STATES['slip']})
+    expect(page.locator('[data-state=slip]')).to_be_visible()
+    page.keyboard.press('?')
+    expect(page.locator('#keys')).to_contain_text('pause the traces')
+    page.keyboard.press('?')
+    expect(page.locator('#keys')).to_be_hidden()
+    page.get_by_role('tab', name='Traces').focus()
+    for name in ('Spectrum', 'Traces'):
+        page.keyboard.press('ArrowRight')
+        expect(page.get_by_role('tabpanel', name=name)).to_be_visible()
+    threshold_line(page).focus()
+    page.keyboard.press('PageDown')
+    page.keyboard.press('2')
+    page.keyboard.press('1')
+    expect(changes(page)).to_contain_text('threshold from 0.5 to 0.307')
+    page.keyboard.press('2')
+    expect(threshold_line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
+    assert config_of(served).threshold == 0.307
+    assert config_of(served, '/thumb/slip_detector').threshold == 0.5

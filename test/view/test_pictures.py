@@ -147,14 +147,14 @@ def test_five_fingers(opened, tmp_path):
 
 def test_teaching(opened, tmp_path):
     page = opened({'index': 9.5})  # It slips again at 13.4 s.
-    said = recording_now(page)
+    now = recording_now(page)
     for _ in range(2):
         page.keyboard.press('r')
-        expect(said).to_contain_text(re.compile(r': ([1-9]|\d\d+)\.\d s'))
+        expect(now).to_contain_text(re.compile(r': ([1-9]|\d\d+)\.\d s'))
         page.keyboard.press('r')
-        expect(said).to_contain_text('Nothing is recorded')
+        expect(now).to_contain_text('Nothing is recorded')
     page.keyboard.down(' ')
     until_s(page, 9.6 + IN_SLIP_S)
-    expect(said).to_contain_text('SLIP')
+    expect(now).to_contain_text('SLIP')
     keep(page, 'teach', tmp_path)
     page.keyboard.up(' ')

@@ -12,58 +12,99 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The server with simulated fingers, and clients that are no browser."""
 
+"""The server with simulated fingers: who may reach it, and clients that misbehave."""
+
+import asyncio
+import json
 import re
+import string
+from urllib.parse import parse_qs, urlsplit
 
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 
 from slip_detector.view import server
-from slip_detector.view.access import Access
+from slip_detector.view.server import FOLDERS, Access, host_name, is_loopback, page_address
+from slip_detector.view.view_request import ViewRequest
 from support.live_client import LiveClient
-from support.served_pages import port_of, refused, served, status_of, ticks
-from support.simulated_detectors import ServedPages, SimulatedDetectors
+from support.served_pages import UPGRADE, port_of, refused, served, status_of, ticks
+from support.simulated_detectors import SimulatedDetectors
+
+LOCAL = Access('127.0.0.1', name='robot')
+OPEN = Access('0.0.0.0', token='secret', name='robot')
+LETTERS = st.text(string.ascii_lowercase + string.digits + '-', min_size=1, max_size=12)
+SITES = st.lists(LETTERS, min_size=2, max_size=4).map('.'.join)
+WRONG = ['', 'localhost/x', 'a@localhost', 'localhost:port', '[::1', 'a b', 'localhost:99999']
 
 
-async def test_a_page_is_told_of_the_fingers_and_gets_frames_of_what_it_looks_at():
-    async with served() as (it, page):
-        (simulated,) = it.detectors.simulated.values()
-        simulated.play(3.5)  # It slips from 3.8 s on.
-        await page.look()
+def test_the_page_is_reached_by_names_and_addresses_of_this_machine():
+    for name in ('localhost', '127.0.0.2', '[::1]:8765'):
+        for access in (LOCAL, OPEN):
+            assert access.refusal(name, None) == access.refusal(name, f'http://{name}') == ''
+    for name in ('robot:80', 'ROBOT.local', '192.168.1.5', '[fe80::1]'):
+        assert OPEN.refusal(name, f'http://{name}') == ''
+        assert LOCAL.refusal(name, f'http://{name}') != ''
+
+
+@given(site=SITES)
+def test_another_site_cannot_reach_the_server_by_its_own_name(site):
+    # The site may have its name lead to this machine.
+    if host_name(site) and not site.replace('.', '').isdigit():
+        for access in (LOCAL, OPEN):
+            assert access.refusal(f'{site}:80', f'http://{site}:80').startswith('Host is')
+            assert access.refusal('localhost:80', f'http://{site}').startswith('Origin is')
+
+
+@given(host=st.text(max_size=60) | st.sampled_from(WRONG))
+def test_a_malformed_host_header_is_refused_in_one_line(host):
+    name, refusal = host_name(host), LOCAL.refusal(host, None)
+    assert len(refusal) < 300
+    if name is None or not is_loopback(name):
+        assert refusal.startswith('Host is')
+
+
+@given(token=st.text(st.characters(exclude_categories=['Cs']), max_size=20))
+def test_only_the_right_token_opens_the_page_and_the_address_has_it(token):
+    assert OPEN.knows(token) == (token == 'secret')
+    query = urlsplit(page_address('robot', 8470, token)).query
+    assert parse_qs(query, keep_blank_values=True) == ({'token': [token]} if token else {})
+
+
+@pytest.mark.parametrize('host', ['0.0.0.0', '::'])
+def test_a_server_for_all_addresses_prints_one_that_others_can_open(host):
+    parts = urlsplit(page_address(host, 8470))
+    assert parts.hostname not in ('0.0.0.0', '::', '')
+    assert Access(host).refusal(parts.netloc, f'http://{parts.netloc}') == ''
+
+
+async def test_a_page_gets_frames_of_the_fingers_that_it_views_and_only_they_are_watched():
+    async with served(SimulatedDetectors(('index', 'thumb'))) as (it, page):
+        names = [f'/{label}/slip_detector' for label in ('index', 'thumb')]
+        await ticks(it, 2)
+        assert it.detectors.watched == set()
+        it.detectors.simulated[names[0]].play(3.5)  # It slips from 3.8 s on.
+        await page.view(fingers=names[:1], finger=names[0])
         slips = columns = number = 0
         while not (slips and columns > 20):
             header, arrays = await page.drawn_frame()
             assert header['frame'] == number + 1
             number = header['frame']
             slips += header['fingers'][0]['slip']
-            count = header['traces']['samples']['count']
-            columns += count
+            columns += header['traces']['samples']['count']
             assert arrays['level/0'].shape == arrays['on/0'].shape == (16,)
-            assert arrays['groups/0'].shape == (4,)
-            if columns:
-                assert arrays['volts/low'].shape == arrays['volts/high'].shape == (2, count)
-
-
-async def test_only_what_a_page_looks_at_is_watched():
-    async with served(SimulatedDetectors(('index', 'thumb'))) as (it, page):
-        names = [f'/{label}/slip_detector' for label in ('index', 'thumb')]
-        await ticks(it, 2)
-        assert it.detectors.watched == set()
-        await page.look(fingers=names[:1], finger='')
-        await page.drawn_frame()
-        assert it.detectors.watched == set(names[:1])
+        assert it.detectors.watched == {names[0]}
         it.server.wanted['a recording'] = {names[1]}
-        await page.say('look')  # Nothing: the page is hidden.
+        await page.say('view')  # Nothing: the page is hidden.
         await ticks(it, 3)
         assert it.detectors.watched == {names[1]}
-        it.server.wanted.clear()
-        await ticks(it, 2)
-        assert it.detectors.watched == set()
 
 
 async def test_the_next_frame_waits_until_the_one_before_was_drawn():
     async with served() as (it, page):
-        await page.look()
+        await page.view()
         await page.next_frame()
         (of_server,) = it.server.pages
         await ticks(it, 10)
@@ -76,26 +117,28 @@ async def test_a_broadcast_reaches_later_pages_and_is_repeated_only_when_it_chan
     async with served() as (it, page):
         it.server.broadcast('teaching', {'count': 1})
         assert (await page.until('teaching'))['count'] == 1
-        page.told.clear()
+        page.latest.clear()
         it.server.broadcast('teaching', {'count': 1})
         it.server.broadcast('parameters', {'fingers': {}})
         await page.until('parameters')
-        assert 'teaching' not in page.told
+        assert 'teaching' not in page.latest
         late = await LiveClient.open(it.url)
         assert (await late.until('teaching'))['count'] == 1
         late.close()
 
 
-async def test_fingers_that_come_and_go_are_told():
+async def test_pages_hear_of_fingers_that_come_and_go_and_of_the_end_of_the_server():
     async with served() as (it, page):
-        await page.until('hand', lambda hand: len(hand['fingers']) == 1)
-        config = next(iter(it.detectors.fingers.values())).config
-        it.detectors.add('thumb', config)
-        hand = await page.until('hand', lambda hand: len(hand['fingers']) == 2)
-        assert [finger['label'] for finger in hand['fingers']] == ['index', 'thumb']
+        it.detectors.add('thumb', next(iter(it.detectors.fingers.values())).config)
+        message = await page.until('fingers', lambda content: len(content['fingers']) == 2)
+        assert [finger['label'] for finger in message['fingers']] == ['index', 'thumb']
         it.detectors.remove('index')
-        hand = await page.until('hand', lambda hand: len(hand['fingers']) == 1)
-        assert hand['gone'] == {'/index/slip_detector': 'index'}
+        message = await page.until('fingers', lambda content: len(content['fingers']) == 1)
+        assert message['gone'] == {'/index/slip_detector': 'index'}
+        await it.server.close()
+        while await page._socket.read_message() is not None:
+            pass
+        assert page._socket.close_reason == 'slip_view was stopped'
 
 
 async def test_requests_are_answered_and_refusals_are_in_words():
@@ -107,81 +150,150 @@ async def test_requests_are_answered_and_refusals_are_in_words():
     async def fail(message):
         raise KeyError('gone')
 
-    def prepare(of):
-        of.on_request('add', answer)
-        of.on_request('fail', fail)
-
-    async with served(prepare=prepare) as (_, page):
+    async with served() as (it, page):
+        it.server.on_request('add', answer)
+        it.server.on_request('fail', fail)
         assert (await page.request('add', value=7))['value'] == 8
         assert (await page.request('add'))['refusal'] == 'value is no 7'
         refusal = (await page.request('subtract'))['refusal']
-        assert refusal == 'subtract is no request, allowed: add, fail, hold_rest'
+        assert refusal == 'subtract is no request, allowed: add, fail, keep_rest'
         assert 'slip_view has failed' in (await page.request('fail'))['refusal']
+        refusal = (await page.request('keep_rest', finger='/none'))['refusal']
+        assert refusal == 'finger is not one that is shown'
 
 
-async def test_the_page_and_its_files_are_served_and_nothing_else():
+async def test_the_files_of_the_page_are_served_and_nothing_else():
     async with served() as (it, _):
         index = await AsyncHTTPClient().fetch(it.url)
         assert b'slip_view' in index.body
         assert "default-src 'self'" in index.headers['Content-Security-Policy']
-        for path in ('page/app.js', 'drawing/uplot/uPlot.iife.min.js'):
+        wanted = re.findall(r'(?:href|src)="/([^"]+)"', index.body.decode())
+        for file in FOLDERS['page'].glob('*.js'):
+            text = file.read_text(encoding='utf-8')
+            wanted += [f'page/{name}' for name in re.findall(r"from '\./([^']+)'", text)]
+            assert not re.search(r'(?:https?:)?//[a-z][\w-]*\.[a-z]+', text), 'from elsewhere'
+        for path in set(wanted):
             assert (await status_of(it.url + path))[0] == 200
-        for path in ('page/../server.py', 'page/%2e%2e/server.py', 'page', 'etc/passwd'):
-            assert (await status_of(it.url + path))[0] == 404
+        for path in ('page/../server.py', 'page/%2e%2e/server.py', 'page/none', 'etc/passwd'):
+            assert (await status_of(it.url + path))[0] in (403, 404)
         # It cannot be changed either.
         assert (await status_of(HTTPRequest(it.url, method='POST', body='')))[0] == 405
 
 
-async def test_no_other_site_reaches_the_page_or_its_connection():
+async def test_another_site_reaches_neither_page_nor_connection():
     async with served() as (it, _):
-        port = port_of(it)
-        evil = {'Host': f'evil.example:{port}'}
-        code, said = await status_of(HTTPRequest(it.url, headers=evil))
-        assert code == 403
-        assert said == f'Host is evil.example:{port}, allowed: localhost, 127.0.0.1, [::1]\n'
-        assert await refused(f'{it.url}live', **evil) == 403
+        other = {'Host': f'evil.example:{port_of(it)}'}
+        code, text = await status_of(HTTPRequest(it.url, headers=other))
+        assert (code, text.partition(',')[0]) == (403, f'Host is {other["Host"]}')
+        assert await refused(f'{it.url}live', **other) == 403
         assert await refused(f'{it.url}live', Origin='http://evil.example') == 403
-        assert await refused(f'{it.url}live', Origin='null') == 403
 
 
 async def test_beyond_loopback_the_address_needs_its_token():
     async with served(access=Access('0.0.0.0', token='right')) as (it, page):
-        await page.until('hand')  # With the token.
+        await page.until('fingers')  # With the token.
         base, _, _ = it.url.partition('?')
-        for query in ('', '?token=', '?token=wrong', '?Token=right', '?token=%20right'):
-            code, said = await status_of(base + query)
-            assert (code, said.strip()) == (403, server.NO_TOKEN)
+        for query in ('', '?token=wrong', '?Token=right', '?token=%20right'):
+            code, text = await status_of(base + query)
+            assert (code, text.strip()) == (403, server.NO_TOKEN)
             assert await refused(f'{base}live{query}') == 403
-        assert (await status_of(it.url))[0] == 200
 
 
-async def test_pages_are_told_that_the_server_stops():
-    async with ServedPages(SimulatedDetectors()) as it:
-        page = await LiveClient.open(it.url)
-        await page.until('hand')
-    while (message := await page._socket.read_message()) is not None:
-        assert isinstance(message, str)
-    assert page._socket.close_reason == 'slip_view was stopped'
-    page.close()
+async def test_a_page_that_reads_nothing_delays_no_other_and_gets_only_the_latest():
+    async with served() as (it, page):
+        await page.until('fingers')
+        (asleep,) = it.server.pages
+        other = await LiveClient.open(it.url)
+        # The stream of the first page is full, and stays so.
+        stuck = asleep._sending = asyncio.get_running_loop().create_future()
+        for k in range(20):
+            it.server.broadcast('teaching', {'count': k})
+            await other.until('teaching', lambda content, k=k: content['count'] == k)
+        assert json.loads(asleep.news['teaching'])['count'] == 19
+        assert len(asleep.news) <= 3
+        stuck.set_result(None)
+        assert (await page.until('teaching'))['count'] == 19
+        other.close()
 
 
-def test_all_that_the_page_asks_for_is_there():
-    files = server.page_files()
-    index = files['/page/index.html'].read_text(encoding='utf-8')
-    wanted = set(re.findall(r'(?:href|src)="(/[^"]+)"', index))
-    assert wanted
-    for path in wanted:
-        assert path in files
-    modules = [path for path in files if path.startswith('/page/') and path.endswith('.js')]
-    for path in modules:
-        for name in re.findall(r"from '\./([^']+)'", files[path].read_text(encoding='utf-8')):
-            assert f'/page/{name}' in files, path
+@pytest.mark.parametrize(
+    'text',
+    ['', '[]', '[' * 100_000, '{"type": ["view"]}', '{"type": "view", "fingers": 3}',
+     '{"type": "view", "fingers": ["x"], "channels": [1e400]}', b'\xff'],
+)  # fmt: skip
+async def test_a_message_that_is_no_request_does_not_disturb_other_pages(text):
+    async with served() as (it, page):
+        await page.view()
+        other = await LiveClient.open(it.url)
+        await other._socket.write_message(text, binary=isinstance(text, bytes))
+        for _ in range(3):
+            await page.drawn_frame()
+        other.close()
 
 
-def test_nothing_of_it_comes_from_elsewhere():
-    for path, file in server.page_files().items():
-        if path.startswith('/page/'):
-            text = file.read_text(encoding='utf-8')
-            places = set(re.findall(r'(?:https?:)?//[a-z][\w.-]*\.[a-z]+', text))
-            # The name of the format, and that of the license in the head of each file.
-            assert places <= {'http://www.w3.org', 'http://www.apache.org'}, path
+async def test_a_page_that_breaks_or_cannot_be_drawn_is_closed_and_others_are_served(
+    monkeypatch, caplog
+):
+    frame = ViewRequest.frame
+
+    def fail(view, *words):
+        if not view.finger:
+            raise ZeroDivisionError('in a frame')
+        return frame(view, *words)
+
+    monkeypatch.setattr(ViewRequest, 'frame', fail)
+    async with served() as (it, page):
+        await page.until('fingers')
+        for each in it.server.pages:
+            each.ws_connection.stream.close()
+        it.server.tick()
+        later = await LiveClient.open(it.url)
+        await later.view()
+        other = await LiveClient.open(it.url)
+        await other.view(finger='')
+        while await other._socket.read_message() is not None:
+            pass
+        assert 'has failed at this page' in other._socket.close_reason
+        assert 'in a frame' in caplog.text
+        await later.drawn_frame()
+        await later.drawn_frame()
+        for each in (later, other):
+            each.close()
+
+
+async def test_connections_that_sleep_or_ask_nothing_are_closed(monkeypatch):
+    monkeypatch.setattr(server, 'PING_S', 0.2)
+    monkeypatch.setattr(server, 'UNASKED_S', 0.1)
+    async with served() as (it, page):
+        port = port_of(it)
+        reader, silent = await asyncio.open_connection('127.0.0.1', port)
+        assert await reader.read() == b''
+        _, asleep = await asyncio.open_connection('127.0.0.1', port)
+        headers = {'Host': f'127.0.0.1:{port}', **UPGRADE}
+        lines = ('GET /live HTTP/1.1', *(f'{name}: {value}' for name, value in headers.items()))
+        asleep.write('\r\n'.join((*lines, '', '')).encode())
+        # A page that reads answers when it is asked whether it is there.
+        heard = asyncio.create_task(page.until('teaching'))
+        while not any(each.ws_connection.is_closing() for each in it.server.pages):
+            await asyncio.sleep(0.01)
+        it.server.broadcast('teaching', {'count': 1})
+        assert (await heard)['count'] == 1
+        for writer in (silent, asleep):
+            writer.close()
+
+
+async def test_too_many_pages_or_unanswered_requests_are_refused(monkeypatch):
+    monkeypatch.setattr(server, 'MOST_REQUESTS', 3)
+    monkeypatch.setattr(server, 'MOST_PAGES', 1)
+
+    async def wait(message):
+        await asyncio.Event().wait()
+
+    async with served() as (it, page):
+        it.server.on_request('wait', wait)
+        assert await refused(f'{it.url}live') == 403
+        for k in range(5):
+            await page.say('wait', id=k)
+        while await page._socket.read_message() is not None:
+            pass
+        assert page._socket.close_reason == 'more than 3 requests wait for an answer'

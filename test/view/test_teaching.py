@@ -13,32 +13,44 @@
 # limitations under the License.
 
 
-"""Rest, slips and taps are recorded as somebody in front of the page says."""
+"""Rest, slips and taps are recorded, and tuned on, as a page requests."""
 
+import asyncio
 import contextlib
 import dataclasses
+import json
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording
 from slip_detector.view import teaching as teaching_module
 from slip_detector.view.detectors import Finger
-from slip_detector.view.recorded_folder import NO_SLIP
-from slip_detector.view.teaching import AFTER_S, BEFORE_S, GONE, INTERRUPTED, Teaching
+from slip_detector.view.parameters import ParameterRequests
+from slip_detector.view.recordings import NO_SLIP
+from slip_detector.view.server import READ_ONLY, Access, Server
+from slip_detector.view.teaching import (
+    AFTER_S,
+    BEFORE_S,
+    GONE,
+    INTERRUPTED,
+    Teaching,
+    TeachingRequests,
+)
 from support.full_disk import full_disk
 from support.simulated_detectors import SimulatedDetectors
+from support.training import write_recordings
 
 FINGER = '/index/slip_detector'
 
 
-class Lesson:
-    """A simulated finger, somebody who teaches it, and the time that the test lets pass."""
+class Taught:
+    """A simulated finger that is taught, and the time that the test lets pass."""
 
     def __init__(self, folder):
         self.detectors = SimulatedDetectors(real_time=False)
@@ -53,7 +65,7 @@ class Lesson:
         """Let time pass as a server does, a tenth of a second at a time."""
         for _ in range(round(10 * seconds)):
             self.detectors.simulated[FINGER].play(0.1)
-            self.teaching.hold()
+            self.teaching.still_pressed()
             self.teaching.tick()
 
     def slip(self, seconds=1.0, before=3.0, after=AFTER_S + 0.5):
@@ -74,32 +86,32 @@ class Lesson:
 
 
 @pytest.fixture
-def lesson(tmp_path):
-    taught = Lesson(tmp_path)
-    yield taught
-    taught.teaching.close()
+def taught(tmp_path):
+    one = Taught(tmp_path)
+    yield one
+    one.teaching.close()
 
 
 def seconds(stamps_ns):
     return (stamps_ns[-1] - stamps_ns[0]) * 1e-9
 
 
-def test_the_recording_of_a_slip_has_rest_before_and_after_it(lesson):
-    lesson.slip(seconds=0.5)
-    stamps_ns, truth = lesson.read('slip_1')
+def test_the_recording_of_a_slip_has_rest_before_and_after_it(taught):
+    taught.slip(seconds=0.5)
+    stamps_ns, truth = taught.read('slip_1')
     since_s = (stamps_ns - stamps_ns[0]) * 1e-9
     assert since_s[truth][0] == pytest.approx(BEFORE_S, abs=0.01)
     assert since_s[truth][-1] == pytest.approx(BEFORE_S + 0.5, abs=0.01)
     assert since_s[-1] >= BEFORE_S + 0.5 + AFTER_S - 0.01
-    listed = lesson.listed()['slip_1']
+    listed = taught.listed()['slip_1']
     assert (listed['slips'], listed['duration_s']) == (1, pytest.approx(since_s[-1], abs=0.1))
 
 
-def test_each_slip_is_a_recording_and_none_has_rows_of_a_slip_as_rest(lesson):
+def test_each_slip_is_a_recording_and_none_has_rows_of_a_slip_as_rest(taught):
     for pause in (3.0, 0.3, 2.0, 0.5):
-        lesson.slip(before=pause, after=0.2)
-    lesson.play(2.0)
-    recordings = [lesson.read(name) for name in lesson.listed()]
+        taught.slip(before=pause, after=0.2)
+    taught.play(2.0)
+    recordings = [taught.read(name) for name in taught.listed()]
     assert len(recordings) == 4
     slips = np.concatenate([stamps_ns[truth] for stamps_ns, truth in recordings])
     for stamps_ns, truth in recordings:
@@ -107,90 +119,68 @@ def test_each_slip_is_a_recording_and_none_has_rows_of_a_slip_as_rest(lesson):
         assert not np.isin(stamps_ns[~truth], slips).any()
 
 
-def test_little_rest_before_a_slip_is_said(lesson):
-    lesson.play(0.4)
-    lesson.teaching.press(FINGER)
-    assert '0.4 s of rest before' in lesson.teaching.words
-
-
-def test_rows_before_a_pause_of_the_sensor_are_no_rest_before_a_slip(lesson):
-    # A clock that is set forward is the same.
-    lesson.play(5.0)
-    lesson.detectors.simulated[FINGER].at_ns += 60_000_000_000
-    lesson.slip(before=0.4)
-    stamps_ns, truth = lesson.read('slip_1')
-    assert (stamps_ns[truth][0] - stamps_ns[0]) * 1e-9 == pytest.approx(0.4, abs=0.01)
-    assert seconds(stamps_ns) < 5.0
-
-
-def test_a_slip_during_which_no_sample_came_is_said_to_be_none(lesson):
-    lesson.play(2.0)
-    lesson.teaching.press(FINGER)
-    lesson.teaching.release(FINGER)
-    lesson.play(AFTER_S + 0.5)
-    assert 'no sample came while the key was held' in lesson.teaching.words
-    _, truth = lesson.read('slip_1')
+def test_a_slip_during_which_no_sample_came_is_said_to_be_none(taught):
+    taught.play(2.0)
+    taught.teaching.press(FINGER)
+    taught.teaching.release(FINGER)
+    taught.play(AFTER_S + 0.5)
+    assert 'no sample came while the key was held' in taught.teaching.words
+    _, truth = taught.read('slip_1')
     assert not truth.any()
-    listed = lesson.listed()['slip_1']
+    listed = taught.listed()['slip_1']
     assert listed['slips'] == 0
     assert listed['note'].startswith(NO_SLIP)
-    assert lesson.teaching.folder_of(FINGER).of_kind('slip') == []
+    assert taught.teaching.folder_of(FINGER).of_kind('slip') == []
 
 
-def test_only_one_thing_is_recorded_at_a_time_and_another_finger_does_not_end_it(lesson):
-    lesson.detectors.add('thumb', DetectorConfig())
-    lesson.play(2.0)
-    lesson.teaching.press(FINGER)
+def test_only_one_thing_is_recorded_at_a_time_and_another_finger_does_not_end_it(
+    taught, monkeypatch
+):
+    taught.detectors.add('thumb', DetectorConfig())
+    taught.play(0.4)
+    taught.teaching.press(FINGER)
+    assert '0.4 s of rest before' in taught.teaching.words
+    asyncio.run(taught.teaching.folder_of(FINGER).refresh())
+    with pytest.raises(ValueError, match='is being recorded'):
+        taught.teaching.delete(FINGER, 'slip_1')
+    assert taught.teaching.recording()['silent'] == ''
+    monkeypatch.setattr(teaching_module, 'SILENT_S', -1.0)
+    assert 'no samples come' in taught.teaching.recording()['silent']
     for act in (
-        lambda: lesson.teaching.press('/thumb/slip_detector'),
-        lambda: lesson.teaching.start(FINGER, 'rest'),
+        lambda: taught.teaching.press('/thumb/slip_detector'),
+        lambda: taught.teaching.start(FINGER, 'rest'),
     ):
         with pytest.raises(ValueError, match='slip_1 of index is being recorded'):
             act()
-    lesson.teaching.release('/thumb/slip_detector')
-    assert lesson.teaching.recording()['slipping']
+    taught.teaching.release('/thumb/slip_detector')
+    assert taught.teaching.recording()['slipping']
 
 
-def test_a_slip_ends_when_the_page_that_holds_it_is_gone(lesson, monkeypatch):
-    lesson.play(2.0)
-    lesson.teaching.press(FINGER)
-    lesson.play(1.0)
-    monkeypatch.setattr(teaching_module, 'HELD_S', -1.0)
-    lesson.play(0.1)
+def test_a_slip_ends_when_the_page_that_holds_it_is_gone(taught, monkeypatch):
+    taught.play(2.0)
+    taught.teaching.press(FINGER)
+    taught.play(1.0)
+    monkeypatch.setattr(teaching_module, 'PRESSED_S', -1.0)
+    taught.play(0.1)
     gone = 'slip_1: the page that held the slip is gone, so the slip was ended'
-    assert lesson.teaching.words == gone
-    lesson.play(AFTER_S + 0.5)
-    _, truth = lesson.read('slip_1')
+    assert taught.teaching.words == gone
+    taught.play(AFTER_S + 0.5)
+    _, truth = taught.read('slip_1')
     assert truth.any()
     assert not truth[-1]
 
 
-def test_a_driver_that_is_silent_is_said_until_samples_come(lesson, monkeypatch):
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.play(1.0)
-    assert lesson.teaching.recording()['silent'] == ''
-    monkeypatch.setattr(teaching_module, 'SILENT_S', -1.0)
-    assert 'no samples come' in lesson.teaching.recording()['silent']
+def detector_goes(taught):
+    taught.detectors.fingers.pop(FINGER)
 
 
-def test_nothing_is_kept_of_a_recording_without_a_sample(lesson):
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.teaching.stop()
-    assert lesson.teaching.words == 'rest_1: no sample came, so there is no recording'
-    assert [*(lesson.folder / 'index').iterdir()] == []
+def clock_is_set_back(taught):
+    taught.detectors.simulated[FINGER].at_ns -= 10_000_000_000
+    taught.detectors.simulated[FINGER].play(0.1)
 
 
-def detector_goes(lesson):
-    lesson.detectors.fingers.pop(FINGER)
-
-
-def clock_is_set_back(lesson):
-    lesson.detectors.simulated[FINGER].at_ns -= 10_000_000_000
-    lesson.detectors.simulated[FINGER].play(0.1)
-
-
-def ten_minutes_pass(lesson):
-    lesson.teaching._begun_at_s -= teaching_module.MOST_S
+def ten_minutes_pass(taught):
+    taught.teaching._begun_at_s -= teaching_module.MOST_S
 
 
 @pytest.mark.parametrize(
@@ -201,102 +191,64 @@ def ten_minutes_pass(lesson):
         (ten_minutes_pass, 'It was ended after 10 minutes'),
     ],
 )
-def test_a_recording_ends_by_itself_and_what_came_before_is_kept(lesson, event, why):
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.play(2.0)
-    event(lesson)
-    lesson.teaching.tick()
-    assert lesson.teaching.recording() is None
-    assert lesson.teaching.words == f'rest_1 has 2.0 s. {why}'
-    assert seconds(lesson.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
+def test_a_recording_ends_by_itself_and_what_came_before_is_kept(taught, event, why):
+    taught.teaching.start(FINGER, 'rest')
+    taught.play(2.0)
+    event(taught)
+    taught.teaching.tick()
+    assert taught.teaching.recording() is None
+    assert taught.teaching.words == f'rest_1 has 2.0 s. {why}'
+    assert seconds(taught.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
 
 
-def test_a_detector_with_another_rate_begins_anew_and_slips_are_recorded_still(lesson):
-    lesson.slip()
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.play(1.0)
-    slower = dataclasses.replace(lesson.finger.config, sample_rate_hz=200.0, stopbands_hz=())
-    lesson.finger.update_config(slower)
-    lesson.detectors.simulated[FINGER].change(slower)
-    lesson.play(1.0)
-    assert 'rest_1 has 1.0 s' in lesson.teaching.words
-    lesson.slip()
-    stamps_ns, truth = lesson.read('slip_2')
-    assert truth.any()
-    assert seconds(stamps_ns) == pytest.approx(BEFORE_S + 1.0 + AFTER_S, abs=0.15)
-
-
-def test_on_a_full_disk_what_was_recorded_is_kept_and_it_is_said(lesson):
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.play(2.0)
-    size = (lesson.folder / 'index/rest_1/rest_1.mcap').stat().st_size
+def test_on_a_full_disk_what_was_recorded_is_kept_and_it_is_said(taught):
+    taught.teaching.start(FINGER, 'rest')
+    taught.play(2.0)
+    size = (taught.folder / 'index/rest_1/rest_1.mcap').stat().st_size
     with full_disk(size + 1000):
-        lesson.play(1.0)
-    assert lesson.teaching.recording() is None
-    assert 'rest_1 has 2.0 s, which are kept' in lesson.teaching.words
-    assert 'File too large' in lesson.teaching.words
-    assert seconds(lesson.read('rest_1')[0]) >= 1.99
-    # There is room again, and the next recording is as any other.
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.play(1.0)
-    lesson.teaching.stop()
-    assert [*lesson.listed()] == ['rest_1', 'rest_2']
+        taught.play(1.0)
+    assert taught.teaching.recording() is None
+    assert 'rest_1 has 2.0 s, which are kept' in taught.teaching.words
+    assert 'File too large' in taught.teaching.words
+    assert seconds(taught.read('rest_1')[0]) >= 1.99
+    with full_disk(1000), pytest.raises(ValueError, match=r'slip_1 was cut off: .*nothing of it'):
+        taught.teaching.press(FINGER)
+    # There is room again, and the next recording is as any other; one without samples is removed.
+    taught.teaching.start(FINGER, 'rest')
+    taught.play(1.0)
+    taught.teaching.stop()
+    taught.teaching.start(FINGER, 'taps')
+    taught.teaching.stop()
+    assert taught.teaching.words == 'taps_1: no sample came, so there is no recording'
+    assert [*taught.listed()] == ['rest_1', 'rest_2']
 
 
-def test_on_a_disk_that_is_full_from_the_beginning_it_is_said_and_nothing_is_left(lesson):
-    lesson.play(3.0)
-    with (
-        full_disk(1000),
-        pytest.raises(ValueError, match=r'slip_1 was cut off: .*File too large.*; nothing of it'),
-    ):
-        lesson.teaching.press(FINGER)
-    assert lesson.teaching.recording() is None
-    assert not lesson.listed()
-    assert not (lesson.folder / 'index' / 'slip_1').exists()
+def test_a_recording_whose_folder_disappears_is_said_to_be_lost_and_the_next_is_made(taught):
+    taught.teaching.start(FINGER, 'rest')
+    taught.play(2.0)
+    shutil.rmtree(taught.folder / 'index')
+    taught.play(1.0)
+    assert taught.teaching.recording() is None
+    assert 'No such file' in taught.teaching.words
+    assert taught.teaching.words.endswith('; nothing of it is left')
+    assert not taught.listed()
+    taught.teaching.start(FINGER, 'rest')
+    taught.play(1.0)
+    taught.teaching.stop()
+    assert [*taught.listed()] == ['rest_1']
 
 
-def test_a_recording_whose_folder_disappears_is_said_to_be_lost_and_the_next_is_made(lesson):
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.play(2.0)
-    shutil.rmtree(lesson.folder / 'index')
-    lesson.play(1.0)
-    assert lesson.teaching.recording() is None
-    assert 'No such file' in lesson.teaching.words
-    assert lesson.teaching.words.endswith('; nothing of it is left')
-    assert not lesson.listed()
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.play(1.0)
-    lesson.teaching.stop()
-    assert [*lesson.listed()] == ['rest_1']
-
-
-def test_a_folder_that_cannot_be_written_is_said(tmp_path):
-    (tmp_path / 'file').write_text('no folder')
-    lesson = Lesson(tmp_path / 'file')
-    with pytest.raises(ValueError, match='cannot be written'):
-        lesson.teaching.start(FINGER, 'rest')
-    assert lesson.teaching.recording() is None
-
-
-def test_another_server_finds_what_was_recorded_and_what_was_cut_off(lesson):
-    lesson.slip()
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.play(2.0)  # and then the process is killed
-    folder = Lesson(lesson.folder).teaching.folder_of(FINGER)
-    folder.look()
+def test_another_server_finds_what_was_recorded_and_what_was_cut_off(taught):
+    taught.slip()
+    taught.teaching.start(FINGER, 'rest')
+    taught.play(2.0)  # and then the process is killed
+    folder = Taught(taught.folder).teaching.folder_of(FINGER)
+    asyncio.run(folder.refresh())
     assert {n: (one.slips, bool(one.note)) for n, one in folder.recordings.items()} == {
         'rest_1': (0, True),
         'slip_1': (1, False),
     }
     assert folder.recordings['rest_1'].duration_s == pytest.approx(2.0, abs=0.01)
-
-
-def test_a_recording_that_is_being_written_is_not_deleted(lesson):
-    lesson.teaching.start(FINGER, 'rest')
-    lesson.play(1.0)
-    lesson.teaching.folder_of(FINGER).look()
-    with pytest.raises(ValueError, match='is being recorded'):
-        lesson.teaching.delete(FINGER, 'rest_1')
 
 
 HOSTILE = st.one_of(
@@ -328,7 +280,7 @@ def test_nothing_that_a_page_sends_leaves_the_folder(tmp_path_factory, finger, d
     }
     with contextlib.suppress(ValueError):
         acts[do]()
-    known.track.add_samples(np.arange(9), np.zeros((9, 16)), np.zeros(9))
+    known.track.add_samples(Samples(np.zeros((9, 16)), np.arange(9)))
     teaching.close()
     assert {path.name for path in around.iterdir()} <= {'victim', 'recordings'}
     assert (around / 'victim' / 'victim.mcap').read_text() == 'as it was'
@@ -336,19 +288,128 @@ def test_nothing_that_a_page_sends_leaves_the_folder(tmp_path_factory, finger, d
     assert all(path.parts[:2] == ('recordings', 'index') for path in inside)
 
 
-@given(label=st.text(max_size=20))
-def test_a_finger_whose_name_is_no_name_of_ros_has_no_folder(label):
-    teaching, finger = taught_without_a_chain(Path('recordings'), f'/{label}/slip_detector')
-    try:
-        folder = teaching.folder_of(finger.name).folder
-    except ValueError:
-        return
-    assert folder.parts[0] == 'recordings'
-    assert not {'..', '/'} & set(folder.parts)
-
-
 def taught_without_a_chain(folder, name):
-    """A hand with one finger that only has a track, and who teaches it."""
+    """Return teaching with one finger that only has a track."""
     detectors = SimulatedDetectors(labels=())
     finger = detectors.fingers[name] = Finger(name, DetectorConfig())
     return Teaching(detectors, folder), finger
+
+
+class Requests:
+    """A server that is asked without a page."""
+
+    def __init__(self, folder, **access):
+        self.detectors = SimulatedDetectors(real_time=False)
+        self.server = Server(self.detectors, Access(**access))
+        self.requests = TeachingRequests(self.server, folder)
+
+    async def ask(self, kind, **content):
+        """Return why it was refused, '' where it was not."""
+        answer = await self.server.answer({'type': kind, 'finger': FINGER, **content})
+        self.server.tick()
+        return answer['refusal']
+
+    def play(self, seconds):
+        for _ in range(round(10 * seconds)):
+            self.detectors.simulated[FINGER].play(0.1)
+            self.server.tick()
+
+    def latest(self, kind='teaching'):
+        return json.loads(self.server.news[kind])
+
+
+@contextlib.asynccontextmanager
+async def requests(folder, **access):
+    one = Requests(folder, **access)
+    try:
+        yield one
+    finally:
+        await one.server.close()
+
+
+async def test_a_finger_is_watched_while_it_is_recorded_at_most_until_the_server_ends(
+    tmp_path,
+):
+    async with requests(tmp_path) as one:
+        assert await one.ask('teach', do='rest') == ''
+        one.play(2.0)
+        assert one.detectors.watched == {FINGER}
+        shown = one.latest('recording')['recording']
+        assert (shown['name'], shown['seconds'], shown['slipping']) == ('rest_1', 2.0, False)
+        assert await one.ask('teach', do='stop') == ''
+        one.play(0.1)
+        assert one.detectors.watched == set()
+        assert one.latest('recording')['recording'] is None
+        await one.ask('teach', do='taps')
+        one.play(1.0)
+    assert (tmp_path / 'index' / 'taps_1' / 'metadata.yaml').exists()
+
+
+@pytest.mark.parametrize(
+    ('kind', 'content', 'said'),
+    [
+        ('teach', {'do': 'dance'}, 'dance is not recorded so, allowed: rest, taps'),
+        ('teach', {'do': 'rest', 'finger': '/thumb/slip_detector'}, 'there is no finger'),
+        ('teach', {'do': ['rest']}, 'is not recorded so'),
+        ('recordings', {'finger': 7}, "there is no finger '7'"),
+        ('delete_recording', {'recording': '../slip_1'}, "there is no recording '../slip_1'"),
+        ('tune', {}, 'there are 0 recordings of slips, allowed: two or more'),
+        ('apply_tuning', {}, 'there is nothing to apply: tune first'),
+    ],
+)
+async def test_impossible_requests_are_refused_in_words(tmp_path, kind, content, said):
+    async with requests(tmp_path) as one:
+        assert said in await one.ask(kind, **content)
+
+
+async def test_a_page_that_may_only_look_is_answered_only_what_changes_nothing(tmp_path):
+    async with requests(tmp_path, read_only=True) as one:
+        ParameterRequests(one.server, tmp_path)
+        asked = {kind: await one.ask(kind) for kind in one.server.requests}
+        answered = {kind for kind, refusal in asked.items() if refusal != READ_ONLY}
+        assert answered == {'recordings', 'keep_rest'}
+        assert [*tmp_path.iterdir()] == []
+
+
+async def test_tuning_runs_once_keeps_its_recordings_and_ends_with_the_server(tmp_path):
+    write_recordings(tmp_path / 'index', slips=2)
+    async with requests(tmp_path) as one:
+        refusals = await asyncio.gather(one.ask('tune'), one.ask('tune'))
+        assert sorted(refusals) == ['', 'tuning runs already, allowed: one at a time']
+        refusal = await one.ask('delete_recording', recording='slip_1')
+        assert 'are being tuned on' in refusal
+        run = one.requests._run
+        while not run.step:
+            await asyncio.sleep(0.02)
+        one.server.tick()
+        assert one.latest()['tuning']['step'] == 'learning the noise of rest_1'
+    assert run._process.exitcode == -9
+    assert (run.failed, run.running) == ('slip_view has ended', False)
+
+
+async def test_what_was_found_is_applied_as_one_change_and_the_rest_stays(tmp_path):
+    write_recordings(tmp_path / 'index', slips=2)
+    async with requests(tmp_path) as one:
+        asked = asyncio.create_task(one.ask('tune'))
+        await asyncio.sleep(0)
+        finger = one.detectors.fingers.pop(FINGER)
+        assert 'there is no finger' in await asked
+        one.detectors.fingers[FINGER] = finger
+        await one.ask('tune')
+        run = one.requests._run
+        run.kill()
+        await one.requests._task
+        found = {'threshold': 0.25, 'groups': {'all': tuple(range(1, 17))}}
+        run.found = dataclasses.replace(finger.config, **found)
+        # Meanwhile another program has changed what was compared, and what decides nothing.
+        await one.detectors.change(FINGER, {'gain': 7.0, 'heartbeat_hz': 5.0}, 'page 1')
+        changes = one.detectors.panel(FINGER).count
+        assert await one.ask('apply_tuning') == ''
+        assert finger.config == dataclasses.replace(run.found, heartbeat_hz=5.0)
+        assert one.detectors.panel(FINGER).count == changes + 1
+        assert await one.ask('apply_tuning') == ''
+        assert one.latest()['words'].endswith('0 values set')
+        for other in (DetectorConfig(channels=8), DetectorConfig(sample_rate_hz=400.0)):
+            finger.config = other
+            refusal = await one.ask('apply_tuning')
+            assert refusal.startswith('16 channels at 380 Hz were taught')

@@ -23,7 +23,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
-from slip_detector.view.view_request import LENGTH, TYPES, ViewRequest, packed, unpacked
+from slip_detector.view.view_request import LENGTH, TYPES, ViewRequest, packed
+from support.live_client import unpacked
 from support.simulated_detectors import SimulatedDetectors
 
 NAME = '/index/slip_detector'
@@ -45,6 +46,27 @@ def columns(view, detectors, past=None):
     return header['traces'], arrays
 
 
+def test_a_past_stretch_ends_where_it_was_asked_to_though_the_track_goes_on():
+    detectors = detectors_after(3.0)
+    finger = detectors.fingers[NAME]
+    until_ns = int(finger.track.samples.stamps_ns()[-1]) - 1_000_000_000
+    view, past = (
+        requested(window_s=0.5, pixels=500, until_ns=until_ns),
+        copy.deepcopy(finger.track),
+    )
+    traces, arrays = columns(view, detectors, past)
+    samples, width_ns = traces['samples'], traces['width_ns']
+    end_ns = (samples['first'] + samples['count']) * width_ns
+    assert end_ns == pytest.approx(until_ns, abs=2 * width_ns)
+    assert np.isfinite(arrays['volts/low']).any()
+    finger.track.samples.clear()
+    detectors.simulated[NAME].play(1.0)
+    assert columns(view, detectors, past)[0]['samples']['count'] == 0
+    again = requested(window_s=0.5, pixels=500, until_ns=until_ns)
+    low = columns(again, detectors, past)[1]['volts/low']
+    assert np.array_equal(low, arrays['volts/low'], equal_nan=True)
+
+
 @settings(max_examples=15)
 @given(st.lists(st.floats(0.01, 0.4), min_size=1, max_size=4))
 def test_columns_are_the_same_however_frames_cut_them(cuts):
@@ -63,33 +85,6 @@ def test_columns_are_the_same_however_frames_cut_them(cuts):
     assert last_traces['channels'] == [1, 3]
 
 
-def test_a_stretch_that_is_past_ends_where_it_was_asked_to_and_does_not_go_on():
-    detectors = detectors_after(3.0)
-    last_ns = detectors.fingers[NAME].track.samples.stamps_ns()[-1]
-    until_ns = int(last_ns) - 1_000_000_000
-    view = requested(window_s=0.5, pixels=500, until_ns=until_ns)
-    held = copy.deepcopy(detectors.fingers[NAME].track)
-    traces, arrays = columns(view, detectors, held)
-    width_ns = traces['width_ns']
-    samples = traces['samples']
-    assert (samples['first'] + samples['count']) * width_ns == pytest.approx(
-        until_ns, abs=2 * width_ns
-    )
-    assert samples['count'] == 500
-    assert np.isfinite(arrays['volts/low']).any()
-    # Nothing of it is kept any more, except what is held.
-    detectors.fingers[NAME].track.samples.clear()
-    detectors.simulated[NAME].play(1.0)
-    assert columns(view, detectors, held)[0]['samples']['count'] == 0
-    again = requested(window_s=0.5, pixels=500, until_ns=until_ns)
-    assert np.array_equal(
-        columns(again, detectors, held)[1]['volts/low'], arrays['volts/low'], equal_nan=True
-    )
-    assert (
-        columns(requested(window_s=0.5, until_ns=until_ns), detectors)[0]['samples']['count'] == 0
-    )
-
-
 def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
     detectors = detectors_after(6.0)
     watching = requested(spectrum=14)
@@ -99,7 +94,7 @@ def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
     assert arrays['spectrum'].shape == (380,)
     assert 'rest' not in arrays
     assert 'spectrum' not in unpacked(watching.frame(detectors, 2))[0]
-    detectors.fingers[NAME].hold_rest()
+    detectors.fingers[NAME].keep_rest()
     rest = unpacked(requested(spectrum=14).frame(detectors, 1))[1]['rest']
     assert np.array_equal(rest, arrays['spectrum'])
     none = unpacked(requested(spectrum=99).frame(detectors, 1))
@@ -133,15 +128,15 @@ def view_or_why_not(message):
 @settings(deadline=None)
 @given(st.fixed_dictionaries({}, optional=SENT))
 def test_any_view_that_a_page_asks_for_is_drawn_or_refused_in_words(message):
-    looked, why = view_or_why_not(message)
-    if looked is None:
+    view, why = view_or_why_not(message)
+    if view is None:
         assert 0 < len(why) < 200
         return
     detectors = detectors_after_two_seconds()
     for number in (1, 2):
-        header, _ = unpacked(looked.frame(detectors, number))
+        header, _ = unpacked(view.frame(detectors, number))
         assert header['frame'] == number
-        assert ('traces' in header) == (looked.finger in detectors.fingers)
+        assert ('traces' in header) == (view.finger in detectors.fingers)
 
 
 @functools.cache
@@ -153,12 +148,12 @@ def detectors_after_two_seconds():
     ('content', 'words'),
     [
         ({'channels': [0]}, 'channels is'),
-        ({'channels': list(range(1, 70))}, 'at most 64'),
+        ({'channels': list(range(1, 70))}, 'a list of at most 64'),
         ({'window_s': 0.001}, 'window_s is 0.001, allowed: 0.02 to 60'),
         ({'pixels': 1e9}, 'pixels is'),
         ({'spectrum': 'all'}, 'spectrum is all, allowed: 1 to'),
         ({'until_ns': 1e30}, 'until_ns is 1e'),
-        ({'fingers': [f'/f{k}' for k in range(300)]}, 'fingers has 300, allowed: at most 256'),
+        ({'fingers': [f'/f{k}' for k in range(300)]}, 'allowed: a list of at most 256'),
         ({'fingers': [3]}, 'fingers is no list of names'),
     ],
 )

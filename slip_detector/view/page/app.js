@@ -28,10 +28,10 @@ const cards = new Map();
 // Values dragged in a drawing are set like typed ones, but a refusal is shown at the top, as the panel
 // of parameters may be hidden.
 const set = async (values) => refuse(await parameters.set(chosen, values));
-const onLook = (changes) => connection.look(changes);
-const traces = new Traces(element('traces'), {onLook, onSet: set});
-const spectrum = new SpectrumPanel(element('spectrum'), {onLook, onSet: set, onHold: async () => {
-  refuse((await connection.request('hold_rest', {finger: chosen})).refusal);
+const onView = (changes) => connection.changeView(changes);
+const traces = new Traces(element('traces'), {onView, onSet: set});
+const spectrum = new SpectrumPanel(element('spectrum'), {onView, onSet: set, onKeepRest: async () => {
+  refuse((await connection.request('keep_rest', {finger: chosen})).refusal);
 }});
 
 function refuse(words) {
@@ -49,7 +49,7 @@ function show(name) {
   for (const part of [traces, spectrum]) part.settle();
   chosen = name;
   refuse('');
-  connection.look({finger: name ?? ''});
+  connection.changeView({finger: name ?? ''});
   parameters.choose(name);
   teach.choose(name);
   showChosen();
@@ -64,7 +64,7 @@ function showChosen() {
   if (finger) for (const part of [traces, spectrum]) part.show(finger);
 }
 
-connection.on('hand', ({fingers, gone: labels, read_only: readOnly}) => {
+connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
   gone = labels;
   const names = fingers.map(({name}) => name);
   for (const [name, card] of cards) {
@@ -92,7 +92,7 @@ connection.on('hand', ({fingers, gone: labels, read_only: readOnly}) => {
   element('gone').textContent = `${ended}: its detector has ended. It comes back by itself when it is started again.`;
   element('panels').hidden = !fingers.length;
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
-  connection.look({fingers: names});
+  connection.changeView({fingers: names});
   for (const part of [traces, spectrum]) part.allowChanges(!readOnly);
   // A finger that is gone may come back: meanwhile no other is chosen, or changes would go to that one.
   const next = [wanted, chosen].find((name) => names.includes(name)) ?? (chosen in gone ? chosen : names[0] ?? null);

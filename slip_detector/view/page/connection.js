@@ -2,7 +2,7 @@
 
 const AGAIN_MS = 1000;
 // Frames come many times a second: after so many checks without one, slip_view counts as hung.
-const LOOK_MS = 1000, MOST_LOOKS = 3;
+const CHECK_MS = 1000, MOST_CHECKS = 3;
 const UNREACHABLE = 'slip_view cannot be reached';
 
 // Return a binary frame, as slip_detector/view/view_request.py makes it, as {header, arrays}: the arrays
@@ -28,16 +28,16 @@ export class Connection extends EventTarget {
     super();
     this.onState = onState;
     this.words = null;
-    this.looks = 0;
+    this.checks = 0;
     // By the number of a request, what its answer is passed to.
     this.answers = new Map();
     this.requests = 0;
-    this.looked = {};
+    this.view = {};
     this.frame = null;
     this.waits = false;
     // A hidden page asks for nothing.
-    document.addEventListener('visibilitychange', () => this.sendLook());
-    setInterval(() => this.lookForFrames(), LOOK_MS);
+    document.addEventListener('visibilitychange', () => this.sendView());
+    setInterval(() => this.checkForFrames(), CHECK_MS);
   }
 
   say(words) {
@@ -46,10 +46,10 @@ export class Connection extends EventTarget {
   }
 
   // Count checks without a frame, if frames are due and none waits to be drawn.
-  lookForFrames() {
-    const due = this.isOpen && !document.hidden && this.looked.fingers?.length && !this.waits;
-    this.looks = due ? this.looks + 1 : 0;
-    if (this.looks > MOST_LOOKS) this.say('slip_view does not answer');
+  checkForFrames() {
+    const due = this.isOpen && !document.hidden && this.view.fingers?.length && !this.waits;
+    this.checks = due ? this.checks + 1 : 0;
+    if (this.checks > MOST_CHECKS) this.say('slip_view does not answer');
   }
 
   get isOpen() {
@@ -70,7 +70,7 @@ export class Connection extends EventTarget {
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => {
       this.say('');
-      this.sendLook();
+      this.sendView();
     };
     socket.onmessage = ({data}) => this.take(data);
     socket.onclose = ({reason}) => {
@@ -103,7 +103,7 @@ export class Connection extends EventTarget {
 
   take(data) {
     if (typeof data !== 'string') {
-      this.looks = 0;
+      this.checks = 0;
       this.say('');
       this.frame = readFrame(data);
       if (!this.waits) requestAnimationFrame(() => this.draw());
@@ -129,14 +129,14 @@ export class Connection extends EventTarget {
 
   // Change what the page asks for: {fingers, finger, channels, window_s, pixels, spectrum, until_ns};
   // those that are not given stay as they are.
-  look(changes) {
-    const before = JSON.stringify(this.looked);
-    Object.assign(this.looked, changes);
-    if (JSON.stringify(this.looked) !== before) this.sendLook();
+  changeView(changes) {
+    const before = JSON.stringify(this.view);
+    Object.assign(this.view, changes);
+    if (JSON.stringify(this.view) !== before) this.sendView();
   }
 
-  sendLook() {
-    this.send({type: 'look', ...(document.hidden ? {} : this.looked)});
+  sendView() {
+    this.send({type: 'view', ...(document.hidden ? {} : this.view)});
   }
 
   // Send a request; resolves with the answer, whose refusal is '' or says why not.

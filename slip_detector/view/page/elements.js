@@ -31,7 +31,7 @@ export class Tool {
     this.labels = {};
     this.locked = false;
     this.line = build('p.refusal', {role: 'alert', hidden: true});
-    connection.on('hand', ({fingers, read_only: readOnly}) => {
+    connection.on('fingers', ({fingers, read_only: readOnly}) => {
       this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
       this.locked = readOnly;
       this.show();

@@ -225,9 +225,9 @@ export class Parameters extends Tool {
   async write(replace) {
     const all = Object.keys(this.latest.fingers).filter((name) => !this.latest.fingers[name].gone);
     const fingers = this.scope.value === 'all' ? all : [this.finger];
-    const {refusal, launch, lost, taken} = await this.connection.request('save', {fingers, name: this.fileName.value, replace});
+    const {refusal, launch, missing, taken} = await this.connection.request('save', {fingers, name: this.fileName.value, replace});
     this.replace.hidden = !taken;
     this.saved.textContent = refusal || taken
-      ? `Not saved: ${refusal || taken}` : `Saved. ${lost && `${lost}. `}ros2 launch slip_detector slip_detector.launch.py ${launch}`;
+      ? `Not saved: ${refusal || taken}` : `Saved. ${missing && `${missing}. `}ros2 launch slip_detector slip_detector.launch.py ${launch}`;
   }
 }

@@ -10,22 +10,22 @@ const OPEN_SHARE = 0.98;
 const LEAST_HZ = 0.1;
 
 export class SpectrumPanel {
-  // panel: an empty element. onLook(changes), onSet(values): as for Traces. onHold(): the user wants
+  // panel: an empty element. onView(changes), onSet(values): as for Traces. onKeepRest(): the user wants
   // the present spectra kept as those at rest.
-  constructor(panel, {onLook, onSet, onHold}) {
-    Object.assign(this, {onLook, onSet});
+  constructor(panel, {onView, onSet, onKeepRest}) {
+    Object.assign(this, {onView, onSet});
     this.channel = null;
     this.shown = false;
     this.lines = new Map();
     this.keyed = null;
     this.choice = build('select', {ariaLabel: 'Channel'});
     this.choice.addEventListener('change', () => this.choose(Number(this.choice.value)));
-    const hold = button('Hold as rest', onHold, {title: 'Keep the present spectrum of each channel as a shadow behind it'});
+    const keep = button('Hold as rest', onKeepRest, {title: 'Keep the present spectrum of each channel as a shadow behind it'});
     this.more = button('Add stop-band', () => this.addStopband(), {title: 'One more stop-band above the pass-band'});
     this.mainsChoice = build('select', new Option('no mains', 0), {ariaLabel: 'Hum of the mains that is taken off'});
     this.mainsChoice.append(...[50, 60].map((hz) => new Option(`mains ${hz} Hz`, hz)));
     this.mainsChoice.addEventListener('change', () => this.onSet({mains_hz: Number(this.mainsChoice.value)}));
-    const bar = build('div.trace-bar', build('span', 'Channel ', this.choice), hold, this.mainsChoice, this.more);
+    const bar = build('div.trace-bar', build('span', 'Channel ', this.choice), keep, this.mainsChoice, this.more);
     this.root = build('div.spectrum-plot', {role: 'img', tabIndex: 0});
     this.root.addEventListener('keydown', (event) => this.onKey(event));
     for (const kind of ['blur', 'pointermove']) this.root.addEventListener(kind, () => this.keyed !== null && this.keyAt(null));
@@ -73,7 +73,7 @@ export class SpectrumPanel {
   }
 
   ask() {
-    this.onLook({spectrum: this.shown ? this.channel : null});
+    this.onView({spectrum: this.shown ? this.channel : null});
   }
 
   take({name, channel, step_hz: step, rest_step_hz: restStep}, {spectrum, rest}) {

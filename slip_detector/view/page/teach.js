@@ -6,7 +6,7 @@ import {Tuning} from './tuning.js';
 
 // Period, in milliseconds, at which the page reports that a slip is held; the server ends the slip
 // when the reports stop.
-const HOLD_MS = 200;
+const PRESSED_MS = 200;
 
 // What to record: kind, word on the button, key, amount that is wanted, and what to do meanwhile.
 const KINDS = [
@@ -28,7 +28,7 @@ export class Teach extends Tool {
     this.latest = {fingers: {}, words: '', tuning: null};
     // The present recording, null if there is none; undefined until the server reports it.
     this.recording = undefined;
-    this.held = null;
+    this.pressed = null;
     this.build(keys);
     connection.on('teaching', (message) => {
       this.latest = message;
@@ -48,12 +48,12 @@ export class Teach extends Tool {
     this.release();
     this.finger = finger;
     this.refuse('');
-    this.look();
+    this.refresh();
     this.show();
   }
 
   // Let the server update the list of recordings.
-  look() {
+  refresh() {
     if (this.finger) this.connection.request('recordings', {finger: this.finger});
   }
 
@@ -98,7 +98,7 @@ export class Teach extends Tool {
     // begins the slip, the next one ends it.
     slip.addEventListener('click', ({detail}) => {
       if (detail) return;
-      if (this.held === null) this.press();
+      if (this.pressed === null) this.press();
       else this.release();
     });
     // A clicked button loses the focus, so that the space bar records slips and does not click again.
@@ -141,22 +141,22 @@ export class Teach extends Tool {
   }
 
   press() {
-    if (this.held !== null || this.buttons.slip.disabled) return;
-    this.held = setInterval(() => this.connection.request('teach', {do: 'hold'}), HOLD_MS);
+    if (this.pressed !== null || this.buttons.slip.disabled) return;
+    this.pressed = setInterval(() => this.connection.request('teach', {do: 'still_pressed'}), PRESSED_MS);
     this.teach('press').then((refusal) => {
       if (refusal) this.letGo();
     });
   }
 
   release() {
-    if (this.held === null) return;
+    if (this.pressed === null) return;
     this.letGo();
     this.teach('release');
   }
 
   letGo() {
-    clearInterval(this.held);
-    this.held = null;
+    clearInterval(this.pressed);
+    this.pressed = null;
   }
 
   teach(what) {
@@ -166,7 +166,7 @@ export class Teach extends Tool {
   show() {
     const {recordings = [], folder} = this.latest.fingers[this.finger] ?? {};
     // After a restart, the server has not listed the recordings yet.
-    if (this.finger in this.labels && !(this.finger in this.latest.fingers)) this.look();
+    if (this.finger in this.labels && !(this.finger in this.latest.fingers)) this.refresh();
     this.words.textContent = this.latest.words;
     this.where.textContent = folder ? `In ${folder}. Each third recording of a kind is held out: the search does not see it, and is judged by it.` : '';
     const shown = JSON.stringify([recordings, this.locked]);

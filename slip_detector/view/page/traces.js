@@ -12,10 +12,10 @@ const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8'
 const SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 190};
 
 export class Traces {
-  // panel: an empty element. onLook(changes): called to change what the server is asked for.
+  // panel: an empty element. onView(changes): called to change what the server is asked for.
   // onSet(values): called to set parameters; resolves when the change was answered.
-  constructor(panel, {onLook, onSet}) {
-    Object.assign(this, {onLook, onSet});
+  constructor(panel, {onView, onSet}) {
+    Object.assign(this, {onView, onSet});
     this.stretch = new Stretch();
     this.columns = null;
     this.ranges = new Map();
@@ -128,7 +128,7 @@ export class Traces {
     if (!this.finger) return;
     const pixels = Math.max(10, Math.min(4000, this.root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN));
     const {live, window_s, to} = this.stretch;
-    this.onLook({
+    this.onView({
       channels: this.channels, window_s, pixels,
       until_ns: live || !this.columns ? null : Math.round((to + this.columns.begun_s) * 1e9),
     });

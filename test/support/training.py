@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Scenes to teach a finger with: a hand that trembles beside a mains cable."""
+"""Scenes and recordings to tune with: a hand that trembles beside a mains cable."""
 
 import functools
 
@@ -36,12 +36,12 @@ HAND = {
     'hum': {'frequency_hz': 50.0, 'amplitude_v': 5.0e-3, 'harmonics': [0.0, 0.2]},
 }
 
-#: Steps of a scene before which nothing is held.
+#: Seconds of a scene before the object is gripped.
 BEGIN_S = 2.0
 
 
-def held(duration_s):
-    """An object that is held, after two seconds in which it is taken."""
+def gripped(duration_s):
+    """An object at rest in the grip, after two seconds in which it is gripped."""
     steps = [{'duration_s': 1.0}, {'duration_s': 1.0, 'force_n': 0.4}, {'duration_s': duration_s}]
     texture = {'spatial_period_m': 400.0e-6}
     return {'steps': steps, 'friction': {'model': 'lugre'}, 'texture': texture, **HAND}
@@ -51,7 +51,7 @@ def tapped(duration_s):
     """The same, with a knock every two seconds."""
     times_s = np.arange(BEGIN_S + 1.0, BEGIN_S + duration_s, 2.0).tolist()
     return {
-        **held(duration_s),
+        **gripped(duration_s),
         'taps': {'times_s': times_s, 'peak_force_n': 0.5, 'duration_s': 0.01},
     }
 
@@ -66,30 +66,30 @@ def samples(description, duration_s, seed):
     return Scene(description, np.random.default_rng(seed)).read(round(duration_s * RATE_HZ))
 
 
-#: What a lesson can have, in the order of their seeds: a scene, and how long it is read.
-LESSON = {
-    'rest_1': (held(8.0), 10.0),
-    'rest_2': (held(8.0), 10.0),
+#: Recordings in the order of their seeds: a scene, and how long it is read.
+RECORDINGS = {
+    'rest_1': (gripped(8.0), 10.0),
+    'rest_2': (gripped(8.0), 10.0),
     'taps_1': (tapped(12.0), 14.0),
     **{f'slip_{k + 1}': (slipping(), 9.6) for k in range(6)},
 }
 
 
 @functools.cache
-def rows_of_lesson(name):
+def rows_of(name):
     """Rows as a page records them, with the truth; what many tests write is simulated once."""
-    rows = samples(*LESSON[name], seed=[*LESSON].index(name))
+    rows = samples(*RECORDINGS[name], seed=[*RECORDINGS].index(name))
     begin = round(BEGIN_S * RATE_HZ)
     volts, truth = rows.volts[begin:], rows.truth[begin:] & name.startswith('slip')
     stamps_ns = np.rint(1e9 / RATE_HZ * np.arange(len(volts))).astype(np.int64)
     return Samples(volts, stamps_ns, truth)
 
 
-def write_lesson(folder, slips=6):
+def write_recordings(folder, slips=6):
     """Write recordings as a page makes them: rest, taps, and one slip in each of some."""
     channels = [f'ch{c}' for c in range(1, 17)]
-    for name in [*LESSON][: 3 + slips]:
-        write_recording(folder / name, [rows_of_lesson(name)], RATE_HZ, channels)
+    for name in [*RECORDINGS][: 3 + slips]:
+        write_recording(folder / name, [rows_of(name)], RATE_HZ, channels)
 
 
 def pulled(slips, slip_s=1.0, seed_of_pauses=0):
@@ -98,4 +98,4 @@ def pulled(slips, slip_s=1.0, seed_of_pauses=0):
     steps = [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 1.0}]
     for pause_s in pauses_s.tolist():
         steps += [{'duration_s': pause_s}, {'duration_s': slip_s, 'velocity_m_s': 8.0e-3}]
-    return {**held(1.0), 'steps': [*steps, {'duration_s': 3.0}]}
+    return {**gripped(1.0), 'steps': [*steps, {'duration_s': 3.0}]}

@@ -12,20 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Requests of pages about parameters: set, undo, restore those of the file, save.
 
-They are saved in a file that the launch files accept.
+"""The parameters of running detectors: how pages show, set, undo and save them.
+
+A page sends text that was typed, or numbers from a line that was dragged in a plot. The detector
+decides whether a value is allowed; its message is shown. Parameters are saved in a file that the
+launch files accept.
 """
 
 import asyncio
+import dataclasses
 import re
 import shlex
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import shown
+from slip_detector.parameters.fields import allowed, default_of, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, writable_folder, write_yaml
 from slip_detector.parameters.sets import (
     OF_RCLPY,
@@ -35,13 +39,18 @@ from slip_detector.parameters.sets import (
     read_parameter_file,
     sections_of,
 )
-from slip_detector.view.parameter_panel import Change, ParameterPanel, typed, words_of
+from slip_detector.view.detectors import Change, ParameterPanel
 from slip_detector.view.server import Server
+
+#: Heading of the parameters that do not belong to this package.
+OF_ROS = 'Of every node'
 
 #: Names that a page may give to a file. Of several parameter files, the launch files use the names
 #: as namespaces.
 FILE_NAME = re.compile('(?!.*__)[A-Za-z][A-Za-z0-9_]{0,63}')
 ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
+
+_FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
 
 
 class ParameterRequests:
@@ -63,13 +72,13 @@ class ParameterRequests:
         self._versions: dict[str, tuple[int, bool]] = {}
         #: By detector, why its file cannot be read.
         self._file_errors: dict[str, str] = {}
-        server.each_tick.append(self.broadcast)
+        server.each_tick.append(self._broadcast)
         server.on_request('set', self._set, changes=True)
         server.on_request('undo', self._undo, changes=True)
         server.on_request('as_in_file', self._as_in_file, changes=True)
         server.on_request('save', self._save, changes=True)
 
-    def broadcast(self) -> None:
+    def _broadcast(self) -> None:
         """Send the pages the parameters if something has changed."""
         detectors = self._server.detectors
         panels = detectors.panels.items()
@@ -83,14 +92,14 @@ class ParameterRequests:
         self._server.broadcast('parameters', {'folder': str(self._folder), 'fingers': described})
 
     def _described(self, name: str, panel: ParameterPanel) -> dict[str, Any]:
-        file = self._file_of(name)
+        last = panel.history[-1] if panel.history else None
         return {
             'gone': name not in self._server.detectors.fingers,
-            'headings': panel.shown(),
-            'file': '' if file is None else str(file),
+            'headings': described_panel(panel),
+            'file': str(self._file_of(name) or ''),
             'file_error': self._file_errors.get(name, ''),
             'differs': sorted(panel.as_in_file()),
-            'undo': _undone(panel.history[-1]) if panel.history else '',
+            'undo': words_of(Change(last.after, last.before, last.by)) if last else '',
             'changes': [
                 {
                     'number': panel.count - i,
@@ -103,10 +112,13 @@ class ParameterRequests:
         }
 
     def _file_of(self, name: str) -> Path | None:
-        if len(self._files) < 2:
-            return next(iter(self._files), None)
         namespace = name.split('/')[-2]
-        return next((file for file in self._files if file.stem == namespace), None)
+        files = (
+            self._files
+            if len(self._files) < 2
+            else [f for f in self._files if f.stem == namespace]
+        )
+        return next(iter(files), None)
 
     def _read_file(self, name: str) -> None:
         """Read the present content of a detector's file."""
@@ -116,12 +128,11 @@ class ParameterRequests:
         panel = self._server.detectors.panel(name)
         try:
             values = read_parameter_file(file, DetectorConfig.NODE, running=name)
-            config = DetectorConfig.from_parameters(values, str(file))
+            panel.file_values = DetectorConfig.from_parameters(values, str(file)).to_parameters()
         except ValueError as error:
             self._file_errors[name] = str(error)
             return
         self._file_errors.pop(name, None)
-        panel.file_values = config.to_parameters()
         panel.version += 1
 
     def _panel(self, name: object) -> ParameterPanel:
@@ -133,9 +144,8 @@ class ParameterRequests:
     async def _change(
         self, message: Mapping[str, Any], values: Mapping[str, Any]
     ) -> dict[str, Any]:
-        await self._server.detectors.change(
-            message['finger'], values, f'page {message.get("page")}'
-        )
+        page = f'page {message.get("page")}'
+        await self._server.detectors.change(message['finger'], values, page)
         return {}
 
     async def _set(self, message: Mapping[str, Any]) -> dict[str, Any]:
@@ -155,42 +165,139 @@ class ParameterRequests:
         return await self._change(message, values)
 
     async def _as_in_file(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        panel = self._panel(message.get('finger'))
-        self._read_file(message['finger'])
-        if message['finger'] in self._file_errors:
-            raise ValueError(self._file_errors[message['finger']])
+        panel, name = self._panel(message.get('finger')), message['finger']
+        self._read_file(name)
+        if name in self._file_errors:
+            raise ValueError(self._file_errors[name])
         values = panel.as_in_file()
         return await self._change(message, values) if values else {}
 
     async def _save(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Save the detectors' parameters; return how to launch with them, or why it cannot."""
-        names = message.get('fingers')
+        names, name = message.get('fingers'), message.get('name')
         if not isinstance(names, list) or not names:
             raise ValueError(f'fingers is {shown(names)}, allowed: a list of those that are shown')
-        configs = {name: self._panel(name).config for name in names}
-        given = self._file_of(names[0])
-        comments = [f'Saved by slip_view: what {" and ".join(configs)} ran with.']
-        lost = ''
-        try:
-            document = parameter_file(configs, given)
-        except ValueError as error:
-            lost = f'It lacks the parameters of other nodes: {error}'
-            document = parameter_file(configs)
-            comments.append(lost)
-        name, replace = message.get('name'), message.get('replace') is True
         if not isinstance(name, str):
             raise ValueError(f'name is {shown(name)}, allowed: a name for the file')
+        configs = {each: self._panel(each).config for each in names}
+        comments = [f'Saved by slip_view: what {" and ".join(configs)} ran with.']
+        missing = ''
         try:
-            path = await asyncio.to_thread(
-                save, self._folder, name, document, comments, replace=replace
-            )
+            document = parameter_file(configs, self._file_of(names[0]))
+        except ValueError as error:
+            missing = f'It lacks the parameters of other nodes: {error}'
+            document = parameter_file(configs)
+            comments.append(missing)
+        replace = message.get('replace') is True
+        try:
+            path = await asyncio.to_thread(save, self._folder, name, document, comments, replace)
         except FileExistsError as error:
             return {'taken': str(error)}
-        return {'launch': launch_arguments(configs, path), 'lost': lost}
+        return {'launch': launch_arguments(configs, path), 'missing': missing}
 
 
-def _undone(change: Change) -> str:
-    return words_of(Change(change.after, change.before, change.by))
+def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
+    """Return what a page shows of a panel: headings, each with its parameters in order."""
+    headings = {
+        heading: [f.name for f in fields]
+        for heading, fields in under_headings(DetectorConfig).items()
+    }
+    headings[OF_ROS] = sorted({n.partition('.')[0] for n in panel.values} - _FIELDS.keys())
+    parts = []
+    for heading, fields in headings.items():
+        rows = [
+            _row(panel, name)
+            for field in fields
+            for name in panel.values
+            if name.partition('.')[0] == field
+        ]
+        if rows:
+            parts.append({'heading': heading, 'parameters': rows})
+    return parts
+
+
+def _row(panel: ParameterPanel, name: str) -> dict[str, Any]:
+    field = _FIELDS.get(name.partition('.')[0])
+    value, in_file = panel.values[name], (panel.file_values or {}).get(name)
+    unit = field.metadata['unit'] if field else ''
+    choices = field.metadata['choices'] if field else ()
+    return {
+        'name': name,
+        'value': value,
+        'text': text_of(value),
+        'in_file': None if in_file is None else text_of(in_file),
+        'unit': unit,
+        'meaning': field.metadata['meaning'] if field else panel.meanings.get(name, ''),
+        'allowed': allowed(field).removesuffix(f' {unit}') if field else '',
+        'choices': ['true', 'false'] if isinstance(value, bool) else list(choices),
+        'read_only': name in panel.read_only,
+    }
+
+
+def words_of(change: Change) -> str:
+    """Return a change in words, without its author.
+
+    Examples
+    --------
+    >>> words_of(Change({'gain': 1.0, 'groups.a': None}, {'gain': 9.5, 'groups.a': [1]}, ''))
+    'gain from 1 to 9.5, groups.a from nothing to 1'
+    """
+
+    def words(value: Any) -> str:
+        return 'nothing' if value is None else shortened(text_of(value)) or 'empty'
+
+    return ', '.join(
+        f'{name} from {words(change.before[name])} to {words(value)}'
+        for name, value in change.after.items()
+    )
+
+
+def text_of(value: Any) -> str:
+    """Return a value as a user types it: a list without brackets.
+
+    Examples
+    --------
+    >>> text_of([7.0, 50.0]), text_of(True), text_of(0.1)
+    ('7, 50', 'true', '0.1')
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value).removesuffix('.0')
+    if isinstance(value, (list, tuple)):
+        return ', '.join(map(text_of, value))
+    return str(value)
+
+
+def typed(name: str, text: str) -> Any:
+    """Return the value of text typed for a parameter; the detector decides if it is allowed.
+
+    Examples
+    --------
+    >>> typed('stopbands_hz', '[0.5, 7], [50, 180]'), typed('vote', ' 2'), typed('vote', 'all')
+    ([0.5, 7, 50, 180], 2, 'all')
+    >>> typed('threshold', 'low')
+    'low'
+    """
+    text = text.strip()
+    field = _FIELDS.get(name.partition('.')[0])
+    default = default_of(field) if field else None
+    if field and isinstance(default, (tuple, dict)):
+        items = re.sub(r'[\[\]()]', ' ', text).split(',') if text.strip('[] ') else []
+        is_text = isinstance(default, tuple) and str in get_args(field.type)
+        return [item.strip() if is_text else _scalar(item.strip()) for item in items]
+    return text if isinstance(default, str) and name != 'vote' else _scalar(text)
+
+
+def _scalar(text: str) -> Any:
+    if text in ('true', 'false'):
+        return text == 'true'
+    if re.fullmatch('[-+]?[0-9]+', text):
+        return int(text)
+    try:
+        return float(text) if re.fullmatch('[-+.0-9eE]+', text) else text
+    except ValueError:
+        return text
 
 
 def parameter_file(
@@ -224,38 +331,29 @@ def parameter_file(
         for name, kept in of_rclpy.items():
             if matches(section, name):
                 kept.update({key: parameters[key] for key in OF_RCLPY if key in parameters})
-        if node_of(section) in {node_of(name) for name in configs}:
+        if node_of(section) in map(node_of, configs):
             continue
-        if node_of(section) == '**':
-            parameters = {  # noqa: PLW2901
-                key: value
-                for key, value in parameters.items()
-                if nodes_that_know(key) != [DetectorConfig.NODE]
-            }
-        if parameters:
-            document[section] = {'ros__parameters': parameters}
+        of_others = {
+            key: value
+            for key, value in parameters.items()
+            if node_of(section) != '**' or nodes_that_know(key) != [DetectorConfig.NODE]
+        }
+        if of_others:
+            document[section] = {'ros__parameters': of_others}
     # Last, because of two sections for a node the later one holds.
     for name, config in configs.items():
         section = name if len(configs) > 1 else f'/**/{node_of(name)}'
-        document[section] = {'ros__parameters': {**of_rclpy[name], **_nested(config)}}
+        values = {**config.to_parameters(), 'groups': {n: [*m] for n, m in config.groups.items()}}
+        values = {key: value for key, value in values.items() if '.' not in key}
+        document[section] = {'ros__parameters': {**of_rclpy[name], **values}}
     return document
-
-
-def _nested(config: DetectorConfig) -> dict[str, Any]:
-    values = {**config.to_parameters(), 'groups': {n: [*m] for n, m in config.groups.items()}}
-    return {name: value for name, value in values.items() if '.' not in name}
 
 
 def launch_arguments(names: Collection[str], path: Path) -> str:
     """Return the arguments of ``slip_detector.launch.py`` that start detectors with a saved file.
 
-    Parameters
-    ----------
-    names
-        Full names of the saved detectors. One alone can be started as any finger; several are
-        started with their names.
-    path
-        The file.
+    One detector alone, by its full name, can be started as any finger; several are started with
+    their names.
 
     Examples
     --------
@@ -280,24 +378,9 @@ def save(
     name: str,
     document: Mapping[str, Any],
     comments: Iterable[str],
-    *,
     replace: bool = False,
 ) -> Path:
-    """Write a parameter file into a folder, under a name that a user typed.
-
-    Parameters
-    ----------
-    folder, name
-        The folder, created if missing, and the name of the file without ``.yaml``.
-    document, comments
-        The content of the file, and the comments above it.
-    replace
-        Whether a file of that name may be replaced.
-
-    Returns
-    -------
-    pathlib.Path
-        The file.
+    """Write a parameter file into a folder, under a name that a user typed, without ``.yaml``.
 
     Raises
     ------

@@ -12,19 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The recordings made on the live page: a folder for each finger."""
 
+"""The recordings made on the live page: a folder for each finger, and the one that is written.
+
+Each recording is a bag. Its name is its kind and a number.
+"""
+
+import asyncio
 import errno
 import os
 import re
 import shutil
-import threading
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import write_errors_of
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.bag_storage import METADATA
@@ -33,7 +36,7 @@ from slip_detector.recordings.labels import labels_name
 from slip_detector.tuning.tracks import hold_out_evenly
 from slip_detector.view.detectors import Finger
 
-#: Kinds of recordings. The name of a recording is its kind and a number.
+#: Kinds of recordings.
 KINDS = ('rest', 'slip', 'taps')
 _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
 
@@ -47,25 +50,18 @@ HELD_OUT = 1 / 3
 class RecordingSummary(NamedTuple):
     """A recording made on the live page.
 
-    Attributes
-    ----------
-    name : str
-    duration_s : float
-        Time of its rows, without gaps.
-    slips : int
-    note : str
-        What is wrong with it; empty if nothing is.
-
     Examples
     --------
-    >>> taught = RecordingSummary('slip_1', duration_s=20.0, slips=0)
-    >>> taught.kind, taught.usable
+    >>> recorded = RecordingSummary('slip_1', duration_s=20.0, slips=0)
+    >>> recorded.kind, recorded.usable
     ('slip', False)
     """
 
     name: str
+    #: Time of its rows, without gaps.
     duration_s: float
     slips: int
+    #: What is wrong with it; empty if nothing is.
     note: str = ''
 
     @property
@@ -80,17 +76,7 @@ class RecordingSummary(NamedTuple):
 
 
 class RecordedFolder:
-    """The recordings of one finger, in a folder of their own.
-
-    Parameters
-    ----------
-    folder
-        The folder; it need not exist.
-
-    Attributes
-    ----------
-    recordings : dict
-        Each :class:`RecordingSummary` by its name; within a kind in the order of recording.
+    """The recordings of one finger, in a folder of their own, which need not exist.
 
     Examples
     --------
@@ -101,30 +87,25 @@ class RecordedFolder:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        #: The recordings by their names, within a kind in the order of recording.
         self.recordings: dict[str, RecordingSummary] = {}
-        self._changing = threading.Lock()
 
-    def look(self) -> None:
-        """Update the list from the folder; recordings in the list are not read again.
-
-        As this may take long, it may run in a thread while recordings are added or deleted.
-        """
-        names = [*filter(self._is_bag, self._names())]
-        new = {name: self._read(name) for name in names if name not in self.recordings}
-        with self._changing:
-            # A recording that was put meanwhile may have been read above before it had ended.
-            every = {**new, **self.recordings}
-            self._list({name: one for name, one in every.items() if self._is_bag(name)})
+    async def refresh(self) -> None:
+        """Update the list from the folder; recordings in the list are not read again."""
+        names = [n for n in self._names() if n not in self.recordings and self._is_bag(n)]
+        new = await asyncio.to_thread(lambda: {name: self._summary(name) for name in names})
+        # A recording that was added meanwhile may have been read above before it had ended.
+        every = {**new, **self.recordings}
+        self._set({name: one for name, one in every.items() if self._is_bag(name)})
 
     def new_path(self, kind: str) -> Path:
         """Return an unused path for a recording of this kind."""
         numbers = [_order(name)[1] for name in self._names() if name.startswith(f'{kind}_')]
         return self.folder / f'{kind}_{max(numbers, default=0) + 1}'
 
-    def put(self, recorded: RecordingSummary) -> None:
+    def add(self, recorded: RecordingSummary) -> None:
         """Add a recording that has just been made, which need not be read."""
-        with self._changing:
-            self._list({**self.recordings, recorded.name: recorded})
+        self._set({**self.recordings, recorded.name: recorded})
 
     def path_of(self, name: object) -> Path:
         """Return the folder of a recording, by the name that a page has sent.
@@ -159,8 +140,7 @@ class RecordedFolder:
             path.rmdir()
         except OSError as error:
             raise ValueError(f'{path}: cannot be deleted ({error.strerror})') from None
-        with self._changing:
-            self._list({n: one for n, one in self.recordings.items() if n != path.name})
+        del self.recordings[path.name]
 
     def of_kind(self, kind: str) -> list[str]:
         """Return the names of the usable recordings of a kind, the oldest first."""
@@ -174,7 +154,7 @@ class RecordedFolder:
         by_kind = [hold_out_evenly(self.of_kind(kind), HELD_OUT)[1] for kind in KINDS]
         return [name for held_out in by_kind for name in held_out]
 
-    def _list(self, every: dict[str, RecordingSummary]) -> None:
+    def _set(self, every: dict[str, RecordingSummary]) -> None:
         self.recordings = {name: every[name] for name in sorted(every, key=_order)}
 
     def _names(self) -> list[str]:
@@ -187,23 +167,22 @@ class RecordedFolder:
         path = self.folder / name
         return not path.is_symlink() and (path / f'{name}.mcap').is_file()
 
-    def _read(self, name: str) -> RecordingSummary:
+    def _summary(self, name: str) -> RecordingSummary:
         """Read how long a recording is, and how many slips it has."""
-        rows = slips = 0
-        slipping = False
+        truth = [np.zeros(1, np.bool_)]
         try:
             recording = open_recording(self.folder / name)
             for piece in recording.rows():
-                rows += len(piece.stamps_ns)
-                for slip in [] if piece.truth is None else piece.truth.tolist():
-                    slips += slip and not slipping
-                    slipping = slip
+                unknown = np.zeros(len(piece.volts), np.bool_)
+                truth.append(unknown if piece.truth is None else piece.truth)
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))
-        note = f'was not ended: {recording.counts.damage}' if recording.counts.damage else ''
-        if not slips and name.startswith('slip_'):
-            note = note or NO_SLIP
-        return RecordingSummary(name, rows / recording.sample_rate_hz, slips, note)
+        slip = np.concatenate(truth)
+        slips = int(np.count_nonzero(slip[1:] & ~slip[:-1]))
+        note = NO_SLIP if name.startswith('slip_') and not slips else ''
+        if recording.counts.damage:
+            note = f'was not ended: {recording.counts.damage}'
+        return RecordingSummary(name, (len(slip) - 1) / recording.sample_rate_hz, slips, note)
 
 
 def _order(name: str) -> tuple[int, int]:
@@ -226,17 +205,6 @@ class Recorder:
     since
         Number of the first row to record, counted over all rows that the track ever had.
 
-    Attributes
-    ----------
-    slipping : bool
-        Whether the rows from now on are labelled as slip.
-    slips : int
-        Number of slips in the recording.
-    rows : int
-        Number of rows in the recording.
-    lost_rows : int
-        Number of rows that the track no longer had when they were to be written.
-
     Raises
     ------
     ValueError
@@ -244,12 +212,14 @@ class Recorder:
     """
 
     def __init__(self, path: Path, finger: Finger, since: int) -> None:
-        self.path, self.finger = path, finger
-        self._beginnings = finger.track.beginnings
-        self._taken = since
-        self.slipping = self._slipped = False
+        self.path, self.finger, self.kind = path, finger, path.name.partition('_')[0]
+        self._beginnings, self._next_row = finger.track.beginnings, since
+        #: Whether the rows from now on are labelled as slip.
+        self.slipping = False
+        self._last_label = False
         self._rate_hz = finger.config.sample_rate_hz
-        self.slips = self.rows = self.lost_rows = 0
+        #: Slips and rows in the recording, and rows that the track no longer had.
+        self.slips = self.rows = self.missing_rows = 0
         with write_errors_of(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
@@ -259,11 +229,6 @@ class Recorder:
             except OSError:
                 shutil.rmtree(path, ignore_errors=True)  # It is empty.
                 raise
-
-    @property
-    def kind(self) -> str:
-        """One of :data:`KINDS`."""
-        return self.path.name.partition('_')[0]
 
     @property
     def duration_s(self) -> float:
@@ -276,7 +241,7 @@ class Recorder:
         return self.finger.track.beginnings != self._beginnings
 
     @property
-    def kept(self) -> bool:
+    def has_file(self) -> bool:
         """Whether there is a file with rows, which another program may have removed."""
         return self.rows > 0 and self._bag.path.exists()
 
@@ -289,29 +254,26 @@ class Recorder:
             When they cannot be written: the disk is full or the file was removed, for example.
             What was written before is kept.
         """
-        if self.interrupted:
+        track = self.finger.track
+        samples, appended = track.samples_since(self._next_row), track.samples.appended
+        n = len(samples.volts)
+        if self.interrupted or not n:
             return
-        rows = self.finger.track.samples
-        stamps_ns = rows.stamps_ns(since=self._taken)
-        self.lost_rows += rows.appended - self._taken - len(stamps_ns)
-        if not len(stamps_ns):
-            return
-        slip = np.full(len(stamps_ns), self.slipping)
+        self.missing_rows += appended - self._next_row - n
         with write_errors_of(self.path):
             try:
-                volts = rows.field('volts', since=self._taken).astype(np.float64)
-                self._bag.write(Samples(volts, stamps_ns, slip))
+                self._bag.write(samples._replace(truth=np.full(n, self.slipping)))
                 self._bag.flush()
                 if not self._bag.path.exists():
                     raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
             except OSError:
                 self._abort()
                 raise
-        self._taken = rows.appended
-        self.rows += len(stamps_ns)
+        self._next_row = appended
+        self.rows += n
         # A slip during which no row came is not in the file.
-        self.slips += self.slipping and not self._slipped
-        self._slipped = self.slipping
+        self.slips += self.slipping and not self._last_label
+        self._last_label = self.slipping
 
     def label(self, slipping: bool) -> None:
         """Set whether the rows from now on are labelled as slip."""

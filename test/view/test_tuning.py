@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Tuning on what the page recorded: stopped, failing, and when its parent is killed."""
+"""Tuning on what the page recorded: stopped, failing, and when slip_view is killed."""
 
 import asyncio
 import os
@@ -29,24 +29,24 @@ import pytest
 from slip_detector.parameters import DetectorConfig
 from slip_detector.report.tables import MAIN_FIGURES, heading
 from slip_detector.tuning.learning import LEAST_S
-from slip_detector.view import tune_run
-from slip_detector.view.recorded_folder import RecordedFolder
-from slip_detector.view.tune_run import TuneRun
-from support.lessons import write_lesson
+from slip_detector.view import tuning
+from slip_detector.view.recordings import RecordedFolder
+from slip_detector.view.tuning import TuneRun
+from support.training import write_recordings
 
 DEADLINE_S = 120.0
 
 
 @pytest.fixture(scope='module')
-def lesson(tmp_path_factory):
-    folder = tmp_path_factory.mktemp('lesson')
-    write_lesson(folder)
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('recorded')
+    write_recordings(folder)
     return folder
 
 
-def looked_at(folder):
+def listed(folder):
     recorded = RecordedFolder(folder)
-    recorded.look()
+    asyncio.run(recorded.refresh())
     return recorded
 
 
@@ -61,10 +61,10 @@ async def finished(run, each=lambda: None):
 
 
 def test_a_search_that_is_stopped_keeps_what_it_found_and_is_judged_by_what_was_held_out(
-    lesson, monkeypatch
+    recorded, monkeypatch
 ):
-    monkeypatch.setattr(tune_run, 'TRIALS', 120)
-    run = TuneRun(looked_at(lesson), DetectorConfig())
+    monkeypatch.setattr(tuning, 'TRIALS', 120)
+    run = TuneRun(listed(recorded), DetectorConfig())
     steps = []
 
     def stop_when_something_is_found():
@@ -84,51 +84,40 @@ def test_a_search_that_is_stopped_keeps_what_it_found_and_is_judged_by_what_was_
     ]
     assert 'mains of 50 Hz' in run.lines[0]
     assert run.held_out == ['rest_2', 'slip_3', 'slip_6']
-    rows = {row.title: row for row in run.table}
-    assert rows['slips'].before == rows['slips'].after == '2'
-    assert rows['ON without slip [% of the rest]'].change == 'better'
-    found = DetectorConfig.from_yaml(run.folder / 'tuned.yaml').to_parameters()
+    rows = {row[0]: row for row in run.table}
+    assert rows['slips'][1:3] == ('2', '2')
+    assert rows['ON without slip [% of the rest]'][3] == 'better'
+    found = DetectorConfig.from_yaml(recorded / 'tuning' / 'tuned.yaml').to_parameters()
     changes = run.to_apply(DetectorConfig())
-    assert run.changes == len(changes)
+    assert run.described()['changes'] == len(changes)
     assert changes['decision'] == 'evidence'
     assert {**DetectorConfig().to_parameters(), **changes} == found
 
 
-def test_what_fails_says_why_in_one_line(lesson):
-    run = TuneRun(looked_at(lesson), DetectorConfig())
-    file = lesson / 'rest_1' / 'rest_1.mcap'
-    away = file.rename(lesson / 'away')
+def test_what_fails_says_why_in_one_line(recorded):
+    run = TuneRun(listed(recorded), DetectorConfig())
+    file = recorded / 'rest_1' / 'rest_1.mcap'
+    away = file.rename(recorded / 'away')
     try:
         asyncio.run(finished(run))
     finally:
         away.rename(file)
-    assert 'slip_tune: ' in run.failed
     assert 'rest_1' in run.failed
     assert '\n' not in run.failed
-    assert not run.changes
     assert not run.table
 
 
-def test_where_no_process_can_be_made_it_is_said(lesson, monkeypatch):
-    monkeypatch.setattr(tune_run, '_with_low_priority', lambda: ['/no/such/program'])
-    run = TuneRun(looked_at(lesson), DetectorConfig())
-    asyncio.run(finished(run))
-    assert run.failed == 'slip_tune cannot be run (No such file or directory)'
-    assert not run.running
-
-
-def test_a_run_that_is_stopped_before_the_search_found_nothing(lesson):
-    run = TuneRun(looked_at(lesson), DetectorConfig())
+def test_a_run_that_is_stopped_before_the_search_found_nothing(recorded):
+    run = TuneRun(listed(recorded), DetectorConfig())
     asyncio.run(finished(run, run.stop))
     assert run.failed == 'stopped before anything was found'
-    assert not run.changes
 
 
 def test_where_neither_rest_nor_taps_were_recorded_it_is_said_what_is_not_learnt(tmp_path):
-    write_lesson(tmp_path, slips=2)
+    write_recordings(tmp_path, slips=2)
     for name in ('rest_1', 'rest_2', 'taps_1'):
         shutil.rmtree(tmp_path / name)
-    run = TuneRun(looked_at(tmp_path), DetectorConfig())
+    run = TuneRun(listed(tmp_path), DetectorConfig())
     asyncio.run(finished(run, lambda: run.kill() if run.step == 'searching' else None))
     assert run.lines == [
         f'No noise is learnt: that needs {LEAST_S:g} s of rest',
@@ -138,27 +127,28 @@ def test_where_neither_rest_nor_taps_were_recorded_it_is_said_what_is_not_learnt
 
 
 def test_there_have_to_be_two_slips(tmp_path):
-    write_lesson(tmp_path, slips=1)
+    write_recordings(tmp_path, slips=1)
     with pytest.raises(ValueError, match='there are 1 recordings of slips, allowed: two or more'):
-        TuneRun(looked_at(tmp_path), DetectorConfig())
+        TuneRun(listed(tmp_path), DetectorConfig())
 
 
-def test_what_tunes_dies_with_the_one_who_started_it(lesson):
+def test_what_tunes_dies_with_the_one_who_started_it(recorded):
     program = (
         'import asyncio, sys\n'
         'from pathlib import Path\n'
         'from slip_detector.parameters import DetectorConfig\n'
-        'from slip_detector.view.tune_run import TuneRun\n'
-        'from view.test_tune_run import looked_at, finished\n'
-        'run = TuneRun(looked_at(Path(sys.argv[1])), DetectorConfig())\n'
-        'said = []\n'
-        'def say():\n'
-        '    if run._process and not said:\n'
-        '        said.append(print(run._process.pid, flush=True))\n'
-        'asyncio.run(finished(run, say))\n'
+        'from slip_detector.view.tuning import TuneRun\n'
+        'from view.test_tuning import listed, finished\n'
+        'if __name__ == "__main__":\n'
+        '    run = TuneRun(listed(Path(sys.argv[1])), DetectorConfig())\n'
+        '    steps = []\n'
+        '    def report():\n'
+        '        if run.step and not steps:\n'
+        '            steps.append(print(run._process.pid, flush=True))\n'
+        '    asyncio.run(finished(run, report))\n'
     )
     parent = subprocess.Popen(
-        [sys.executable, '-c', program, str(lesson)],
+        [sys.executable, '-c', program, str(recorded)],
         stdout=subprocess.PIPE,
         text=True,
         env=os.environ | {'PYTHONPATH': os.pathsep.join(sys.path)},
@@ -183,7 +173,7 @@ def _runs(process):
 def test_that_slip_was_on_before_its_label_is_neither_better_nor_worse():
     before = {**dict.fromkeys(MAIN_FIGURES, 1.0), 'latency_median_ms': -96.3, 'slips': 3}
     after = {**before, 'latency_median_ms': 41.25, 'latency_p90_ms': 2.0}
-    rows = {row.title: row for row in tune_run.compared(before, after)}
+    rows = {row[0]: row for row in tuning.compared(before, after)}
     title = heading('latency_median_ms')
     assert rows[title] == (title, 'ON 96.3 before', '41.2', '')
-    assert rows[heading('latency_p90_ms')].change == 'worse'
+    assert rows[heading('latency_p90_ms')][3] == 'worse'

@@ -1,0 +1,365 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Tunes a detector on the recordings of the live page, in a process of low priority."""
+
+import asyncio
+import contextlib
+import dataclasses
+import io
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from slip_detector.commands.tune import in_short
+from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.files import writable_folder
+from slip_detector.parameters.writing import write_file
+from slip_detector.report.tuning_report import replay_tracks
+from slip_detector.report.tuning_table import FIGURES, comparison_text
+from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
+from slip_detector.tuning.objective import Candidate
+from slip_detector.tuning.problem import searched
+from slip_detector.tuning.search import TuningParameters, tune
+from slip_detector.tuning.sensor import LEAST_S
+from slip_detector.tuning.tracks import TrainingFiles
+from slip_detector.view.recordings import RecordedFolder
+
+#: Number of chains that the search tries.
+TRIALS = 200
+
+#: A user presses the key so many seconds after a slip begins: an alarm in between is not false.
+EVALUATION = EvaluationConfig(early_s=0.2)
+
+#: Figures of which larger is better; of all others, smaller is better.
+LARGER_IS_BETTER = ('recall', 'sooner_than_chance', 'precision', 'auc_all', 'auc_moving')
+
+#: Where the search for an unknown sensor begins: see docs/your_sensor.md.
+NEW_SENSOR: dict[str, Any] = {
+    'decision': 'evidence',
+    'threshold': 0.5,
+    'noise_floor': [1e-9],
+    'noise_floor_learnt': ChainConfig.noise_floor_learnt,
+    'passband_degree': 2,
+    'stopbands_hz': [],
+    'gain': 1.0,
+    'exponent': 1,
+    'vote': 2,
+}
+LOW_HZ, LOW_SHARE = 20.0, 0.2
+
+#: Parameters of the decision; a detector's other parameters are left as they are.
+OF_THE_CHAIN = {field.name for field in dataclasses.fields(ChainConfig)}
+
+#: How much the search gives way to the nodes.
+NICE = 10
+
+COMPARING = 'comparing on what was held out'
+
+STOPPED = 'stopped before anything was found'
+
+#: Parameters by name, as ROS has them.
+Values = dict[str, Any]
+
+
+class TuneJob(NamedTuple):
+    """What the process is to do; recordings are given by their paths."""
+
+    running: Values
+    #: The longest recordings of rest and taps that are not held out; '' where there is none.
+    rest: str
+    taps: str
+    slips: list[str]
+    #: All that is not held out, and all that is.
+    tuned_on: list[str]
+    held_out: list[str]
+    #: Where the parameter files are written.
+    folder: Path
+    trials: int
+
+
+class TuneRun:
+    """One run of the search on the recordings of a finger.
+
+    Noise is learnt from rest and impacts from taps; a search begins with what was learnt. Then the
+    running and the tuned detector are compared on the held-out recordings.
+
+    Raises
+    ------
+    ValueError
+        When there are too few recordings.
+    """
+
+    def __init__(self, recorded: RecordedFolder, config: DetectorConfig) -> None:
+        slips = recorded.of_kind('slip')
+        if len(slips) < 2:
+            raise ValueError(
+                f'there are {len(slips)} recordings of slips, allowed: two or more, to tune on '
+                'and to hold out'
+            )
+        self._config = config
+        self.held_out = recorded.held_out()
+        used = {
+            kind: [name for name in recorded.of_kind(kind) if name not in self.held_out]
+            for kind in ('slip', 'rest', 'taps')
+        }
+
+        def paths(names: Sequence[str]) -> list[str]:
+            return [str(recorded.folder / name) for name in names]
+
+        def longest(kind: str, least_s: float = 0.0) -> str:
+            lengths_s = {name: recorded.recordings[name].duration_s for name in used[kind]}
+            name = max(lengths_s, key=lambda name: lengths_s[name], default='')
+            return str(recorded.folder / name) if name and lengths_s[name] >= least_s else ''
+
+        self._job = TuneJob(
+            config.to_parameters(),
+            longest('rest', LEAST_S),
+            longest('taps'),
+            paths(used['slip']),
+            paths([name for names in used.values() for name in names]),
+            paths(self.held_out),
+            recorded.folder / 'tuning',
+            TRIALS,
+        )
+        context = multiprocessing.get_context('spawn')
+        self._connection, self._child = context.Pipe()
+        self._process = context.Process(target=work, args=(self._job, self._child), daemon=True)
+        #: Whether it has not ended, was stopped, and was killed.
+        self.running, self.stopping, self.killed = True, False, False
+        #: What was learnt, and which steps did not work.
+        self.lines: list[str] = []
+        #: The present step, and why the run failed, in one line.
+        self.step = self.failed = ''
+        #: Share of the search that is done, 0 to 1.
+        self.share = 0.0
+        #: Title, figure of the running and of the tuned detector, 'better', 'worse' or ''.
+        self.table: list[tuple[str, str, str, str]] = []
+        #: The tuned parameters, once they were compared.
+        self.found: DetectorConfig | None = None
+
+    async def run(self) -> None:
+        """Run to the end; an error is reported in ``failed``."""
+        try:
+            if not self.killed:
+                self._process.start()
+            self._child.close()
+            with contextlib.suppress(EOFError, ConnectionResetError):  # The process has ended.
+                while not self.killed:
+                    vars(self).update(await asyncio.to_thread(self._connection.recv))
+            if self.killed:
+                self.failed = 'slip_view has ended'
+            elif self.found is None and not self.failed:
+                self.failed = 'the search ended before it was done, the log of slip_view says why'
+        except OSError as error:  # There is no room for another process, for example.
+            self.failed = f'the search cannot be run ({error.strerror or error})'
+        finally:
+            if self._process.pid is not None:
+                await asyncio.to_thread(self._process.join)
+            self._connection.close()
+            self.running, self.step = False, ''
+
+    def to_apply(self, config: DetectorConfig) -> Values:
+        """Return the parameters to set so that a detector decides as the tuned one.
+
+        Parameters
+        ----------
+        config
+            The detector's present parameters, which may have changed since the run began.
+
+        Raises
+        ------
+        ValueError
+            When it has other channels, or another rate, than when it was taught.
+        """
+        if self.found is None:
+            return {}
+        if (config.names, config.sample_rate_hz) != (self.found.names, self.found.sample_rate_hz):
+            raise ValueError(
+                f'{self.found.channels} channels at {self.found.sample_rate_hz:g} Hz were taught, '
+                f'and the detector has {config.channels} at {config.sample_rate_hz:g} Hz now, or '
+                'others: tune again on recordings of these'
+            )
+        now, found = config.to_parameters(), self.found.to_parameters()
+        return {
+            name: found.get(name)
+            for name in {**now, **found}
+            if name.partition('.')[0] in OF_THE_CHAIN and now.get(name) != found.get(name)
+        }
+
+    def stop(self) -> None:
+        """Stop the search; the best chain so far is judged and kept."""
+        if self.running and not self.stopping and self.step != COMPARING:
+            self.stopping = True
+            with contextlib.suppress(OSError):  # It has just ended.
+                self._connection.send('stop')
+
+    def kill(self) -> None:
+        """End the process at once; the run then fails."""
+        self.killed = True
+        if self._process.pid is not None:
+            self._process.kill()
+
+    def described(self) -> dict[str, Any]:
+        """Return the state of the run, for the page."""
+        return {
+            'running': self.running,
+            'stopping': self.stopping and self.running and self.step != COMPARING,
+            'step': self.step,
+            'share': self.share,
+            'lines': self.lines,
+            'failed': self.failed,
+            'held_out': self.held_out,
+            'table': self.table,
+            'changes': len(self.to_apply(self._config)),
+        }
+
+
+def work(job: TuneJob, connection: Connection) -> None:
+    """Do a job, as the only thing of this process; report changes of the run's attributes."""
+    os.setsid()  # Ctrl-C in the terminal is for slip_view.
+    os.nice(NICE)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    threading.Thread(target=_obey, args=(connection,), daemon=True).start()
+    try:
+        _tune(job, lambda **changes: connection.send(changes))
+    except KeyboardInterrupt:
+        connection.send({'failed': STOPPED})
+    except ValueError as error:
+        connection.send({'failed': str(error)})
+
+
+def _obey(connection: Connection) -> None:
+    """Interrupt the search when it is to stop; end when slip_view has ended, even if killed."""
+    try:
+        while connection.recv():
+            os.kill(os.getpid(), signal.SIGINT)
+    except (EOFError, OSError):
+        os._exit(1)
+
+
+def _tune(job: TuneJob, report: Callable[..., None]) -> None:
+    """Learn, search and compare."""
+    writable_folder(job.folder)
+    begin = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
+    _write(job.folder / 'begin.yaml', begin)
+    parameters = _parameters(begin)
+
+    def progress(count: int, best: Candidate | None) -> None:
+        words = f'best: {in_short(best)}' if best else 'none detects slip so far'
+        report(
+            share=count / job.trials,
+            step=f'searching: {count} of {job.trials} chains tried, {words}',
+        )
+
+    report(step='searching')
+    files = TrainingFiles(job.tuned_on, parameters.loader, job.held_out)
+    with contextlib.redirect_stderr(io.StringIO()):  # It says how to go on in a terminal.
+        journal = str(job.folder / 'tuned.yaml.study.journal')
+        result = tune(files, parameters, job.trials, storage=journal, progress=progress)
+    report(step=COMPARING)
+    verdict = result.verdict
+    tuned = {**begin, **({} if verdict.kept else searched(verdict.chain))}
+    before, after = (
+        figures_of_merit(
+            replay_tracks(_parameters(each).chain, result.held, EVALUATION, shown=False).outcomes
+        )
+        for each in (job.running, tuned)
+    )
+    _write(job.folder / 'tuned.yaml', tuned)
+    report(found=DetectorConfig.from_parameters(tuned), table=compared(before, after))
+
+
+def beginning(config: DetectorConfig) -> Values:
+    """Return where learning begins: the present parameters, or those for a new sensor.
+
+    Examples
+    --------
+    >>> beginning(DetectorConfig())['passband_hz']
+    [20.0, 0.0]
+    """
+    if config.decision == 'evidence':
+        return config.to_parameters()
+    low_hz = min(LOW_HZ, LOW_SHARE * config.sample_rate_hz)
+    vote = min(2, *map(len, config.groups.values()))
+    return {**config.to_parameters(), **NEW_SENSOR, 'passband_hz': [low_hz, 0.0], 'vote': vote}
+
+
+def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
+    """Learn noise and impacts if there are recordings of them; return the parameters."""
+    lines = []
+    if job.rest:
+        report(step=f'learning the noise of {Path(job.rest).name}')
+        parameters = _parameters(begin)
+        found = learn_from_quiet(job.rest, parameters.chain, parameters.loader)
+        begin, lines = {**begin, **found.parameters}, found.lines
+    else:
+        lines.append(f'No noise is learnt: that needs {LEAST_S:g} s of rest')
+    if job.taps:
+        report(lines=lines, step=f'learning the impacts of {Path(job.taps).name}')
+        parameters = _parameters(begin)
+        try:
+            found = learn_from_taps(job.taps, job.slips, parameters.chain, parameters.loader)
+            begin, lines = {**begin, **found.parameters}, [*lines, *found.lines]
+        except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
+            lines.append(str(error))
+    else:
+        lines.append('No impact is learnt: nothing was tapped')
+    report(lines=lines)
+    return begin
+
+
+def _parameters(values: Values) -> TuningParameters:
+    chain = {n: value for n, value in values.items() if n.partition('.')[0] in OF_THE_CHAIN}
+    return TuningParameters(ChainConfig.from_parameters(chain), evaluation=EVALUATION)
+
+
+def _write(file: Path, values: Values) -> None:
+    document = yaml.safe_load(DetectorConfig.from_parameters(values).to_yaml())
+    write_file(file, document, ['Written by slip_view, which has tuned.'])
+
+
+def compared(
+    before: Mapping[str, Any], after: Mapping[str, Any]
+) -> list[tuple[str, str, str, str]]:
+    """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
+
+    Examples
+    --------
+    >>> figures = [{**dict.fromkeys(FIGURES), 'recall': recall} for recall in (0.8, 0.95)]
+    >>> [row for row in compared(*figures) if row[0] == 'recall']
+    [('recall', '0.800', '0.950', 'better')]
+    """
+    rows = []
+    for name, (title, _) in FIGURES.items():
+        was, now = before[name], after[name]
+        if name == 'auc_moving' and was is None and now is None:
+            continue
+        change = ''
+        known = was is not None and now is not None and was != now and name != 'slips'
+        # A negative latency, ON before the slip, is neither better nor worse.
+        if known and not (name.startswith('latency') and min(was, now) < 0.0):
+            change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
+        rows.append((title, comparison_text(name, was), comparison_text(name, now), change))
+    return rows

@@ -1,0 +1,211 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The tabs of the signals in a real browser: traces and the threshold, the spectrum and bands."""
+
+import re
+
+import numpy as np
+import pytest
+
+from slip_detector.view.server import FRAME_S
+from support.browsers import expect
+from support.page_parts import NAME, card, changes, config_of, threshold_line
+from support.simulated_detectors import SimulatedDetectors
+
+#: Pixels of the names at the left and of the margin at the right, as in timeline.js.
+NAMES_WIDTH, RIGHT_MARGIN = 92, 16
+
+
+def until(page, condition):
+    """Wait until something holds of the data of the timeline."""
+    data = 'const data = document.getElementById("timeline").dataset;'
+    page.wait_for_function(f'() => {{ {data} return {condition}; }}', timeout=60_000)
+
+
+def stretch(page):
+    """Return from when to when is drawn."""
+    data = page.evaluate('({...document.getElementById("timeline").dataset})')
+    return float(data['fromS']), float(data['toS'])
+
+
+def play(served, page, seconds):
+    """Play so much of the scene and wait until it is drawn; its stamps begin at 1000 s."""
+    served.call(served.detectors.simulated[NAME].play, seconds)
+    until(page, f'data.toS > {40 + seconds}')
+
+
+@pytest.mark.parametrize('frame_s', [FRAME_S])
+def test_time_goes_on_and_never_back_and_stands_still_without_samples(serve, open_page):
+    served = serve(SimulatedDetectors())
+    page = open_page(served)
+    until(page, 'data.toS > 0')
+    ends_of_a_second = """async (seconds) => {
+      const {dataset} = document.getElementById('timeline'), ends = [];
+      const begin = performance.now();
+      while (performance.now() < begin + 1000 * seconds) {
+        await new Promise(requestAnimationFrame);
+        ends.push(Number(dataset.toS));
+      }
+      return ends;
+    }"""
+    steps = np.diff(page.evaluate(ends_of_a_second, 2.0))
+    assert (steps >= 0).all()
+    assert steps.sum() > 0
+    # Columns are drawn at whole columns, each as it was drawn before.
+    width = page.locator('#timeline').bounding_box()['width'] - NAMES_WIDTH - RIGHT_MARGIN
+    columns = steps * width / 10.0
+    assert columns == pytest.approx(columns.round(), abs=0.02)
+    served.call(setattr, served.detectors, 'real_time', False)
+    ends = page.evaluate(ends_of_a_second, 2.5)
+    assert (np.diff(ends) >= 0).all()
+    assert ends[-1] - ends[0] < 1.0
+    assert ends[-1] == ends[len(ends) // 2]
+
+
+def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_page):
+    served = serve(SimulatedDetectors())
+    page = open_page(served)
+    names, lanes = page.locator('.lane-name'), page.locator('.lane-name.channel')
+    readout = page.locator('#traces .readout')
+    play(served, page, 31.0)  # It slips from 3.8 s on.
+    expect(names.get_by_text('truth', exact=True)).to_be_visible()
+    assert names.all_inner_texts()[:3] == ['slip', 'truth', 'ch9']
+    page.get_by_role('button', name='LU', exact=True).click()
+    expect(lanes).to_have_text(['ch2', 'ch4', 'ch13', 'ch15'])
+    for name in ('ch2', 'ch4', 'ch13', 'ch15'):
+        page.get_by_role('button', name=f'Traces of {name}', exact=True).click()
+    expect(lanes).to_have_text(['ch15'])  # One stays.
+
+    # The threshold is set when the line is let go, or with Enter.
+    line = threshold_line(page)
+    box = line.bounding_box()
+    x, y = box['x'] + 60, box['y'] + box['height'] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y + 12, steps=3)
+    expect(line).not_to_have_attribute('aria-valuetext', 'threshold 0.5')
+    assert config_of(served).threshold == 0.5
+    page.mouse.up()
+    expect(changes(page)).to_contain_text('threshold from 0.5')
+    before = config_of(served).threshold
+    assert before < 0.45
+    line.focus()
+    for key in ('ArrowUp', 'Escape', 'ArrowUp', 'Enter'):
+        page.keyboard.press(key)
+    expect(changes(page)).to_contain_text(f'threshold from {before:g} to {1.05 * before:.3g}')
+    page.evaluate('document.activeElement.blur()')
+
+    # Paused it stands still, can be zoomed and moved, and stays though the detector starts again.
+    page.keyboard.press('p')
+    expect(page.get_by_role('button', name='Go on', exact=True)).to_be_visible()
+    paused = stretch(page)
+    page.focus('#timeline')
+    page.keyboard.press('+')
+    page.keyboard.press('ArrowLeft')
+    from_s, to_s = stretch(page)
+    assert to_s - from_s == pytest.approx((paused[1] - paused[0]) / 2)
+    (connection,) = served.server.pages
+    while served.call(lambda: connection.view.until_ns is None):
+        page.wait_for_timeout(20)
+    finger = served.detectors.fingers[NAME]
+    volts = served.call(finger.track.samples.field('volts')[:, 14].copy)
+    served.call(finger.track.samples.clear)
+    served.call(finger.started_again, finger.config)
+    expect(card(page).locator('.notice')).to_contain_text('started again')
+    assert stretch(page) == (from_s, to_s)
+    page.keyboard.press('Shift+ArrowLeft')
+    # A column has one sample, or the range of several.
+    words = re.compile(r'^[\d.]+ s · ch15 · ([\d.]+)( V)? .*level')
+    expect(readout).to_have_text(words)
+    expect(readout).to_have_attribute('aria-live', 'polite')
+    read_v = float(words.search(readout.inner_text()).group(1))
+    assert np.abs(volts - read_v).min() < 6e-4
+    page.keyboard.press('Shift+ArrowDown')
+    expect(readout).to_contain_text('of the threshold')
+    page.keyboard.press('p')
+    until(page, f'data.toS > {paused[1]}')
+    page.keyboard.press('Home')
+    expect(page.locator('#trace-span')).to_have_text('10 s')
+
+
+def rows_with_lines(*frequencies_hz):
+    """Return noise with lines in channels 1 to 8."""
+    seconds = np.arange(3800) / 380.0
+    rows = 4.3 + 1e-3 * np.random.default_rng(3).normal(size=(3800, 16))
+    for hz in frequencies_hz:
+        rows[:, :8] += 0.05 * np.sin(2 * np.pi * hz * seconds)[:, np.newaxis]
+    return rows
+
+
+def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open_page):
+    served = serve(SimulatedDetectors(rows=rows_with_lines(31.0, 110.0)))
+    simulated = served.detectors.simulated[NAME]
+    served.call(simulated.play, 6.0)
+    page = open_page(served)
+    page.get_by_role('tab', name='Spectrum').click()
+    page.get_by_label('Channel', exact=True).select_option('ch1')
+    picture = page.get_by_role('img', name='Spectrum of')
+    expect(picture).to_have_accessible_name(
+        'Spectrum of ch1; pass-band 7 to 50 Hz; strongest at 31 Hz'
+    )
+    readout = page.locator('#spectrum .readout')
+    picture.focus()
+    for key, words in (('ArrowRight', '31'), ('ArrowRight', '31.5'), ('PageDown', '21.5')):
+        page.keyboard.press(key)
+        expect(readout).to_contain_text(f'{words} Hz · ')
+    served.call(setattr, simulated, 'rows', rows_with_lines())
+    served.call(simulated.play, 8.0)
+    page.get_by_role('button', name='Hold as rest', exact=True).click()
+    expect(picture).to_have_accessible_name(re.compile('with the one at rest behind it'))
+    served.call(setattr, simulated, 'rows', rows_with_lines(31.0))
+    served.call(simulated.play, 8.0)
+    box = page.locator('.spectrum-plot .u-over').bounding_box()
+    least, most = np.log([0.5, 190.0])
+    x = box['x'] + box['width'] * (np.log(31.0) - least) / (most - least)
+    page.mouse.move(x, box['y'] + box['height'] - 20)
+    expect(readout).to_have_text(re.compile(r'dB · at rest .* · (1[5-9]|[2-9]\d)\.\d dB above'))
+
+    def edge(name):
+        return page.get_by_role('slider', name=name, exact=True)
+
+    # Where edges of two bands meet, each has a label to be gripped by.
+    low, high, mains = (edge(n) for n in ('Pass-band, low edge', 'Pass-band, high edge', 'Mains'))
+    grip = low.locator('.label').bounding_box()
+    page.mouse.move(grip['x'] + 30, grip['y'] + 6)
+    page.mouse.down()
+    page.mouse.move(grip['x'] + 70, grip['y'] + 6, steps=4)
+    page.mouse.up()
+    expect(changes(page)).to_contain_text('passband_hz')
+    from_hz, to_hz = config_of(served).passband_hz
+    assert (8.0 < from_hz < 20.0, to_hz) == (True, 50.0)
+    high.focus()
+    for _ in range(9):
+        page.keyboard.press('PageUp')
+    expect(high).to_have_attribute('aria-valuetext', 'pass to all above')
+    page.keyboard.press('Enter')
+    expect(changes(page)).to_contain_text(f'to {from_hz:g}, 0')
+    page.get_by_role('button', name='Remove stop-band 2: 50 to 180 Hz', exact=True).click()
+    expect(edge('Stop-band 2, low edge')).to_have_count(0)
+    page.get_by_role('button', name='Add stop-band', exact=True).click()
+    expect(edge('Stop-band 2, low edge')).to_have_count(1)
+    page.get_by_label('Hum of the mains that is taken off').select_option('mains 60 Hz')
+    expect(mains).to_have_attribute('aria-valuetext', 'mains 60 Hz')
+    mains.focus()
+    page.keyboard.press('ArrowUp')
+    page.keyboard.press('Enter')
+    # No whole periods of 61 Hz: the detector says so, and the line goes back.
+    expect(page.get_by_role('alert')).to_contain_text('parameter mains_hz is 61 Hz')
+    expect(mains).to_have_attribute('aria-valuetext', 'mains 60 Hz')
