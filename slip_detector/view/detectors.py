@@ -202,7 +202,7 @@ def drawn_positions(config: DetectorConfig) -> Floats:
     [[-0.00125, 0.00125], [0.00125, 0.00125], [-0.00125, -0.00125], [0.00125, -0.00125]]
     """
     if config.taxel_positions_m:
-        return _apart(config.taxel_positions_m).copy()
+        return np.array(_apart(config.taxel_positions_m))
     width = int(np.ceil(np.sqrt(config.channels)))
     row, column = np.divmod(np.arange(config.channels), width)
     grid = [column - (width - 1) / 2, row[-1] / 2 - row, np.zeros(config.channels)]

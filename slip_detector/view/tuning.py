@@ -31,18 +31,15 @@ from typing import Any, NamedTuple
 import yaml
 
 from slip_detector.commands.tune import in_short
-from slip_detector.evaluation.outcome import figures_of_merit
+from slip_detector.evaluation.figures import figures_of_merit
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.files import writable_folder
-from slip_detector.parameters.writing import write_file
-from slip_detector.report.tuning_report import replay_tracks
-from slip_detector.report.tuning_table import FIGURES, comparison_text
-from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
-from slip_detector.tuning.objective import Candidate
-from slip_detector.tuning.problem import searched
+from slip_detector.parameters.files import writable_folder, write_yaml
+from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
+from slip_detector.tuning.learning import LEAST_S, learn_from_quiet, learn_from_taps
+from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import TuningParameters, tune
-from slip_detector.tuning.sensor import LEAST_S
 from slip_detector.tuning.tracks import TrainingFiles
 from slip_detector.view.recordings import RecordedFolder
 
@@ -282,10 +279,10 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     verdict = result.verdict
     tuned = {**begin, **({} if verdict.kept else searched(verdict.chain))}
     before, after = (
-        figures_of_merit(
-            replay_tracks(_parameters(each).chain, result.held, EVALUATION, shown=False).outcomes
-        )
-        for each in (job.running, tuned)
+        figures_of_merit([replay.run(one.rows(), one.sample_rate_hz) for one in result.held])
+        for replay in [
+            Replay(_parameters(values).chain, EVALUATION) for values in (job.running, tuned)
+        ]
     )
     _write(job.folder / 'tuned.yaml', tuned)
     report(found=DetectorConfig.from_parameters(tuned), table=compared(before, after))
@@ -337,7 +334,7 @@ def _parameters(values: Values) -> TuningParameters:
 
 def _write(file: Path, values: Values) -> None:
     document = yaml.safe_load(DetectorConfig.from_parameters(values).to_yaml())
-    write_file(file, document, ['Written by slip_view, which has tuned.'])
+    write_yaml(file, document, ['Written by slip_view, which has tuned.'])
 
 
 def compared(
@@ -347,12 +344,12 @@ def compared(
 
     Examples
     --------
-    >>> figures = [{**dict.fromkeys(FIGURES), 'recall': recall} for recall in (0.8, 0.95)]
+    >>> figures = [{**dict.fromkeys(MAIN_FIGURES), 'recall': recall} for recall in (0.8, 0.95)]
     >>> [row for row in compared(*figures) if row[0] == 'recall']
     [('recall', '0.800', '0.950', 'better')]
     """
     rows = []
-    for name, (title, _) in FIGURES.items():
+    for name in MAIN_FIGURES:
         was, now = before[name], after[name]
         if name == 'auc_moving' and was is None and now is None:
             continue
@@ -361,5 +358,5 @@ def compared(
         # A negative latency, ON before the slip, is neither better nor worse.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
             change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
-        rows.append((title, comparison_text(name, was), comparison_text(name, now), change))
+        rows.append((heading(name), figure_text(name, was), figure_text(name, now), change))
     return rows

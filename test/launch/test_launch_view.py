@@ -42,27 +42,27 @@ def generate_test_description():
 class TestPage(unittest.TestCase):
     def test_the_page_has_the_fingers_their_slips_and_their_file(self, proc_output):
         proc_output.assertWaitFor('slip_view: http://', timeout=DEADLINE_S, stream='stdout')
-        said = ''.join(line.text.decode() for line in proc_output)
-        address = re.search(r'slip_view: (http://\S+)', said)[1]
+        output = ''.join(line.text.decode() for line in proc_output)
+        address = re.search(r'slip_view: (http://\S+)', output)[1]
 
-        async def look():
+        async def view():
             page = await LiveClient.open(address)
-            hand = await page.until('hand', lambda hand: len(hand['fingers']) == 2)
-            labels = [finger['label'] for finger in hand['fingers']]
+            message = await page.until('fingers', lambda content: len(content['fingers']) == 2)
+            labels = [finger['label'] for finger in message['fingers']]
             assert labels == ['left/index', 'left/thumb']
-            assert hand['read_only']
+            assert message['read_only']
             await page.view()
             slipped = set()
             while len(slipped) < 2:
                 header, _ = await page.drawn_frame()
                 slipped |= {state['name'] for state in header['fingers'] if state['slip']}
-            told = await page.until('parameters', lambda told: len(told['fingers']) == 2)
-            files = {finger['file'] for finger in told['fingers'].values()}
+            message = await page.until('parameters', lambda content: len(content['fingers']) == 2)
+            files = {finger['file'] for finger in message['fingers'].values()}
             assert files == {str(SHARE / 'config' / 'slip_detector.yaml')}
-            assert not any(finger['differs'] for finger in told['fingers'].values())
+            assert not any(finger['differs'] for finger in message['fingers'].values())
             page.close()
 
-        asyncio.run(asyncio.wait_for(look(), DEADLINE_S))
+        asyncio.run(asyncio.wait_for(view(), DEADLINE_S))
 
 
 @launch_testing.post_shutdown_test()

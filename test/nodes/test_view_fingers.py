@@ -147,8 +147,8 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         # Nobody watched: it is read when somebody does.
         it.watched = {INDEX}
         await it.until(lambda: it.detectors.fingers[INDEX].config.threshold == 0.75, 'the change')
-        await it.detectors.set_parameters(INDEX, {'channels': 4, 'groups.TP': None, 'groups.TD': None,
-                                             'groups.LR': None, 'groups.LU': None})  # fmt: skip
+        groups = {f'groups.{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
+        await it.detectors.set_parameters(INDEX, {'channels': 4, **groups})
         await it.until(lambda: it.detectors.fingers[INDEX].config.channels == 4, 'the channels')
         assert list(it.detectors.fingers[INDEX].config.groups) == ['all']
         # One that ends is gone, with its subscriptions; it may come again.

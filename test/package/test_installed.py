@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_detector.view.server import page_files
+from slip_detector.view.server import FOLDERS
 
 PREFIX = os.environ.get('SLIP_DETECTOR_PREFIX', '')
 
@@ -78,11 +78,15 @@ def test_neither_tests_nor_benchmarks_are_installed(tmp_path):
 
 
 def test_what_the_live_page_is_made_of_is_installed(tmp_path):
-    code = 'import slip_detector.view.server as p; print(*p.page_files())'
+    code = (
+        'import slip_detector.view.server as p\n'
+        'print(*(file.name for path in p.FOLDERS.values() for file in path.rglob("*")))'
+    )
     command = [sys.executable, '-c', code]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     # As in the checkout.
-    assert set(done.stdout.split()) == set(page_files())
+    files = {file.name for path in FOLDERS.values() for file in path.rglob('*')}
+    assert set(done.stdout.split()) == files
 
 
 @pytest.mark.parametrize(
