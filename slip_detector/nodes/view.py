@@ -100,26 +100,31 @@ def _ignore_signals() -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog='slip_view', description=__doc__)
-    for name, default, what in (
-        ('host', '127.0.0.1', 'address to listen at (%(default)s, which only this machine can '
-         'reach); with 0.0.0.0 all machines can, and the address of the page has a token'),
-        ('token', '', 'the token (a new one at each start; none by default on this machine)'),
-        ('config', '', 'the parameter file that the detectors were started with, for "as in the '
-         'file"; or several, separated by commas, each for the namespace of its name'),
-        ('scene', None, 'play this scene in a loop, its name or path'),
-        ('fingers', 'index', 'names of the fingers that play it (%(default)s)'),
-        ('folder', 'slip_recordings', 'folder for recordings and saved parameters (%(default)s)'),
-    ):  # fmt: skip
-        parser.add_argument(f'--{name}', default=default, help=what)
-    parser.add_argument(
-        '--port',
-        type=whole_number(0, 65535),
-        default=8470,  # Not 8765, that of the Foxglove bridge.
-        help='port to listen at; 0: any that is free (%(default)s)',
+    add = parser.add_argument
+    add(
+        '--host',
+        default='127.0.0.1',
+        help='address to listen at (%(default)s, which only this machine can reach); '
+        'with 0.0.0.0 all machines can, and the address of the page has a token',
     )
-    parser.add_argument(
-        '--read-only', action='store_true', help='let no page change, record or save anything'
+    port = whole_number(0, 65535)  # By default not 8765, that of the Foxglove bridge.
+    add('--port', type=port, default=8470, help='port; 0: any that is free (%(default)s)')
+    add('--token', default='', help='the token (by default a new one, none on this machine)')
+    add('--read-only', action='store_true', help='let no page change, record or save anything')
+    add(
+        '--folder',
+        type=Path,
+        default='slip_recordings',
+        help='folder for recordings and saved parameters (%(default)s)',
     )
+    add(
+        '--config',
+        default='',
+        help='the parameter file that the detectors were started with, for "as in the file"; '
+        'or several, separated by commas, each for the namespace of its name',
+    )
+    add('--scene', help='play this scene in a loop, its name or path')
+    add('--fingers', default='index', help='names of the fingers that play it (%(default)s)')
     return parser
 
 
@@ -176,8 +181,8 @@ async def _serve(
     takedowns.append(node.destroy_node)
     detectors = RosDetectors(node)
     server = Server(detectors, Access(arguments.host, token, arguments.read_only))
-    ParameterRequests(server, Path(arguments.folder), arguments.configs)
-    TeachingRequests(server, Path(arguments.folder))
+    ParameterRequests(server, arguments.folder, arguments.configs)
+    TeachingRequests(server, arguments.folder)
     MarkerTopic(node, server)
     try:
         port = server.listen(arguments.port)
