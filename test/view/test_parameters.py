@@ -109,7 +109,7 @@ def test_every_parameter_stands_under_the_heading_of_the_docs():
     assert (band['text'], band['unit'], threshold['allowed']) == ('7, 50', 'Hz', '1e-30 to 1e+30')
     assert rows['rectify']['choices'] == ['full', 'half']
     assert rows['publish_groups']['choices'] == ['true', 'false']
-    assert rows['groups.TP']['meaning'].startswith('Channels (counted from 1) of each group')
+    assert rows['groups.TP']['meaning'].startswith('Channels (from 1) of each group')
     assert rows['use_sim_time']['meaning'] == 'Whose clock it is.'
     assert [name for name, row in rows.items() if row['read_only']] == ['autostart']
 
