@@ -95,7 +95,7 @@ def evaluate(
     Parameters
     ----------
     arguments
-        Files and folders, see :func:`slip_detector.recordings.folders.recording_sets`.
+        Files and folders, see :func:`slip_detector.recordings.recording_sets`.
     loader
         Opens the recordings; it has the parameters of the chain and of the evaluation.
     workers

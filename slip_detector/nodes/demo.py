@@ -44,7 +44,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
 from slip_detector.recordings import write_recording
-from slip_detector.recordings.truth import states_at
+from slip_detector.recordings.labels import states_at
 from slip_detector.sources import Source
 from slip_detector.sources.played import SceneSource
 

@@ -27,13 +27,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
-from slip_detector.nodes.joint_states import JointStateWriter
 from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.scheduler import Scheduler
 from slip_detector.nodes.sensor_relay import SensorRelay
 from slip_detector.nodes.voltages import Voltages
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.recordings.messages import JointStateWriter
 from slip_detector.sources import Source, open_source
 
 #: Number of samples that are read from the source at a time.

@@ -32,11 +32,11 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
-from slip_detector.nodes.joint_states import Sample, read_joint_states
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
+from slip_detector.recordings.messages import Sample, joint_state_groups
 from slip_detector.view.detectors import Finger
 
 #: Parameters on which the subscriptions depend.
@@ -246,8 +246,10 @@ class FingerTopics:
     def _append_levels(self) -> None:
         """Append the detector's levels and decisions to the track."""
         received, self._levels = self._levels, []
-        read = read_joint_states([raw for _, raw in received], self._config.channels)
         slip = np.array([self._slip.at(at_ns) for at_ns, _ in received])
-        # If the number of channels has just changed, some messages were not read: drop all.
-        if len(read.stamps_ns) == len(received):
-            self._finger.track.add_levels(read.stamps_ns, read.position, read.effort > 0.0, slip)
+        groups = list(joint_state_groups([raw for _, raw in received]))
+        if len(groups) != 1:  # the channels have just changed
+            return
+        levels, channels_on = groups[0].numbers('position'), groups[0].numbers('effort') > 0.0
+        if levels.shape == channels_on.shape == (len(received), self._config.channels):
+            self._finger.track.add_levels(groups[0].stamps_ns, levels, channels_on, slip)

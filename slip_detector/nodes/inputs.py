@@ -25,10 +25,9 @@ import rclpy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from slip_detector.nodes.joint_states import JointStateReader, Sample
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.recordings.field_paths import FieldReader
+from slip_detector.recordings.messages import FieldReader, JointStateReader, Sample
 
 _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 
@@ -78,8 +77,8 @@ class Input:
         self.replayed = False
         self._type = config.input_type
         # The usual kind of input, one message for each sample, for which there is a faster reader.
-        self._quick = self.message_class is JointState and config.input_field == 'position'
-        self._reader: JointStateReader | None = None
+        quick = self.message_class is JointState and config.input_field == 'position'
+        self._reader = JointStateReader() if quick else None
 
     def read(self, raw: bytes, info: dict[str, int | None]) -> Sample:
         """Return the samples of a serialised message.
@@ -101,7 +100,10 @@ class Input:
         ValueError
             When the message cannot be read or does not have the field.
         """
-        sample = None if self._reader is None else self._reader.read(raw)
+        sample = None
+        if self._reader is not None:
+            with contextlib.suppress(ValueError):  # Perhaps the middleware can read it.
+                sample = self._reader.read(raw)
         if sample is None:
             sample = self._read_whole(raw)
         if sample.stamp_ns:
@@ -118,9 +120,6 @@ class Input:
         except RuntimeError:  # Its text speaks of the middleware's code.
             raise ValueError(f'a message is no {self._type}') from None
         rows = self._field(message)
-        if self._quick:
-            with contextlib.suppress(ValueError):
-                self._reader = JointStateReader(raw, message)
         header = message.header if self._has_header else None
         return Sample(
             rows,

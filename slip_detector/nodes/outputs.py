@@ -26,7 +26,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.slip_chain import SlipResult
-from slip_detector.nodes.joint_states import JointStateWriter
 from slip_detector.nodes.messages import (
     event_qos,
     heartbeat_qos,
@@ -37,6 +36,7 @@ from slip_detector.nodes.messages import (
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, subscriber_counter
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
+from slip_detector.recordings.messages import JointStateWriter
 
 #: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0

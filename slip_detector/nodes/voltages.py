@@ -23,9 +23,8 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
-from slip_detector.nodes.joint_states import JointStateWriter
 from slip_detector.nodes.messages import sensor_qos
-from slip_detector.recordings.field_paths import BATCH_LABELS
+from slip_detector.recordings.messages import BATCH_LABELS, JointStateWriter
 
 
 class Voltages:

@@ -14,11 +14,14 @@
 
 """Recordings: rows of volts with their stamps and labels, in bags, npz and csv files."""
 
-from slip_detector.recordings.folders import recording_sets
-from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
-from slip_detector.recordings.reading import ENDINGS, is_recording, open_recording
-from slip_detector.recordings.reading_limit import PIECE_ROWS
-from slip_detector.recordings.recording import Recording, RecordingCounts
+from slip_detector.recordings.rates import RATE_TOLERANCE, rates_differ
+from slip_detector.recordings.reading import (
+    ENDINGS,
+    is_recording,
+    open_recording,
+    recording_sets,
+)
+from slip_detector.recordings.recording import PIECE_ROWS, Recording, RecordingCounts
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [

@@ -14,10 +14,10 @@
 
 """Recordings in bags: a topic with the rows, and perhaps a topic with the true slip."""
 
+import contextlib
 from collections.abc import Callable, Iterator
-from itertools import islice
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,25 +27,119 @@ from slip_detector.chain.stamps import GAP_PERIODS
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import listed, shown_name
-from slip_detector.recordings.bag_storage import BagStorage
-from slip_detector.recordings.labels import Labels
-from slip_detector.recordings.message_decoder import MessageDecoder, MessageRows
-from slip_detector.recordings.rate import checked_rate, rate_of
-from slip_detector.recordings.reading_limit import MESSAGE_SHARE, PIECE_ROWS
-from slip_detector.recordings.recording import Recording
-from slip_detector.recordings.topics import BOOL, JOINT_STATE, Message, Topic, typestore_of
-from slip_detector.recordings.truth import PlatformMotion, states_at
+from slip_detector.recordings.bag_storage import BagStorage, Message, Topic, typestore_of
+from slip_detector.recordings.labels import Labels, moving_at, states_at
+from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, joint_state_groups
+from slip_detector.recordings.rates import checked_rate, rate_of
+from slip_detector.recordings.recording import PIECE_ROWS, Recording
 
 Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-T = TypeVar('T')
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+BOOL = 'std_msgs/msg/Bool'
 
 #: The topic that is read if no other is configured.
 TOPIC = 'voltages'
 
 #: Number of messages that are decoded first, to find the rate and the samples per message.
 FIRST_MESSAGES = 1024
+
+#: Bytes of messages that are decoded at a time.
+MOST_BYTES = 1 << 24
+
+
+class _Decoder:
+    """Decodes the messages of a topic to rows.
+
+    Attributes
+    ----------
+    channels : int
+        Number of channels in the first message; 0 before the first message.
+    names : tuple of str
+        Names of the channels in the first message; empty if it has none.
+    """
+
+    def __init__(self, topic: Topic, field: str) -> None:
+        self._msgtype, self._typestore = topic.msgtype, typestore_of(topic)
+        self._field, self._reader = field, FieldReader(field)
+        self._is_quick = topic.msgtype == JOINT_STATE and field in JOINT_FIELDS
+        self.channels = 0
+        self.names: tuple[str, ...] = ()
+
+    def message(self, raw: bytes) -> Any:
+        """Return a message as an object with its fields as attributes."""
+        try:
+            return self._typestore.deserialize_cdr(raw, self._msgtype)
+        except Exception as error:  # generated code of rosbags may raise anything
+            raise ValueError(f'a message is no {self._msgtype} ({error})') from None
+
+    def rows(self, messages: list[Message]) -> tuple[Samples, Stamps]:
+        """Decode messages; those are left out that cannot be, or have other channels or names.
+
+        Returns
+        -------
+        samples : Samples
+            Each row with the stamp of its message, or the time of receipt where that is 0 or there
+            is none, as in the detector. Its number is the message's place in the list.
+        late_ns : ndarray of int, shape (n,)
+            Time from the stamp to the receipt.
+
+        Raises
+        ------
+        ValueError
+            When none of the messages so far has channels.
+        """
+        times, raws = zip(*messages, strict=True)
+        left = np.ones(len(raws), bool)
+        parts: list[tuple[NDArray[Any], Stamps, Floats, tuple[str, ...]]] = []
+        for group in joint_state_groups(raws) if self._is_quick else ():
+            left[group.indices] = False
+            rows = group.numbers(self._field)[:, np.newaxis]
+            names = _names(group.layout.names, rows.shape[2])
+            parts.append((group.indices, group.stamps_ns, rows, names))
+        why = ValueError(f'the field {self._field} is empty in every message')
+        for i in np.flatnonzero(left):
+            try:
+                parts.append((np.array([i]), *self._decoded(raws[i])))
+            except ValueError as error:
+                why = error
+        parts.sort(key=lambda part: int(part[0][0]))
+        if not self.channels:
+            first = next((part for part in parts if part[2].shape[2]), None)
+            if first is None:
+                raise why
+            self.channels, self.names = first[2].shape[2], first[3]
+        nothing, kind = np.empty(0, np.int64), (self.channels, self.names)
+        parts = [part for part in parts if (part[2].shape[2], part[3]) == kind]
+        parts.append((nothing, nothing, np.empty((0, 1, self.channels)), ()))
+        number, stamps_ns = (
+            np.concatenate([np.repeat(part[k], part[2].shape[1]) for part in parts])
+            for k in (0, 1)
+        )
+        received_ns = np.array(times, np.int64)[number]
+        stamps_ns = np.where(stamps_ns == 0, received_ns, stamps_ns)
+        volts = np.concatenate([part[2].reshape(-1, self.channels) for part in parts])
+        order = np.argsort(number, kind='stable') if len(parts) > 2 else slice(None)
+        samples = Samples(volts, stamps_ns, row_numbers=number)
+        return samples.take(order), (received_ns - stamps_ns)[order]
+
+    def _decoded(self, raw: bytes) -> tuple[Stamps, Floats, tuple[str, ...]]:
+        """Return stamp, rows, (1, samples, channels), and names of one message."""
+        message = self.message(raw)
+        rows = self._reader(message)
+        stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+        stamp_ns = 0 if stamp is None else int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        names = _names(getattr(message, 'name', ()), rows.shape[1])
+        return np.array([stamp_ns]), rows[np.newaxis], names
+
+
+def _names(names: Any, channels: int) -> tuple[str, ...]:
+    """Return the names in a message if they are those of its channels, else none."""
+    if isinstance(names, str) or len(names) != channels:
+        return ()
+    return tuple(names) if all(isinstance(name, str) for name in names) else ()
 
 
 class BagRecording(Recording):
@@ -64,132 +158,99 @@ class BagRecording(Recording):
     ------
     ValueError
         When there is no such topic or field, or no sample; names the bag and its topics.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.recordings import write_recording
-    >>> rows = Samples(np.full((4, 2), 4.3), np.arange(4) * 10_000_000, None)
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = Path(folder.name) / 'trial.mcap'
-    >>> write_recording(path, [rows], 100.0, ['a', 'b'])
-    >>> recording = BagRecording(path, RecordingConfig(), labels=None)
-    >>> recording.channel_names, [piece.volts.shape for piece in recording.pieces()]
-    (('a', 'b'), [(4, 2)])
-    >>> folder.cleanup()
     """
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
-        self._storage = self._naming(lambda: BagStorage(path, self._limit))
-        self._topic = topic = self._rows_topic(config.recording_topic)
-        self._typestore = self._naming(lambda: typestore_of(topic))
-        self._field = config.recording_field or self._usual_field(topic)
-        truth = self._beside(config, 'recording_truth_topic', BOOL)
-        position = self._beside(config, 'recording_position_topic', JOINT_STATE)
-        self._truth_topic, self._position_topic = truth, None if truth else position
-        self._still_m = config.recording_still_m
-        self.labelled = bool(truth or position)
+        with self._named_errors():
+            self._open(config)
 
-        decoder = self._decoder(topic, self._field)
-        decoded, _ = next(self._decoded(topic, decoder), (None, None))
-        if decoded is None or not len(decoded.volts):
-            lost = f' ({self._storage.lost[0]})' if self._storage.lost else ''
-            raise ValueError(f'{path}: has no samples on {topic.name}{lost}')
+    def _open(self, config: RecordingConfig) -> None:
+        self._storage = BagStorage(self.path, self._limit)
+        self._topic = self._rows_topic(config.recording_topic)
+        self._field = config.recording_field or self._usual_field()
+        self._truth_topic = self._label_topic(config, 'recording_truth_topic', BOOL)
+        self._position_topic = self._label_topic(config, 'recording_position_topic', JOINT_STATE)
+        self._still_m = config.recording_still_m
+        self.labelled = bool(self._truth_topic or self._position_topic)
+        decoder = _Decoder(self._topic, self._field)
+        first = next((rows for rows, _, _ in self._rows(self._topic, decoder)), None)
+        if first is None or not len(first.volts):
+            raise ValueError(f'has no samples on {self._topic.name}{self._found_damage()}')
         self.named = bool(decoder.names)
         self.channel_names = decoder.names or default_channel_names(decoder.channels)
-        message_hz = rate_of((decoded.stamps_ns - decoded.stamps_ns[0]) * 1e-9)
+        firsts, counts = _messages_of(first)
+        message_hz = rate_of((first.stamps_ns[firsts] - first.stamps_ns[0]) * 1e-9)
         if message_hz is None:
             raise ValueError(
-                f'{path}: the stamps on {topic.name} do not rise, allowed: two or more messages, '
+                f'the stamps on {self._topic.name} do not rise, allowed: two or more messages, '
                 'each with its time'
             )
-        self._samples = int(np.median(decoded.samples))
-        self.sample_rate_hz = checked_rate(message_hz * self._samples, path)
+        self._per_message = int(np.median(counts))
+        self.sample_rate_hz = checked_rate(message_hz * self._per_message, self.path)
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
-        self.counts.warnings = '; '.join(self._storage.doubts)
+        with self._named_errors():
+            yield from self._read()
+
+    def _read(self) -> Iterator[Samples]:
+        self.counts.warnings = '; '.join(self._storage.warnings)
         truth_at = self._truth()
-        decoder = self._decoder(self._topic, self._field)
-        messages = 0
+        n_messages = 0
         first_ns = last_ns = None
-        for decoded, received_ns in self._decoded(self._topic, decoder):
-            messages += len(received_ns)
-            self.counts.dropped += (len(received_ns) - len(decoded.which)) * self._samples
-            if not len(decoded.volts):
-                continue
-            stamps_ns = self._stamps(decoded, last_ns)
-            truth = None
-            if truth_at is not None:
-                late_ns = received_ns[decoded.which] - decoded.stamps_ns
-                truth = truth_at(stamps_ns, np.repeat(late_ns, decoded.samples))
-            first_ns = int(stamps_ns[0]) if first_ns is None else first_ns
-            last_ns = int(stamps_ns[-1])
-            yield Samples(decoded.volts, stamps_ns, truth)
-        if self._storage.lost:
+        for rows, late_ns, n in self._rows(self._topic, _Decoder(self._topic, self._field)):
+            n_messages += n
+            self.counts.dropped += (n - len(_messages_of(rows)[0])) * self._per_message
+            if len(rows.volts):
+                stamps_ns = self._spread(rows, last_ns)
+                first_ns = int(stamps_ns[0]) if first_ns is None else first_ns
+                last_ns = int(stamps_ns[-1])
+                truth = None if truth_at is None else truth_at(stamps_ns, late_ns)
+                yield Samples(rows.volts, stamps_ns, truth)
+        if self._storage.damage:
             end_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
-            recorded = self._storage.counts.get(self._topic.name, 0)
-            missing = recorded - messages
-            much = f'{missing} of {recorded} messages on' if missing > 0 else 'what followed on'
             self.counts.damage = (
-                f'{"; ".join(self._storage.lost)}: {much} {self._topic.name} is lost, '
-                f'{messages} messages up to {end_s:.3f} s are read'
+                f'{"; ".join(self._storage.damage)}: what followed on {self._topic.name} is '
+                f'lost, {n_messages} messages up to {end_s:.3f} s are read'
             )
 
-    def _decoder(self, topic: Topic, field: str) -> MessageDecoder:
-        typestore = self._typestore
-        if topic is not self._topic:
-            typestore = self._naming(lambda: typestore_of(topic))
-        return self._naming(lambda: MessageDecoder(typestore, topic.msgtype, field))
+    def _rows(self, topic: Topic, decoder: _Decoder) -> Iterator[tuple[Samples, Stamps, int]]:
+        """Yield decoded messages of a topic, as :class:`_Decoder`, and their number."""
+        some: list[Message] = []
+        most, n_bytes = FIRST_MESSAGES, 0
+        messages = self._storage.messages(topic)
+        while True:
+            message = next(messages, None)
+            if message is not None:
+                self._limit.check(8 * len(message[1]), f'a message on {topic.name}')
+                some.append(message)
+                n_bytes += len(message[1])
+            if some and (message is None or len(some) >= most or n_bytes > MOST_BYTES):
+                rows, late_ns = decoder.rows(some)
+                self._limit.check_channels(decoder.channels)
+                yield rows, late_ns, len(some)
+                most = max(1, PIECE_ROWS * len(some) // max(1, len(rows.volts)))
+                some, n_bytes = [], 0
+            if message is None:
+                return
 
-    def _decoded(
-        self, topic: Topic, decoder: MessageDecoder
-    ) -> Iterator[tuple[MessageRows, Stamps]]:
-        """Yield decoded messages of a topic, and the time at which each was received."""
-        messages = self._storage.messages({topic.name})
-        n = FIRST_MESSAGES
-        while some := self._naming(lambda: self._some(messages, n)):  # noqa: B023
-            _, received, raws = zip(*some, strict=True)
-            decoded = self._naming(lambda: decoder.many(raws, received))  # noqa: B023
-            self._limit.check_channels(decoder.channels)
-            yield decoded, np.array(received, dtype=np.int64)
-            if len(decoded.samples):
-                n = max(1, PIECE_ROWS // max(1, int(np.median(decoded.samples))))
-
-    def _some(self, messages: Iterator[Message], n: int) -> list[Message]:
-        """Return the next messages, at most n, and at most as many as the memory limit allows."""
-        some = []
-        n_bytes = 0
-        for message in islice(messages, n):
-            size = len(message[2])
-            self._limit.check(size, f'a message on {message[0]}', MESSAGE_SHARE)
-            some.append(message)
-            n_bytes += size
-            if n_bytes >= self._limit.message_bytes:
-                break
-        return some
-
-    def _stamps(self, decoded: MessageRows, last_ns: 'int | None') -> Stamps:
+    def _spread(self, rows: Samples, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.
 
         A message with several samples has the stamp of the last one. The others are spread evenly
         over the time since the previous message or, after a gap, have their nominal period.
         """
-        ends_ns, samples = decoded.stamps_ns, decoded.samples
-        if (samples == 1).all():
-            return ends_ns
-        period_ns = 1e9 / self.sample_rate_hz
-        usual_ns = samples * period_ns
+        firsts, counts = _messages_of(rows)
+        if (counts == 1).all():
+            return rows.stamps_ns
+        ends_ns = rows.stamps_ns[firsts]
+        usual_ns = counts * (1e9 / self.sample_rate_hz)
         spans_ns = np.diff(ends_ns, prepend=ends_ns[0] if last_ns is None else last_ns)
         near = (spans_ns > 0) & (spans_ns < GAP_PERIODS * usual_ns)
-        spans_ns = np.where(near, spans_ns, usual_ns)
-        before = np.repeat(np.cumsum(samples) - samples, samples)
-        left = np.repeat(samples, samples) - 1 - (np.arange(samples.sum()) - before)
-        steps_ns = np.repeat(spans_ns / np.maximum(samples, 1), samples)
-        back_ns = np.rint(left * steps_ns).astype(np.int64)
-        return np.asarray(np.repeat(ends_ns, samples) - back_ns)
+        steps_ns = np.where(near, spans_ns, usual_ns) / counts
+        left = np.repeat(firsts + counts, counts) - 1 - np.arange(len(rows.volts))
+        return rows.stamps_ns - np.rint(left * np.repeat(steps_ns, counts)).astype(np.int64)
 
     def _truth(self) -> 'Callable[[Stamps, Stamps], Bools] | None':
         """Return a function that gives the truth of rows; None if the bag does not have it.
@@ -200,53 +261,50 @@ class BagRecording(Recording):
         if self._labels is not None:
             return None
         if self._truth_topic is not None:
-            topic = self._truth_topic
-            typestore = self._naming(lambda: typestore_of(topic))
-            decoder = MessageDecoder(typestore, BOOL, 'data')
+            topic, decoder = self._truth_topic, _Decoder(self._truth_topic, 'data')
             changes = [
-                (received_ns, bool(self._naming(lambda: decoder.message(raw)).data))  # noqa: B023
-                for _, received_ns, raw in self._storage.messages({topic.name})
+                (at, decoder.message(raw).data) for at, raw in self._storage.messages(topic)
             ]
-            at_ns = np.array([at for at, _ in changes], dtype=np.int64)
-            states = np.array([state for _, state in changes], dtype=bool)
-            return lambda stamps_ns, late_ns: states_at(at_ns, states, stamps_ns + late_ns)
+            at_ns, states = np.array(changes, np.int64).reshape(-1, 2).T
+            return lambda stamps_ns, late_ns: states_at(at_ns, states != 0, stamps_ns + late_ns)
         if self._position_topic is not None:
-            motion = PlatformMotion(self._still_m)
-            decoder = self._decoder(self._position_topic, 'position')
-            for decoded, _ in self._decoded(self._position_topic, decoder):
-                if len(decoded.volts):
-                    motion.add(decoded.stamps_ns, decoded.volts)
-            return lambda stamps_ns, _: motion.at(stamps_ns)
+            topic = self._position_topic
+            parts = [rows for rows, _, _ in self._rows(topic, _Decoder(topic, 'position'))]
+            positions = parts[0].then(*parts[1:])
+            return lambda stamps_ns, _: moving_at(positions, self._still_m, stamps_ns)
         return None
 
-    def _naming(self, act: Callable[[], T]) -> T:
-        """Call a function and put the path of the bag in front of its errors."""
+    @contextlib.contextmanager
+    def _named_errors(self) -> Iterator[None]:
+        """Put the path of the bag in front of errors."""
         try:
-            return act()
-        except ValueError as error:
-            said = str(error)
-            named = said.startswith(f'{self.path}: ')
-            raise ValueError(said if named else f'{self.path}: {said}') from None
+            yield
+        except (ValueError, OverflowError) as error:
+            text = str(error).removeprefix(f'{self.path}: ')
+            raise ValueError(f'{self.path}: {text}') from None
+
+    def _found_damage(self) -> str:
+        return f' ({self._storage.damage[0]})' if self._storage.damage else ''
 
     def _rows_topic(self, name: str) -> Topic:
         """Find the topic that has the rows."""
         found = [topic for topic in self._storage.topics if _is_named(topic.name, name or TOPIC)]
         if len(found) == 1:
             return found[0]
-        every = [f'{topic.name} ({topic.msgtype})' for topic in self._storage.topics]
-        known = listed(every)
         if found:
             raise ValueError(
-                f'{self.path}: has {listed([topic.name for topic in found])}, allowed: one of '
-                'them, named by --topic (recording_topic)'
+                f'has {listed([topic.name for topic in found])}, allowed: one of them, named by '
+                '--topic (recording_topic)'
             )
-        lost = f' ({self._storage.lost[0]})' if self._storage.lost else ''
+        known = listed([f'{topic.name} ({topic.msgtype})' for topic in self._storage.topics])
         raise ValueError(
-            f'{self.path}: has no topic {name or TOPIC}, there are: {known or "none"}{lost}; '
+            f'has no topic {name or TOPIC}, there are: {known or "none"}{self._found_damage()}; '
             '--topic (recording_topic) names one'
         )
 
-    def _beside(self, config: RecordingConfig, parameter: str, msgtype: str) -> 'Topic | None':
+    def _label_topic(
+        self, config: RecordingConfig, parameter: str, msgtype: str
+    ) -> 'Topic | None':
         """Find a topic that labels the rows: in their namespace, else in any other."""
         name = getattr(config, parameter)
         alike = [topic for topic in self._storage.topics if topic.msgtype == msgtype]
@@ -260,22 +318,29 @@ class BagRecording(Recording):
             return None
         known = listed([topic.name for topic in found or alike])
         raise ValueError(
-            f'{self.path}: parameter {parameter} is {name!r}, allowed: one topic of type '
-            f'{msgtype}, there are: {known or "none"}'
+            f'parameter {parameter} is {name!r}, allowed: one topic of type {msgtype}, there '
+            f'are: {known or "none"}'
         )
 
-    def _usual_field(self, topic: Topic) -> str:
+    def _usual_field(self) -> str:
         """Return the field that usually has the channels in messages of this type."""
-        if topic.msgtype == JOINT_STATE:
+        name, msgtype = self._topic.name, self._topic.msgtype
+        if msgtype == JOINT_STATE:
             return 'position'
-        if topic.msgtype.endswith('MultiArray'):
+        if msgtype.endswith('MultiArray'):
             return 'data'
-        known = self._typestore.fielddefs[topic.msgtype][1]
-        fields = listed([name for name, _ in known])
+        fields = listed([name for name, _ in typestore_of(self._topic).fielddefs[msgtype][1]])
         raise ValueError(
-            f'{self.path}: {shown_name(topic.name)} is {shown_name(topic.msgtype)}, allowed: with '
-            f'a field named by --field (recording_field), there are: {fields}'
+            f'{shown_name(name)} is {shown_name(msgtype)}, allowed: with a field named by '
+            f'--field (recording_field), there are: {fields}'
         )
+
+
+def _messages_of(rows: Samples) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the first row of each message, and its number of rows."""
+    assert rows.row_numbers is not None
+    firsts = np.flatnonzero(np.diff(rows.row_numbers, prepend=-1))
+    return firsts, np.diff(firsts, append=len(rows.volts))
 
 
 def _is_named(topic: str, name: str) -> bool:

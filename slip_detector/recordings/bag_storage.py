@@ -15,71 +15,51 @@
 """Reads the messages of a bag with rosbags, and what can be read of a damaged bag."""
 
 import contextlib
+import functools
 import re
+import shutil
 import tempfile
+import weakref
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from slip_detector.parameters.files import read_yaml
-from slip_detector.recordings.compression import decompressed, decompressor
-from slip_detector.recordings.damaged_database import DamagedDatabase
-from slip_detector.recordings.damaged_mcap import DamagedMcap
-from slip_detector.recordings.mcap_chunks import survey
-from slip_detector.recordings.reading_limit import ReadingLimit
-from slip_detector.recordings.topics import Message, Topic
+from slip_detector.parameters.fields import shortened, shown_name
+from slip_detector.recordings.mcap_files import checksum_warning, copy_readable
+from slip_detector.recordings.recording import SizeLimit
 
 #: A folder that has this file is a bag.
 METADATA = 'metadata.yaml'
 
-_DAMAGED: dict[str, type[DamagedMcap | DamagedDatabase]] = {
-    '.mcap': DamagedMcap,
-    '.db3': DamagedDatabase,
+#: Endings of the files of a bag; the last is that of ROS 1.
+BAG_ENDINGS = ('.mcap', '.db3', '.bag')
+
+#: What repairs a damaged file.
+_REPAIRS = {
+    '.db3': 'sqlite3 {name} .recover | sqlite3 repaired.db3',
+    '.bag': 'rosbag reindex {name}',
+    '.zstd': 'zstd -d {name}',
 }
 
-#: Endings of the files of a bag.
-BAG_ENDINGS = tuple(_DAMAGED)
+#: The first bytes of a message that the recorder has compressed.
+_ZSTD = bytes.fromhex('28b52ffd')
 
-#: Ending of a bag's file that the recorder has compressed as a whole.
-_COMPRESSED = '.zstd'
+#: Separator of the definitions of several types in one text.
+_RULE = '=' * 80 + '\n'
 
-#: Largest ratio of a decompressed file to its size, in addition to the memory limit.
-MOST_RATIO = 100
+_HEADER = 'std_msgs/msg/Header'
 
-#: Bytes that are copied at a time.
-_STEP = 1 << 20
-
-#: Offset of the page size in an SQLite file.
-_PAGE_SIZE_AT = 16
+#: Time of receipt in nanoseconds, serialised message (CDR).
+Message = tuple[int, bytes]
 
 
-def load_rosbags() -> Any:
-    """Import the part of rosbags that reads and writes bags.
+class Topic(NamedTuple):
+    """A topic of a bag: its name, and name, format (MSG, IDL, NONE) and definition of its type."""
 
-    Raises
-    ------
-    ValueError
-        When it is not installed; says how to install it.
-
-    Examples
-    --------
-    >>> load_rosbags().__name__
-    'rosbags.rosbag2'
-    """
-    try:
-        from rosbags import rosbag2
-        from rosbags.rosbag2 import storage_mcap
-    except ImportError:
-        raise ValueError('bags need the package rosbags: pip install rosbags') from None
-    # rosbags would decompress a chunk to any length before it compares the length.
-    for name in ('zstd', 'lz4'):
-        storage_mcap.DECOMPRESSORS[name] = partial(_chunk_content, name)
-    return rosbag2
-
-
-def _chunk_content(compression: str, data: bytes, size: int) -> bytes:
-    return decompressed(data, compression, size)
+    name: str
+    msgtype: str
+    encoding: str
+    definition: str
 
 
 class BagStorage:
@@ -90,18 +70,18 @@ class BagStorage:
     path
         The folder of a bag, or one of its files.
     limit
-        The memory limit.
+        The limit of size.
 
     Attributes
     ----------
     topics : list of Topic
         Sorted by name.
     counts : dict
-        Number of messages of each topic by its name, as far as the bag tells it.
-    lost : list of str
+        Number of messages of each topic by its name.
+    damage : list of str
         One line for each part that the last reading could not read.
-    doubts : list of str
-        One line for each reason why damage may go unnoticed.
+    warnings : list of str
+        One line for each reason why damage may go unseen.
 
     Raises
     ------
@@ -111,157 +91,206 @@ class BagStorage:
         When the path does not exist.
     """
 
-    def __init__(self, path: Path, limit: ReadingLimit) -> None:
-        self._path, self._limit = path, limit
-        self._rosbag2 = load_rosbags()
-        self.lost: list[str] = []
+    def __init__(self, path: Path, limit: SizeLimit) -> None:
+        self._path = path
+        load_rosbags()
         path.stat()
-        surveys = {file: survey(file, limit) for file in _files(path) if file.suffix == '.mcap'}
-        self.doubts = [f'{file.name} {line}' for file, line in surveys.items() if line]
-        metadata = _metadata(path)
-        self._compression = str(metadata.get('compression_mode')).lower()
+        self.damage: list[str] = []
+        self._copy_damage: list[str] = []
+        self.warnings = []
+        for file in _files(path):
+            warning = checksum_warning(file, limit.check) if file.suffix == '.mcap' else ''
+            self.warnings += [f'{file.name} {warning}'] if warning else []
+            if file.suffix == '.db3':
+                _check_pages(file)
+        #: What rosbags opens, one after the other: the bag or, if it is damaged, its files.
+        self._parts, self._are_copies = [path], False
         try:
-            # Not read with rosbags, which decompresses files and messages to any length.
-            if self._compression in ('file', 'message') or (path.is_dir() and not metadata):
-                raise ValueError('is compressed, or has no metadata')
-            with self._rosbag2.Reader(path) as reader:
-                topics = [_topic(connection) for connection in reader.connections]
-                counts = [(one.topic, one.msgcount) for one in reader.connections]
-                self._whole = True
-        except Exception:  # rosbags raises many kinds of error for a truncated file.
-            self._whole = False
-            counts = _counts(metadata)
-            with self._readers() as readers:
-                topics = [topic for reader in readers for topic in reader.topics]
-                self.lost = [f'{reader.name} {reader.lost}' for reader in readers if reader.lost]
-        self.counts = dict(counts)
-        by_name = {topic.name: topic for topic in topics}
+            connections = self._connections()
+        except ValueError:
+            self._copy_readable()
+            connections = self._connections()
+        by_name = {
+            one.topic: Topic(one.topic, one.msgtype, one.msgdef.format.name, one.msgdef.data)
+            for one in connections
+        }
+        self.counts = {one.topic: one.msgcount for one in connections}
         self.topics = [by_name[name] for name in sorted(by_name)]
 
-    def messages(self, topics: set[str]) -> Iterator[Message]:
-        """Yield the messages of some topics in order of receipt, as far as damage allows."""
-        self.lost = []
+    def messages(self, topic: Topic) -> Iterator[Message]:
+        """Yield the messages of a topic in order of receipt, as far as damage allows.
+
+        Raises
+        ------
+        ValueError
+            When the bag is damaged and no MCAP; says how to repair it.
+        """
+        self.damage = [*self._copy_damage]
         last_ns = -1
-        if self._whole:
-            try:
-                for message in self._messages_of_whole(topics):
+        for received_ns, raw in self._up_to_damage(topic):
+            last_ns = received_ns
+            yield received_ns, raw
+        # rosbags omits a topic on which metadata.yaml and the files disagree.
+        is_complete = not self.damage and (last_ns >= 0 or self._path.is_file())
+        if not is_complete and not self._are_copies:
+            self._copy_readable()
+            yield from (message for message in self._up_to_damage(topic) if message[0] > last_ns)
+
+    def _up_to_damage(self, topic: Topic) -> Iterator[Message]:
+        try:
+            yield from self._messages(topic)
+        except ValueError as error:
+            if any(file.suffix in _REPAIRS for file in _files(self._path)):
+                raise
+            self.damage.append(str(error))
+
+    def _messages(self, topic: Topic) -> Iterator[Message]:
+        for part in self._parts:
+            with _reader(part) as reader:
+                wanted = [one for one in reader.connections if one.topic == topic.name]
+                for _, received_ns, raw in reader.messages(wanted) if wanted else ():
                     # SQLite stores any type in any column.
-                    if not isinstance(message[1], int) or not isinstance(message[2], bytes):
+                    if not isinstance(received_ns, int) or not isinstance(raw, bytes):
                         raise ValueError('a message has no bytes or no time')
-                    last_ns = message[1]
-                    yield message
-                if last_ns >= 0:
-                    return
-                # rosbags omits a topic on which metadata.yaml and the files disagree.
-            except Exception as error:  # rosbags reaches the damage only here.
-                why = ' '.join(str(error).split())
-                self.lost.append(f'{self._path.name} is damaged ({why})')
-        per_message = self._compression == 'message'
-        with self._readers() as readers:
-            for reader in readers:
-                for topic, received_ns, raw in reader.messages(topics):
-                    if received_ns > last_ns:
-                        if per_message:
-                            raw = _message(raw, self._limit)  # noqa: PLW2901
-                        yield topic, received_ns, raw
-                if reader.lost:
-                    self.lost.append(f'{reader.name} {reader.lost}')
+                    if part.suffix == '.bag':
+                        cdr = bytes(typestore_of(topic).ros1_to_cdr(raw, topic.msgtype))
+                    else:
+                        cdr = _unpacked(raw) if raw.startswith(_ZSTD) else raw
+                    yield received_ns, cdr
 
-    def _messages_of_whole(self, topics: set[str]) -> Iterator[Message]:
-        with self._rosbag2.Reader(self._path) as reader:
-            wanted = [one for one in reader.connections if one.topic in topics]
-            if wanted:
-                for connection, received_ns, raw in reader.messages(wanted):
-                    yield connection.topic, received_ns, raw
+    def _connections(self) -> list[Any]:
+        """Return what rosbags says about the topics."""
+        connections = []
+        for part in self._parts:
+            with _reader(part) as reader:
+                connections += reader.connections
+        return connections
 
-    @contextlib.contextmanager
-    def _readers(self) -> 'Iterator[list[DamagedMcap | DamagedDatabase]]':
-        """Open each file of the bag as far as it can be read."""
-        with tempfile.TemporaryDirectory() as folder:
-            files = [_readable(file, Path(folder), self._limit) for file in _files(self._path)]
-            if not files:
-                raise ValueError('has no files of a bag, allowed: .mcap or .db3')
-            names = [file.name.removesuffix(_COMPRESSED) for file in _files(self._path)]
-            yield [
-                _DAMAGED[file.suffix](file, name) for file, name in zip(files, names, strict=True)
-            ]
+    def _copy_readable(self) -> None:
+        """Open the files one by one, MCAP files as copies of what can be read of them."""
+        from lz4.frame import LZ4FrameDecompressor
+
+        streams = {'zstd': _zstd().ZstdDecompressor, 'lz4': LZ4FrameDecompressor}
+        folder = Path(tempfile.mkdtemp(prefix='slip_detector_'))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self._parts, self._are_copies = [], True
+        for k, file in enumerate(_files(self._path)):
+            if file.suffix == '.mcap':
+                copy = folder / f'{k}.mcap'
+                damage = copy_readable(file, copy, streams)
+                self._copy_damage += [f'{file.name} {damage}'] if damage else []
+                self._parts.append(copy)
+            else:
+                self._parts.append(file)
+        self.damage += self._copy_damage
+        if not self._parts:
+            raise ValueError('has no files of a bag, allowed: .mcap or .db3')
 
 
-def _topic(connection: Any) -> Topic:
-    encoding = {'MSG': 'ros2msg', 'IDL': 'ros2idl'}.get(connection.msgdef.format.name, '')
-    name, msgtype = str(connection.topic), str(connection.msgtype)
-    return Topic(name, msgtype, encoding, connection.msgdef.data)
+def load_rosbags() -> Any:
+    """Import the part of rosbags that reads and writes bags.
 
-
-def _metadata(path: Path) -> dict[str, Any]:
-    """Return the metadata of a bag; empty if they are missing or damaged."""
+    Raises
+    ------
+    ValueError
+        When it is not installed; says how to install it.
+    """
     try:
-        return dict(read_yaml(path / METADATA)['rosbag2_bagfile_information'])
-    except (ValueError, TypeError, KeyError):
-        return {}
+        from rosbags import rosbag2
+    except ImportError:
+        raise ValueError('bags need the package rosbags: pip install rosbags') from None
+    return rosbag2
 
 
-def _message(raw: bytes, limit: ReadingLimit) -> bytes:
-    """Return a decompressed message; empty if damaged, so that the decoder leaves it out."""
+@contextlib.contextmanager
+def _reader(part: Path) -> Iterator[Any]:
+    """Open a bag or one of its files; errors are one line with its name."""
+    from rosbags import rosbag1, rosbag2
+
     try:
-        return decompressed(raw, 'zstd', limit.message_bytes)
-    except ValueError:
+        with (rosbag1 if part.suffix == '.bag' else rosbag2).Reader(part) as reader:
+            yield reader
+    except Exception as error:  # rosbags raises many kinds of error for a damaged file
+        why = shortened(' '.join(str(error).split()))
+        raise ValueError(f'{part.name} is damaged ({why}){_repair(part)}') from None
+
+
+def _repair(file: Path) -> str:
+    repair = _REPAIRS.get(file.suffix, '').format(name=file.name)
+    return f', allowed: a whole file; this repairs it: {repair}' if repair else ''
+
+
+def _check_pages(database: Path) -> None:
+    """Check that a database is not cut off: SQLite would read a part of a page as content."""
+    with open(database, 'rb') as file:
+        head = file.read(100)
+    page = int.from_bytes(head[16:18], 'big')
+    page = 65536 if page == 1 else page or 1
+    pages, size = int.from_bytes(head[28:32], 'big'), database.stat().st_size
+    if size % page or size < pages * page:
+        raise ValueError(f'{database.name} is cut off at byte {size}{_repair(database)}')
+
+
+def _zstd() -> Any:
+    """Return the module for zstd that rosbags uses: Python's own from 3.14 on."""
+    from rosbags.rosbag2 import reader
+
+    return vars(reader)['zstd']
+
+
+def _unpacked(raw: bytes) -> bytes:
+    """Return a decompressed message; empty if damaged, so that it is left out."""
+    try:
+        return bytes(_zstd().decompress(raw))
+    except Exception:
         return b''
-
-
-def _counts(metadata: dict[str, Any]) -> list[tuple[str, int]]:
-    """Return the number of messages of each topic; empty if the metadata do not have it."""
-    try:
-        return [
-            (str(topic['topic_metadata']['name']), int(topic['message_count']))
-            for topic in metadata['topics_with_message_count']
-        ]
-    except (KeyError, TypeError, ValueError):
-        return []
 
 
 def _files(path: Path) -> list[Path]:
     """Return the files of a bag in the order of their numbers."""
     if path.is_file():
         return [path]
-    endings = (*BAG_ENDINGS, *(f'{ending}{_COMPRESSED}' for ending in BAG_ENDINGS))
-    files = [file for file in path.iterdir() if file.name.endswith(endings)]
+    files = [file for file in path.iterdir() if file.suffix in ('.mcap', '.db3', '.zstd')]
     return sorted(files, key=lambda file: [int(n) for n in re.findall(r'\d+', file.name)])
 
 
-def _readable(file: Path, folder: Path, limit: ReadingLimit) -> Path:
-    """Return the file itself or, if it must be changed to be read, a copy in the folder.
+@functools.lru_cache(maxsize=64)
+def typestore_of(topic: Topic) -> Any:
+    """Return a type store of rosbags with the type of a topic.
 
-    A file that was compressed as a whole is decompressed up to the damage. A database is truncated
-    to whole pages: SQLite fills an incomplete page with zeros and reads them as content.
+    If the definition in the bag is broken, as some recorders write it, the definition of ROS is
+    used. The store is cached for the same topic of other recordings, as it compiles code for its
+    types.
+
+    Raises
+    ------
+    ValueError
+        When ROS does not have the type, and the bag does not define it or its definition is
+        broken.
     """
-    if file.suffix == _COMPRESSED:
-        unpacked = folder / file.stem
-        stream = decompressor('zstd')
-        left = limit.most_bytes + MOST_RATIO * file.stat().st_size
-        with (
-            open(file, 'rb') as packed,
-            open(unpacked, 'wb') as plain,
-            contextlib.suppress(Exception),  # keep the part before the damage
-        ):
-            while left > 0 and (part := packed.read(_STEP)):
-                left -= plain.write(stream.decompress(part, left))
-        if left <= 0:
-            raise ValueError(f'{file.name} decompresses to more than {MOST_RATIO} times its size')
-        file = unpacked
-        if file.suffix == '.mcap':
-            survey(file, limit)
-    if file.suffix == '.db3':
-        with open(file, 'rb') as database:
-            database.seek(_PAGE_SIZE_AT)
-            page = int.from_bytes(database.read(2), 'big') or 1
-            page = 65536 if page == 1 else page
-            left = file.stat().st_size // page * page
-            if left < file.stat().st_size:
-                database.seek(0)
-                cut = folder / f'whole_pages_of_{file.name}'
-                with open(cut, 'wb') as copy:
-                    while left and (part := database.read(min(_STEP, left))):
-                        left -= copy.write(part)
-                file = cut
-    return file
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    known, msgtype = get_typestore(Stores.LATEST), shown_name(topic.msgtype)
+    why = f'the bag does not define the type {msgtype} of {shown_name(topic.name)}'
+    try:
+        store = get_typestore(Stores.EMPTY)
+        if topic.encoding == 'MSG':
+            types = get_types_from_msg(topic.definition, topic.msgtype)
+            if _HEADER in types:  # rosbags skips the number that only ROS 1 has
+                constants, fields = types[_HEADER]
+                types[_HEADER] = (constants, [field for field in fields if field[0] != 'seq'])
+            store.register(types)
+        elif topic.encoding == 'IDL':
+            parts = topic.definition.split(_RULE)
+            # If there are several definitions, the first line of each is the name of its type.
+            for text in parts if len(parts) == 1 else [p.partition('\n')[2] for p in parts[1:]]:
+                store.register(get_types_from_idl(text))
+        if topic.encoding != 'NONE':
+            store.get_msgdef(topic.msgtype)
+            return store
+    except Exception as error:
+        short = shortened(' '.join(str(error).split()))
+        why = f'the definition of {msgtype} cannot be read ({short})'
+    if topic.msgtype not in known.fielddefs:
+        raise ValueError(why)
+    return known

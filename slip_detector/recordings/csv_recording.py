@@ -19,7 +19,7 @@ import csv
 import decimal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,26 +27,14 @@ from numpy.typing import NDArray
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import listed, shortened, shown_name
-from slip_detector.recordings.labels import Labels
-from slip_detector.recordings.rate import checked_rate, rate_of
-from slip_detector.recordings.reading_limit import PIECE_ROWS
-from slip_detector.recordings.recording import Recording
-from slip_detector.recordings.truth import as_truth
+from slip_detector.recordings.labels import Labels, as_truth
+from slip_detector.recordings.rates import checked_rate, rate_of
+from slip_detector.recordings.recording import PIECE_ROWS, Recording
 
 TIME = 'time_s'
 
-#: Characters allowed per channel in a line: the limit of a line is this times the most channels.
-MOST_CELL = 64
-
 #: Limit of a time in seconds, as stamps are nanoseconds in 64 bits.
 MOST_S = 9e9
-
-
-class _Lines(NamedTuple):
-    """Lines of the file: numbers, (n, columns), and stamps, (n,), exact to the nanosecond."""
-
-    cells: NDArray[np.float64]
-    stamps_ns: NDArray[np.int64]
 
 
 class CsvRecording(Recording):
@@ -65,18 +53,6 @@ class CsvRecording(Recording):
     ------
     ValueError
         When a line or a column is missing or wrong; names it.
-
-    Examples
-    --------
-    >>> import os, tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = Path(folder.name) / 'trial.csv'
-    >>> lines = 'time_s,a,b', '0.00,4.3,4.2', '0.01,4.3,4.2'
-    >>> _ = path.write_text(os.linesep.join(lines))
-    >>> recording = CsvRecording(path, RecordingConfig(), labels=None)
-    >>> recording.channel_names, [piece.volts.shape for piece in recording.pieces()]
-    (('a', 'b'), [(2, 2)])
-    >>> folder.cleanup()
     """
 
     named = True
@@ -87,8 +63,9 @@ class CsvRecording(Recording):
         with self._open() as lines:
             self._names = names = [name.strip() for name in next(lines, [])]
         if TIME not in names:
-            there = listed(names) or 'none'
-            raise ValueError(f'{path}: line 1 has no column {TIME}, there are: {there}')
+            raise ValueError(
+                f'{path}: line 1 has no column {TIME}, there are: {listed(names) or "none"}'
+            )
         if len(set(names)) != len(names):
             raise ValueError(f'{path}: line 1 has a name twice, allowed: each column once')
         self.labelled = self._truth_key in names
@@ -96,8 +73,8 @@ class CsvRecording(Recording):
         self._limit.check_channels(len(self.channel_names))
         if not self.channel_names:
             raise ValueError(f'{path}: has no samples')
-        first = next(self._lines(), None)
-        rate_hz = None if first is None else rate_of(first.cells[:, names.index(TIME)])
+        first = next(self._columns(), None)
+        rate_hz = None if first is None else rate_of(first[0][:, names.index(TIME)])
         if rate_hz is None:
             raise ValueError(
                 f'{path}: column {TIME} does not rise, allowed: two or more rows, each with its '
@@ -107,79 +84,65 @@ class CsvRecording(Recording):
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
-        columns = [self._names.index(name) for name in self.channel_names]
-        for lines in self._lines():
+        channels = [self._names.index(name) for name in self.channel_names]
+        for cells, stamps_ns in self._columns():
             truth = None
             if self.labelled:
-                label = lines.cells[:, self._names.index(self._truth_key)]
+                label = cells[:, self._names.index(self._truth_key)]
                 truth = as_truth(label, self._truth_key, self.path)
-            yield Samples(lines.cells[:, columns], lines.stamps_ns, truth)
+            yield Samples(cells[:, channels], stamps_ns, truth)
 
-    def array(self, name: str) -> 'NDArray[np.float64] | None':
+    def array(self, name: str) -> 'NDArray[Any] | None':
         """Return a column of the file by its name; None if there is no such column."""
         if name not in self._names:
             return None
         column = self._names.index(name)
-        return np.concatenate([lines.cells[:, column] for lines in self._lines()])
+        return np.concatenate([cells[:, column] for cells, _ in self._columns()])
 
     def array_names(self) -> list[str]:
         """Return the names of all columns."""
         return sorted(self._names)
 
     @contextlib.contextmanager
-    def _open(self) -> 'Iterator[csv._reader]':  # type: ignore[name-defined]
+    def _open(self) -> Iterator[Any]:
         """Open the file; errors are one line with its path."""
         try:
             # utf-8-sig: spreadsheets begin the file with a byte order mark.
             with open(self.path, newline='', encoding='utf-8-sig') as file:
-                yield csv.reader(self._limited(file))
+                yield csv.reader(file)
         except (UnicodeError, csv.Error):
             raise ValueError(f'{self.path}: is broken or not csv') from None
 
-    def _limited(self, file: TextIO) -> Iterator[str]:
-        """Yield the lines of the file; refuse a line longer than the most channels can need."""
-        most = self._limit.channels * MOST_CELL
-        number = 0
-        while line := file.readline(most + 1):
-            number += 1
-            if len(line) > most:
-                raise ValueError(
-                    f'{self.path}: line {number} has more than {most} characters, allowed: fewer'
-                )
-            yield line
-
-    def _lines(self) -> Iterator[_Lines]:
-        """Yield the lines after the first as numbers, some thousands at a time."""
-        columns, time_at = len(self._names), self._names.index(TIME)
+    def _columns(self) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+        """Yield numbers, (n, columns), and exact stamps, (n,), of some thousand lines."""
+        time_at = self._names.index(TIME)
         cells: list[list[float]] = []
         stamps_ns: list[int] = []
         with self._open() as lines:
             next(lines)
             for line in lines:
-                if not line:  # many programs write an empty line at the end
-                    continue
                 try:
-                    _check_digits(line)
-                    cells.append(list(map(float, line)))
-                    if len(line) != columns:
-                        raise ValueError(f'has {len(line)} columns, allowed: {columns}')
-                    stamps_ns.append(_nanoseconds(line[time_at]))
+                    if line:  # many programs write an empty line at the end
+                        cells.append(self._numbers(line))
+                        stamps_ns.append(_nanoseconds(line[time_at]))
                 except ValueError as error:
-                    said = shortened(str(error))
-                    raise ValueError(f'{self.path}: line {lines.line_num}: {said}') from None
+                    why = shortened(str(error))
+                    raise ValueError(f'{self.path}: line {lines.line_num}: {why}') from None
                 if len(cells) == PIECE_ROWS:
-                    yield _Lines(np.array(cells), np.array(stamps_ns, dtype=np.int64))
+                    yield np.array(cells), np.array(stamps_ns, dtype=np.int64)
                     cells, stamps_ns = [], []
         if cells:
-            yield _Lines(np.array(cells), np.array(stamps_ns, dtype=np.int64))
+            yield np.array(cells), np.array(stamps_ns, dtype=np.int64)
 
-
-def _check_digits(line: list[str]) -> None:
-    """Refuse text that only Python takes for a number: 1_0, digits of other scripts."""
-    text = ''.join(line)
-    if '_' in text or not text.isascii():
-        odd = next(cell for cell in line if '_' in cell or not cell.isascii())
-        raise ValueError(f'has {shown_name(odd.strip())}, allowed: decimal numbers')
+    def _numbers(self, line: list[str]) -> list[float]:
+        # Python takes 1_0 and digits of other scripts for numbers.
+        odd = [cell for cell in line if '_' in cell or not cell.isascii()]
+        if odd:
+            raise ValueError(f'has {shown_name(odd[0].strip())}, allowed: decimal numbers')
+        numbers = list(map(float, line))
+        if len(line) != len(self._names):
+            raise ValueError(f'has {len(line)} columns, allowed: {len(self._names)}')
+        return numbers
 
 
 def _nanoseconds(text: str) -> int:

@@ -12,16 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Labels of true slip, written by hand: a file of intervals beside the recording."""
+"""The true slip in a recording: from intervals written by hand, labels, states or positions."""
 
 import itertools
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import compose_yaml
 
 Floats = NDArray[np.float64]
@@ -229,3 +230,90 @@ def _time(node: yaml.Node, where: str) -> float:
         shown = repr(node.value) if isinstance(node, yaml.ScalarNode) else 'a list'
         raise ValueError(f'{where} {shown} is no time, allowed: a number of seconds')
     return number
+
+
+def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
+    """Convert labels to bool, shape (n,).
+
+    Parameters
+    ----------
+    label : ndarray, shape (n,) or (n, 1)
+        Bools, or numbers that are 0 or 1.
+    key
+        Name of the array or column.
+    path
+        The recording.
+
+    Raises
+    ------
+    ValueError
+        When a label is neither, such as NaN or a text; names the file, the key and the label.
+
+    Examples
+    --------
+    >>> as_truth(np.array([0.0, 1.0]), 'slip', Path('trial.npz'))
+    array([False,  True])
+    """
+    if label.dtype.kind == 'b':
+        return label.reshape(-1)
+    wrong = label[~np.isin(label, (0, 1))] if label.dtype.kind in 'iuf' else label.reshape(-1)
+    if wrong.size:
+        raise ValueError(f'{path}: {key} has {wrong.tolist()[0]!r}, allowed: 0 and 1')
+    return np.asarray(label, dtype=bool).reshape(-1)
+
+
+def states_at(changed_at: NDArray[Any], states: Bools, at: NDArray[Any]) -> Bools:
+    """Return the state at each time: that of the last change at or before it.
+
+    Parameters
+    ----------
+    changed_at : ndarray of int or float, shape (k,)
+        Times at which the state was published, in rising order.
+    states : ndarray of bool, shape (k,)
+        The states.
+    at : ndarray of int or float, shape (n,)
+        The times for which the state is wanted, in the same unit.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        False before the first change.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slip_detector.recordings.labels import states_at
+    >>> states_at(np.array([10, 20]), np.array([True, False]), np.array([5, 10, 19, 20]))
+    array([False,  True,  True, False])
+    """
+    from_none_on = np.concatenate([[False], states])
+    return np.asarray(from_none_on[np.searchsorted(changed_at, at, side='right')])
+
+
+def moving_at(positions: Samples, still_m: float, at_ns: Stamps) -> Bools:
+    """Return whether a position changes at each time (the paper's Eq. 9).
+
+    There is motion between two rows with different positions, including both of their times: the
+    last sample at which the platform still stood is the first sample of the slip.
+
+    Parameters
+    ----------
+    positions
+        Stamps and positions in m, (n, axes).
+    still_m
+        A step of the position up to this counts as rest.
+    at_ns : ndarray of int, shape (n,)
+        The times.
+
+    Examples
+    --------
+    >>> positions = Samples(np.array([[0.0], [0.0], [0.1], [0.1]]), np.array([0, 10, 20, 30]))
+    >>> moving_at(positions, 1e-6, np.array([5, 10, 20, 25]))
+    array([False,  True,  True, False])
+    """
+    moves = (np.abs(np.diff(positions.volts, axis=0)) > still_m).any(axis=1)
+    moves = np.concatenate([[False], moves, [False]])
+    # The steps that end at or after each time, and those that begin at or before it.
+    ending = np.searchsorted(positions.stamps_ns, at_ns, side='left')
+    beginning = np.searchsorted(positions.stamps_ns, at_ns, side='right')
+    return np.asarray(moves[ending] | moves[beginning])

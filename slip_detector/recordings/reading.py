@@ -12,8 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Opens recordings in files of all supported formats."""
+"""Opens recordings in files of all supported formats, and sorts them into sets."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from slip_detector.parameters.driver import RecordingConfig
@@ -47,8 +48,8 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     An npz file has the rows under ``recording_volts_key``, the rate under ``recording_rate_key``
     and perhaps the labels under ``recording_truth_key``. A csv file has a header of names, a
     column ``time_s``, perhaps a column of labels, and a column for each channel. A bag (a rosbag2
-    folder, or one of its .mcap or .db3 files) has a topic ``recording_topic`` with the rows in the
-    field ``recording_field``.
+    folder, one of its .mcap or .db3 files, or a .bag of ROS 1) has a topic ``recording_topic``
+    with the rows in the field ``recording_field``.
 
     Parameters
     ----------
@@ -80,11 +81,11 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     try:
         labels_file = find_labels(config.recording_labels, path)
         labels = None if labels_file is None else read_labels(labels_file)
-        if path.suffix == '.csv':
-            return CsvRecording(path, config, labels)
-        # Other formats need random access, and a device such as /dev/zero may have no end.
+        # A device such as /dev/zero may have no end.
         if path.exists() and not path.is_file() and not path.is_dir():
             raise ValueError(f'{path}: is no file, allowed: a file or the folder of a bag')
+        if path.suffix == '.csv':
+            return CsvRecording(path, config, labels)
         if path.suffix == '.npz':
             return NpzRecording(path, config, labels)
         if path.suffix in BAG_ENDINGS or path.is_dir():
@@ -92,14 +93,60 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
             from slip_detector.recordings.bag_recording import BagRecording
 
             return BagRecording(path, config, labels)
-        if path.suffix == '.bag':
-            raise ValueError(
-                f'{path}: is a bag of ROS 1, allowed: a bag of ROS 2, made by rosbags-convert '
-                f'--src {path.name} --dst {path.stem}'
-            )
         raise ValueError(
             f'{path}: is {path.suffix or "without ending"}, allowed: {", ".join(ENDINGS)} or the '
             'folder of a bag'
         )
     except OSError as error:
         raise ValueError(f'{path}: cannot be read ({error.strerror or error})') from None
+
+
+def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
+    """Sort files and folders into sets of recordings.
+
+    Parameters
+    ----------
+    arguments
+        Paths of recordings, and of folders of recordings. The recordings in one folder are a set.
+
+    Returns
+    -------
+    dict
+        The files of each set by its name: the name of the folder, or its path if two folders have
+        the same name. The files of a folder in ``arguments`` are sorted by name.
+
+    Raises
+    ------
+    ValueError
+        For a folder without recordings or a recording given twice.
+
+    Examples
+    --------
+    >>> sets = recording_sets(['left/a.npz', 'right/a.npz', 'left/b.mcap'])
+    >>> {name: [file.name for file in files] for name, files in sets.items()}
+    {'left': ['a.npz', 'b.mcap'], 'right': ['a.npz']}
+    """
+    by_folder: dict[Path, list[Path]] = {}
+    for argument in map(Path, arguments):
+        folder = argument.is_dir() and not is_recording(argument)
+        files = _recordings_in(argument) if folder else [argument]
+        for file in files:
+            mine = by_folder.setdefault(file.parent.resolve(), [])
+            if file.name in [other.name for other in mine]:
+                raise ValueError(f'{file}: is given twice, allowed: each once')
+            mine.append(file)
+    names = [folder.name for folder in by_folder]
+    return {
+        folder.name if folder.name and names.count(folder.name) == 1 else str(folder): files
+        for folder, files in by_folder.items()
+    }
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    try:
+        files = sorted(filter(is_recording, folder.iterdir()))
+    except OSError as error:
+        raise ValueError(f'{folder}: cannot be read ({error.strerror})') from None
+    if not files:
+        raise ValueError(f'{folder}: has no recordings, allowed: {", ".join(ENDINGS)} or bags')
+    return files

@@ -17,7 +17,7 @@
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,17 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings.labels import Labels
-from slip_detector.recordings.rate import RATE_TOLERANCE, rates_differ
-from slip_detector.recordings.reading_limit import PIECE_ROWS, ReadingLimit
-from slip_detector.recordings.resample import MOST_FACTOR, resampled, rows_after, stretches
+from slip_detector.recordings.rates import (
+    MOST_FACTOR,
+    RATE_TOLERANCE,
+    rates_differ,
+    resampled,
+    rows_after,
+    stretches,
+)
 
-Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-
+#: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
+PIECE_ROWS = 8192
 
 #: Bytes of memory for a row that bridges a gap, in addition to its volts.
 STAMP_BYTES = 80
@@ -79,6 +82,37 @@ class RecordingCounts:
     warnings: str = ''
 
 
+class SizeLimit(NamedTuple):
+    """Refuses a part of a recording that is larger than ``recording_limit_mb``.
+
+    Examples
+    --------
+    >>> SizeLimit(Path('trial.npz'), most_mb=1024.0).check(3_000_000_000, 'volts')
+    Traceback (most recent call last):
+    ValueError: trial.npz: volts takes 3000 MB, allowed: 1024 MB (recording_limit_mb)
+    """
+
+    path: Path
+    most_mb: float
+
+    def check(self, n_bytes: int, what: str) -> None:
+        """Check a size before anything is allocated."""
+        if n_bytes > 1e6 * self.most_mb:
+            raise ValueError(
+                f'{self.path}: {what} takes {n_bytes / 1e6:.0f} MB, allowed: {self.most_mb:g} MB '
+                '(recording_limit_mb)'
+            )
+
+    def check_channels(self, channels: int) -> None:
+        """Check that as many rows as are read at a time fit."""
+        most = int(1e6 * self.most_mb) // (8 * PIECE_ROWS)
+        if channels > most:
+            raise ValueError(
+                f'{self.path}: has {channels} channels, allowed: {most} with {self.most_mb:g} MB '
+                '(recording_limit_mb)'
+            )
+
+
 class Recording:
     """A recording that is read in pieces; see :func:`open_recording`.
 
@@ -106,7 +140,7 @@ class Recording:
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path = path
-        self._limit = ReadingLimit(path, config.recording_limit_mb)
+        self._limit = SizeLimit(path, config.recording_limit_mb)
         self.counts = RecordingCounts()
         self._labels, self._resample = labels, config.recording_resample
 

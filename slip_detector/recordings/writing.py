@@ -14,9 +14,12 @@
 
 """Writes recordings as bags, npz or csv files, by the ending of the path."""
 
+import contextlib
 import csv
+import errno
 import os
-from collections.abc import Callable, Iterable, Sequence
+import sqlite3
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +27,18 @@ import numpy as np
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import whole_file, write_errors_of
-from slip_detector.recordings.bag_writer import PLUGINS, BagWriter
+from slip_detector.recordings.bag_storage import load_rosbags
+from slip_detector.recordings.mcap_files import write_checksums
+from slip_detector.recordings.messages import JointStateWriter
 
-_NPZ_KEYS = ('volts', 'stamps_ns', 'slip', 'position_m')
+#: Version of the bag metadata for ROS 2 Jazzy and later.
+BAG_VERSION = 9
+
+#: Name of rosbags for the storage of each ending.
+PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
+
+#: The serialised states of a Bool.
+_BOOLS = (b'\0\1\0\0\0', b'\0\1\0\0\1')
 
 
 def write_recording(
@@ -74,15 +86,7 @@ def write_recording(
     (('a', 'b'), 100.0, False)
     """
     path = Path(path)
-    writers: dict[str, Callable[[Path], None]] = {
-        '.npz': lambda to: _write_npz(to, pieces, sample_rate_hz),
-        '.csv': lambda to: _write_csv(to, pieces, channel_names),
-        **{
-            ending: lambda to: _write_bag(to, pieces, channel_names, frame_id)
-            for ending in ('', *PLUGINS)
-        },
-    }
-    if path.suffix not in writers:
+    if path.suffix not in ('', '.npz', '.csv', *PLUGINS):
         raise ValueError(
             f'{path}: is {path.suffix}, allowed: .npz, .csv, .mcap, .db3 or without ending'
         )
@@ -91,34 +95,39 @@ def write_recording(
     with write_errors_of(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as new:
-        writers[path.suffix](new)
+        if path.suffix == '.npz':
+            _write_npz(new, pieces, sample_rate_hz)
+        elif path.suffix == '.csv':
+            _write_csv(new, pieces, channel_names)
+        else:
+            _write_bag(new, pieces, channel_names, frame_id)
 
 
 def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> None:
-    first = True
     with open(path, 'w', newline='', encoding='utf-8') as file:
         lines = csv.writer(file)
-        for piece in pieces:
-            truth: list[list[int]] = [[] for _ in piece.volts]
-            if piece.truth is not None:
-                truth = [[int(slip)] for slip in piece.truth]
-            if first:
-                lines.writerow(['time_s', *names, *(['slip'] if piece.truth is not None else [])])
-                first = False
-            for stamp_ns, row, slip in zip(
-                piece.stamps_ns.tolist(), piece.volts.tolist(), truth, strict=True
-            ):
+        for k, piece in enumerate(pieces):
+            truth = piece.truth
+            if k == 0:
+                lines.writerow(['time_s', *names, *([] if truth is None else ['slip'])])
+            rows = piece.volts.tolist()
+            for i, (stamp_ns, row) in enumerate(zip(piece.stamps_ns.tolist(), rows, strict=True)):
                 sign, (seconds, rest) = '-' * (stamp_ns < 0), divmod(abs(stamp_ns), 1_000_000_000)
+                label = [] if truth is None else [int(truth[i])]
                 # The repr of a float is read back to the same bits.
-                lines.writerow([f'{sign}{seconds}.{rest:09d}', *map(repr, row), *slip])
+                lines.writerow([f'{sign}{seconds}.{rest:09d}', *map(repr, row), *label])
 
 
 def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> None:
+    first, *others = pieces
+    samples = first.then(*others)
     columns = {
-        key: [column for column in parts if column is not None]
-        for key, parts in zip(_NPZ_KEYS, zip(*pieces, strict=True), strict=False)
+        'volts': samples.volts,
+        'stamps_ns': samples.stamps_ns,
+        'slip': samples.truth,
+        'position_m': samples.position_m,
     }
-    arrays: dict[str, Any] = {key: np.concatenate(p) for key, p in columns.items() if p}
+    arrays: dict[str, Any] = {key: part for key, part in columns.items() if part is not None}
     np.savez(path, sample_rate_hz=sample_rate_hz, **arrays)
 
 
@@ -134,3 +143,179 @@ def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], fram
     bag.close()
     if path.suffix:
         os.replace(bag.path, path)
+
+
+class BagWriter:
+    """A bag that is written piece by piece.
+
+    The rows are on ``voltages``, the truth on ``slip_truth`` and the position on
+    ``platform_position``. The time of receipt of a message is its stamp.
+
+    Parameters
+    ----------
+    folder
+        The folder of the new bag.
+    channel_names
+        A name for each channel.
+    frame_id
+        Frame of the messages.
+    ending
+        .mcap or .db3.
+
+    Raises
+    ------
+    ValueError
+        When rosbags is not installed.
+    FileExistsError
+        When the folder exists already.
+    OSError
+        When the folder cannot be made.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from slip_detector.recordings import open_recording
+    >>> volts, slip = np.full((100, 2), 4.3), np.arange(100) >= 50
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial'
+    ...     bag = BagWriter(path, ['a', 'b'])
+    ...     bag.write(Samples(volts, np.arange(100) * 10_000_000, slip))
+    ...     bag.flush()  # can be read from here on, even if this process is killed
+    ...     bag.close()
+    ...     sum(int(piece.truth.sum()) for piece in open_recording(path).pieces())
+    50
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        channel_names: Sequence[str],
+        frame_id: str = 'fingertip',
+        ending: str = '.mcap',
+    ) -> None:
+        rosbag2 = load_rosbags()
+        from rosbags.typesys import Stores, get_typestore
+
+        self.path = folder / f'{folder.name}{ending}'
+        self._types = get_typestore(Stores.ROS2_JAZZY)
+        self._rows = JointStateWriter(frame_id, channel_names)
+        self._platform = JointStateWriter(frame_id, ['platform'])
+        self._connections: dict[str, Any] = {}
+        self._last: bool | None = None
+        plugin = rosbag2.StoragePlugin[PLUGINS[ending]]
+        try:
+            self._writer = rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin)
+            with _as_os_errors():
+                self._writer.open()
+        except rosbag2.WriterError:
+            raise FileExistsError(errno.EEXIST, 'already exists') from None
+        with _as_os_errors():
+            self._connection('/voltages')
+
+    def _connection(self, name: str) -> Any:
+        """Return the connection of rosbags for a topic; it is made when it is first used."""
+        if name not in self._connections:
+            is_state = name == '/slip_truth'
+            self._connections[name] = self._writer.add_connection(
+                name,
+                'std_msgs/msg/Bool' if is_state else 'sensor_msgs/msg/JointState',
+                typestore=self._types,
+                offered_qos_profiles=[_quality(is_state)],
+            )
+        return self._connections[name]
+
+    def write(self, piece: Samples) -> None:
+        """Write the next rows; all pieces have a truth, or none.
+
+        Raises
+        ------
+        OSError
+            When the file cannot be written, or a stamp is negative, which MCAP cannot store.
+        """
+        if self.path.suffix == '.mcap' and np.any(piece.stamps_ns < 0):
+            raise OSError(errno.EINVAL, 'a stamp is negative, which MCAP has no room for')
+        n = len(piece.volts)
+        truth = [None] * n if piece.truth is None else piece.truth.tolist()
+        positions: list[bytes] | list[None] = [None] * n
+        if piece.position_m is not None:
+            positions = self._platform.many(piece.position_m[:, np.newaxis], piece.stamps_ns)
+        rows = self._rows.many(piece.volts, piece.stamps_ns)
+        stamps_ns = piece.stamps_ns.tolist()
+        with _as_os_errors():
+            for at_ns, row, slip, position in zip(stamps_ns, rows, truth, positions, strict=True):
+                # A state holds for the messages that are received after it.
+                if slip is not None and slip != self._last:
+                    self._last = slip
+                    self._writer.write(self._connection('/slip_truth'), at_ns, _BOOLS[slip])
+                if position is not None:
+                    self._writer.write(self._connection('/platform_position'), at_ns, position)
+                self._writer.write(self._connections['/voltages'], at_ns, row)
+
+    def flush(self) -> None:
+        """Pass all rows so far to the operating system, so that they survive a killed process.
+
+        Only for MCAP: the rows since the last call become a chunk.
+
+        Raises
+        ------
+        OSError
+            When the disk is full, for example.
+        """
+        storage = self._writer.storage
+        if storage.chunk.msgs:
+            storage.close_chunk()
+        storage.bio.flush()
+
+    def close(self) -> None:
+        """Write the index and ``metadata.yaml``, and give each chunk of an MCAP its checksum.
+
+        Raises
+        ------
+        OSError
+            When these cannot be written. Flushed rows are kept.
+        """
+        try:
+            with _as_os_errors():
+                self._writer.close()
+            if self.path.suffix == '.mcap':
+                write_checksums(self.path)
+        except OSError:
+            self.abort()
+            raise
+
+    def abort(self) -> None:
+        """Close the file as it is, after a failed write."""
+        # Closing writes the rest of the buffer, which may fail again.
+        with contextlib.suppress(OSError, sqlite3.Error):
+            self._writer.abort()
+
+
+@contextlib.contextmanager
+def _as_os_errors() -> Iterator[None]:
+    """Turn errors of a database, for example of a full disk, into OSError as of other files."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        raise OSError(str(error)) from None
+
+
+def _quality(is_state: bool) -> Any:
+    """Return the driver's quality of service for samples or for states.
+
+    ``ros2 bag play`` publishes with it, so that a late subscriber gets the last state.
+    """
+    from rosbags import interfaces
+
+    for_ever = interfaces.QosTime(9223372036, 854775807)
+    reliability, durability = interfaces.QosReliability, interfaces.QosDurability
+    return interfaces.Qos(
+        history=interfaces.QosHistory.KEEP_LAST,
+        depth=1 if is_state else 100,
+        reliability=reliability.RELIABLE if is_state else reliability.BEST_EFFORT,
+        durability=durability.TRANSIENT_LOCAL if is_state else durability.VOLATILE,
+        deadline=for_ever,
+        lifespan=for_ever,
+        liveliness=interfaces.QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=for_ever,
+        avoid_ros_namespace_conventions=False,
+    )

@@ -31,8 +31,8 @@ import numpy as np
 from slip_detector.parameters.files import write_errors_of
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.bag_storage import METADATA
-from slip_detector.recordings.bag_writer import BagWriter
 from slip_detector.recordings.labels import labels_name
+from slip_detector.recordings.writing import BagWriter
 from slip_detector.tuning.tracks import hold_out_evenly
 from slip_detector.view.detectors import Finger
 

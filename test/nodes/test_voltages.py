@@ -23,7 +23,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32MultiArray
 
 from slip_detector.nodes.voltages import Voltages
-from slip_detector.recordings.field_paths import FieldReader
+from slip_detector.recordings.messages import FieldReader
 from support.harness import patient_qos
 
 NAMES = ['left', 'right', 'tip']

@@ -236,14 +236,3 @@ def test_empty_stamps_are_read_as_live_by_time_of_receipt(tmp_path, plugin, empt
     recording = open_recording(tmp_path / 'a')
     assert recording.sample_rate_hz == pytest.approx(380.0)
     check_same(gathered(recording), written)
-
-
-def test_a_bag_of_ros_1_is_refused_with_a_word_on_what_converts_it(tmp_path):
-    path = tmp_path / 'trial.bag'
-    path.write_bytes(b'#ROSBAG V2.0\n')
-    said = (
-        f'{path}: is a bag of ROS 1, allowed: a bag of ROS 2, made by rosbags-convert '
-        '--src trial.bag --dst trial'
-    )
-    with pytest.raises(ValueError, match=re.escape(said)):
-        open_recording(path)

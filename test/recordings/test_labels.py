@@ -21,9 +21,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import find_labels, read_labels
+from slip_detector.recordings.labels import (
+    as_truth,
+    find_labels,
+    moving_at,
+    read_labels,
+    states_at,
+)
 
 RATE_HZ = 100.0
 N_ROWS = 1000
@@ -109,28 +116,20 @@ def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recordi
             'slip_s:\n- [1, 2]\n- [3, 3]',
             ': line 3: the slip [3, 3] s is empty, allowed: the start',
         ),
-        ('slip_s:\n- [4, 3]', ': line 2: the slip [4, 3] s is empty'),
         ('slips:\n- [1, 2]', ': line 1: has slips, allowed: slip_s'),
         ('slip_s: []\nunit: ms', ': line 2: has unit, allowed: slip_s'),
         ('slip_s: []\nslip_s: []', ': line 2: has slip_s again, as in line 1, allowed: once'),
         ('slip_s: 3', ': line 1: slip_s is no list, allowed: [start, end] pairs'),
-        ('slip_s:', ': line 1: slip_s is no list'),
         ('slip_s:\n- 1\n- 2', ': line 2: is no pair, allowed: [start, end] in seconds'),
-        ('slip_s:\n- [1, 2, 3]', ': line 2: is no pair'),
         ('slip_s:\n- {start: 1, end: 2}', ': line 2: is no pair'),
         ('slip_s:\n- [1, two]', ": line 2: 'two' is no time, allowed: a number of seconds"),
         ('slip_s:\n- [1, "2"]', ": line 2: '2' is no time"),
         ('slip_s:\n- [0:30, 0:40]', ": line 2: '0:30' is no time"),
         ('slip_s:\n- [1, .nan]', ": line 2: '.nan' is no time"),
-        ('slip_s:\n- [1, .inf]', ": line 2: '.inf' is no time"),
-        ('slip_s:\n- [1, inf]', ": line 2: 'inf' is no time"),
         ('slip_s:\n- [1, 1_0]', ': line 2: 1_0 is not a number as it looks'),
         ('slip_s:\n- [1, [2]]', ': line 2: a list is no time'),
-        ('slip_s:\n- [1, true]', ": line 2: 'true' is no time"),
-        ('slip_s:\n- [1, ]', ': line 2: is no pair'),
         ('slip_s:\n- [1, 2', ': line 2 is not YAML'),
         ('- [1, 2]', ': is not a YAML file of labels, allowed: slip_s: [[start, end]]'),
-        ('', ': is not a YAML file of labels'),
         ('{}', ': has no slip_s, allowed: slip_s: [[start, end]] ([] for no slip)'),
         ('? [1]\n: 2', ': line 1: has a key that is no name, allowed: slip_s'),
     ],
@@ -170,3 +169,43 @@ def test_no_file_of_labels_ends_in_anything_but_labels_or_one_line(tmp_path_fact
 def test_labels_may_end_with_the_last_sample(recording, tmp_path):
     (tmp_path / 'trial.labels.yaml').write_text('slip_s: [[9.5, 10]]')
     assert truth(recording).sum() == 50
+
+
+@given(st.lists(st.booleans(), max_size=8), st.data())
+def test_a_state_holds_until_the_next(states, data):
+    steps = data.draw(st.lists(st.integers(1, 5), min_size=len(states), max_size=len(states)))
+    changes = np.cumsum(np.array(steps, dtype=np.int64))
+    at = np.arange(-1, int(changes[-1]) + 3 if len(states) else 3)
+    wanted = [
+        bool(
+            [state for when, state in zip(changes, states, strict=True) if when <= t][-1:]
+            == [True]
+        )
+        for t in at
+    ]
+    np.testing.assert_array_equal(states_at(changes, np.array(states, bool), at), wanted)
+
+
+@given(st.lists(st.sampled_from([0.0, 1.0]), min_size=1, max_size=25))
+def test_motion_lies_between_positions_that_differ(positions):
+    n = len(positions)
+    track = Samples(np.array(positions)[:, np.newaxis], np.arange(n) * 10)
+    at = np.arange(-5, 10 * n + 5)
+    wanted = np.zeros(len(at), bool)
+    for k in np.flatnonzero(np.diff(positions)):
+        wanted |= (at >= 10 * k) & (at <= 10 * (k + 1))
+    np.testing.assert_array_equal(moving_at(track, 0.0, at), wanted)
+
+
+@pytest.mark.parametrize('dtype', [bool, int, float, np.uint8])
+@pytest.mark.parametrize('shape', [(4,), (4, 1)])
+def test_labels_of_0_and_1_may_have_any_type(dtype, shape, tmp_path):
+    label = np.array([0, 1, 1, 0]).astype(dtype).reshape(shape)
+    assert as_truth(label, 'slip', tmp_path).tolist() == [False, True, True, False]
+
+
+@pytest.mark.parametrize('wrong', [np.nan, 2.0, -1.0, 'True'])
+def test_a_label_that_is_neither_is_named(wrong, tmp_path):
+    label = np.array([0.0, wrong]) if isinstance(wrong, float) else np.array([wrong, wrong])
+    with pytest.raises(ValueError, match=rf"slip has '?{wrong}'?, allowed: 0 and 1"):
+        as_truth(label, 'slip', tmp_path / 'a.npz')

@@ -14,7 +14,12 @@
 
 """Opening of recordings: by their endings, however long they are."""
 
+import contextlib
+import io
+import sqlite3
+import struct
 import tracemalloc
+import zipfile
 
 import numpy as np
 import pytest
@@ -25,10 +30,12 @@ from slip_detector.recordings import (
     bag_recording,
     csv_recording,
     is_recording,
-    npz_recording,
     open_recording,
+    recording_sets,
     write_recording,
 )
+from support.bags import NAMES, gathered, rows
+from support.little_memory import little_memory
 from support.recorded import VOLTS, complaint, read_recording, save_npz, save_text
 
 
@@ -56,13 +63,13 @@ def test_a_missing_file_a_folder_and_an_unknown_ending_are_named(tmp_path):
     folder.mkdir()
     assert complaint(tmp_path / 'no.npz') == ': cannot be read (No such file or directory)'
     assert complaint(folder) == ': cannot be read (Is a directory)'
-    allowed = 'allowed: .npz, .csv, .mcap, .db3 or the folder of a bag'
+    allowed = 'allowed: .npz, .csv, .mcap, .db3, .bag or the folder of a bag'
     assert complaint(tmp_path / 'a.wav') == f': is .wav, {allowed}'
     assert complaint(tmp_path / 'bag') == f': is without ending, {allowed}'
 
 
-@pytest.mark.parametrize('ending', ['.npz', '.mcap', '.db3'])
-def test_a_device_is_no_recording_but_by_its_lines(tmp_path, ending):
+@pytest.mark.parametrize('ending', ['.npz', '.csv', '.mcap'])
+def test_a_device_is_no_recording(tmp_path, ending):
     path = tmp_path / f'a{ending}'
     path.symlink_to('/dev/zero')
     assert complaint(path) == ': is no file, allowed: a file or the folder of a bag'
@@ -77,12 +84,26 @@ def test_a_recording_is_known_by_its_ending_or_its_metadata(tmp_path):
     assert is_recording(tmp_path)
 
 
-@pytest.mark.parametrize('ending', ['.mcap', '.db3', '.npz', '.csv'])
+def test_files_of_one_folder_are_one_set_and_folders_are_sorted(tmp_path):
+    for name in ('x/b.npz', 'x/a.csv', 'x/notes.txt', 'y/c.npz', 'z/x/d.npz'):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    x, y, zx = tmp_path / 'x', tmp_path / 'y', tmp_path / 'z' / 'x'
+    given_files = [str(x / 'b.npz'), str(y / 'c.npz'), str(y / '..' / 'x' / 'a.csv')]
+    assert {k: [f.name for f in v] for k, v in recording_sets(given_files).items()} == {
+        'x': ['b.npz', 'a.csv'],
+        'y': ['c.npz'],
+    }
+    assert recording_sets([str(x)]) == {'x': [x / 'a.csv', x / 'b.npz']}
+    # Two folders of one name are told apart.
+    assert list(recording_sets([str(x), str(y), str(zx)])) == [str(x), 'y', str(zx)]
+
+
+@pytest.mark.parametrize('ending', ['.mcap', '.csv'])
 def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, ending):
-    if ending in ('.mcap', '.db3'):
-        pytest.importorskip('rosbags', reason='needs rosbags')
+    pytest.importorskip('rosbags', reason='needs rosbags')
     # A recording that is short can have many pieces so.
-    for module in (bag_recording, csv_recording, npz_recording):
+    for module in (bag_recording, csv_recording):
         monkeypatch.setattr(module, 'PIECE_ROWS', 2048)
 
     def written(n):
@@ -107,3 +128,94 @@ def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, ending):
     rows_of(written(100))  # What is loaded and kept once.
     short, long = peak(7500), peak(25_000)
     assert long < 1.2 * short
+
+
+SMALL = RecordingConfig(recording_limit_mb=20.0)
+
+
+def refusal(path):
+    """Return the one line with which reading is refused, with little memory."""
+    with little_memory(80_000_000), pytest.raises(ValueError, match=str(path)) as caught:
+        gathered(open_recording(path, SMALL))
+    assert '\n' not in str(caught.value)
+    return str(caught.value).removeprefix(f'{path}: ')
+
+
+def npz(path, **members):
+    """Write an npz of arrays, or of a shape and the zeros that follow it."""
+    with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
+        for name, (shape, n_zeros) in members.items():
+            head = io.BytesIO()
+            np.lib.format.write_array_header_1_0(
+                head, {'descr': '<f8', 'fortran_order': False, 'shape': shape}
+            )
+            with archive.open(f'{name}.npy', 'w', force_zip64=True) as file:
+                file.write(head.getvalue())
+                for _ in range(0, n_zeros, 1 << 20):
+                    file.write(bytes(min(n_zeros, 1 << 20)))
+    return path
+
+
+@pytest.mark.parametrize(
+    ('members', 'line'),
+    [
+        ({'volts': ((2, 10**9), 0)}, f'has {10**9} channels, allowed: 305 with 20 MB'),
+        ({'volts': ((10**6, 300), 0)}, 'slip has 3 rows, allowed: 1000000, as volts'),
+        (
+            {'volts': ((10**6, 300), 0), 'slip': ((10**6,), 0)},
+            'volts takes 2400 MB, allowed: 20 MB',
+        ),
+        ({'stamps_ns': ((3, 10**9), 0)}, f'stamps_ns has the shape (3, {10**9}), allowed: (3,)'),
+        ({'sample_rate_hz': ((10**9,), 0)}, 'sample_rate_hz takes 8000 MB, allowed: 20 MB'),
+    ],
+)
+def test_an_npz_that_declares_much_is_refused(tmp_path, members, line):
+    path = npz(tmp_path / 'zeros.npz', **{'volts': ((3, 2), 48), 'slip': ((3,), 24), **members})
+    # Zeros are no rate.
+    np.savez(tmp_path / 'rate.npz', sample_rate_hz=380.0)
+    with zipfile.ZipFile(path, 'a') as archive, zipfile.ZipFile(tmp_path / 'rate.npz') as rate:
+        if 'sample_rate_hz' not in members:
+            archive.writestr('sample_rate_hz.npy', rate.read('sample_rate_hz.npy'))
+    assert refusal(path).startswith(line)
+
+
+def test_a_record_that_is_longer_than_the_limit_is_refused(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with open(path, 'wb') as file:
+        file.write(b'\x89MCAP0\r\n' + struct.pack('<BQ', 5, 10**9))
+        file.truncate(10**9 + 1000)  # takes no room on the disk
+    assert (
+        refusal(path) == 'the record at byte 17 takes 1000 MB, allowed: 20 MB (recording_limit_mb)'
+    )
+
+
+def test_a_chunk_of_an_mcap_that_declares_much_is_refused(tmp_path):
+    path = tmp_path / 'a.mcap'
+    head = struct.pack('<QQQIIQ', 0, 1, 500_000_000, 0, 0, 0)
+    path.write_bytes(b'\x89MCAP0\r\n' + struct.pack('<BQ', 6, len(head)) + head)
+    line = 'the chunk at byte 17 takes 500 MB, allowed: 20 MB (recording_limit_mb)'
+    assert refusal(path) == line
+
+
+def test_a_message_that_is_too_large_is_refused(tmp_path):
+    path = tmp_path / 'a.db3'
+    write_recording(path, [rows(10, truth=False)], 380.0, NAMES)
+    with contextlib.closing(sqlite3.connect(path)) as database, database:
+        database.execute('UPDATE messages SET data = zeroblob(3000000) WHERE id = 5')
+    line = 'a message on /voltages takes 24 MB, allowed: 20 MB (recording_limit_mb)'
+    assert refusal(path) == line
+
+
+def test_gaps_that_stand_for_many_rows_are_refused(tmp_path):
+    path = tmp_path / 'a.npz'
+    stamps_ns = np.arange(1000) * 90_000_000  # bridged up to 0.1 s
+    np.savez(path, volts=np.zeros((1000, 16)), sample_rate_hz=1e6, stamps_ns=stamps_ns)
+    assert 'what bridges the gaps takes' in refusal(path)
+
+
+def test_a_stretch_that_is_too_long_to_resample_is_refused(tmp_path):
+    path = tmp_path / 'a.npz'
+    np.savez(path, volts=np.zeros((1000, 16)), sample_rate_hz=10.0)
+    small = RecordingConfig(recording_limit_mb=20.0, recording_resample=True)
+    with pytest.raises(ValueError, match='a stretch to resample takes 208 MB, allowed: 20 MB'):
+        next(open_recording(path, small).pieces(10_000.0))

@@ -15,6 +15,10 @@
 """Writing: what is written is read back to the bit, and nothing is overwritten."""
 
 import functools
+import os
+import signal
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -29,6 +33,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 
 from slip_detector.chain.samples import Samples
 from slip_detector.recordings import open_recording, write_recording
+from slip_detector.recordings.writing import BagWriter
 from support.bags import ENDINGS, NAMES, check_same, gathered, rows
 from support.full_disk import full_disk
 
@@ -36,7 +41,7 @@ from support.full_disk import full_disk
 @pytest.mark.parametrize('ending', ENDINGS)
 @settings(max_examples=25)
 @given(data=st.data())
-def test_what_is_written_is_read_back_to_the_bit(tmp_path_factory, ending, data):
+def test_rows_are_written_and_read_back_to_the_bit(tmp_path_factory, ending, data):
     n, channels = data.draw(st.integers(2, 40)), data.draw(st.integers(1, 5))
     finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
     volts = data.draw(hnp.arrays(np.float64, (n, channels), elements=finite))
@@ -61,7 +66,7 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path_factory, ending, data)
 
 
 @pytest.mark.parametrize('ending', ['.mcap', '.db3', '', '.npz'])
-def test_what_is_no_number_is_written_read_and_counted(tmp_path, ending):
+def test_values_that_are_no_number_are_written_read_and_counted(tmp_path, ending):
     written = rows(50)
     written.volts[7, 1], written.volts[9, 0] = np.nan, -np.inf
     write_recording(tmp_path / f'a{ending}', [written], 380.0, NAMES)
@@ -113,3 +118,96 @@ def test_on_a_full_disk_no_half_recording_stays(tmp_path, ending):
     assert not list(tmp_path.iterdir())
     write_recording(path, [samples], 380.0, NAMES)
     assert len(gathered(open_recording(path)).volts) == 5000
+
+
+N = 300
+
+
+def numbered(first, n=N):
+    """Rows that tell their number, with slip in each odd hundred."""
+    number = np.arange(first, first + n)
+    volts = np.stack([number, -number], axis=1).astype(float)
+    return Samples(volts, number * 1_000_000, (number // 100) % 2 == 1)
+
+
+def read(path):
+    """Return the rows of a recording, its truth, and what of it is lost."""
+    recording = open_recording(path)
+    pieces = [*recording.pieces()]
+    volts = np.concatenate([piece.volts for piece in pieces])
+    return volts, np.concatenate([piece.truth for piece in pieces]), recording.counts.damage
+
+
+def test_rows_can_be_read_as_soon_as_they_are_flushed(tmp_path):
+    bag = BagWriter(tmp_path / 'trial', ['a', 'b'])
+    for first in range(0, 3 * N, N):
+        bag.write(numbered(first))
+        bag.flush()
+        volts, truth, _ = read(bag.path)
+        assert len(volts) == first + N
+        np.testing.assert_array_equal(truth, numbered(0, first + N).truth)
+    bag.close()
+
+
+def test_a_writer_that_is_killed_loses_nothing_that_was_flushed(tmp_path):
+    program = (
+        'import sys, time\n'
+        'from pathlib import Path\n'
+        'from recordings.test_writing import BagWriter, numbered\n'
+        "bag = BagWriter(Path(sys.argv[1]), ['a', 'b'])\n"
+        'bag.write(numbered(0))\n'
+        'bag.flush()\n'
+        'bag.write(numbered(300, 5))\n'
+        "print('flushed', flush=True)\n"
+        'time.sleep(600)\n'
+    )
+    writer = subprocess.Popen(
+        [sys.executable, '-c', program, str(tmp_path / 'trial')],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {'PYTHONPATH': os.pathsep.join(sys.path)},
+    )
+    with writer:
+        assert writer.stdout.readline() == 'flushed\n'
+        writer.send_signal(signal.SIGKILL)
+    volts, truth, damage = read(tmp_path / 'trial')
+    assert len(volts) == N
+    np.testing.assert_array_equal(truth, numbered(0).truth)
+    assert 'cut off' in damage
+
+
+def test_a_folder_of_somebody_else_is_left_as_it_is(tmp_path):
+    (tmp_path / 'trial').mkdir()
+    (tmp_path / 'trial' / 'mine.txt').write_text('mine')
+    with pytest.raises(FileExistsError, match='already exists'):
+        BagWriter(tmp_path / 'trial', ['a', 'b'])
+    assert [path.name for path in (tmp_path / 'trial').iterdir()] == ['mine.txt']
+
+
+def test_a_negative_stamp_is_refused_where_there_is_no_room_for_it(tmp_path):
+    before_1970 = numbered(0)._replace(stamps_ns=numbered(-1).stamps_ns)
+    bag = BagWriter(tmp_path / 'trial', ['a', 'b'])
+    with pytest.raises(OSError, match='a stamp is negative'):
+        bag.write(before_1970)
+    bag.abort()
+    bag = BagWriter(tmp_path / 'old', ['a', 'b'], ending='.db3')
+    bag.write(before_1970)
+    bag.close()
+    assert next(open_recording(tmp_path / 'old').rows()).stamps_ns[0] == -1_000_000
+
+
+def test_a_full_disk_raises_and_keeps_what_was_flushed(tmp_path):
+    bag = BagWriter(tmp_path / 'trial', ['a', 'b'])
+    bag.write(numbered(0))
+    bag.flush()
+    with full_disk(bag.path.stat().st_size + 1000):
+        bag.write(numbered(N))
+        with pytest.raises(OSError, match='File too large'):
+            bag.flush()
+        with pytest.raises(OSError, match='File too large'):
+            bag.close()
+    volts, truth, damage = read(bag.path)
+    assert len(volts) >= N
+    np.testing.assert_array_equal(volts, numbered(0, len(volts)).volts)
+    np.testing.assert_array_equal(truth, numbered(0, len(volts)).truth)
+    assert 'cut off' in damage

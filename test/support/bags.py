@@ -19,8 +19,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from slip_detector.chain.samples import Samples
-from slip_detector.recordings.topics import standard_typestore
 
+#: Made once, as it compiles code for each type that is used.
+STORE = get_typestore(Stores.ROS2_JAZZY)
 NAMES = ('left', 'right', 'tip')
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 PLUGINS = [StoragePlugin.MCAP, StoragePlugin.SQLITE3]
@@ -62,7 +63,7 @@ class Bag:
     """A bag that a test writes message by message."""
 
     def __init__(self, path, plugin=StoragePlugin.MCAP, definitions=()):
-        self.store = get_typestore(Stores.ROS2_JAZZY) if definitions else standard_typestore()
+        self.store = get_typestore(Stores.ROS2_JAZZY) if definitions else STORE
         for name, text in definitions:
             parse = get_types_from_idl if 'module' in text else get_types_from_msg
             self.store.register(parse(text) if 'module' in text else parse(text, name))

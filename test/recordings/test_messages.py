@@ -1,0 +1,286 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Serialised JointState messages against rclpy, and what field paths select in messages."""
+
+import array
+import contextlib
+import dataclasses
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_detector.recordings.messages import (
+    FieldReader,
+    JointStateReader,
+    JointStateWriter,
+    joint_state_groups,
+    joint_state_layout,
+)
+
+texts = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=9)
+numbers = st.floats(width=64)
+
+
+def joint_state(**fields):
+    """Return a JointState of rclpy."""
+    return pytest.importorskip('sensor_msgs.msg', reason='needs ROS').JointState(**fields)
+
+
+@st.composite
+def messages(draw):
+    message = joint_state(
+        name=draw(st.lists(texts, max_size=4)),
+        position=draw(st.lists(numbers, max_size=5)),
+        velocity=draw(st.lists(numbers, max_size=3)),
+        effort=draw(st.lists(numbers, max_size=3)),
+    )
+    message.header.frame_id = draw(texts)
+    message.header.stamp.sec = draw(st.integers(-(2**31), 2**31 - 1))
+    message.header.stamp.nanosec = draw(st.integers(0, 10**9 - 1))
+    return message
+
+
+def serialized(message):
+    return pytest.importorskip('rclpy.serialization').serialize_message(message)
+
+
+def stamp_ns(message):
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+
+
+@given(st.lists(messages(), min_size=1, max_size=6), st.lists(st.integers(0, 5), max_size=12))
+def test_messages_one_by_one_and_in_groups_are_read_as_rclpy_reads_them(sent, order):
+    sent += [sent[i % len(sent)] for i in order]
+    raws = [serialized(message) for message in sent]
+    reader = JointStateReader()
+    for message, raw in zip(sent, raws, strict=True):
+        sample = reader.read(raw)
+        np.testing.assert_array_equal(sample.rows, [message.position])
+        assert sample.rows.flags.writeable
+        assert sample.rows.flags.aligned
+        assert (sample.names, sample.frame_id) == (list(message.name), message.header.frame_id)
+        assert sample.stamp_ns == stamp_ns(message)
+    found = []
+    for group in joint_state_groups([b'', *raws]):
+        found += group.indices.tolist()
+        mine = [sent[i - 1] for i in group.indices]
+        assert group.stamps_ns.tolist() == list(map(stamp_ns, mine))
+        for field in ('position', 'velocity', 'effort'):
+            wanted = [getattr(message, field) for message in mine]
+            np.testing.assert_array_equal(group.numbers(field), wanted)
+    assert sorted(found) == list(range(1, len(raws) + 1))
+
+
+@given(texts, st.lists(texts, min_size=1, max_size=4), st.booleans(), st.data())
+def test_messages_are_written_as_rclpy_serialises_them(frame_id, names, efforts, data):
+    writer = JointStateWriter(frame_id, names, efforts=efforts)
+    rows = st.lists(numbers, min_size=len(names), max_size=len(names)).map(np.array)
+    at_ns, position = data.draw(st.integers(-(10**18), 10**18)), data.draw(rows)
+    effort = data.draw(rows) if efforts else None
+    message = joint_state(name=names, position=position, effort=[] if effort is None else effort)
+    message.header.frame_id = frame_id
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(at_ns, 1_000_000_000)
+    raw = writer.written(at_ns, position, effort)
+    deserialized = pytest.importorskip('rclpy.serialization').deserialize_message
+    # Some numbers are NaN, which equals nothing; padding may have any value.
+    assert repr(deserialized(raw, type(message))) == repr(message)
+    if not efforts:
+        assert writer.many(position[np.newaxis], np.array([at_ns])) == [raw]
+
+
+@pytest.mark.parametrize('position', [[1.0], [1.0, 2.0, 3.0], np.ones(2, np.float32)])
+def test_numbers_that_do_not_fill_a_message_are_an_error(position):
+    with pytest.raises(ValueError, match='assignment'):
+        JointStateWriter('tip', ['a', 'b']).written(5, np.asarray(position))
+
+
+def test_padding_may_have_any_value():
+    raws = JointStateWriter('tip', ['a', 'bc']).many(np.array([[1.0, 2.0]] * 3), np.arange(3))
+    padded = bytearray(raws[1])
+    padded[padded.index(b'bc\0') + 3] ^= 0xFF
+    (group,) = joint_state_groups([raws[0], bytes(padded), raws[2]])
+    assert group.indices.tolist() == [0, 1, 2]
+    reader = JointStateReader()
+    for raw in (raws[0], bytes(padded)):
+        assert reader.read(raw).names == ['a', 'bc']
+
+
+@pytest.mark.parametrize('zeros', [1, 2, 5, 9, 16])
+def test_a_text_that_is_filled_up_with_zeros_does_not_move_the_numbers(zeros):
+    # With positions of zero, any place among the zeros would look right.
+    raw = JointStateWriter('x' * zeros, ['a']).written(7, np.array([0.0]))
+    filled = raw.replace(b'x' * zeros, bytes(zeros))
+    sample = JointStateReader().read(filled)
+    assert (sample.frame_id, sample.names, sample.rows.tolist()) == ('', ['a'], [[0.0]])
+
+
+@given(st.binary(max_size=200), st.integers(0, 60))
+def test_bytes_that_are_no_message_are_an_error_and_never_read_beyond_their_end(noise, cut):
+    raw = JointStateWriter('tip', ['a', 'b']).written(5, np.array([1.0, 2.0]))
+    for broken in (raw[:cut], raw[:16] + noise, b'\0\1\0\0' + noise):
+        with contextlib.suppress(ValueError):
+            layout = joint_state_layout(broken)
+            assert max(layout.fixed) < len(broken)
+            assert max(numbers.stop for numbers in layout.numbers.values()) <= len(broken)
+    with pytest.raises(ValueError, match='little-endian'):
+        joint_state_layout(b'\0\0\0\0' + struct.pack('>iI', 3, 4))
+
+
+@dataclasses.dataclass
+class Vector:
+    x: float
+    y: float
+
+
+@dataclasses.dataclass
+class Pillar:
+    fz: float
+    force: Vector
+    torques: Any
+
+
+@dataclasses.dataclass
+class Array:
+    pillars: list
+    gain: float
+    raw: Any
+    name: list
+    frame_id: str
+
+
+@dataclasses.dataclass
+class Dimension:
+    label: str
+    size: int
+    stride: int = 0
+
+
+@dataclasses.dataclass
+class Layout:
+    dim: list
+    data_offset: int = 0
+
+
+@dataclasses.dataclass
+class MultiArray:
+    layout: Layout
+    data: Any
+
+
+def message(n=3):
+    pillars = [Pillar(float(i), Vector(10.0 + i, 20.0 + i), [i, -i]) for i in range(n)]
+    return Array(pillars, 2.5, array.array('f', [1.5, 2.5]), ['a', 'b'], 'tip')
+
+
+@pytest.mark.parametrize(
+    ('path', 'wanted'),
+    [
+        ('gain', [2.5]),
+        ('raw', [1.5, 2.5]),
+        ('raw[]', [1.5, 2.5]),
+        ('raw[1]', [2.5]),
+        ('pillars[].fz', [0.0, 1.0, 2.0]),
+        ('pillars[2].fz', [2.0]),
+        ('pillars[].force.y', [20.0, 21.0, 22.0]),
+        ('pillars[].torques', [0.0, 0.0, 1.0, -1.0, 2.0, -2.0]),
+        ('pillars[].torques[0]', [0.0, 1.0, 2.0]),
+        ('pillars[1].torques[]', [1.0, -1.0]),
+    ],
+)
+def test_a_path_selects_the_numbers_in_their_order(path, wanted):
+    row = FieldReader(path)(message())
+    assert row.dtype == np.float64
+    np.testing.assert_array_equal(row, [wanted])
+
+
+@pytest.mark.parametrize(
+    ('path', 'said'),
+    [
+        ('pressure', 'Array has no pressure, there are: pillars, gain, raw, name, frame_id'),
+        ('pillars[].fx', 'pillars[0] has no fx, there are: fz, force, torques'),
+        ('pillars[0].force.z', 'pillars[0].force has no z, there are: x, y'),
+        ('pillars[3].fz', 'pillars has 3 elements, allowed: below that'),
+        ('pillars', 'pillars is no list of numbers, allowed: numbers, such as pillars[].fz'),
+        ('pillars.fz', 'pillars is no message, allowed: pillars[] or pillars[0]'),
+        ('pillars[].force', 'pillars[0].force is a message, allowed: one of its fields: pillars'),
+        ('gain[]', 'gain is no list, allowed: gain without []'),
+        ('gain.x', 'gain is no message, allowed: the path to end here'),
+        ('frame_id', 'frame_id is text, allowed: numbers'),
+        ('frame_id[0]', 'frame_id is no list'),
+        ('name', 'name is no list of numbers, allowed: numbers'),
+        ('name[0]', 'name[0] is text, allowed: numbers'),
+    ],
+)
+def test_a_wrong_path_is_refused_with_what_there_is(path, said):
+    with pytest.raises(ValueError, match='field ') as caught:
+        FieldReader(path)(message())
+    assert f'field {path}: {said}' in str(caught.value)
+
+
+def test_an_empty_list_of_messages_is_refused():
+    with pytest.raises(ValueError, match=r'field pillars\[\]\.fz: pillars is empty'):
+        FieldReader('pillars[].fz')(message(0))
+
+
+@pytest.mark.parametrize('path', ['', '.', 'a.', 'a[', 'a[x]', 'a[-1]', 'a b', '1a', 'a[0][1]'])
+def test_a_text_that_is_no_path_is_refused(path):
+    with pytest.raises(ValueError, match='allowed: names joined by dots'):
+        FieldReader(path)
+
+
+@given(st.integers(1, 6), st.integers(1, 6), st.integers(0, 3))
+def test_a_layout_of_sample_and_channel_gives_a_row_each(samples, channels, begin):
+    data = np.arange(begin + samples * channels, dtype=np.float32)
+    layout = Layout([Dimension('sample', samples), Dimension('channel', channels)], begin)
+    rows = FieldReader('data')(MultiArray(layout, data))
+    np.testing.assert_array_equal(rows, data[begin:].reshape(samples, channels))
+
+
+def test_any_other_layout_is_one_row():
+    data = np.arange(6.0)
+    for layout in (Layout([]), Layout([Dimension('row', 2), Dimension('column', 3)])):
+        np.testing.assert_array_equal(FieldReader('data')(MultiArray(layout, data)), [data])
+
+
+def test_a_layout_that_does_not_fit_its_numbers_is_refused():
+    layout = Layout([Dimension('sample', 2), Dimension('channel', 4)])
+    with pytest.raises(ValueError, match='field data: has 6 numbers, allowed: 2 x 4'):
+        FieldReader('data')(MultiArray(layout, np.arange(6.0)))
+
+
+def test_messages_of_rclpy_and_of_bags_are_read_alike():
+    ros = pytest.importorskip('sensor_msgs.msg', reason='needs ROS messages')
+    typesys = pytest.importorskip('rosbags.typesys')
+    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY).types
+    cloud = ros.PointCloud(channels=[ros.ChannelFloat32(name='a', values=[1.0, 2.0])])
+    channel = types['sensor_msgs/msg/ChannelFloat32']('a', np.array([1.0, 2.0]))
+    other = types['sensor_msgs/msg/PointCloud'](header=None, points=[], channels=[channel])
+    for message in (cloud, other):
+        np.testing.assert_array_equal(FieldReader('channels[].values')(message), [[1, 2]])
+        with pytest.raises(ValueError, match='PointCloud has no intensity, there are: header, '):
+            FieldReader('intensity')(message)
+
+
+@pytest.mark.parametrize('kind', [np.ndarray, array.array])
+def test_a_nan_of_the_signalling_kind_is_a_nan_without_a_warning(kind):
+    signalling = np.array([0x7F810000, 0x3F800000], np.uint32).view(np.float32)
+    data = signalling if kind is np.ndarray else array.array('f', signalling.tobytes())
+    message = dataclasses.make_dataclass('Message', ['data'])(data)
+    rows = FieldReader('data')(message)
+    np.testing.assert_array_equal(rows, [[np.nan, 1.0]])
