@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from slip_detector.parameters.fields import shortened, shown_name
+from slip_detector.parameters.files import read_yaml
 from slip_detector.recordings.mcap_files import checksum_warning, copy_readable
 from slip_detector.recordings.recording import SizeLimit
 
@@ -106,6 +107,8 @@ class BagStorage:
         #: What rosbags opens, one after the other: the bag or, if it is damaged, its files.
         self._parts, self._are_copies = [path], False
         try:
+            if path.is_dir():  # what is nested too deep ends the parser of rosbags
+                read_yaml(path / METADATA)
             connections = self._connections()
         except ValueError:
             self._copy_readable()
