@@ -69,29 +69,21 @@ FIGURES = (
 
 def families() -> dict[str, list[dict[str, Any]]]:
     """Return the descriptions of the scenes of each family, by its name."""
-    parts = {
-        name: read_yaml(find_scene(name)) for name in (*PLATES, 'tremor_hum', 'taps', 'rolling')
+    plates = [read_yaml(find_scene(name)) for name in PLATES]
+    tremor_hum, taps, rolling = (
+        read_yaml(find_scene(name)) for name in ('tremor_hum', 'taps', 'rolling')
+    )
+    trembling = {name: tremor_hum[name] for name in ('tremor', 'hum')}
+    tapping = {'taps': {**taps['taps'], 'times_s': list(TAPS_S)}}
+    knocking = {**tapping, 'rolling': {**rolling['rolling'], 'start_s': ROLLING_S}}
+    drifting = {'electronics': {**plates[0].get('electronics', {}), 'drift_v': DRIFT_V}}
+    disturbances: dict[str, dict[str, Any]] = {
+        'plates': {},
+        'plates, tremor and hum': trembling,
+        'taps and rolling between slips': knocking,
+        'tremor, hum, taps and drift': {**trembling, **tapping, **drifting},
     }
-    plates = [parts[name] for name in PLATES]
-    trembling = {name: parts['tremor_hum'][name] for name in ('tremor', 'hum')}
-    knocking = {
-        'taps': {**parts['taps']['taps'], 'times_s': list(TAPS_S)},
-        'rolling': {**parts['rolling']['rolling'], 'start_s': ROLLING_S},
-    }
-    return {
-        'plates': plates,
-        'plates, tremor and hum': [{**plate, **trembling} for plate in plates],
-        'taps and rolling between slips': [{**plate, **knocking} for plate in plates],
-        'tremor, hum, taps and drift': [
-            {
-                **plate,
-                **trembling,
-                'taps': knocking['taps'],
-                'electronics': {**plate.get('electronics', {}), 'drift_v': DRIFT_V},
-            }
-            for plate in plates
-        ],
-    }
+    return {name: [{**plate, **parts} for plate in plates] for name, parts in disturbances.items()}
 
 
 def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> list[Track]:
@@ -103,7 +95,7 @@ def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int])
             samples = scene.read(round(60.0 * scene.sample_rate_hz))
             assert samples.truth is not None
             rows = Samples.evenly(samples.volts, scene.sample_rate_hz, samples.truth)
-            tracks.append(track_of(f'{PLATES[i]}, seed {seed}', [rows], scene.sample_rate_hz))
+            tracks.append(track_of(f'scene {i}, seed {seed}', [rows], scene.sample_rate_hz))
     return tracks
 
 

@@ -44,15 +44,15 @@ All scenes are simulated with seeds that the configurations were not chosen on.
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from slip_detector.chain.samples import Samples
+from benchmarks.tune.families import play_scenes
 from slip_detector.evaluation.figures import ReplayOutcome, mean_and_sd, percent, trial_delays_ms
 from slip_detector.evaluation.protocol import SCENES
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.scenes import find_scene, load_scene
+from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.scenes import find_scene
+from slip_detector.tuning.tracks import Track
 
 #: Seeds other than those that the configuration was chosen on.
 SEEDS = range(5000, 5030)
@@ -60,35 +60,28 @@ SEEDS = range(5000, 5030)
 FAST = ('fast_40mm_s', 'fast_80mm_s')
 WITHOUT_SLIP = ('taps', 'rolling', 'tremor_hum')
 
-#: Number of rows; more than any scene has.
-LONGEST_S = 60.0
+
+def simulate(seeds: Sequence[int]) -> dict[str, list[Track]]:
+    """Play each of the scenes once with each seed; return them by name of the scene."""
+    names = (*SCENES.values(), *FAST, *WITHOUT_SLIP)
+    return {name: play_scenes([read_yaml(find_scene(name))], seeds) for name in names}
 
 
-def simulate(seeds: Sequence[int]) -> dict[str, list[Samples]]:
-    """Play each of the scenes once with each seed; return their rows, by name of the scene."""
-    rows: dict[str, list[Samples]] = {}
-    for name in (*SCENES.values(), *FAST, *WITHOUT_SLIP):
-        rows[name] = []
-        for seed in seeds:
-            scene = load_scene(find_scene(name), np.random.default_rng(seed))
-            samples = scene.read(round(LONGEST_S * scene.sample_rate_hz))
-            assert samples.truth is not None
-            rows[name].append(Samples.evenly(samples.volts, scene.sample_rate_hz, samples.truth))
-    return rows
-
-
-def onset_figures(rows: dict[str, list[Samples]], chain: ChainConfig) -> dict[str, Any]:
+def onset_figures(tracks: dict[str, list[Track]], chain: ChainConfig) -> dict[str, Any]:
     """Return the figures of one chain; the keys are in the module's docstring.
 
     Parameters
     ----------
-    rows
+    tracks
         Result of :func:`simulate`.
     chain
         The parameters of the chain.
     """
     replay = Replay(chain, scores=False, stages=False)
-    outcomes = {name: [replay.run([one]) for one in mine] for name, mine in rows.items()}
+    outcomes = {
+        name: [replay.run(track.rows(), track.sample_rate_hz) for track in several]
+        for name, several in tracks.items()
+    }
     plates = {plate: _delays(outcomes[scene]) for plate, scene in SCENES.items()}
     slides = [one for scene in SCENES.values() for one in outcomes[scene]]
     still = sum(one.rows - one.slip_rows for one in slides)
@@ -121,16 +114,16 @@ def measure_onset(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
     dict
         The keys are in the module's docstring.
     """
-    rows = simulate(seeds)
+    tracks = simulate(seeds)
     onset, sure = (
         ChainConfig.from_yaml(shared_folder() / 'config' / f'{name}.yaml')
         for name in ('onset', 'sure')
     )
     return {
         'seeds': list(seeds),
-        **onset_figures(rows, onset),
-        'sure': onset_figures(rows, sure),
-        'paper': onset_figures(rows, ChainConfig()),
+        **onset_figures(tracks, onset),
+        'sure': onset_figures(tracks, sure),
+        'paper': onset_figures(tracks, ChainConfig()),
     }
 
 

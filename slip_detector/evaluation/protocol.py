@@ -68,7 +68,7 @@ from slip_detector.evaluation.figures import Bound, ReplayOutcome, paper_figures
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings import RATE_TOLERANCE, rates_differ
-from slip_detector.scenes import Scene, find_scene, load_scene
+from slip_detector.scenes import find_scene, load_scene
 
 Bools = NDArray[np.bool_]
 
@@ -151,28 +151,6 @@ def plate_trial(volts: Floats, position_m: Floats, sample_rate_hz: float) -> Pla
     return PlateTrial(volts, position_m, moving, sample_rate_hz)
 
 
-def read_trial(scene: Scene) -> PlateTrial:
-    """Play a scene to its end.
-
-    Raises
-    ------
-    ValueError
-        As :func:`plate_trial`.
-
-    Examples
-    --------
-    >>> trial = read_trial(load_scene(find_scene('plate_440um'), np.random.default_rng(0)))
-    >>> trial.volts.shape[1], bool(trial.moving.any())
-    (16, True)
-    """
-    parts = [scene.read(ROWS_PER_READ)]
-    while len(parts[-1].volts) == ROWS_PER_READ:
-        parts.append(scene.read(ROWS_PER_READ))
-    volts = np.concatenate([part.volts for part in parts])
-    position_m = np.concatenate([part.position_m for part in parts])
-    return plate_trial(volts, position_m, scene.sample_rate_hz)
-
-
 def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
     """Play a scene, given by name or path, once for each seed.
 
@@ -187,12 +165,19 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
     >>> bool((first.volts == second.volts).all())
     False
     """
-    path = find_scene(scene)
-    scenes = [load_scene(path, np.random.default_rng(seed)) for seed in seeds]
-    try:
-        return [read_trial(each) for each in scenes]
-    except ValueError as error:
-        raise ValueError(f'{path}: {error}') from None
+    path, trials = find_scene(scene), []
+    for seed in seeds:
+        played = load_scene(path, np.random.default_rng(seed))
+        parts = [played.read(ROWS_PER_READ)]
+        while len(parts[-1].volts) == ROWS_PER_READ:
+            parts.append(played.read(ROWS_PER_READ))
+        volts = np.concatenate([part.volts for part in parts])
+        position_m = np.concatenate([part.position_m for part in parts])
+        try:
+            trials.append(plate_trial(volts, position_m, played.sample_rate_hz))
+        except ValueError as error:
+            raise ValueError(f'{path}: {error}') from None
+    return trials
 
 
 def replay_trial(trial: PlateTrial, replay: Replay) -> ReplayOutcome:
@@ -270,8 +255,7 @@ def evaluate_plates(
     Parameters
     ----------
     plates
-        The trials of each plate, at least one; see :func:`simulate_trials`, and
-        :func:`read_trial` for scenes that do not come with the package.
+        The trials of each plate, at least one; see :func:`simulate_trials`.
     config
         The parameters of the chain.
 
@@ -363,59 +347,13 @@ WANTED: dict[str, Bound] = {
 }
 
 
-def evaluate_protocol(
-    plates: Mapping[str, Sequence[PlateTrial]], config: ChainConfig
-) -> dict[str, Any]:
-    """Run trials through the chain and its variants of Figs. 4 and 7.
-
-    Parameters
-    ----------
-    plates
-        The trials of each plate in :data:`SCENES`.
-    config
-        The parameters of the chain.
-
-    Returns
-    -------
-    dict
-        ``plates``, ``all``, ``windows``, ``bands`` and ``wanted``; see the module's docstring.
-
-    Raises
-    ------
-    ValueError
-        When a chain cannot be built or a trial does not suit it.
-
-    Examples
-    --------
-    >>> trials = {plate: simulate_trials(scene, [0]) for plate, scene in SCENES.items()}
-    >>> result = evaluate_protocol(trials, ChainConfig())
-    >>> result['all']['detected'], list(result['windows'])
-    (3, ['20', '30', '40'])
-    """
-    result: dict[str, Any] = evaluate_plates(plates, config)
-    result['windows'] = {
-        f'{window_s * 1e3:.0f}': evaluate_plates(plates, with_windows(config, window_s))
-        for window_s in WINDOWS_S
-    }
-    result['bands'] = {
-        f'{low:g}-{high:g}': evaluate_plates(plates, with_band(config, (low, high)))
-        for low, high in BANDS_HZ
-    }
-    values = claims(result)
-    result['wanted'] = {
-        name: {'value': values[name], 'bound': str(bound), 'met': bound.met(values[name])}
-        for name, bound in WANTED.items()
-    }
-    return result
-
-
 def claims(result: Mapping[str, Any]) -> dict[str, float | None]:
     """Return the figures that :data:`WANTED` bounds; None where one is not defined.
 
     Parameters
     ----------
     result
-        ``plates``, ``all``, ``windows`` and ``bands`` as :func:`evaluate_protocol` returns them.
+        ``plates``, ``all``, ``windows`` and ``bands`` as :func:`run_protocol` returns them.
     """
 
     def means_of(part: Mapping[str, Any]) -> Floats:
@@ -475,10 +413,16 @@ def run_protocol(
     ValueError
         When the chain cannot be built or does not suit the scenes, or a picture cannot be
         written.
+
+    Examples
+    --------
+    >>> result = run_protocol(ChainConfig(), trials=1)
+    >>> result['all']['detected'], list(result['windows'])
+    (3, ['20', '30', '40'])
     """
     seeds = list(range(seed, seed + trials))
     plates = {plate: simulate_trials(scene, seeds) for plate, scene in SCENES.items()}
-    result = {
+    result: dict[str, Any] = {
         'seeds': seeds,
         'scenes': dict(SCENES),
         'paper': {
@@ -488,7 +432,20 @@ def run_protocol(
             },
             'false_positive_percent': PAPER_FALSE_POSITIVE_PERCENT,
         },
-        **evaluate_protocol(plates, config),
+        **evaluate_plates(plates, config),
+        'windows': {
+            f'{window_s * 1e3:.0f}': evaluate_plates(plates, with_windows(config, window_s))
+            for window_s in WINDOWS_S
+        },
+        'bands': {
+            f'{low:g}-{high:g}': evaluate_plates(plates, with_band(config, (low, high)))
+            for low, high in BANDS_HZ
+        },
+    }
+    values = claims(result)
+    result['wanted'] = {
+        name: {'value': values[name], 'bound': str(bound), 'met': bound.met(values[name])}
+        for name, bound in WANTED.items()
     }
     written = [] if draw is None else draw(plates, config, result)
     return {**result, 'plots': [str(path) for path in written]}

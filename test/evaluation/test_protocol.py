@@ -26,10 +26,10 @@ from slip_detector.evaluation.protocol import (
     WANTED,
     claims,
     evaluate_plates,
-    evaluate_protocol,
     plate_figures,
     plate_trial,
     replay_trial,
+    run_protocol,
     simulate_trials,
     with_band,
 )
@@ -155,7 +155,7 @@ def test_a_high_pass_keeps_all_stop_bands_and_a_band_pass_those_below_its_upper_
 
 
 def test_the_papers_results_are_reproduced_and_each_variant_has_the_figures_of_its_chain(plates):
-    result = evaluate_protocol(plates, ChainConfig())
+    result = run_protocol(ChainConfig())
     assert (result['all']['detected'], result['all']['trials']) == (30, 30)
     assert set(result['wanted']) == set(MEANINGS)
     assert not [name for name, entry in result['wanted'].items() if not entry['met']]
