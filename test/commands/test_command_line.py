@@ -50,16 +50,6 @@ def test_an_interrupt_while_a_command_loads_is_one_line(command):
     assert done.stderr == f'slip_{command}: ended before it was done\n'
 
 
-@pytest.mark.parametrize('command', ['evaluate', 'tune'])
-def test_a_command_passes_its_exit_code_on(command, monkeypatch):
-    from slip_detector.commands import command_line
-
-    monkeypatch.setattr(sys, 'argv', [f'slip_{command}', '--no-such-option'])
-    with pytest.raises(SystemExit) as ended:
-        getattr(command_line, command)()
-    assert ended.value.code == 2
-
-
 def test_an_error_and_an_interrupt_of_a_command_are_one_line_and_an_exit_code(capsys):
     def fails():
         raise ValueError('trial.npz: has no label')

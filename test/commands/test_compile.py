@@ -52,19 +52,15 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
     assert compiled_signatures() == before
 
 
-@needs_numba
 def test_it_says_how_many_functions_it_has_compiled(monkeypatch, capsys):
     say = []
     monkeypatch.setattr(command, 'on_compiling', say.append)
-    monkeypatch.setattr(command, 'PARTS', {'chain': lambda: say[-1]('slip_detector.chain.stamps')})
-    assert command.main([]) == 0
-    assert capsys.readouterr().out.startswith('chain ...\nCompiled 1 functions in ')
-    monkeypatch.setattr(command, 'PARTS', {'chain': lambda: None})
-    assert command.main([]) == 0
-    assert capsys.readouterr().out == 'chain ...\nAll was compiled already.\n'
-
-
-def test_without_numba_there_is_nothing_to_compile(monkeypatch, capsys):
-    monkeypatch.setattr(command, 'COMPILED', False)
-    assert command.main([]) == 0
-    assert capsys.readouterr().out.startswith('Nothing to compile: Numba is not installed')
+    for compiled, use, said in (
+        (True, lambda: say[-1]('slip_detector.chain'), 'chain ...\nCompiled 1 functions in '),
+        (True, lambda: None, 'chain ...\nAll was compiled already.\n'),
+        (False, None, 'Nothing to compile: Numba is not installed'),
+    ):
+        monkeypatch.setattr(command, 'COMPILED', compiled)
+        monkeypatch.setattr(command, 'PARTS', {'chain': use})
+        assert command.main([]) == 0
+        assert capsys.readouterr().out.startswith(said)

@@ -14,7 +14,6 @@
 
 """``slip_evaluate`` on recordings: figures, tables and report, what it refuses, how it ends."""
 
-import dataclasses
 import json
 import os
 import re
@@ -25,13 +24,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slip_detector.chain.samples import Samples
 from slip_detector.commands import evaluate as evaluation
 from slip_detector.commands.evaluate import main
-from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
 from support.evaluation_cases import (
     SLIP_EVALUATE,
     complaint,
@@ -59,23 +53,6 @@ def test_json_has_the_figures_of_each_recording_of_each_set_and_of_all(capsys, t
     pooled = roc_auc(*(np.concatenate(parts) for parts in zip(*scores, strict=True)))
     assert report['all']['auc_all'] == pooled
     assert (report['all']['rows'], report['all']['slips']) == (1200, 2)
-
-
-def test_figures_and_events_are_those_of_the_replay(capsys, tmp_path):
-    path = write(tmp_path / 'a.npz')
-    config = config_file(tmp_path / 'c.yaml', {'threshold': 2.0}, early_s=0.4, late_after_s=0.05)
-    with np.load(path) as file:
-        outcome = Replay(
-            ChainConfig(threshold=2.0), EvaluationConfig(early_s=0.4, late_after_s=0.05)
-        ).run([Samples.evenly(file['volts'], 380.0, file['slip'])])
-    found = report_of(capsys, path, '--config', config)[tmp_path.name]['recordings']['a.npz']
-    assert figures_of_merit([outcome]).items() <= found.items()
-    assert found['matched'] == 1
-    assert found['slip_events'] == [
-        {**dataclasses.asdict(slip), 'channel_delays_s': list(slip.channel_delays_s)}
-        for slip in outcome.slips
-    ]
-    assert found['alarm_events'] == [dataclasses.asdict(alarm) for alarm in outcome.alarms]
 
 
 def test_tables_have_a_line_for_each_recording_and_the_whole_last(capsys, tmp_path):
@@ -132,12 +109,6 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(caps
     assert line == f'{page}: cannot be written (File too large)'
     assert (page.read_bytes(), path.read_bytes()) == (b'of yesterday', before)
     assert set(tmp_path.iterdir()) == {path.parent, page}
-
-
-def test_the_current_folder_has_its_name_too(capsys, tmp_path, monkeypatch):
-    write(tmp_path / 'here' / 'a.npz')
-    monkeypatch.chdir(tmp_path / 'here')
-    assert list(report_of(capsys, '.')) == list(report_of(capsys, 'a.npz')) == ['here']
 
 
 def test_wrong_arguments_and_recordings_are_refused_in_one_line(capsys, tmp_path):

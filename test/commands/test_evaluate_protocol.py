@@ -25,18 +25,12 @@ from slip_detector.commands.evaluate import main
 from slip_detector.evaluation import protocol
 from slip_detector.evaluation.protocol import SCENES, WANTED, evaluate_plates, simulate_trials
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.protocol import MEANINGS
+from support.evaluation_cases import complaint
 
 KEYS = {
-    'mean_delay_ms',
-    'sd_delay_ms',
-    'success_percent',
-    'trial_delays_ms',
-    'detected',
-    'trials',
-    'false_positive_percent',
-    'channels_without_on',
-}
+    'mean_delay_ms', 'sd_delay_ms', 'success_percent', 'trial_delays_ms', 'detected', 'trials',
+    'false_positive_percent', 'channels_without_on',
+}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -57,17 +51,6 @@ def run(capsys, *arguments):
     captured = capsys.readouterr()
     assert captured.err == ''
     return captured.out
-
-
-def complaint(capsys, *arguments, code):
-    """Run what must fail; returns the one line that it says."""
-    try:
-        status = main([*map(str, arguments)])
-    except SystemExit as leave:
-        status = leave.code
-    captured = capsys.readouterr()
-    assert (status, captured.out, captured.err.count('\n')) == (code, '', 1)
-    return captured.err.removeprefix('slip_evaluate: ').rstrip('\n')
 
 
 def test_json_has_the_documented_figures(capsys):
@@ -92,38 +75,6 @@ def test_json_has_the_documented_figures(capsys):
     assert result['plates']['440'] == evaluate_plates(trials, ChainConfig())['plates']['440']
 
 
-def test_the_table_has_the_paper_beside_ours_and_what_is_wanted(capsys):
-    lines = run(capsys, '--trials', 1).splitlines()
-
-    def words(head):
-        (line,) = [line for line in lines if line.strip().startswith(head)]
-        return line.strip().removeprefix(head).split()
-
-    assert words('mean, paper') == ['36.02', '41.78', '48.90']
-    assert words('sd, paper') == ['3.91', '10.78', '9.91']
-    assert words('false positives, paper [%]') == ['1.01']
-    assert len(words('seed 0')) == 3
-    assert words('sd  ')[:3] == ['-', '-', '-']  # of one trial
-    for meaning in MEANINGS.values():
-        assert words(meaning)[-1] == 'met'
-    assert max(map(len, lines)) < 130
-
-
-def test_the_configuration_is_that_of_the_file(capsys, tmp_path):
-    path = tmp_path / 'deaf.yaml'
-    path.write_text('/**/slip_detector: {ros__parameters: {threshold: 1.0e+30}}')
-    result = json.loads(run(capsys, '--json', '--trials', 1, '--config', path))
-    assert result['plates']['400']['trial_delays_ms'] == [None]
-    assert result['plates']['400']['mean_delay_ms'] is None
-    assert result['plates']['400']['channels_without_on'] == 16
-    assert result['all']['detected'] == 0
-    assert result['wanted']['mean_delay_ms.400'] == {
-        'value': None, 'bound': '32.11 to 39.93', 'met': False,
-    }  # fmt: skip
-    text = run(capsys, '--trials', 1, '--config', path, '--plot', tmp_path / 'deaf')
-    assert 'nan' not in text.lower()
-
-
 def test_the_pictures_are_written_and_show_something(capsys, tmp_path):
     folder = tmp_path / 'new' / 'out'
     result = json.loads(run(capsys, '--json', '--trials', 2, '--plot', folder))
@@ -141,45 +92,16 @@ def test_the_pictures_are_written_and_show_something(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'code', 'said'),
+    ('words', 'code', 'said'),
     [
-        (['--protocol', 'paper', 'a.npz'], 2, '--protocol simulates its trials, allowed: no REC'),
-        (['--trials', '3', 'a.npz'], 2, '--trials is for simulated trials, allowed: with --prot'),
-        (['--seed', '3', 'a.npz'], 2, '--seed is for simulated trials, allowed: with --protocol'),
-        (
-            ['--protocol', 'paper', '--report', 'a.html'],
-            2,
-            '--report is for recordings, allowed: without --protocol',
-        ),
-        (
-            ['--protocol', 'paper', '--topic', 'a'],
-            2,
-            '--topic is for recordings, allowed: without --protocol',
-        ),
-        (['--protocol', 'mine'], 2, "argument --protocol: invalid choice: 'mine' (choose from "),
-        (
-            ['--protocol', 'paper', '--trials', '0'],
-            2,
-            "argument --trials: is '0', allowed: a whole number, 1 to 1000",
-        ),
-        (
-            ['--protocol', 'paper', '--seed', '-1'],
-            2,
-            "argument --seed: is '-1', allowed: a whole number, 0 to 2147483647",
-        ),
-        (['--protocol', 'paper', '--config', 'no.yaml'], 1, 'no.yaml: cannot be read (No such fi'),
+        ('--protocol paper a.npz', 2, '--protocol simulates its trials, allowed: no RECORDING'),
+        ('--trials 3 a.npz', 2, '--trials is for simulated trials, allowed: with --protocol'),
+        ('--plot out a.npz', 2, '--plot is for simulated trials, allowed: with --protocol'),
+        ('--protocol paper --jobs 2', 2, '--jobs is for recordings, allowed: without --protocol'),
+        ('--protocol mine', 2, "argument --protocol: invalid choice: 'mine' (choose from "),
+        ('--protocol paper --seed -1', 2, "argument --seed: is '-1', allowed: a whole number, 0"),
+        ('--protocol paper --config no.yaml', 1, 'no.yaml: cannot be read (No such file'),
     ],
 )
-def test_wrong_arguments_are_said_in_one_line(capsys, arguments, code, said):
-    assert complaint(capsys, *arguments, code=code).startswith(said)
-
-
-def test_a_folder_that_cannot_be_made_or_written_to_is_named(capsys, tmp_path):
-    (tmp_path / 'file').touch()
-    arguments = ['--protocol', 'paper', '--trials', '1', '--plot']
-    line = complaint(capsys, *arguments, tmp_path / 'file', code=1)
-    assert line == f'{tmp_path / "file"}: cannot be made (File exists)'
-    (tmp_path / 'full' / 'paper_fig4.png').mkdir(parents=True)
-    line = complaint(capsys, *arguments, tmp_path / 'full', code=1)
-    picture = tmp_path / 'full' / 'paper_fig4.png'
-    assert line == f'{picture}: cannot be written (Is a directory)'
+def test_wrong_arguments_are_refused_in_one_line(capsys, words, code, said):
+    assert complaint(capsys, *words.split(), code=code).startswith(said)

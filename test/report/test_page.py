@@ -27,15 +27,12 @@ from hypothesis import strategies as st
 
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report import page as report
 from slip_detector.report.page_sections import (
     UNDEFINED,
     SearchTrial,
     Variant,
-    filters_figure,
-    front_figure,
     latency_figure,
     sections,
     trade_off_front,
@@ -234,36 +231,6 @@ def test_figures_and_differing_parameters_are_in_tables(variants):
     ]
     table = '|noise_floor ch2|0.0002|0.0003|noise_floor ch3|0.0003|0.0002|All parameters|'
     assert table in text_of(sections(pair))
-
-
-def test_few_and_many_channels_without_labels_are_shown(tmp_path):
-    for channels in (1, 96):
-        config = ChainConfig(channels=channels, disabled_channels=(2,) if channels > 1 else ())
-        volts, _ = scenes.volts_and_truth(500, channels)
-        variant = Variant('given', config, [scenes.overview('a', config, volts, None)], {})
-        report.write_page(tmp_path / 'report.html', 'A title', [variant])
-        (recording,) = read(tmp_path / 'report.html').header['recordings']
-        assert (recording['truth'], len(recording['channels'])) == (None, channels)
-
-
-def test_the_response_is_flat_in_the_passband_and_falls_beside_it():
-    gain, delay = filters_figure([Variant('given', scenes.GIVEN, [], {})]).axes
-    frequency_hz, gain_db = gain.lines[0].get_data()
-    low_hz, high_hz = scenes.GIVEN.passband_hz
-    inside = (frequency_hz > 1.5 * low_hz) & (frequency_hz < high_hz / 1.5)
-    assert gain_db[inside].min() > -3.0
-    assert gain_db[frequency_hz < low_hz / 3].max() < -20.0
-    assert np.all(delay.lines[0].get_ydata()[inside] > 0.0)
-
-
-def test_given_and_tuned_are_named_in_the_trade_off_with_their_figures():
-    legend = front_figure(scenes.trials()).axes[0].get_legend()
-    assert [text.get_text() for text in legend.texts] == [
-        'trial',
-        'on the front',
-        'given: 50 ms, 4 a minute, sooner than chance 0.80',
-        'tuned: 20 ms, 1 a minute, sooner than chance 0.90',
-    ]
 
 
 COST = st.one_of(st.none(), st.integers(0, 3).map(float))

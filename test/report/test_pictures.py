@@ -23,7 +23,7 @@ from slip_detector.grasp.comparison import grasp_figures
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import pictures
 from slip_detector.report.grasp import draw_grasp
-from slip_detector.report.pictures import draw_stages, draw_trial, save_picture
+from slip_detector.report.pictures import draw_stages, draw_trial
 from slip_detector.report.protocol import stage_signals
 from support import grasp_trials
 
@@ -37,14 +37,6 @@ def figures(monkeypatch):
     drawn = []
     monkeypatch.setattr(pictures, 'save_picture', lambda figure, path: drawn.append(figure))
     return drawn
-
-
-def test_a_picture_is_of_the_kind_that_its_ending_names_and_is_closed(tmp_path):
-    for ending, begin in (('png', b'\x89PNG'), ('svg', b'<?xml'), ('pdf', b'%PDF')):
-        figure, _ = pictures.plt.subplots()
-        save_picture(figure, tmp_path / f'a.{ending}')
-        assert (tmp_path / f'a.{ending}').read_bytes().startswith(begin)
-        assert not pictures.plt.fignum_exists(figure.number)
 
 
 @pytest.mark.parametrize('motion_s', [(1.0, 2.0), None])

@@ -14,7 +14,6 @@
 
 """Tables of text, and the texts of figures."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -58,11 +57,6 @@ def test_each_cell_is_in_its_column_on_its_side(rows, alignment, indent):
             for cell, side, width in zip(row, sides, widths, strict=False)
         ]
         assert line == (' ' * indent + '  '.join(cells)).rstrip()
-
-
-def test_rows_of_different_lengths_are_refused():
-    with pytest.raises(ValueError, match='zip'):
-        text_table([('a', 'b'), ('c',)])
 
 
 def evaluated(value, **figures):
