@@ -93,8 +93,7 @@ def machine() -> dict[str, Any]:
 
 def _processor() -> str:
     """Return the name of the processor, if the system provides it, and its architecture."""
-    known = Path('/proc/cpuinfo')
-    lines = known.read_text().splitlines() if known.exists() else []
+    lines = Path('/proc/cpuinfo').read_text().splitlines()
     names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
     return ', '.join([*names[:1], platform.machine()])
 

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib import pyplot as plt
-from matplotlib.lines import Line2D
 
 from slip_detector.report.pictures import COLORS, save_picture
 
@@ -46,51 +45,24 @@ def draw_scenes_precision(path: Path, figures: Mapping[str, Any]) -> None:
         squeeze=False, layout='constrained',
     )  # fmt: skip
     # Black is for the live stepper, with which the others are compared.
-    names = ['live', 'LSODA', 'BDF', 'Radau', 'RK45', 'DOP853']
-    colors = dict(zip(names, ('k', *COLORS), strict=False))
-    markers = dict(zip(names, MARKERS, strict=True))
+    styles = list(zip(('k', *COLORS), MARKERS, strict=False))
     for axis, entry in zip(axes.flat, entries, strict=False):
         floor = entry['reference']['voltage_error']
         axis.axvspan(1e-12, floor, color='0.9', zorder=0)
-        axis.axvline(1e-3, color='0.6', linestyle=':', linewidth=1)
         axis.axhline(1e3, color='0.6', linestyle='--', linewidth=1)
-        for name in names:
+        methods = ('live', 'LSODA', 'BDF', 'Radau', 'RK45', 'DOP853')
+        for name, (color, marker) in zip(methods, styles, strict=True):
             runs = [run for run in entry['runs'] if run['method'] == name and not run['said']]
-            # Runs over only a stretch of the scene have hollow markers.
-            whole = max((run['over'][1] - run['over'][0] for run in entry['runs']), default=0.0)
-            for full in (True, False):
-                some = [
-                    run for run in runs if (run['over'][1] - run['over'][0] > 0.9 * whole) == full
-                ]
-                axis.plot(
-                    [max(run['voltage_error'], floor) for run in some],
-                    [run['run_time_per_s'] * 1e3 for run in some],
-                    color=colors[name],
-                    marker=markers[name],
-                    markersize=5,
-                    linewidth=1.6 if name == 'live' else 1.0,
-                    linestyle='-' if full else ':',
-                    markerfacecolor=colors[name] if full else 'w',
-                    zorder=4 if name == 'live' else 3,
-                )
+            errors = [max(run['voltage_error'], floor) for run in runs]
+            times_ms = [run['run_time_per_s'] * 1e3 for run in runs]
+            axis.plot(errors, times_ms, color=color, marker=marker, markersize=5, label=name)
         axis.set(xscale='log', yscale='log', xlim=(1e-9, 1.0))
         axis.set_title(entry['scene'], fontsize=10)
         axis.grid(color='0.93', linewidth=0.5)
-        axis.set_axisbelow(True)
     for axis in axes.flat[len(entries) :]:
         axis.set_axis_off()
     figure.supxlabel("worst voltage error / range of the volts (grey: below the reference's own)")
     figure.supylabel('run time for a simulated second [ms] (dashed: real time)')
-    handles = [
-        Line2D(
-            [], [], color=colors[name], marker=markers[name],
-            label='the live stepper' if name == 'live' else name,
-        )
-        for name in names
-    ]  # fmt: skip
-    handles.append(
-        Line2D([], [], color='0.4', marker='o', markerfacecolor='w', linestyle=':',
-               label='a stretch about the onset')
-    )  # fmt: skip
-    figure.legend(handles=handles, loc='outside upper center', ncols=len(handles), frameon=False)
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc='outside upper center', ncols=len(labels), frameon=False)
     save_picture(figure, path)

@@ -20,7 +20,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -68,8 +68,7 @@ def figures_of_process(
     """Run a module of the benchmarks as a process; return the JSON object that it prints.
 
     The process has a session of its own. So Ctrl-C reaches only the caller, which ends the
-    process, and the process ends its nodes. If it has to be killed, its whole session is killed
-    with it.
+    process, and the process ends its nodes. At last its whole session is killed.
 
     Raises
     ------
@@ -86,22 +85,25 @@ def figures_of_process(
     except subprocess.TimeoutExpired:
         raise RuntimeError(f'{module} did not end within {timeout_s:.0f} s') from None
     finally:
-        _end_session(process)
+        _end([process], SESSION_END_TIMEOUT_S)
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
     if process.returncode:
         raise RuntimeError(f'{module} failed: {last_line(errors)}')
     figures: dict[str, Any] = json.loads(output)
     return figures
 
 
-def _end_session(process: 'subprocess.Popen[str]') -> None:
-    """End a process gently, then kill whatever is left of its session."""
-    if process.poll() is None:
+def _end(processes: 'Iterable[subprocess.Popen[Any]]', timeout_s: float) -> None:
+    """Ask processes to end, and kill those that do not."""
+    for process in processes:
         process.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.communicate(timeout=SESSION_END_TIMEOUT_S)
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    for process in processes:
+        try:
+            process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def print_figures(measure: Callable[[], dict[str, Any]]) -> int:
@@ -144,14 +146,7 @@ def nodes_running(
             processes[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         yield processes
     finally:
-        for process in processes.values():
-            process.terminate()
-        for process in processes.values():
-            try:
-                process.wait(END_TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        _end(processes.values(), END_TIMEOUT_S)
 
 
 def raise_if_ended(processes: 'Mapping[str, subprocess.Popen[bytes]]') -> None:
@@ -190,7 +185,5 @@ def memory_kib(pid: int) -> int:
     >>> memory_kib(os.getpid()) > 1000
     True
     """
-    for line in Path(f'/proc/{pid}/status').read_text().splitlines():
-        if line.startswith('VmRSS:'):
-            return int(line.split()[1])
-    return 0  # a process that has just ended
+    fields = Path(f'/proc/{pid}/statm').read_text().split()
+    return int(fields[1]) * os.sysconf('SC_PAGE_SIZE') // 1024

@@ -71,11 +71,9 @@ def least_times_s(
 @contextlib.contextmanager
 def garbage_collection_off() -> Iterator[None]:
     """Switch the garbage collector off within a block; it would slow down only one side."""
-    was_on = gc.isenabled()
     gc.collect()
     gc.disable()
     try:
         yield
     finally:
-        if was_on:
-            gc.enable()
+        gc.enable()
