@@ -12,13 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command ``slip_compile``: compiles in advance what Numba would compile at the first use.
+"""The command ``slip_compile``.
 
-Numba keeps the result on disk, so one run after each installation is enough. It has to be by the
-user who runs the nodes, as the files may be in that user's cache.
+Compile the chain, the simulated fingertip, evaluation and tuning, which otherwise happens when
+each first runs. The result is kept on disk.
+
+One run after each installation is enough. It has to be by the user who runs the nodes, as the
+files may be in that user's cache.
 """
 
-import argparse
 import time
 from collections.abc import Callable, Sequence
 
@@ -28,7 +30,7 @@ from slip_detector.chain.compiled import COMPILED, on_compiling
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import compile_chain
-from slip_detector.commands.command_line import run
+from slip_detector.commands.command_line import Parser, run
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -46,12 +48,7 @@ ROWS = 400
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return the exit code."""
-    parser = argparse.ArgumentParser(
-        prog=NAME,
-        description='Compile the chain, the simulated fingertip, evaluation and tuning, which '
-        'otherwise happens when each first runs. The result is kept on disk.',
-    )
-    parser.parse_args(argv)
+    Parser(prog=NAME, description=__doc__.split('\n\n')[1]).parse_args(argv)
     return run(NAME, compile_all)
 
 
@@ -71,20 +68,17 @@ def compile_all() -> str:
 
 
 def _use_scenes() -> None:
-    """Use the simulated fingertip with each scene of the package."""
     for path in sorted((shared_folder() / 'config' / 'scenes').glob('*.yaml')):
         open_source(DriverConfig(source='scene', scene=str(path))).read(1)
 
 
-def _use_evaluation() -> None:
-    """Use the functions that match slips with alarms and that count scores."""
-    Replay(ChainConfig()).run([_labelled_rows()])
-
-
-def _use_tuning() -> None:
-    """Use the functions that evaluate all thresholds."""
-    config = ChainConfig()
-    track = track_of('compiled', [_labelled_rows()], config.sample_rate_hz)
+def _use_evaluation_and_tuning() -> None:
+    config, truth = ChainConfig(), np.arange(ROWS) >= ROWS // 2
+    tone = truth * np.sin(2 * np.pi * 20.0 * np.arange(ROWS) / config.sample_rate_hz)
+    volts = np.outer(tone, np.ones(config.channels))
+    samples = Samples.evenly(volts, config.sample_rate_hz, truth)
+    Replay(config).run([samples])
+    track = track_of('compiled', [samples], config.sample_rate_hz)
     limits, rows = np.array([0.5, 1.0]), settling_rows(config)
     for statistic in VoteStatistics(config, ['all', 'mean', 2]).of(track):
         sweep_thresholds([statistic], [track], limits, EvaluationConfig(), rows)
@@ -93,18 +87,5 @@ def _use_tuning() -> None:
 PARTS: dict[str, Callable[[], None]] = {
     'chain': compile_chain,
     'simulated fingertip': _use_scenes,
-    'evaluation': _use_evaluation,
-    'tuning': _use_tuning,
+    'evaluation and tuning': _use_evaluation_and_tuning,
 }
-
-
-def _labelled_rows() -> Samples:
-    config = ChainConfig()
-    truth = np.arange(ROWS) >= ROWS // 2
-    tone = np.sin(2 * np.pi * 20.0 * np.arange(ROWS) / config.sample_rate_hz)
-    volts = np.outer(np.where(truth, tone, 0.0), np.ones(config.channels))
-    return Samples.evenly(volts, config.sample_rate_hz, truth)
-
-
-if __name__ == '__main__':
-    raise SystemExit(main())

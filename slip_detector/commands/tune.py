@@ -93,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     held = parser.add_mutually_exclusive_group()
     held.add_argument(
-        '--hold-out', type=_number_below(1.0), default=1 / 3, metavar='SHARE',
+        '--hold-out', type=float, default=1 / 3, metavar='SHARE',
         help='share of the recordings, or of the time of a single one, to hold out (default: 1/3)',
     )  # fmt: skip
     held.add_argument(
@@ -109,7 +109,7 @@ def _parser() -> argparse.ArgumentParser:
         'the noise floors are learnt',
     )  # fmt: skip
     quiet.add_argument(
-        '--false-alarms-per-hour', type=_number_below(math.inf), metavar='R',
+        '--false-alarms-per-hour', type=float, metavar='R',
         help='set the threshold too: the allowed rate, above 0',
     )  # fmt: skip
     quiet.add_argument(
@@ -120,27 +120,16 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _number_below(limit: float) -> Callable[[str], float]:
-    """Return a function that reads an argument that is a number above 0 and below a limit."""
-    allowed = 'a number above 0' if limit == math.inf else f'a number between 0 and {limit:g}'
-
-    def read(text: str) -> float:
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if not 0.0 < number < limit:
-            raise argparse.ArgumentTypeError(f'is {text!r}, allowed: {allowed}')
-        return number
-
-    return read
-
-
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read and check the arguments; end the process with the exit code 2 where they are wrong."""
     parser = _parser()
     options = parser.parse_args(argv)
-    if options.quiet is None and options.false_alarms_per_hour is not None:
+    if not 0.0 < options.hold_out < 1.0:
+        parser.error(f'--hold-out: is {options.hold_out:g}, allowed: a number between 0 and 1')
+    rate = options.false_alarms_per_hour
+    if rate is not None and not 0.0 < rate < math.inf:
+        parser.error(f'--false-alarms-per-hour: is {rate:g}, allowed: a number above 0')
+    if options.quiet is None and rate is not None:
         parser.error('--false-alarms-per-hour goes with --quiet')
     if options.quiet is None and not options.recordings:
         parser.error('the following arguments are required: RECORDING (or --quiet)')
@@ -156,20 +145,20 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-class _Progress:
-    """Shows the progress of a search and the best chain so far, as a bar or as lines."""
+def _progress(bar: Any) -> Callable[[int, Candidate | None], None]:
+    """Return a function that shows how many trials there are and the best chain so far."""
+    printed = 0
 
-    def __init__(self, bar: Any) -> None:
-        self._bar, self._printed = bar, 0
-
-    def __call__(self, count: int, best: Candidate | None) -> None:
-        """Show the number of trials so far."""
+    def show(count: int, best: Candidate | None) -> None:
+        nonlocal printed
         found = 'none detects slip so far' if best is None else f'best: {in_short(best)}'
-        self._bar.set_postfix_str(found, refresh=False)
-        self._bar.update(count - self._bar.n)
-        if self._bar.disable and (count - self._printed) * LINES >= self._bar.total:
-            self._printed = count
-            sys.stderr.write(f'{count} of {self._bar.total} trials, {found}\n')
+        bar.set_postfix_str(found, refresh=False)
+        bar.update(count - bar.n)
+        if bar.disable and (count - printed) * LINES >= bar.total:
+            printed = count
+            sys.stderr.write(f'{count} of {bar.total} trials, {found}\n')
+
+    return show
 
 
 def in_short(found: Candidate) -> str:
@@ -248,7 +237,7 @@ def _search(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str
         Workers(options.jobs, options.cluster) as workers,
         progress_bar(options.trials, 'trial') as bar,
     ):
-        calls, progress = None if workers.here else workers.results, _Progress(bar)
+        calls, progress = None if workers.here else workers.results, _progress(bar)
         settings = {'seed': options.seed, 'storage': where}
         result = tune(
             files, parameters, options.trials, progress=progress, calls=calls, **settings

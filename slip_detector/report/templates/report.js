@@ -94,7 +94,6 @@ function fillList() {
     Object.assign(box, {type: 'checkbox', checked: shown.has(kind)});
     box.addEventListener('change', () => {
       shown[box.checked ? 'add' : 'delete'](kind);
-      listed = LISTED;
       fillList();
       element('kinds').children[kind].firstChild.focus();
     });
@@ -113,7 +112,7 @@ function fillList() {
   const across = (text, className, key) => row([Object.assign(make('td', text, className), {colSpan: 4})], key);
   const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)}\u00a0ms`);
   let above = header.recordings.length > 1 ? null : 0;
-  for (const [r, i, [kind, start, end, latency, parts, note]] of rows.slice(0, listed)) {
+  for (const [r, i, [kind, start, end, latency, parts, note]] of rows) {
     if (r !== above) across(header.recordings[r].name, 'name');
     above = r;
     const link = make('a', `${KINDS[kind][1]} ${KINDS[kind][0]}`, `kind-${kind}`), first = make('td');
@@ -125,8 +124,6 @@ function fillList() {
     if (where.length) across(where.join(', '), 'where', `${r}-${i}`);
   }
   if (!rows.length) across(all.length ? 'none of the kinds that are ticked' : 'no events');
-  element('more').hidden = rows.length <= listed;
-  element('more').textContent = `show more (${rows.length - listed} left)`;
   markChosen();
 }
 
@@ -153,12 +150,7 @@ function go(v, r, i) {
 function step(by) {
   const rows = ticked(), at = rows.findIndex(([r, , event]) => r === view.recording && event === view.chosen);
   const to = at < 0 ? (by > 0 ? 0 : rows.length - 1) : at + by;
-  if (!rows[to]) return;
-  if (to >= listed) {
-    listed = to + LISTED;
-    fillList();
-  }
-  go(view.variant, ...rows[to]);
+  if (rows[to]) go(view.variant, ...rows[to]);
 }
 
 function fromHash() {
@@ -176,7 +168,6 @@ function choose(what, value) {
     [view.from, view.to] = [0, duration()];
   } else {
     document.querySelector(`input[name=variant][value="${value}"]`).checked = true;
-    listed = LISTED;
     fillList();
   }
   markChosen();
@@ -207,10 +198,6 @@ function start() {
   on('event-list', 'click', ({target}) => {
     const key = target.closest('tr')?.dataset.event;
     if (key) go(view.variant, ...key.split('-').map(Number));
-  });
-  on('more', 'click', () => {
-    listed += 1000;
-    fillList();
   });
   on('signal', 'change', ({target}) => {
     element('scale-choice').hidden = target.value !== 'volts';

@@ -4,7 +4,7 @@
 const NO_SAMPLE = 0xffff;
 const KINDS = [['false alarm', '\u25bc', '#d55e00'], ['missed', '\u2715', '#a3347f'],
   ['late', '\u25c6', '#e69f00'], ['detected', '\u25cf', '#009e73']];
-const LISTED = 200, DETECTED = 3;
+const DETECTED = 3;
 // The code of a level that equals the threshold, and the range of codes that a lane of levels shows.
 const THRESHOLD_CODE = 128, CODES_OF_OCTAVE = 16;
 const LEVEL_CODES = [-1, 1].map((sign) => THRESHOLD_CODE + sign * CODES_OF_OCTAVE * LEVEL_OCTAVES);
@@ -14,7 +14,7 @@ const recordings = header.recordings.map(() => null);
 const names = header.variants;
 const view = {recording: 0, variant: names.length - 1, from: 0, to: 1, chosen: null};
 const shown = new Set([0, 1, 2]);
-let listed = LISTED, pending = false, drawn = null;
+let pending = false, drawn = null;
 
 const now = () => header.recordings[view.recording];
 const variantNow = () => now().variants[view.variant];
