@@ -31,7 +31,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from slip_detector.chain.stages import floor_steps_db
@@ -39,6 +38,12 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import whole_file, writable_folder
 
 Array = NDArray[np.float64]
+
+#: The parameters that determine the filters, but for the gain.
+PARAMETERS = (
+    'sample_rate_hz', 'passband_hz', 'passband_degree', 'stopbands_hz', 'stopband_degree',
+    'stopband_ripple_db', 'stopband_attenuation_db',
+)  # fmt: skip
 
 #: Folder in which designs are kept, in the user's cache (XDG base directory specification).
 FOLDER = Path(os.environ.get('XDG_CACHE_HOME') or '~/.cache').expanduser() / 'slip_detector'
@@ -93,15 +98,8 @@ def design(config: ChainConfig) -> Array:
     >>> design(ChainConfig(stopbands_hz=())).shape
     (2, 6)
     """
-    sections: Array = _unit_gain_network(
-        config.sample_rate_hz,
-        config.passband_hz,
-        config.passband_degree,
-        config.stopbands_hz,
-        config.stopband_degree,
-        config.stopband_ripple_db,
-        config.stopband_attenuation_db,
-    ).copy()
+    parameters = (getattr(config, name) for name in PARAMETERS)
+    sections: Array = _unit_gain_network(*parameters).copy()
     sections[0, :3] *= config.gain
     return sections
 
@@ -129,40 +127,25 @@ def _unit_gain_network(*parameters: Any) -> Array:
     return sections
 
 
-def _designed_network(
-    rate: float,
-    passband_hz: tuple[float, float],
-    passband_degree: int,
-    stopbands_hz: tuple[tuple[float, float], ...],
-    stopband_degree: int,
-    ripple_db: float,
-    attenuation_db: float,
-) -> Array:
+def _designed_network(*parameters: Any) -> Array:
     """Design and check the network with a gain of 1."""
     # A late import: it takes longer than loading everything else that a node needs.
     from scipy import signal
 
-    low, high = passband_hz
+    rate, (low, high), degree, stopbands_hz, *of_stopbands = parameters
+    stopband_degree, ripple_db, attenuation_db = of_stopbands
+    form = {'output': 'sos', 'fs': rate}
     if high == 0.0:
-        passband = signal.butter(passband_degree, low, 'highpass', output='sos', fs=rate)
+        passband = signal.butter(degree, low, 'highpass', **form)
     else:
-        passband = signal.butter(
-            passband_degree // 2, [low, high], 'bandpass', output='sos', fs=rate
-        )
+        passband = signal.butter(degree // 2, [low, high], 'bandpass', **form)
     edges = [low] if high == 0.0 else [low, high]
     # At the edges of a Butterworth filter the power is halved.
     _check(passband, edges, rate, 'passband_hz', np.sqrt(0.5))
     parts = [passband]
     for pair in stopbands_hz:
-        stopband = signal.ellip(
-            stopband_degree // 2,
-            ripple_db,
-            attenuation_db,
-            pair,
-            'bandstop',
-            output='sos',
-            fs=rate,
-        )
+        order = stopband_degree // 2
+        stopband = signal.ellip(order, ripple_db, attenuation_db, pair, 'bandstop', **form)
         # By SciPy's definition the passband of an elliptic filter ends where the ripple does.
         _check(stopband, list(pair), rate, 'stopbands_hz', 10 ** (-ripple_db / 20))
         parts.append(stopband)
@@ -223,11 +206,9 @@ def response(sections: Array, frequency_hz: Array, rate_hz: float) -> NDArray[np
     >>> abs(gain).round(2)
     array([0.71, 1.  ])
     """
-    omega = 2 * np.pi * np.asarray(frequency_hz, dtype=np.float64) / rate_hz
-    delay = np.exp(-1j * omega)
-    gain = np.ones(omega.shape, dtype=np.complex128)
-    for section in sections:
-        gain *= polyval(delay, section[:3]) / polyval(delay, section[3:])
+    from scipy import signal
+
+    gain: NDArray[np.complex128] = signal.sosfreqz(sections, frequency_hz, fs=rate_hz)[1]
     return gain
 
 
@@ -240,15 +221,13 @@ def group_delay_s(sections: Array, frequency_hz: Array, rate_hz: float) -> Array
     >>> bool(0.005 < delay_s[0] < 0.02)
     True
     """
-    omega = 2 * np.pi * np.asarray(frequency_hz, dtype=np.float64) / rate_hz
-    delay = np.zeros_like(omega)
-    for section in sections:
-        for coefficients, sign in ((section[:3], 1.0), (section[3:], -1.0)):
-            powers = np.exp(-1j * np.outer(omega, np.arange(3)))
-            value = powers @ coefficients
-            slope = powers @ (np.arange(3) * coefficients)
-            delay += sign * np.real(slope / value)
-    return delay / rate_hz
+    from scipy import signal
+
+    of_each = [
+        signal.group_delay((section[:3], section[3:]), frequency_hz, fs=rate_hz)[1]
+        for section in sections
+    ]
+    return np.asarray(np.sum(of_each, axis=0) / rate_hz)
 
 
 def settling_rows(config: ChainConfig) -> int:

@@ -221,15 +221,18 @@ def _write_flags(decisions, flags, start, rows):
 
 
 @compiled_in_place
-def _column(kept, signal, column, width):
-    """Return the column of a tile in a signal of the output; -1 if the signal is not wanted.
+def _columns(kept, first, width):
+    """Return a tile's first columns in envelope, level, floor and excess; -1 if not wanted.
 
-    ``column`` is the tile's first column within a signal, ``width`` the number of columns of one.
+    ``first`` is the tile's first column within a signal, ``width`` the number of columns of one.
     """
-    if kept & signal == 0:
-        return -1
-    before = kept & (signal - 1)
-    return column + width * ((before & 1) + ((before >> 1) & 1) + (before >> 2))
+    envelope, level, floor = kept & 1, kept >> 1 & 1, kept >> 2 & 1
+    return (
+        first if envelope else -1,
+        first + width * envelope if level else -1,
+        first + width * (envelope + level) if floor else -1,
+        first + width * (envelope + level + floor) if kept & KEEP_EXCESS else -1,
+    )
 
 
 @compiled_within
@@ -238,63 +241,34 @@ def _run_tile(volts, chunk, end, t, settings, checked, tile, plan, signals, kept
 
     ``checked`` tells whether the samples have been checked already.
     """
-    block, column, width, limits = plan.block, t * LANES, volts.shape[1], plan.limits[t]
-    past_caches = kept & PAST_CACHES != 0
+    block, limits, evidence = plan.block, plan.limits[t], settings.evidence != 0
+    columns, past_caches = _columns(kept, t * LANES, volts.shape[1]), kept & PAST_CACHES != 0
     comb = stages.DELAYS + 2 * plan.sections.shape[0]
     envelopes = comb + settings.mains_rows + 1
     levels = envelopes + settings.envelope_rows + 3
-    envelope_column = _column(kept, KEEP_ENVELOPE, column, width)
-    level_column = _column(kept, KEEP_LEVEL, column, width)
-    floor_column = _column(kept, KEEP_FLOOR, column, width)
-    excess_column = _column(kept, KEEP_EXCESS, column, width)
     for start in range(chunk, end, WORD_ROWS):
-        rows, at = min(WORD_ROWS, end - start), ((start - chunk) // WORD_ROWS, column)
+        rows, at = min(WORD_ROWS, end - start), ((start - chunk) // WORD_ROWS, t * LANES)
         if not checked:
-            stages.check_samples(
-                volts, start, rows, column, limits, settings, tile, plan.valid, plan.steps, at
-            )
-        stages.load_deviations(
-            volts, start, rows, column, limits, plan.common_v[at[0]], tile, block
-        )
+            stages.check_samples(volts, start, rows, at, limits, settings, tile, plan)
+        stages.load_deviations(volts, start, rows, at, limits, tile, plan)
         if settings.mains_rows > 0:
             stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
         stages.run_filters(block, rows, plan.sections, tile)
         stages.rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
-        if settings.evidence:
-            stages.window_means(
-                block,
-                rows,
-                settings.envelope_rows,
-                tile,
-                envelopes,
-                False,
-                signals,
-                start,
-                -1,
-                False,
-            )
+        # Evidence takes the squares of the envelope and keeps that itself.
+        stages.window_means(
+            block, rows, settings.envelope_rows, tile, envelopes, not evidence, signals, start,
+            -1 if evidence else columns[0], past_caches,
+        )  # fmt: skip
+        if evidence:
             stages.sum_evidence(
-                block, rows, settings, load(limits, (stages.LEAST_DB, 0)), load(plan.valid, at),
-                plan.held[at[0]], tile, signals, start, envelope_column, level_column,
-                floor_column, excess_column, past_caches,
-            )  # fmt: skip
+                block, rows, at, limits, settings, tile, plan, signals, start, columns, past_caches
+            )
         else:
             stages.window_means(
-                block, rows, settings.envelope_rows, tile, envelopes, True, signals, start,
-                envelope_column, past_caches
-            )  # fmt: skip
-            stages.window_means(
-                block,
-                rows,
-                settings.level_rows,
-                tile,
-                levels,
-                False,
-                signals,
-                start,
-                level_column,
+                block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1],
                 past_caches,
-            )
+            )  # fmt: skip
         stages.rows_above(block, rows, settings.threshold, plan.on, at)
         if settings.vote == VOTE_MEAN or plan.votes.size:
             votes.gather_levels(block, rows, plan.valid, at, plan.by_channel)
@@ -304,28 +278,18 @@ def _run_tile(volts, chunk, end, t, settings, checked, tile, plan, signals, kept
 def _check_all_channels(volts, start, rows, w, settings, tiles, plan):
     """Run the stages that need all channels of a row: check of samples, impacts, common mode."""
     for t in plan.active:
-        stages.check_samples(
-            volts, start, rows, t * LANES, plan.limits[t], settings, tiles[t], plan.valid,
-            plan.steps, (w, t * LANES),
-        )  # fmt: skip
+        at = w, t * LANES
+        stages.check_samples(volts, start, rows, at, plan.limits[t], settings, tiles[t], plan)
     if settings.impact_v > 0.0:
-        plan.held[w] = votes.rows_of_impact(
-            rows, settings, plan.members, plan.steps[w], plan.digits, tiles
-        )
+        plan.held[w] = votes.rows_of_impact(rows, w, settings, plan, tiles)
     if settings.common_mode != NO_COMMON_MODE:
-        votes.find_common_mode(
-            volts, start, rows, settings.common_mode, plan.active, plan.members, plan.limits,
-            tiles, plan.valid[w], plan.by_channel, plan.common_v[w],
-        )  # fmt: skip
+        votes.find_common_mode(volts, start, rows, w, settings, plan, tiles)
 
 
 @compiled_within
 def _decide(start, rows, w, settings, plan, flags, signals, kept):
     """Write the decisions on some rows, and what the last columns of the signals are."""
-    votes.decide(
-        rows, settings, plan.on[w], plan.valid[w], plan.members, plan.bounds, plan.digits,
-        plan.by_channel, plan.statistics, plan.decisions,
-    )  # fmt: skip
+    votes.decide(rows, w, settings, plan)
     _write_flags(plan.decisions, flags, start, rows)
     column = signals.shape[1] - plan.votes.size
     if kept & KEEP_EXCESS:
@@ -381,7 +345,7 @@ def run(volts, flags, signals, tiles, plan, kept):
 
 
 @cache
-def kernel():
+def compiled_run():
     """Return :func:`run` for calls from Python; the first call compiles or loads it.
 
     The types of its arguments are not checked.

@@ -23,20 +23,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slip_detector.chain import kernel
 from slip_detector.chain.compiled import COMPILED, LANES
 from slip_detector.chain.filters import design
-from slip_detector.chain.kernel import (
-    CACHED_VALUES,
-    KEEP_ENVELOPE,
-    KEEP_EXCESS,
-    KEEP_FLOOR,
-    KEEP_LEVEL,
-    PAST_CACHES,
-    aligned,
-    kernel,
-    plan_of,
-    tiles_of,
-)
 from slip_detector.chain.stages import (
     COMMON_V,
     DELAYS,
@@ -119,7 +108,7 @@ class SlipResult:
     @property
     def envelope(self) -> Floats:
         """RMS envelope (Eq. 6-8); shape (n, c)."""
-        return self._columns('envelope', KEEP_ENVELOPE)
+        return self._columns('envelope', kernel.KEEP_ENVELOPE)
 
     @property
     def level(self) -> Floats:
@@ -127,12 +116,12 @@ class SlipResult:
 
         It is the mean of the envelope, or the evidence in dB s.
         """
-        return self._columns('level', KEEP_LEVEL)
+        return self._columns('level', kernel.KEEP_LEVEL)
 
     @property
     def floor(self) -> Floats:
         """Noise floor in dB of the envelope's unit; shape (n, c)."""
-        return self._columns('floor', KEEP_FLOOR)
+        return self._columns('floor', kernel.KEEP_FLOOR)
 
     @property
     def excess(self) -> Floats:
@@ -141,12 +130,12 @@ class SlipResult:
         It is 0 before the windows are full, while the channel is not valid, and for
         ``impact_hold_s`` from an impact on.
         """
-        return self._columns('excess', KEEP_EXCESS)
+        return self._columns('excess', kernel.KEEP_EXCESS)
 
     @property
     def after_impact(self) -> Bools:
         """Whether excess is held at 0 after an impact; kept if excess is; shape (n,)."""
-        self._columns('excess', KEEP_EXCESS)
+        self._columns('excess', kernel.KEEP_EXCESS)
         held: Bools = self._signals[:, -1 - self._shape[2]] != 0.0
         return held
 
@@ -210,9 +199,9 @@ class SlipChain:
         self._evidence = config.decision == 'evidence'
         check_memory(config)
         self._votes: tuple[str | int, ...] = ()
-        self._plan = plan_of(config, self._sections, self._votes)
+        self._plan = kernel.plan_of(config, self._sections, self._votes)
         self._channels, self._groups = config.channels, len(config.groups)
-        self._columns = tiles_of(config) * LANES
+        self._columns = kernel.tiles_of(config) * LANES
         self._width = 1 + 2 * self._groups + 2 * self._channels
         # The kernel does not write the columns of tiles without an enabled channel.
         self._new_signals = np.zeros if config.disabled_channels else np.empty
@@ -222,7 +211,7 @@ class SlipChain:
 
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
-        self.state = aligned(_state_shape(self.config))
+        self.state = kernel.aligned(_state_shape(self.config))
         self.state[:, [LAST, FIRST]] = np.nan
         comb = DELAYS + 2 * len(self._sections) + 1
         if self.config.mains_rows:
@@ -295,7 +284,14 @@ class SlipChain:
             raise ValueError('the other chain has other filters, allowed: the same')
         self.reset()
         end = DELAYS + 2 * len(self._sections) + 1 + self.config.mains_rows
-        kept = [LAST, REPEATS, FIRST, HELD, COMMON_V, *range(DELAYS, end)]
+        kept = [
+            LAST,
+            REPEATS,
+            FIRST,
+            HELD,
+            COMMON_V,
+            *range(DELAYS, end),
+        ]
         self.state[:, kept] = other.state[:, kept]
 
     def update(
@@ -339,7 +335,7 @@ class SlipChain:
         True
         """
         if votes is not self._votes and tuple(votes) != self._votes:
-            self._plan = plan_of(self.config, self._sections, votes)
+            self._plan = kernel.plan_of(self.config, self._sections, votes)
             self._votes = tuple(votes)
         rows = np.ascontiguousarray(volts, np.float64)
         channels, columns = self._channels, self._columns
@@ -355,15 +351,15 @@ class SlipChain:
         if floor or excess:
             if not self._evidence:
                 raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
-            kept += KEEP_FLOOR * floor + KEEP_EXCESS * excess
+            kept += kernel.KEEP_FLOOR * floor + kernel.KEEP_EXCESS * excess
             signal_columns += columns * (floor + excess) + excess
         flags = np.empty((n, self._width), BOOL_TYPE)
         shape = n, signal_columns
-        if n * signal_columns > CACHED_VALUES and signal_columns % 8 == 0:
-            signals, kept = aligned(shape, self._new_signals), kept | PAST_CACHES
+        if n * signal_columns > kernel.CACHED_VALUES and signal_columns % 8 == 0:
+            signals, kept = kernel.aligned(shape, self._new_signals), kept | kernel.PAST_CACHES
         else:
             signals = self._new_signals(shape)
-        kernel()(rows, flags, signals, self.state, self._plan, kept)
+        kernel.compiled_run()(rows, flags, signals, self.state, self._plan, kept)
         return SlipResult(flags, signals, (self._groups, channels, many), kept)
 
 
@@ -372,7 +368,7 @@ def _state_shape(config: ChainConfig) -> tuple[int, int, int]:
     slots += config.samples(config.envelope_window_s) + 3
     if config.decision == 'mean':
         slots += config.samples(config.decision_window_s) + 3
-    return tiles_of(config), slots, LANES
+    return kernel.tiles_of(config), slots, LANES
 
 
 def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:

@@ -30,6 +30,7 @@ import numpy as np
 from slip_detector.chain.compiled import (
     absolute,
     compiled_in_place,
+    compiled_within,
     floats_of,
     is_number,
     load,
@@ -63,20 +64,19 @@ QUANTILE = 0.1
 LEAST_EXCESS_DB = -8.7
 
 
-@compiled_in_place
-def check_samples(volts, start, rows, column, limits, settings, tile, valid, steps, at):
-    """Write the rows with a good sample that is not flat to ``valid`` from ``at`` on.
+@compiled_within
+def check_samples(volts, start, rows, at, limits, settings, tile, plan):
+    """Find the rows with a good sample that is not flat, and those with a step of an impact.
 
-    The rows in which a channel steps by more than ``impact_v`` go to ``steps``. A step counts from
-    the last good sample, as the filters get that in place of a bad one. ``column`` is the first of
-    the tile's columns in ``volts``.
+    A step counts from the last good sample, as the filters get that in place of a bad one. ``at``
+    is the place of the tile's words: number of the word and first column.
     """
     low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
     last, repeats = load(tile, (LAST, 0)), load(tile, (REPEATS, 0))
     able, stepped, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
     flat_rows, impact_v = settings.flat_rows, settings.impact_v
     for k in range(start, start + rows):
-        sample = load(volts, (k, column))
+        sample = load(volts, (k, at[1]))
         good = (sample >= low) & (sample <= high)  # false for NaN too
         if impact_v > 0.0:
             step = absolute(sample - last)
@@ -87,13 +87,13 @@ def check_samples(volts, start, rows, column, limits, settings, tile, valid, ste
         row = row + row
     store(last, tile, (LAST, 0))
     store(repeats, tile, (REPEATS, 0))
-    store(able, valid, at)
-    store(stepped, steps, at)
+    store(able, plan.valid, at)
+    store(stepped, plan.steps, at)
 
 
-@compiled_in_place
-def load_deviations(volts, start, rows, column, limits, common_v, tile, block):
-    """Write the filters' input to ``block``: deviations from each channel's first good sample.
+@compiled_within
+def load_deviations(volts, start, rows, at, limits, tile, plan):
+    """Write the filters' input to the block: deviations from each channel's first good sample.
 
     The network has no gain at 0 Hz. Therefore filtering the deviation from rest gives the same as
     filtering the samples from the steady state of the first one, without the rounding errors of a
@@ -102,11 +102,11 @@ def load_deviations(volts, start, rows, column, limits, common_v, tile, block):
     low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
     first, held = load(tile, (FIRST, 0)), load(tile, (HELD, 0))
     for k in range(rows):
-        sample = load(volts, (start + k, column))
+        sample = load(volts, (start + k, at[1]))
         good = (sample >= low) & (sample <= high)
         first = select(good, select(is_number(first), first, sample), first)
-        held = select(good, (sample - first) - common_v[k], held)
-        store(held, block, (k, 0))
+        held = select(good, (sample - first) - plan.common_v[at[0], k], held)
+        store(held, plan.block, (k, 0))
     store(first, tile, (FIRST, 0))
     store(held, tile, (HELD, 0))
 
@@ -267,11 +267,10 @@ def root_decibels(squares):
     return (exponents(squares) + (t + t * (1.0 - t) * polynomial(BETWEEN_OCTAVES, t))) * OCTAVE_DB
 
 
-@compiled_in_place
+@compiled_within
 def sum_evidence(
-    block, rows, settings, least_db, valid, held, tile, signals, start,
-    envelope_column, evidence_column, floor_column, excess_column, past_caches,
-):  # fmt: skip
+    block, rows, at, limits, settings, tile, plan, signals, start, columns, past_caches
+):
     """Replace squares of the envelope by the number that makes a channel ON above the threshold.
 
     An invalid channel keeps its floor and its evidence. A channel comes ON when its evidence
@@ -279,16 +278,17 @@ def sum_evidence(
     for any threshold: the number of the row before, but at least the evidence and at most twice
     the evidence.
 
-    ``valid`` and ``held`` are words: the rows in which each channel is valid, and those of an
-    impact's hold time, during which the excess of all channels is 0. A floor that is NaN begins
-    with the envelope. A negative column means that a signal is not wanted.
+    During the hold time of an impact the excess of all channels is 0. A floor that is NaN begins
+    with the envelope. ``columns`` of the signals are those of envelope, evidence, floor and
+    excess, negative if they are not wanted.
     """
     settle_rows = float(settings.mains_rows + settings.envelope_rows)
+    least_db, valid = load(limits, (LEAST_DB, 0)), load(plan.valid, at)
     most_db = least_db + settings.noise_floor_range_db
     up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
     age, floor = load(tile, (AGE, 0)), load(tile, (FLOOR, 0))
     evidence, number = load(tile, (EVIDENCE, 0)), load(tile, (HELD_EVIDENCE, 0))
-    not_held, row = valid & ~held, spread(FIRST_ROW)
+    not_held, row = valid & ~plan.held[at[0]], spread(FIRST_ROW)
     cap_db, limit_db_s = settings.evidence_cap_db, settings.evidence_limit_db_s
     for k in range(rows):
         square = load(block, (k, 0))
@@ -313,15 +313,15 @@ def sum_evidence(
         number = select(number < most, number, most)
         number = select(number > evidence, number, evidence)
         store(number, block, (k, 0))
-        if envelope_column >= 0:
-            keep(square_root(square), signals, (start + k, envelope_column), past_caches)
-        if evidence_column >= 0:
-            keep(evidence, signals, (start + k, evidence_column), past_caches)
-        if floor_column >= 0:
+        if columns[0] >= 0:
+            keep(square_root(square), signals, (start + k, columns[0]), past_caches)
+        if columns[1] >= 0:
+            keep(evidence, signals, (start + k, columns[1]), past_caches)
+        if columns[2] >= 0:
             shown = select(is_number(floor), floor, least_db)
-            store(shown, signals, (start + k, floor_column))
-        if excess_column >= 0:
-            store(excess, signals, (start + k, excess_column))
+            store(shown, signals, (start + k, columns[2]))
+        if columns[3] >= 0:
+            store(excess, signals, (start + k, columns[3]))
         row = row + row
     store(age, tile, (AGE, 0))
     store(floor, tile, (FLOOR, 0))

@@ -37,10 +37,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain import stages
 from slip_detector.chain.compiled import (
     LANES,
     compiled,
     compiled_in_place,
+    compiled_within,
     floor,
     is_number,
     load,
@@ -48,20 +50,7 @@ from slip_detector.chain.compiled import (
     spread,
     store,
 )
-from slip_detector.chain.stages import (
-    COMMON_V,
-    FIRST,
-    FIRST_ROW,
-    HIGH,
-    HOLD_ROWS,
-    LOW,
-    NO_ROW,
-    WORD_ROWS,
-    exponents,
-    fractions,
-    polynomial,
-    powers_of_2,
-)
+from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 
 #: The values of the parameter ``common_mode`` as numbers.
 NO_COMMON_MODE, MEAN, MEDIAN = range(3)
@@ -110,15 +99,15 @@ def rows_of_count(count, members, words, valid, digits):
     return more | equal
 
 
-@compiled_in_place
-def rows_of_impact(rows, settings, members, steps, digits, tiles):
+@compiled_within
+def rows_of_impact(rows, w, settings, plan, tiles):
     """Return the rows within the hold time of an impact, as a word.
 
-    ``steps`` has the rows in which each channel steps. The state keeps the number of rows that
-    remain of the hold time.
+    The state keeps the number of rows that remain of the hold time.
     """
-    impacts = rows_of_count(settings.impact_channels, members, steps, steps, digits)
-    left = min(int(tiles[0, HOLD_ROWS, 0]), settings.hold_rows)
+    steps = plan.steps[w]
+    impacts = rows_of_count(settings.impact_channels, plan.members, steps, steps, plan.digits)
+    left = min(int(tiles[0, stages.HOLD_ROWS, 0]), settings.hold_rows)
     if impacts == NO_ROW and left == 0:
         return NO_ROW
     held, row = NO_ROW, FIRST_ROW
@@ -129,7 +118,7 @@ def rows_of_impact(rows, settings, members, steps, digits, tiles):
             held |= row
             left -= 1
         row = row << FIRST_ROW
-    tiles[0, HOLD_ROWS, 0] = left
+    tiles[0, stages.HOLD_ROWS, 0] = left
     return held
 
 
@@ -138,7 +127,7 @@ def _all_valid(rows, members, tiles, valid):
     """Return whether all channels have started and are valid in all rows."""
     whole = ~NO_ROW >> np.uint64(WORD_ROWS - rows)
     for c in members:
-        if np.isnan(tiles[c // LANES, FIRST, c % LANES]) or valid[c] != whole:
+        if np.isnan(tiles[c // LANES, stages.FIRST, c % LANES]) or valid[c] != whole:
             return False
     return True
 
@@ -153,7 +142,7 @@ def _medians(volts, start, rows, members, tiles, deviations, common_v):
     channels = members.size
     for i in range(channels):
         c = members[i]
-        first = tiles[c // LANES, FIRST, c % LANES]
+        first = tiles[c // LANES, stages.FIRST, c % LANES]
         for k in range(rows):
             deviations[i, k] = volts[start + k, c] - first
     # Each pass moves the largest remaining value to the end; the median needs half of the passes.
@@ -186,51 +175,37 @@ def _of_row(kind, values, before_v):
     return 0.5 * (values[(n - 1) // 2] + values[n // 2])
 
 
-@compiled_in_place
-def find_common_mode(
-    volts, start, rows, kind, active, members, limits, tiles, valid, deviations, common_v
-):
-    """Write the common mode of each row to ``common_v``; keep the first sample of each channel.
-
-    Parameters
-    ----------
-    volts, start, rows
-        The samples, the first row and the number of rows.
-    kind
-        ``MEAN`` or ``MEDIAN``.
-    active, members
-        Indices of the tiles and of the channels that are enabled.
-    limits, tiles
-        Limits of good samples, and the state.
-    valid
-        Words: the rows in which each channel has a good sample that is not flat.
-    deviations
-        Working memory, shape (channels, WORD_ROWS).
-    common_v
-        Output, shape (rows,) or more.
-    """
+@compiled_within
+def find_common_mode(volts, start, rows, w, settings, plan, tiles):
+    """Find the common mode of each row; keep the first sample of each channel."""
+    kind, members, deviations = settings.common_mode, plan.members, plan.by_channel
+    valid, common_v = plan.valid[w], plan.common_v[w]
     exchange = kind == MEDIAN and members.size <= EXCHANGED_CHANNELS
     if exchange and _all_valid(rows, members, tiles, valid):
         _medians(volts, start, rows, members, tiles, deviations, common_v)
-        tiles[0, COMMON_V, 0] = common_v[rows - 1]
+        tiles[0, stages.COMMON_V, 0] = common_v[rows - 1]
         return
     row, values = FIRST_ROW, deviations.reshape(-1)
     for k in range(rows):
         n = 0
         for c in range(valid.size):
-            first = tiles[c // LANES, FIRST, c % LANES]
+            first = tiles[c // LANES, stages.FIRST, c % LANES]
             if valid[c] & row and not np.isnan(first):
                 values[n] = volts[start + k, c] - first
                 n += 1
         row = row << FIRST_ROW
-        common_v[k] = _of_row(kind, values[:n], tiles[0, COMMON_V, 0])
-        tiles[0, COMMON_V, 0] = common_v[k]
-        for t in active:
-            sample, first = load(volts, (start + k, t * LANES)), load(tiles, (t, FIRST, 0))
-            good = (sample >= load(limits, (t, LOW, 0))) & (sample <= load(limits, (t, HIGH, 0)))
+        common_v[k] = _of_row(kind, values[:n], tiles[0, stages.COMMON_V, 0])
+        tiles[0, stages.COMMON_V, 0] = common_v[k]
+        for t in plan.active:
+            sample, first = load(volts, (start + k, t * LANES)), load(tiles, (t, stages.FIRST, 0))
+            low, high = (
+                load(plan.limits, (t, stages.LOW, 0)),
+                load(plan.limits, (t, stages.HIGH, 0)),
+            )
+            good = (sample >= low) & (sample <= high)
             begun = select(is_number(first), first, sample - common_v[k])
             first = select(good, begun, first)
-            store(first, tiles, (t, FIRST, 0))
+            store(first, tiles, (t, stages.FIRST, 0))
 
 
 def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
@@ -291,8 +266,8 @@ def _geometric_mean(levels, members, least, most, k):
         level = load(levels, (m, k))
         valid = level >= 0.0
         product = select(valid, product * level, product)
-        exponent = exponent + exponents(product)
-        product = fractions(product)
+        exponent = exponent + stages.exponents(product)
+        product = stages.fractions(product)
         count = count + select(valid, spread(1.0), spread(0.0))
     count = select(count > 0.0, count, 1.0)
     large = product > ROOT_2
@@ -301,8 +276,8 @@ def _geometric_mean(levels, members, least, most, k):
     # The mean logarithm is a whole number, to base 2, and the rest, to base e.
     whole = floor(exponent / count + 0.5)
     s = (product - 1.0) / (product + 1.0)
-    rest = ((exponent - whole * count) * LN_2 + s * polynomial(LOGARITHM, s * s)) / count
-    mean = polynomial(EXPONENTIAL, rest) * powers_of_2(whole)
+    rest = ((exponent - whole * count) * LN_2 + s * stages.polynomial(LOGARITHM, s * s)) / count
+    mean = stages.polynomial(EXPONENTIAL, rest) * stages.powers_of_2(whole)
     # Rounding must not take the mean beyond the levels; the mean of equal levels is that level.
     mean = select(mean < least, least, mean)
     mean = select(mean > most, most, mean)
@@ -365,20 +340,17 @@ def find_statistics(levels, members, bounds, rows, votes, statistics):
                 store(select(larger, number, before), statistics, (v, k))
 
 
-@compiled_in_place
-def decide(rows, settings, on, valid, members, bounds, digits, levels, statistics, decisions):
-    """Write the words of all flags: the votes of the groups (Table 1), their OR, the channels'.
-
-    ``on`` and ``valid`` are the words of the channels; ``levels`` and ``statistics`` are needed
-    for the vote ``mean``.
-    """
+@compiled_within
+def decide(rows, w, settings, plan):
+    """Write the words of all flags: the votes of the groups (Table 1), their OR, the channels'."""
+    on, valid, bounds, decisions = plan.on[w], plan.valid[w], plan.bounds, plan.decisions
     groups, slip = bounds.size - 1, NO_ROW
     for g in range(groups):
-        own = members[bounds[g] : bounds[g + 1]]
+        own = plan.members[bounds[g] : bounds[g + 1]]
         able, against, decision = NO_ROW, NO_ROW, NO_ROW
         if settings.vote > 0:
-            able = rows_of_count(settings.vote, own, valid, valid, digits)
-            decision = rows_of_count(settings.vote, own, on, valid, digits)
+            able = rows_of_count(settings.vote, own, valid, valid, plan.digits)
+            decision = rows_of_count(settings.vote, own, on, valid, plan.digits)
         else:
             for m in own:
                 able |= valid[m]
@@ -387,11 +359,11 @@ def decide(rows, settings, on, valid, members, bounds, digits, levels, statistic
         if settings.vote == VOTE_MEAN:
             row, decision = FIRST_ROW, NO_ROW
             for k in range(0, rows, LANES):
-                least, most = _extremes(levels, own, k)
-                mean = _geometric_mean(levels, own, least, most, k)
-                store(mean, statistics, (0, k))
+                least, most = _extremes(plan.by_channel, own, k)
+                mean = _geometric_mean(plan.by_channel, own, least, most, k)
+                store(mean, plan.statistics, (0, k))
             for k in range(rows):
-                decision |= row if statistics[0, k] > settings.threshold else NO_ROW
+                decision |= row if plan.statistics[0, k] > settings.threshold else NO_ROW
                 row = row << FIRST_ROW
         decisions[1 + g], decisions[1 + groups + g] = decision, able
         slip |= decision
