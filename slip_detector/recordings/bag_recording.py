@@ -15,6 +15,7 @@
 """Recordings in bags: a topic with the rows, and perhaps a topic with the true slip."""
 
 import contextlib
+import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,7 @@ TOPIC = 'voltages'
 FIRST_MESSAGES = 1024
 
 #: Bytes of messages that are decoded at a time.
-MOST_BYTES = 1 << 24
+MOST_BYTES = 1 << 26
 
 
 class _Decoder:
@@ -217,23 +218,17 @@ class BagRecording(Recording):
 
     def _rows(self, topic: Topic, decoder: _Decoder) -> Iterator[tuple[Samples, Stamps, int]]:
         """Yield decoded messages of a topic, as :class:`_Decoder`, and their number."""
-        some: list[Message] = []
-        most, n_bytes = FIRST_MESSAGES, 0
         messages = self._storage.messages(topic)
-        while True:
-            message = next(messages, None)
-            if message is not None:
-                self._limit.check(8 * len(message[1]), f'a message on {topic.name}')
-                some.append(message)
-                n_bytes += len(message[1])
-            if some and (message is None or len(some) >= most or n_bytes > MOST_BYTES):
-                rows, late_ns = decoder.rows(some)
-                self._limit.check_channels(decoder.channels)
-                yield rows, late_ns, len(some)
-                most = max(1, PIECE_ROWS * len(some) // max(1, len(rows.volts)))
-                some, n_bytes = [], 0
-            if message is None:
-                return
+        most = FIRST_MESSAGES
+        while some := list(itertools.islice(messages, most)):
+            largest = max(len(raw) for _, raw in some)
+            self._limit.check(8 * largest, f'a message on {topic.name}')
+            rows, late_ns = decoder.rows(some)
+            self._limit.check_channels(decoder.channels)
+            yield rows, late_ns, len(some)
+            # As many as give the usual number of rows, or some MB.
+            rows_each = max(1, len(rows.volts) // len(some))
+            most = max(1, min(PIECE_ROWS // rows_each, MOST_BYTES // largest))
 
     def _spread(self, rows: Samples, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.

@@ -98,6 +98,7 @@ class BagStorage:
         path.stat()
         self.damage: list[str] = []
         self._copy_damage: list[str] = []
+        self._last_ns = -1  # time of receipt of the message that was read last
         self.warnings = []
         for file in _files(path):
             warning = checksum_warning(file, limit.check) if file.suffix == '.mcap' else ''
@@ -129,37 +130,36 @@ class BagStorage:
             When the bag is damaged and no MCAP; says how to repair it.
         """
         self.damage = [*self._copy_damage]
-        last_ns = -1
-        for received_ns, raw in self._up_to_damage(topic):
-            last_ns = received_ns
-            yield received_ns, raw
+        self._last_ns = -1
+        yield from self._up_to_damage(topic)
         # rosbags omits a topic on which metadata.yaml and the files disagree.
-        is_complete = not self.damage and (last_ns >= 0 or self._path.is_file())
+        is_complete = not self.damage and (self._last_ns >= 0 or self._path.is_file())
         if not is_complete and not self._are_copies:
             self._copy_readable()
+            last_ns = self._last_ns
             yield from (message for message in self._up_to_damage(topic) if message[0] > last_ns)
 
     def _up_to_damage(self, topic: Topic) -> Iterator[Message]:
         try:
-            yield from self._messages(topic)
+            for part in self._parts:
+                is_ros_1 = part.suffix == '.bag'
+                with _reader(part) as reader:
+                    wanted = [one for one in reader.connections if one.topic == topic.name]
+                    for _, received_ns, raw in reader.messages(wanted) if wanted else ():
+                        # SQLite stores any type in any column.
+                        if type(received_ns) is not int or type(raw) is not bytes:
+                            raise ValueError('a message has no bytes or no time')
+                        cdr = raw
+                        if is_ros_1:
+                            cdr = bytes(typestore_of(topic).ros1_to_cdr(raw, topic.msgtype))
+                        elif self._are_copies and raw.startswith(_ZSTD):
+                            cdr = _unpacked(raw)
+                        self._last_ns = received_ns
+                        yield received_ns, cdr
         except ValueError as error:
             if any(file.suffix in _REPAIRS for file in _files(self._path)):
                 raise
             self.damage.append(str(error))
-
-    def _messages(self, topic: Topic) -> Iterator[Message]:
-        for part in self._parts:
-            with _reader(part) as reader:
-                wanted = [one for one in reader.connections if one.topic == topic.name]
-                for _, received_ns, raw in reader.messages(wanted) if wanted else ():
-                    # SQLite stores any type in any column.
-                    if not isinstance(received_ns, int) or not isinstance(raw, bytes):
-                        raise ValueError('a message has no bytes or no time')
-                    if part.suffix == '.bag':
-                        cdr = bytes(typestore_of(topic).ros1_to_cdr(raw, topic.msgtype))
-                    else:
-                        cdr = _unpacked(raw) if raw.startswith(_ZSTD) else raw
-                    yield received_ns, cdr
 
     def _connections(self) -> list[Any]:
         """Return what rosbags says about the topics."""

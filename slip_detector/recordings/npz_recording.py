@@ -123,7 +123,7 @@ class NpzRecording(Recording):
         truth = None if label is None else as_truth(label, self._keys[2], self.path)
         for first in range(0, n, PIECE_ROWS):
             rows = slice(first, first + PIECE_ROWS)
-            part = np.array(volts[rows], dtype=np.float64)
+            part = np.asarray(volts[rows], dtype=np.float64)
             yield Samples(part, stamps_ns[rows], None if truth is None else truth[rows])
 
     def array(self, name: str) -> 'NDArray[Any] | None':

@@ -23,8 +23,6 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
@@ -32,7 +30,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 
-from slip_detector.recordings import ENDINGS, open_recording, write_recording
+from slip_detector.recordings import open_recording, write_recording
 from slip_detector.recordings.bag_storage import Topic, typestore_of
 from slip_detector.recordings.writing import BagWriter
 from support.bags import JOINT_STATE, NAMES, PLUGINS, check_same, gathered, rows
@@ -289,44 +287,6 @@ def test_labels_after_the_damage_are_no_error(tmp_path):
     read, damage = read_of(file)
     assert damage
     assert 180 < read.truth.sum() < 200
-
-
-@pytest.fixture(scope='module')
-def content_of(tmp_path_factory):
-    """Write a recording of each ending once; return its bytes."""
-
-    def written(ending):
-        path = tmp_path_factory.mktemp('whole') / f'a{ending}'
-        if ending == '.bag':
-            write_ros_1(path, rows(40))
-        else:
-            write_recording(path, [rows(40)], 380.0, NAMES)
-        return path.read_bytes()
-
-    return functools.cache(written)
-
-
-@pytest.mark.parametrize('ending', ENDINGS)
-@given(data=st.data())
-def test_no_bytes_end_in_anything_but_rows_or_one_line(tmp_path_factory, content_of, ending, data):
-    folder = tmp_path_factory.mktemp('fuzz')
-    path = folder / f'a{ending}'
-    content = bytearray(content_of(ending))
-    kind = data.draw(st.sampled_from(['noise', 'cut', 'flipped', 'other ending', 'zeros']))
-    if kind == 'noise':
-        content = bytearray(data.draw(st.binary(max_size=200)))
-    elif kind == 'cut':
-        content = content[: data.draw(st.integers(0, len(content)))]
-    elif kind == 'flipped':
-        for place in data.draw(st.lists(st.integers(0, len(content) - 1), max_size=5)):
-            content[place] ^= data.draw(st.integers(1, 255))
-    elif kind == 'zeros':
-        begin = data.draw(st.integers(0, len(content)))
-        content[begin : begin + 100] = bytes(100)
-    else:
-        path = folder / f'b{data.draw(st.sampled_from(ENDINGS))}'
-    path.write_bytes(content)
-    refusal(path)
 
 
 MSG_PARTS = ['float64 volts', '=' * 80, 'MSG: skin/msg/Part', 'int32 n']

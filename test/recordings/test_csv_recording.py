@@ -73,18 +73,14 @@ def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
         ('', ': line 1 has no column time_s'),
         ('t,a\n0,1\n', ': line 1 has no column time_s, there are: t, a'),
         ('time_s,a\n0,1\n1,x\n', ": line 3: could not convert string to float: 'x'"),
-        ('time_s,a\n0,1\n1,\n', ': line 3: could not convert string to float'),
         ('time_s,a\n0,1\n1,2,3\n', ': line 3: has 3 columns, allowed: 2'),
         ('time_s,a,a\n0,1,1\n1,2,2\n', ': line 1 has a name twice'),
         (
             'time_s,a\n',
             ': column time_s does not rise, allowed: two or more rows, each with its time',
         ),
-        ('time_s,a\n0,1\n', ': column time_s does not rise'),
-        ('time_s,a\n1,1\n0,1\n', ': column time_s does not rise'),
         ('time_s,a\n0,1\n0,1\n', ': column time_s does not rise'),
         ('time_s,a\n0,1\nnan,1\n2,1\n', ': line 3: time_s is nan, allowed: below 9e+09 s'),
-        ('time_s,a\ninf,1\ninf,1\n', ': line 2: time_s is inf, allowed: below'),
         ('time_s,a\n0,1\n1e300,1\n', ': line 3: time_s is 1e300, allowed: below'),
         *(
             (f'time_s,a\n0,1\n{time},1\n', f': line 3: time_s is {time}, allowed: below')
@@ -97,9 +93,7 @@ def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
         ),
         ('time_s,a\n0,1\n1e-9,1\n', ': has 1e+09 Hz, allowed: 1 to 1e+06 Hz'),
         ('time_s,a\n0,1\n1,1_0\n', ': line 3: has 1_0, allowed: decimal numbers'),
-        ('time_s,a\n0,1\n1_0,1\n', ': line 3: has 1_0, allowed: decimal numbers'),
         ('time_s,a\n0,1\n1,\u0663\n', ': line 3: has \u0663, allowed: decimal numbers'),
-        ('time_s\n0\n1\n', ': has no samples'),
         ('time_s,slip\n0,1\n1,1\n', ': has no samples'),
         ('time_s,a,slip\n0,1,0\n1,1,nan\n', ': slip has nan, allowed: 0 and 1'),
     ],

@@ -25,7 +25,7 @@ from slip_detector.recordings import (
     open_recording,
 )
 from slip_detector.recordings.recording import RecordingCounts
-from support.recorded import RATE_HZ, read_recording, save_rows, stretches_of
+from support.recorded import RATE_HZ, save_rows, stretches_of
 
 PERIOD_NS = 10_000_000
 
@@ -80,19 +80,6 @@ def test_any_stamps_are_treated_as_the_node_treats_them(
     for mine, theirs in zip(stretches, wanted, strict=True):
         for column, other in zip(mine, theirs, strict=True):
             np.testing.assert_array_equal(column, other)
-
-
-@given(st.integers(1, 40), st.integers(1, 50))
-def test_the_size_of_the_pieces_makes_no_difference(tmp_path_factory, n, piece_rows):
-    volts = np.asfortranarray(np.random.default_rng(1).normal(size=(n, 3)))  # both orders are read
-    path = save_rows(tmp_path_factory.mktemp('cut') / 'a.npz', volts, slip=np.arange(n) % 2)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(npz_recording, 'PIECE_ROWS', piece_rows)
-        pieces = list(open_recording(path).pieces())
-    assert {len(piece.volts) for piece in pieces[:-1]} <= {piece_rows}
-    np.testing.assert_array_equal(np.concatenate([piece.volts for piece in pieces]), volts)
-    assert [piece.new_stretch for piece in pieces] == [True, *[False] * (len(pieces) - 1)]
-    np.testing.assert_array_equal(read_recording(path).truth, np.arange(n) % 2 == 1)
 
 
 def test_a_second_reading_counts_from_zero(tmp_path):
