@@ -103,21 +103,6 @@ def test_a_new_band_decides_as_if_it_had_run_for_the_history(before, meanwhile):
     np.testing.assert_array_equal(new.level, wanted)
 
 
-def test_the_history_has_an_end_after_which_the_filters_have_settled():
-    rows = noise(3 * KEPT)
-    bed = Bed()
-    bed.levels(rows[:-100])
-    assert sum(len(block) for block in bed.chain._history) == KEPT
-    bed.change(exponent=2)
-    assert bed.built.wait(60.0)
-    assert bed.chain.swap()
-    levels = bed.levels(rows[-100:])
-    short = SlipChain(bed.chain.config).update(rows[-100 - KEPT :]).level[-100:]
-    np.testing.assert_array_equal(levels, short)
-    whole = SlipChain(bed.chain.config).update(rows).level[-100:]
-    np.testing.assert_allclose(levels, whole, rtol=1e-4)
-
-
 def test_rows_before_a_reset_are_not_in_the_new_chain():
     rows = noise(300)
     bed = Bed()
@@ -143,21 +128,6 @@ def test_another_input_starts_from_its_first_row(values):
     rows = rows[200:, : bed.chain.config.channels]
     wanted = SlipChain(bed.chain.config).update(rows).level
     np.testing.assert_array_equal(bed.levels(rows), wanted)
-
-
-def test_of_several_changes_the_last_one_counts():
-    rows = noise(300)
-    bed = Bed()
-    bed.levels(rows[:200])
-    for gain in (10.0, 20.0, 30.0):
-        bed.change(gain=gain)
-    while not bed.chain.swap():
-        assert bed.built.wait(60.0)
-        bed.built.clear()
-    assert bed.chain.config.gain == 30.0
-    assert not bed.chain.swap()
-    wanted = SlipChain(bed.chain.config).update(rows).level[200:]
-    np.testing.assert_array_equal(bed.levels(rows[200:]), wanted)
 
 
 def test_what_is_changed_within_a_short_time_is_built_once(monkeypatch):
@@ -297,21 +267,6 @@ def test_a_gap_keeps_the_floors_and_a_reset_does_not():
     assert np.isnan(state_of(bed)[0, stages.FLOOR, :4]).all()
 
 
-def test_evidence_takes_the_place_of_the_mean_and_gives_it_back():
-    rows = noise(1000)
-    bed = Bed()
-    bed.levels(rows[:300])
-    for values in ({'decision': 'evidence', 'noise_floor': 1e-6}, {'decision': 'mean'}):
-        assert not bed.change(**values)
-        assert bed.built.wait(60.0)
-        assert bed.chain.swap()
-        wanted = SlipChain(bed.chain.config).update(rows[:400]).level[300:]
-        found = bed.chain.update(rows[300:400], level=True).level
-        np.testing.assert_array_equal(found, wanted)
-        bed.chain.reset()
-        bed.levels(rows[:300])
-
-
 @pytest.mark.parametrize(
     ('before', 'values', 'wanted'),
     [
@@ -336,13 +291,6 @@ def test_it_is_told_how_long_slip_may_come_of_the_change(before, values, wanted)
     assert bed.chain.unsettled_rows == 1
     bed.chain.update(noise(5, channels=channels), level=False)
     assert bed.chain.unsettled_rows == 0
-
-
-def test_parameters_that_are_not_of_the_chain_unsettle_nothing():
-    chain = LiveChain(DetectorConfig(), on_built=lambda: None)
-    assert chain.change(DetectorConfig(heartbeat_hz=1.0))
-    assert chain.swap()
-    assert chain.unsettled_rows == 0
 
 
 def test_another_field_of_the_messages_is_another_signal():

@@ -143,12 +143,6 @@ def test_the_statistic_is_the_same_however_the_rows_are_cut_and_whatever_else_is
     assert np.concatenate([part.flags for part in parts]).tobytes() == whole.flags.tobytes()
 
 
-def test_a_count_beyond_the_group_is_never_reached():
-    result = SlipChain(ChainConfig(channels=3)).update(noise(1, 200, 3), votes=[3, 4])
-    assert result.vote_statistic[:, 0].any()
-    assert not result.vote_statistic[:, 1].any()
-
-
 @pytest.mark.parametrize('vote', ['most', 0, -1, 1.5, True, None])
 def test_a_vote_that_is_none_is_refused(vote):
     with pytest.raises(ValueError, match='allowed: all, mean or a count of 1 or more'):
@@ -189,9 +183,3 @@ def test_the_valid_channels_of_a_group_vote_and_any_group_makes_slip(sizes, vote
     assert (result.can_vote[:, 1] == able).all()
     assert not result.groups[:, 0].any()
     assert (result.slip[100:] == on).all()
-
-
-def test_the_default_groups_are_those_of_table_1():
-    assert ChainConfig().groups == {
-        'TP': (14, 16, 11, 9), 'TD': (1, 3, 8, 6), 'LR': (5, 7, 12, 10), 'LU': (2, 4, 15, 13),
-    }  # fmt: skip
